@@ -106,7 +106,9 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     }
     prepare_reach_in_background(&app);
     let watched = Arc::clone(&app);
-    notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
+    notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || {
+        watched.driver.is_alive()
+    });
     let stopped = Arc::downgrade(&app);
     runtime.spawn(suspend_after(move || stop_device(Weak::clone(&stopped))));
     match runtime.block_on(serve_while_alive(app, listeners, notify::notify_stopping_after(await_end_signal(signals))))

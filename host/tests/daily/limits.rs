@@ -43,7 +43,7 @@ impl Limited {
     fn start(limits: Limits, tls: Option<&TlsFiles>) -> Self {
         let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
         app.limits = limits;
-        let mut device = app.device();
+        let mut device = app.driver.device();
         let (served, url) = Served::at_a_port(&Arc::new(app), tls);
         served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
         Self { address: url.rsplit('/').next().unwrap().to_owned(), _served: served }

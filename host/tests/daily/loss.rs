@@ -155,7 +155,7 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
     let (app, line) = plate(REAL_TIME);
     let app = Arc::new(app);
     let runtime = tokio::runtime::Runtime::new().unwrap();
-    let device = app.device();
+    let device = app.driver.device();
     runtime.block_on(async {
         let listener = era::daemon::Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
         let serving = tokio::spawn(era::daemon::serve_while_alive(
@@ -164,12 +164,12 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
             std::future::pending::<()>(),
         ));
         device.clone().wait_for(|snapshot| snapshot.connected).await.unwrap();
-        assert!(app.is_alive(), "of which the service manager is told");
+        assert!(app.driver.is_alive(), "of which the service manager is told");
         line.set(|ear| ear.breaks = true);
         let ended = tokio::time::timeout(Duration::from_secs(30), serving).await;
         assert_eq!(ended.expect("it still serves").unwrap(), era::daemon::Ended::Session);
     });
-    assert!(!app.is_alive());
+    assert!(!app.driver.is_alive());
 }
 
 /// The line is dead one way: what the host asks arrives, and would keep the board alive. It is told to stop instead, while the host still

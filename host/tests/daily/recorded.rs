@@ -207,7 +207,7 @@ fn a_page_that_rests_is_replayed_to_the_end() {
         app.limits = Limits { silence: ms(200), ping: ms(ping_ms), ..Limits::default() };
         let app = Arc::new(app);
         let (served, url) = Served::at_a_port(&app, None);
-        let mut device = app.device();
+        let mut device = app.driver.device();
         served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
         let out = command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).output().unwrap();
@@ -215,7 +215,7 @@ fn a_page_that_rests_is_replayed_to_the_end() {
         let said = String::from_utf8_lossy(&out.stderr);
         assert!(out.status.success() && told["messages"] == 3 && told["messages_lost"] == 0, "{told} {said}");
         assert_eq!(told["messages_refused"], json!({"out-of-range": 1}), "{told}");
-        assert_eq!(app.stops(), 1, "{told}");
+        assert_eq!(app.driver.stops(), 1, "{told}");
         drop(served);
     }
 }

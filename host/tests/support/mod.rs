@@ -98,7 +98,7 @@ impl Daemon {
     pub fn start_guarded(scene: &str, access: Access) -> Self {
         let (app, sim) = Self::app_and_sim(scene, access);
         let deadline = Instant::now() + Duration::from_secs(30);
-        while !app.device().borrow().connected {
+        while !app.driver.device().borrow().connected {
             assert!(Instant::now() < deadline, "its device does not answer");
             std::thread::sleep(Duration::from_millis(5));
         }

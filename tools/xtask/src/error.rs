@@ -154,6 +154,9 @@ pub enum Error {
     /// Files import each other in circles.
     #[error("{0} circles of imports between files that are not parent and child")]
     Circles(usize),
+    /// A file uses a folder that comes after its own (`house::order`).
+    #[error("imports against the order of folders: {0}")]
+    FolderOrder(String),
     /// What a release has is not as it must be.
     #[error("the release: {0}")]
     Package(String),

@@ -1,23 +1,18 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::client::TokenNumber;
-use super::head::{check_head, read_header};
+use super::head::read_header;
 use super::origins::{Authority, normalize_name, normalize_origin};
 use super::refused_pages::Strangers;
 use crate::daemon::api::problem::{Kind, Problem};
-use crate::daemon::http::page_files;
 use crate::text_file::BYTE_ORDER_MARK;
-use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::extract::Request;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use percent_encoding::percent_decode_str;
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
 use subtle::ConstantTimeEq;
 
-/// For how long a browser may remember that another page's requests are allowed, in s.
-const PREFLIGHT_S: u32 = 600;
 /// What is asked for where no token is sent (RFC 6750, 3).
 const CHALLENGE: &str = "Bearer realm=\"era\"";
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
@@ -51,18 +46,6 @@ impl Role {
         let detail = format!("this token's role is {}, and this needs {}", self.name(), needed.name());
         let challenge = format!("{CHALLENGE}, error=\"insufficient_scope\", scope=\"{}\"", needed.name());
         Problem::new(Kind::Role, detail).header(header::WWW_AUTHENTICATE, &challenge)
-    }
-
-    /// What a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
-    pub fn needed(method: &Method, path: &str) -> Option<Self> {
-        let only_reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
-        match path {
-            "/v1/arm" | "/v1/faults/clear" => Some(Self::Arm),
-            "/openapi.json" if only_reads => None,
-            path if only_reads && page_files::paths().any(|known| known == path) => None,
-            _ if only_reads => Some(Self::View),
-            _ => Some(Self::Touch),
-        }
     }
 }
 
@@ -168,8 +151,11 @@ impl Access {
         normalize_name(text)
     }
 
-    /// Whether the request comes from where it may.
-    fn check_source(
+    /// Whether the request comes from where it may, and of another page's request that is allowed the origin that the answer names.
+    ///
+    /// # Errors
+    /// [`Problem`]: a name or an origin that is neither this daemon's own nor allowed.
+    pub fn check_source(
         &self,
         method: &Method,
         headers: &HeaderMap,
@@ -213,8 +199,11 @@ impl Access {
     }
 
     /// Whether the request's token opens what it wants, and which that is and what else it opens, if one is asked for.
-    fn check_token(&self, request: &Request) -> Result<Option<(TokenNumber, Role)>, Problem> {
-        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(None) };
+    ///
+    /// # Errors
+    /// [`Problem`]: there is no token, it is not known, or its role does not include `needed`.
+    pub fn check_token(&self, request: &Request, needed: Option<Role>) -> Result<Option<(TokenNumber, Role)>, Problem> {
+        let Some(needed) = needed else { return Ok(None) };
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
             return Ok(None);
         }
@@ -250,47 +239,6 @@ impl Access {
     }
 }
 
-/// Lets a request through, or says why not.
-pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
-    let source = check_head(&request).and_then(|host| {
-        let scheme = request.extensions().get().copied();
-        access.check_source(request.method(), request.headers(), host.as_ref(), scheme)
-    });
-    let origin = match source {
-        Ok(origin) => origin,
-        Err(problem) => return problem.into_response(),
-    };
-    let is_preflight =
-        *request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
-    let mut response = if is_preflight && origin.is_some() {
-        // A browser asks without the page's token whether the page may ask with it.
-        let allowed = [
-            (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, POST"),
-            (header::ACCESS_CONTROL_ALLOW_HEADERS, "authorization, content-type, x-request-id"),
-        ];
-        let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
-        (StatusCode::NO_CONTENT, allowed, age).into_response()
-    } else {
-        match access.check_token(&request) {
-            Ok(token) => {
-                if let Some((token, role)) = token {
-                    request.extensions_mut().insert(token);
-                    request.extensions_mut().insert(role);
-                }
-                next.run(request).await
-            }
-            Err(problem) => problem.into_response(),
-        }
-    };
-    if let Some(origin) = origin {
-        let headers = response.headers_mut();
-        headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, origin);
-        headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, HeaderValue::from_static("retry-after, x-request-id"));
-        headers.append(header::VARY, HeaderValue::from_static("origin"));
-    }
-    response
-}
-
 /// Characters that stand for themselves wherever a secret is written, addresses included (RFC 3986, 2.3).
 const fn is_unreserved(c: char) -> bool {
     c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~')
@@ -316,42 +264,6 @@ mod tests {
 
     const TOKENS: &str =
         "# panel\nview AAAAAAAAAAAAAAAAAAAAAA\ntouch BBBBBBBBBBBBBBBBBBBBBBBB\n\narm CCCCCCCCCCCCCCCCCCCCCCCC\n";
-
-    #[test]
-    fn a_token_opens_its_role_and_those_below() {
-        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
-        let status = |method: &str, path: &str, token: Option<&str>| {
-            let mut request = axum::http::Request::builder().method(method).uri(path);
-            if let Some(token) = token {
-                request = request.header("authorization", format!("Bearer {token}"));
-            }
-            let result = access.check_token(&request.body(axum::body::Body::empty()).unwrap());
-            result.err().map_or(200, |problem| problem.status().as_u16())
-        };
-        let [view, touch, arm] =
-            ["AAAAAAAAAAAAAAAAAAAAAA", "BBBBBBBBBBBBBBBBBBBBBBBB", "CCCCCCCCCCCCCCCCCCCCCCCC"].map(Some);
-        for (method, path, allowed) in [
-            ("GET", "/v1/state", [401, 200, 200, 200]),
-            ("GET", "/", [200; 4]),
-            ("GET", "/link.js", [200; 4]),
-            ("POST", "/link.js", [401, 403, 200, 200]),
-            ("GET", "/metrics", [401, 200, 200, 200]),
-            ("POST", "/v1/touch", [401, 403, 200, 200]),
-            ("POST", "/v1/stop", [401, 403, 200, 200]),
-            ("GET", "/v1/live", [401, 200, 200, 200]),
-            ("POST", "/v1/arm", [401, 403, 403, 200]),
-            ("POST", "/v1/faults/clear", [401, 403, 403, 200]),
-        ] {
-            let found = [None, view, touch, arm].map(|token| status(method, path, token));
-            assert_eq!(found, allowed, "{method} {path}");
-        }
-        for wrong in ["", "A", "AAAAAAAAAAAAAAAAAAAAAB", "AAAAAAAAAAAAAAAAAAAAAAA"] {
-            assert_eq!(status("GET", "/v1/state", Some(wrong)), 401, "{wrong:?}");
-        }
-        assert_eq!(status("GET", "/v1/live?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 200);
-        assert_eq!(status("GET", "/v1/state?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 401);
-        assert_eq!(status("GET", "/v1/live?send=state&token=AAAAAAAAAAAAAAAAAAAAAA", None), 200);
-    }
 
     /// What is compared is digests, and those in constant time (`ct_eq`): a part of a secret opens as little as none of it.
     #[test]

@@ -2,13 +2,17 @@
 
 use super::attachments::Place as Moved;
 use super::background::{Job, Newest, Place, Stage, Taken, Told, Work};
+use super::low_priority::{Deadline, do_aside};
+use super::preview::{LONGEST, Planned, PreviewRequest, planned};
+use crate::daemon::access::sender::Sender;
 use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::check::check_intensity;
 use crate::daemon::touch::plan_view::PlanView;
-use crate::daemon::touch::request::check_intensity;
 use crate::design::tolerances::{RangeError, Spread, ToleranceError, Tolerances, panels, watched_spread};
-use crate::planner::{Plan, PlanTable};
+use crate::planner::{Plan, PlanTable, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use utoipa::ToSchema;
 
@@ -139,19 +143,41 @@ impl Looks {
         self.newest.stop();
     }
 
-    /// Takes the place for one, before anything is computed for it.
+    /// Begins to look at what tolerances do to the plan for a touch on the scene of `table`, or on a changed one; drives nothing.
+    /// `own_scene` is the text of the daemon's scene; `read` gives what was asked for.
     ///
     /// # Errors
-    /// [`Problem`]: what is under way there.
-    pub fn take(&self) -> Result<Taken, Problem> {
-        self.place.take(Work::Tolerances)
+    /// [`Problem`]: a touch, tolerance, scene or move that cannot be used, a scene without a plan, or work that is under way.
+    pub async fn begin_for_request(
+        self: &Arc<Self>,
+        table: &Arc<PlanTable>,
+        own_scene: Arc<str>,
+        sender: &Sender,
+        read: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
+    ) -> Result<TolerancesView, Problem> {
+        // First: whoever comes while another is under way costs nothing.
+        let taken = self.place.take(Work::Tolerances)?;
+        let (looks, table) = (Arc::clone(self), Arc::clone(table));
+        let work = move |deadline: &Deadline| {
+            let request = read()?;
+            let tolerances = request.checked()?;
+            let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
+            if scene.is_none() && moves.is_none() {
+                let (x_m, y_m) = table.scene.place_px(x_px, y_px)?.xy_m();
+                let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
+                deadline.check()?;
+                return looks.begin(taken, &table, plan, tolerances);
+            }
+            let request = PreviewRequest { x_px, y_px, intensity_g, scene, moves: moves.unwrap_or_default() };
+            let Planned { table, plan, .. } = planned(&request, &own_scene, deadline)?;
+            deadline.check()?;
+            looks.begin(taken, &table, plan, tolerances)
+        };
+        do_aside("tolerances", LONGEST, sender, work).await
     }
 
     /// Begins one, of a table's plan.
-    ///
-    /// # Errors
-    /// [`Problem`] if there is no thread for it.
-    pub fn begin(
+    fn begin(
         &self,
         taken: Taken,
         table: &PlanTable,

@@ -1,7 +1,8 @@
 //! What is driven, and what a touch has led to.
 
 use crate::daemon::touch::answer::{Achieved, PlayedEffect, TouchedView};
-use crate::daemon::touch::plan_view::{FieldView, PlanView, TouchView};
+use crate::daemon::touch::plan_view::{FieldView, PlanView};
+use crate::daemon::touch::request::Finger;
 use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanTable};
@@ -29,7 +30,7 @@ pub struct Active {
     /// Its field, once somebody has asked for it.
     field: OnceLock<FieldView>,
     /// The fingers it is for.
-    pub touches: Vec<TouchView>,
+    pub touches: Vec<Finger>,
     /// The effect that is played, if one is.
     pub effect: Option<PlayedEffect>,
 }
@@ -37,7 +38,7 @@ pub struct Active {
 impl Active {
     /// What is driven for these fingers.
     #[must_use]
-    pub const fn new(id: u64, plan: PlanView, touches: Vec<TouchView>, effect: Option<PlayedEffect>) -> Self {
+    pub const fn new(id: u64, plan: PlanView, touches: Vec<Finger>, effect: Option<PlayedEffect>) -> Self {
         Self { id, plan, field: OnceLock::new(), touches, effect }
     }
 

@@ -2,8 +2,6 @@
 
 use crate::planner::drive::SiDrive;
 use era_shared::protocol::{ChargeRule, CreditReply};
-use serde::Serialize;
-use utoipa::ToSchema;
 
 /// Part of the rest of its credit that a channel uses up in a second, at most: 1 / 20 s. What is left falls as exp(-t / 20 s),
 /// so that it is never gone, and the force falls so slowly that nobody feels a step: from the largest, which begins to be thinned
@@ -17,38 +15,6 @@ const LEAST_EARNED: f64 = 0.5;
 const TOO_STRONG: f64 = 0.02;
 /// ... and by which it may be larger before it is: changes up come from touches that ask for less in between.
 const TOO_WEAK: f64 = 0.1;
-
-/// That a plan is driven with less than it has, or not at all for a moment.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Thinned {
-    /// The part of the plan's forces that is driven.
-    #[schema(minimum = 0, maximum = 1)]
-    pub part: f64,
-    /// Why.
-    pub reason: Reason,
-}
-
-/// What a drive is thinned out for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
-#[schema(as = ThinnedFor)]
-#[serde(rename_all = "lowercase")]
-pub enum Reason {
-    /// A channel's credit.
-    Credit,
-    /// The rest after a burst.
-    Burst,
-}
-
-impl Thinned {
-    /// The pause in which a board rests.
-    pub const RESTS: Self = Self { part: 0.0, reason: Reason::Burst };
-
-    /// For the credit; `None` where all is driven.
-    #[must_use]
-    pub fn by_credit(part: f64) -> Option<Self> {
-        (part < 1.0).then_some(Self { part, reason: Reason::Credit })
-    }
-}
 
 /// The part of the forces of `drives` that every channel's credit allows for ever, on channels for at most `most_v`. A board
 /// that charges by time, whatever the force, gains nothing by less.

@@ -1,9 +1,10 @@
 //! What the board drives: one task owns it, takes commands, and publishes what is driven.
 //!
-//! `prepare` makes of a plan an `order` that the session takes, `equipment` is what that needs: table, session, simulated sensor.
-//! `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task` changes it, and looks
-//! after a drive that goes on (`sustained`); `controller` is how others talk to it, by `command`s. `active` is what they are told, `burst` and `credit` are
-//! the board's limits on what goes on and on.
+//! `driver` is the one way from a touch to the board; it plans (`plan`; `stretches` for time windows), and hands what is to be driven to
+//! the `controller`. `prepare` turns a plan into an `order` that the session takes, `equipment` is what that needs: table, session,
+//! simulated sensor. `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task`
+//! changes it, and looks after a drive that goes on (`sustained`); the `controller` is how others talk to it, by `command`s. `active` is
+//! what they are told, `burst` and `credit` are the board's limits on drives that go on.
 //!
 //! Uses `api`, `access`, `touch`, `observe` and `design`.
 
@@ -11,7 +12,8 @@ pub mod active;
 mod burst;
 mod command;
 mod controller;
-pub mod credit;
+mod credit;
+mod driver;
 mod equipment;
 mod order;
 mod plan;
@@ -23,4 +25,13 @@ mod task;
 
 pub use command::say_superseded;
 pub use controller::Controller;
+pub use driver::Driver;
 pub use equipment::Equipment;
+
+use tokio::sync::watch;
+
+/// Resolves when the daemon ends.
+pub async fn closed(closing: &mut watch::Receiver<bool>) {
+    // An error means that it is gone already.
+    let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
+}

@@ -1,8 +1,8 @@
 //! A touch's plan on its way to the board.
 
 use super::active::AskedAt;
-use crate::daemon::touch::plan_view::TouchView;
-use crate::daemon::touch::request::Manner;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::request::Finger;
 use crate::effects::Design;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::{Drive, Plan};
@@ -16,9 +16,9 @@ pub struct Order {
     /// When the touch was asked for.
     pub since: AskedAt,
     /// The fingers it is for.
-    pub touches: Vec<TouchView>,
+    pub touches: Vec<Finger>,
     /// For how long, and how.
-    pub manner: Manner,
+    pub manner: DriveMode,
     /// The plan first made.
     pub whole: Plan,
     /// The fraction of its forces that the channels' credit allows.

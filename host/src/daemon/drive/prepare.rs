@@ -6,8 +6,8 @@ use super::equipment::Equipment;
 use super::order::{Drivable, Mode, Order};
 use crate::daemon::api::kinds::Kind;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::plan_view::TouchView;
-use crate::daemon::touch::request::Manner;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::request::Finger;
 use crate::effects::{DesignError, design};
 use crate::planner::Plan;
 use crate::planner::drive::on_channels;
@@ -23,10 +23,10 @@ impl Equipment {
         id: u64,
         since: AskedAt,
         whole: Plan,
-        touches: Vec<TouchView>,
-        manner: Manner,
+        touches: Vec<Finger>,
+        manner: DriveMode,
     ) -> Result<Order, Problem> {
-        let thin = if matches!(manner, Manner::Hold(_)) { self.find_credit_fraction(&whole) } else { 1.0 };
+        let thin = if matches!(manner, DriveMode::Hold(_)) { self.find_credit_fraction(&whole) } else { 1.0 };
         let first = self.prepare_fraction(&whole, thin, 1.0, manner)?;
         Ok(Order { id, since, touches, manner, whole, thin, first })
     }
@@ -46,7 +46,7 @@ impl Equipment {
     ///
     /// # Errors
     /// As [`Self::prepare_order`].
-    pub fn prepare_fraction(&self, whole: &Plan, thin: f64, part: f64, manner: Manner) -> Result<Drivable, Problem> {
+    pub fn prepare_fraction(&self, whole: &Plan, thin: f64, part: f64, manner: DriveMode) -> Result<Drivable, Problem> {
         let mut plan = if thin * part < 1.0 {
             crate::planner::plan::derate_plan(&self.table, whole, thin * part)?
         } else {
@@ -60,10 +60,10 @@ impl Equipment {
     }
 
     /// Works out what it takes to drive a plan that has the fraction `part` of the forces first planned.
-    fn prepare_plan(&self, plan: Plan, part: f64, manner: Manner) -> Result<Drivable, Problem> {
+    fn prepare_plan(&self, plan: Plan, part: f64, manner: DriveMode) -> Result<Drivable, Problem> {
         let (motion, mode) = match manner {
-            Manner::Hold(hold) => (self.table.predict_motion(&plan), Mode::Hold(hold)),
-            Manner::Effect(request) => {
+            DriveMode::Hold(hold) => (self.table.predict_motion(&plan), Mode::Hold(hold)),
+            DriveMode::Effect(request) => {
                 let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();
                 wished.targets.iter_mut().for_each(|target| target.wanted_g *= part);

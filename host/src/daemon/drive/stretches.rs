@@ -1,14 +1,15 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
 use super::active::{Active, AskedAt, Touched};
+use super::driver::Driver;
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::app::App;
+use crate::daemon::touch::Touch;
 use crate::daemon::touch::admission::Place;
 use crate::daemon::touch::answer::Achieved;
-use crate::daemon::touch::check::Asked;
-use crate::daemon::touch::plan_view::{PlanView, TouchView};
-use crate::daemon::touch::request::Manner;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::plan_view::PlanView;
+use crate::daemon::touch::request::Finger;
 use crate::planner::schedule::{Span, Stretch, stretches};
 use crate::planner::{Plan, PlanError};
 use std::sync::{Arc, Weak};
@@ -24,35 +25,36 @@ struct Act {
     from: Duration,
     hold: Duration,
     plan: Plan,
-    touches: Vec<TouchView>,
+    touches: Vec<Finger>,
 }
 
-impl App {
+impl Driver {
     /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it, and so
     /// does a board that has gone off, faulted or been away: whoever makes it ready again does not do so for a touch of before.
-    pub(in crate::daemon) async fn in_stretches(
+    pub(super) async fn drive_stretches(
         self: &Arc<Self>,
         asker: &Asker,
         place: Place,
         id: u64,
-        asked: &Asked,
+        touch: &Touch,
         spans: Vec<Span>,
         since: AskedAt,
     ) -> Result<Touched, Problem> {
-        let mut all =
-            tokio::task::block_in_place(|| stretches(spans, |targets| self.plan(asked, &asked.request.only(targets))))?;
+        let mut all = tokio::task::block_in_place(|| {
+            stretches(spans, |targets| self.plan_request(touch, &touch.request.only(targets)))
+        })?;
         drop(place);
-        let acts = acts(&all, &asked.touches);
+        let acts = acts(&all, &touch.fingers);
         let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
         let shown = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
         let begun = Instant::now();
         let (mut at_once, later): (Vec<Act>, Vec<Act>) = acts.into_iter().partition(|act| act.from.is_zero());
         let device = match at_once.pop() {
             Some(Act { hold, plan, touches, .. }) => {
-                self.drive_plan(id, since, plan, touches, Manner::Hold(hold)).await?.device
+                self.drive_plan(id, since, plan, touches, DriveMode::Hold(hold)).await?.device
             }
             None => {
-                self.drive.overtake(id).await;
+                self.controller.overtake(id).await;
                 Achieved::nothing()
             }
         };
@@ -60,16 +62,17 @@ impl App {
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
                 stretch.times = Some(crate::planner::report::compute_times(&self.table, plan));
-                stretch.trade = self.trade(asker, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
+                stretch.trade =
+                    self.compute_trade(asker, id, touch, &touch.request.only(&stretch.span.targets), plan).await;
             }
         }
         let plan = tokio::task::block_in_place(|| PlanView::new(&self.table, shown));
-        let active = Arc::new(Active::new(id, plan, asked.touches.clone(), None));
+        let active = Arc::new(Active::new(id, plan, touch.fingers.clone(), None));
         Ok(Touched { active, device, stretches: Some(all), trade: None })
     }
 }
 
-fn acts(all: &[Stretch], touches: &[TouchView]) -> Vec<Act> {
+fn acts(all: &[Stretch], touches: &[Finger]) -> Vec<Act> {
     let after = |i: usize| all.get(i + 1).is_some_and(|next| next.plan.is_some());
     let act = |(i, stretch): (usize, &Stretch)| {
         let Span { from_ms, to_ms, targets } = &stretch.span;
@@ -85,11 +88,11 @@ fn acts(all: &[Stretch], touches: &[TouchView]) -> Vec<Act> {
 }
 
 /// Holds the daemon only while it drives, so that it can end in between.
-async fn drive_later(app: Weak<App>, id: u64, since: AskedAt, begun: Instant, acts: Vec<Act>) {
+async fn drive_later(driver: Weak<Driver>, id: u64, since: AskedAt, begun: Instant, acts: Vec<Act>) {
     for Act { from, hold, plan, touches } in acts {
         tokio::time::sleep_until(begun + from).await;
-        let Some(app) = app.upgrade() else { return };
-        if let Err(problem) = app.drive_plan(id, since, plan, touches, Manner::Hold(hold)).await {
+        let Some(driver) = driver.upgrade() else { return };
+        if let Err(problem) = driver.drive_plan(id, since, plan, touches, DriveMode::Hold(hold)).await {
             tracing::info!(plan = id, from_ms = from.as_secs_f64() * 1e3, "not driven: {}", problem.detail());
             return;
         }

@@ -2,12 +2,13 @@
 //! channel's credit falls, and are interrupted by a rest before the board would end its burst.
 
 use super::active::{Sustained, Update};
-use super::credit::{Thinned, is_worth_it};
+use super::credit::is_worth_it;
 use super::equipment::Equipment;
 use super::order::Drivable;
 use super::task::{Lane, Purpose, Sent, Task, compute, show_even};
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::request::Manner;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::plan_view::Thinned;
 use crate::planner::Plan;
 use crate::planner::residual::{Board, Ending, NEXT_LOOK_S, grown};
 use std::sync::Arc;
@@ -63,7 +64,7 @@ impl Task {
     /// Drives more of a plan's forces, if there is room for that.
     fn grow_drive(&mut self, equipment: &Arc<Equipment>, held: Sustained, (board, now): (Board, Instant)) {
         let Some(hold) = self.find_hold(equipment, &held) else { return };
-        let of_part = |part: f64| equipment.prepare_fraction(&held.whole, held.thin, part, Manner::Hold(hold));
+        let of_part = |part: f64| equipment.prepare_fraction(&held.whole, held.thin, part, DriveMode::Hold(hold));
         let room = |drivable: &Drivable| self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now);
         match compute(|| grown(held.part, of_part, room)) {
             Ok(Some((part, drivable))) => self.drive_again(equipment, held, part, drivable, (board, now), false),
@@ -106,7 +107,7 @@ impl Task {
     fn fit_again(&mut self, equipment: &Arc<Equipment>, held: Sustained, has_rested: bool) {
         let (board, now) = (equipment.read_board(), Instant::now());
         let Some(hold) = self.find_hold(equipment, &held) else { return };
-        let manner = Manner::Hold(hold);
+        let manner = DriveMode::Hold(hold);
         let id = held.active.id;
         let first = compute(|| equipment.prepare_fraction(&held.whole, held.thin, 1.0, manner));
         let fitted =

@@ -6,15 +6,15 @@
 
 use super::active::{Active, AskedAt, Current, Sustained, Touched, Update};
 use super::command::{Command, Published, Request, is_current, say_superseded};
-use super::credit::Thinned;
 use super::equipment::{Begun, Equipment, NotBegun};
 use super::order::{Drivable, Mode, Order};
 use super::state::DriveState;
 use crate::daemon::api::kinds::Kind;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::answer::Achieved;
-use crate::daemon::touch::plan_view::{PlanView, TouchView};
-use crate::daemon::touch::request::Manner;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::plan_view::{PlanView, Thinned};
+use crate::daemon::touch::request::Finger;
 use crate::device::SessionError;
 use crate::planner::Plan;
 use crate::planner::residual::{Board, Ending, Room, fitted};
@@ -318,7 +318,7 @@ impl Task {
         (id, first): (u64, Drivable),
         whole: &Plan,
         thin: f64,
-        manner: Manner,
+        manner: DriveMode,
         (board, now): (Board, Instant),
     ) -> Result<(f64, Drivable), Problem> {
         let weaker = |part: f64| {
@@ -414,7 +414,7 @@ impl Task {
         self.state.current = Some(Current { active: Arc::clone(&active), until, stops });
         self.tell_pages(Update::Plan(Arc::clone(&active)));
         self.looked = Instant::now();
-        self.state.sustained = matches!(manner, Manner::Hold(_)).then(|| {
+        self.state.sustained = matches!(manner, DriveMode::Hold(_)).then(|| {
             let breaks = since.breaks.or_else(|| Some(equipment.count_breaks()));
             let since = AskedAt { stops, breaks };
             Sustained { begun, since, whole, thin, part, active: Arc::clone(&active) }
@@ -463,7 +463,7 @@ pub(super) fn show_even(
     equipment: &Equipment,
     id: u64,
     plan: Plan,
-    touches: Vec<TouchView>,
+    touches: Vec<Finger>,
     thinned: Option<Thinned>,
 ) -> Result<Arc<Active>, Problem> {
     compute(|| {

@@ -8,7 +8,8 @@
 use super::routes;
 use crate::daemon::access::client::Peer;
 use crate::daemon::access::permissions::Owner;
-use crate::daemon::app::{App, closed};
+use crate::daemon::app::App;
+use crate::daemon::drive::closed;
 use crate::device::Snapshot;
 use crate::planner::Target;
 use axum::Router;
@@ -25,7 +26,7 @@ const EVERY: Duration = Duration::from_millis(50);
 
 /// Does so until the daemon ends.
 pub async fn keep(app: Arc<App>) {
-    let (router, mut closing) = (routes::router(Arc::clone(&app)), app.closing());
+    let (router, mut closing) = (routes::router(Arc::clone(&app)), app.driver.closing());
     let mut ticks = interval(EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -34,7 +35,7 @@ pub async fn keep(app: Arc<App>) {
             _ = ticks.tick() => {}
         }
         // Touches that are under way keep it at hand themselves.
-        if is_on(&app.device().borrow()) && app.admission.is_idle() {
+        if is_on(&app.driver.device().borrow()) && app.driver.admission.is_idle() {
             tokio::task::block_in_place(|| app.plan_for_nobody());
             ask(router.clone()).await;
         }
@@ -61,8 +62,10 @@ impl App {
     fn plan_for_nobody(&self) {
         let screen = &self.table.scene.screen;
         let middle = || self.table.scene.place_px(f64::from(screen.width_px) / 2.0, f64::from(screen.height_px) / 2.0);
-        let last =
-            self.active().and_then(|active| active.plan.plan().targets.first().map(|target| (target.x_m, target.y_m)));
+        let last = self
+            .driver
+            .active()
+            .and_then(|active| active.plan.plan().targets.first().map(|target| (target.x_m, target.y_m)));
         let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.xy_m())) else { return };
         // A place in a cut-out has no plan, and nothing is lost.
         if let Ok(plan) = self.table.plan(&[Target { x_m, y_m, intensity_g: None }]) {

@@ -1,12 +1,13 @@
 //! The HTTP interface.
 
+use super::authorize::authorize;
 use super::body::{Most, whole_body};
 use super::{description, page_files};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::access::limits::Limits;
 use crate::daemon::access::pace::keep_pace;
-use crate::daemon::access::permissions;
 use crate::daemon::access::sender::Sender;
+use crate::daemon::api::json::from_json;
 use crate::daemon::api::problem::{Kind, Problem};
 use crate::daemon::app::App;
 use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
@@ -16,6 +17,7 @@ use crate::daemon::live;
 use crate::daemon::live::message::Message;
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
+use crate::daemon::touch::Touch;
 use crate::daemon::touch::answer::TouchedView;
 use crate::daemon::touch::outcome::Told;
 use crate::daemon::touch::plan_view::FieldView;
@@ -128,7 +130,7 @@ pub fn router(app: Arc<App>) -> Router {
         .method_not_allowed_fallback(wrong_method)
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), permissions::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize))
         .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), keep_pace))
         .with_state(app)
 }
@@ -138,7 +140,7 @@ pub fn stop_only(app: Arc<App>) -> Router {
     Router::new()
         .route("/v1/stop", post(stop))
         .fallback(busy)
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), permissions::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize))
         .layer(middleware::map_response(closes))
         .with_state(app)
 }
@@ -159,7 +161,7 @@ async fn busy() -> Problem {
 /// The request in a JSON body; `wanted` says in a message what it should look like.
 fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &str) -> Result<T, Problem> {
     super::body::check_type(headers)?;
-    super::body::from_json(body, wanted)
+    from_json(body, wanted)
 }
 
 /// Plan for a touch and drive it
@@ -182,16 +184,23 @@ async fn touch(
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let stops = app.stops();
+    let stops = app.driver.stops();
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
     let request: TouchRequest = from_body(&headers, &body, wanted)?;
     let name = super::body::name(&headers)?;
-    let id = app.admission.arrived(asker.client, name.clone());
+    let id = app.driver.admission.arrived(asker.client, name.clone());
     // It has just been read as such.
     app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
-    let answer = app.touch(&asker, id, stops, &request).await.map(|touched| json!(touched.view()));
+    let touched = match Touch::from_request(&request, &app.table.scene) {
+        Ok(touch) => app.driver.drive_touch(&asker, id, stops, &touch).await,
+        Err(problem) => {
+            app.metrics.count_touch(false);
+            Err(problem)
+        }
+    };
+    let answer = touched.map(|touched| json!(touched.view()));
     app.note("outcome", || outcome(id, &answer));
-    app.admission.done(id, answer.clone());
+    app.driver.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
     let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
     response.headers_mut().extend(name.ok().map(|name| (REQUEST_ID, name)));
@@ -222,8 +231,8 @@ async fn request(
     key: Result<Path<String>, PathRejection>,
 ) -> Result<Response, Problem> {
     let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
-    let mut told = app.admission.told(client, &key)?;
-    told.acceleration_peak_g = app.touch_peak_g(told.id);
+    let mut told = app.driver.admission.told(client, &key)?;
+    told.acceleration_peak_g = app.driver.touch_peak_g(told.id);
     Ok(Json(told).into_response())
 }
 
@@ -231,10 +240,10 @@ async fn request(
 #[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
 async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("arm", || json!({}));
-    let armed = app.arm(client).await;
+    let armed = app.driver.arm(client).await;
     app.note("armed", || json!({"problem": armed.as_ref().err()}));
     armed?;
-    Ok(Json(StateView::new(&app)).into_response())
+    Ok(Json(app.view_state()).into_response())
 }
 
 /// Plan for a touch on a changed scene, and its field, without driving anything
@@ -341,7 +350,7 @@ async fn stop_tolerances(State(app): State<Arc<App>>) -> Response {
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.note("stop", || json!({}));
     app.stop().await?;
-    Ok(Json(StateView::new(&app)).into_response())
+    Ok(Json(app.view_state()).into_response())
 }
 
 /// Clear the device's latched fault
@@ -352,16 +361,16 @@ async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
 )]
 async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("clear", || json!({}));
-    let cleared = app.clear_faults(client).await;
+    let cleared = app.driver.clear_faults(client).await;
     app.note("cleared", || json!({"problem": cleared.as_ref().err()}));
     cleared?;
-    Ok(Json(StateView::new(&app)).into_response())
+    Ok(Json(app.view_state()).into_response())
 }
 
 /// Device, plan, telemetry and link as last seen
 #[utoipa::path(get, path = "/v1/state", responses((status = 200, description = "The state", body = StateView)))]
 async fn state(State(app): State<Arc<App>>) -> Response {
-    Json(StateView::new(&app)).into_response()
+    Json(app.view_state()).into_response()
 }
 
 /// The scene, as a page draws it
@@ -400,12 +409,12 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
         "x_px=NUMBER&y_px=NUMBER, with &intensity_g=NUMBER or without, or nothing",
     )?;
     // Whether or not it is used.
-    crate::daemon::touch::request::check_intensity(query.intensity_g)?;
+    crate::daemon::touch::check::check_intensity(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
-            let _place = app.admission.place(client).await?;
+            let _place = app.driver.admission.place(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
                 Ok(FieldView::new(&app.table, Some(&plan), 0))
@@ -413,7 +422,7 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
         }
         (None, None) => {
             let _one = FIELDS.acquire().await;
-            tokio::task::block_in_place(|| match app.active() {
+            tokio::task::block_in_place(|| match app.driver.active() {
                 Some(active) => active.field(&app.table).clone(),
                 None => FieldView::new(&app.table, None, 0),
             })
@@ -433,8 +442,8 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let peak_g = app.touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
-    let text = app.metrics.text(&app.known(), app.heard_ago(), &app.admission, peak_g);
+    let peak_g = app.driver.touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
+    let text = app.metrics.text(&app.driver.known(), app.driver.heard_ago(), &app.driver.admission, peak_g);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 

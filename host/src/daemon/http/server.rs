@@ -12,8 +12,10 @@ use crate::daemon::access::limits::Limits;
 use crate::daemon::access::permissions::{Owner, Scheme};
 use crate::daemon::access::sender::Sender;
 use crate::daemon::api::problem::{Kind, Problem};
-use crate::daemon::app::{App, closed};
-use crate::device::SessionError;
+use crate::daemon::app::App;
+use crate::daemon::drive::closed;
+use crate::daemon::observe::measurements::record_measurements;
+use crate::device::{SessionError, Snapshot};
 use axum::Router;
 use axum::response::{IntoResponse, Response};
 use hyper::server::conn::http1;
@@ -52,7 +54,7 @@ pub async fn serve_while_alive(
     let until = async move {
         tokio::select! {
             () = shutdown => {}
-            () = watched.session_ended() => {
+            () = watched.driver.session_ended() => {
                 tracing::error!("{}; the daemon ends, to be started anew", SessionError::Ended);
                 told.send_replace(Ended::Session);
             }
@@ -64,7 +66,7 @@ pub async fn serve_while_alive(
 
 /// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.
 pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Future<Output = ()> + Send + 'static) {
-    let closing = app.closing();
+    let closing = app.driver.closing();
     let mut all = JoinSet::new();
     for listener in listeners {
         // Each with places of its own: a crowd at one is in nobody's way at another.
@@ -72,13 +74,19 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
     }
     all.spawn(super::cache_warmer::keep(Arc::clone(&app)));
     if app.record.is_some() {
-        all.spawn(crate::daemon::observe::measurements::note(Arc::clone(&app)));
+        all.spawn(record_device(Arc::clone(&app)));
     }
     shutdown.await;
     app.close().await;
     // Pages are told so before the process ends.
     let told = tokio::time::timeout(app.limits.goodbye, app.sockets_closed());
     let _ = tokio::join!(told, async { while all.join_next().await.is_some() {} });
+}
+
+async fn record_device(app: Arc<App>) {
+    let Some(recorder) = &app.record else { return };
+    let view = |device: &Snapshot| app.view_measured(device);
+    record_measurements(app.driver.device(), app.driver.closing(), recorder, view).await;
 }
 
 /// Accepts connections until the daemon ends, and gives those that are open then a moment.
@@ -125,7 +133,7 @@ impl Doors {
             stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
             guests: Guests::default(),
             limits: app.limits,
-            closing: app.closing(),
+            closing: app.driver.closing(),
         }
     }
 

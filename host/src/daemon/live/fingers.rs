@@ -1,12 +1,14 @@
 //! The fingers of one page: what they do, in order, and driving it.
 
 use super::error_message;
-use crate::daemon::access::client::Client;
+use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
 use crate::daemon::drive::say_superseded;
-use crate::daemon::touch::plan_view::TouchView;
-use crate::daemon::touch::request::{Feel, MAX_DURATION_MS, Manner};
+use crate::daemon::touch::Touch;
+use crate::daemon::touch::check::DriveMode;
+use crate::daemon::touch::request::Finger;
+use crate::daemon::touch::request::{Feel, MAX_DURATION_MS};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -28,9 +30,8 @@ const MOST_STEPS: usize = 32;
 /// Fingers that went down or moved, and whether they have been lifted since.
 #[derive(Clone, Debug)]
 struct Step {
-    /// None: those before are lifted.
-    touches: Vec<TouchView>,
-    feel: Feel,
+    /// Without fingers where those before are lifted.
+    touch: Touch,
     lifted: bool,
     /// Fingers that have come since the step before, even if they had been there until shortly before.
     came: Vec<i64>,
@@ -45,8 +46,8 @@ struct Step {
 #[derive(Debug, Default)]
 pub struct Fingers {
     steps: Mutex<VecDeque<Step>>,
-    /// Those that are down by the last message, and what they should feel like.
-    down: Mutex<(Vec<TouchView>, Feel)>,
+    /// Those that are down by the last message.
+    down: Mutex<Option<Touch>>,
     changed: Notify,
     gone: Mutex<bool>,
 }
@@ -56,19 +57,18 @@ impl Fingers {
     ///
     /// # Errors
     /// [`Problem`]: too many taps wait, of which the oldest is not driven any more.
-    pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) -> Result<(), Problem> {
+    pub fn are(&self, touch: Touch, stops: u64) -> Result<(), Problem> {
         let mut dropped = None;
-        let ids: Vec<i64> = touches.iter().map(|touch| touch.id).collect();
+        let ids: Vec<i64> = touch.fingers.iter().map(|finger| finger.id).collect();
         let mut steps = self.steps();
-        let (before, _) =
-            std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), (touches.clone(), feel));
-        let was_down = |id: &&i64| before.iter().any(|touch| touch.id == **id);
+        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner).replace(touch.clone());
+        let was_down = |id: &&i64| before.iter().flat_map(|touch| &touch.fingers).any(|finger| finger.id == **id);
         let mut came: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
-        if touches.is_empty() {
+        if touch.fingers.is_empty() {
             match steps.back_mut() {
                 Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(Step { touches, feel, lifted: true, came, is_tap: false, stops }),
+                None => steps.push_back(Step { touch, lifted: true, came, is_tap: false, stops }),
             }
         } else {
             if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
@@ -81,9 +81,9 @@ impl Fingers {
                 came.extend(skipped.came.into_iter().filter(|id| ids.contains(id)));
             }
             if steps.len() >= MOST_STEPS {
-                dropped = steps.pop_front().filter(|step| !step.touches.is_empty());
+                dropped = steps.pop_front().filter(|step| !step.touch.fingers.is_empty());
             }
-            steps.push_back(Step { touches, feel, lifted: false, came, is_tap: false, stops });
+            steps.push_back(Step { touch, lifted: false, came, is_tap: false, stops });
         }
         drop(steps);
         self.changed.notify_one();
@@ -92,7 +92,8 @@ impl Fingers {
 
     /// The fingers that are down by the last message.
     pub fn ids_down(&self) -> Vec<i64> {
-        self.down.lock().unwrap_or_else(PoisonError::into_inner).0.iter().map(|touch| touch.id).collect()
+        let down = self.down.lock().unwrap_or_else(PoisonError::into_inner);
+        down.iter().flat_map(|touch| &touch.fingers).map(|finger| finger.id).collect()
     }
 
     /// All but these are lifted; those of them that are down stay as they were.
@@ -100,15 +101,15 @@ impl Fingers {
     /// # Errors
     /// As [`Self::are`].
     pub fn keep_only(&self, ids: &[i64], stops: u64) -> Result<(), Problem> {
-        let (mut touches, feel) = self.down.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let before = touches.len();
-        touches.retain(|touch| ids.contains(&touch.id));
-        if touches.len() == before { Ok(()) } else { self.are(touches, feel, stops) }
+        let Some(before) = self.down.lock().unwrap_or_else(PoisonError::into_inner).clone() else { return Ok(()) };
+        let count = before.fingers.len();
+        let kept = before.with_only(ids);
+        if kept.fingers.len() == count { Ok(()) } else { self.are(kept, stops) }
     }
 
     fn are_lifted(&self) {
         // What is lifted takes nobody's place.
-        let _ = self.are(Vec::new(), Feel::default(), 0);
+        let _ = self.are(Touch::without_fingers(), 0);
     }
 
     /// Whatever they have done is not wanted any more.
@@ -154,7 +155,7 @@ impl Fingers {
 
     /// Whether fingers have moved or come that stand in place of those that are being driven: a tap is never replaced.
     fn is_replaced(&self) -> bool {
-        self.steps().front().is_some_and(|step| !step.touches.is_empty())
+        self.steps().front().is_some_and(|step| !step.touch.fingers.is_empty())
     }
 
     fn steps(&self) -> MutexGuard<'_, VecDeque<Step>> {
@@ -175,14 +176,14 @@ pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies
         };
         let Some(step) = step else { return };
         let lifted = step.lifted;
-        hand.keep(&step.touches);
-        if !step.touches.is_empty()
+        hand.keep(&step.touch.fingers);
+        if !step.touch.fingers.is_empty()
             && !hand.has_played(&step)
             && let Err(problem) = hand.drive(&app, &fingers, step.clone()).await
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(error_message(&problem));
-            hand.end_lifted(&app, &step.touches);
+            hand.end_lifted(&app, &step.touch.fingers);
         }
         if lifted {
             hand.lift(&app);
@@ -211,16 +212,16 @@ struct Hand {
 impl Hand {
     /// When a step may be driven: not before a finger that is lifted by then has been felt for a while.
     fn due(&self, step: &Step) -> Option<Instant> {
-        let is_down = |id: &i64| step.touches.iter().any(|touch| touch.id == *id) && !step.came.contains(id);
-        let goes_on = step.touches.is_empty() || (!self.down.is_empty() && self.down.iter().all(is_down));
+        let is_down = |id: &i64| step.touch.fingers.iter().any(|finger| finger.id == *id) && !step.came.contains(id);
+        let goes_on = step.touch.fingers.is_empty() || (!self.down.is_empty() && self.down.iter().all(is_down));
         self.came.filter(|_| !goes_on).map(|came| came + LEAST)
     }
 
     /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
     fn has_played(&self, step: &Step) -> bool {
-        let Step { touches, feel, came, .. } = step;
-        let is_known = |touch: &TouchView| self.down.contains(&touch.id) && !came.contains(&touch.id);
-        feel.effect.is_some() && self.feel == *feel && touches.iter().all(is_known)
+        let Step { touch: Touch { fingers, feel, .. }, came, .. } = step;
+        let is_known = |finger: &Finger| self.down.contains(&finger.id) && !came.contains(&finger.id);
+        feel.effect.is_some() && self.feel == *feel && fingers.iter().all(is_known)
     }
 
     /// Fingers that rest are felt for as long as they are down: their drive is given more time, and begun again where it was
@@ -228,12 +229,12 @@ impl Hand {
     async fn renew(&mut self, app: &Arc<App>, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
         let Some((step, (_, plan))) = self.still.clone().zip(self.held) else { return };
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
-        if app.stops() != step.stops || app.breaks() != self.breaks || app.is_off() {
+        if app.driver.stops() != step.stops || app.driver.breaks() != self.breaks || app.driver.is_off() {
             self.still = None;
-        } else if !app.renew(plan, until).await
-            && app.active().is_none()
+        } else if !app.driver.renew(plan, until).await
+            && app.driver.active().is_none()
             // What is being planned is somebody's touch, and would be older than this.
-            && app.admission.is_idle()
+            && app.driver.admission.is_idle()
             && let Err(problem) = self.drive(app, fingers, step).await
             && !["busy", "superseded", "device-refused"].iter().any(|kind| problem.is(kind))
         {
@@ -243,27 +244,27 @@ impl Hand {
     }
 
     /// Forgets fingers that are not down any more: when they come again, their effect does.
-    fn keep(&mut self, touches: &[TouchView]) {
+    fn keep(&mut self, touches: &[Finger]) {
         self.down.retain(|id| touches.iter().any(|touch| touch.id == *id));
     }
 
     async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), Problem> {
-        let is_even = step.feel.effect.is_none() && step.feel.duration_ms.is_none();
+        let is_even = step.touch.feel.effect.is_none() && step.touch.feel.duration_ms.is_none();
         let again = (is_even && !step.lifted).then(|| Step { came: Vec::new(), is_tap: false, ..step.clone() });
-        let Step { touches, feel, lifted, came, is_tap, stops } = step;
+        let Step { touch, lifted, came, is_tap, stops } = step;
         let is_tap = lifted || is_tap;
-        let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
-        let ids = touches.iter().map(|touch| touch.id).collect();
-        let (id, breaks) = (app.admission.number(), app.breaks());
-        let mut touch = std::pin::pin!(app.touch_all(self.client, id, stops, touches, intensity, manner));
+        let ids = touch.fingers.iter().map(|finger| finger.id).collect();
+        let asker = Asker { client: self.client, ..Asker::default() };
+        let (id, breaks) = (app.driver.admission.number(), app.driver.breaks());
+        let mut driving = std::pin::pin!(app.driver.drive_touch(&asker, id, stops, &touch));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {
-                done = &mut touch => break done,
+                done = &mut driving => break done,
                 () = tokio::time::sleep(AGAIN), if !is_tap => {}
             }
             if fingers.is_replaced() {
-                app.withdraw(id);
+                app.driver.withdraw(id);
             }
         };
         app.note("outcome", || match &done {
@@ -275,14 +276,16 @@ impl Hand {
         match done {
             Ok(done) => {
                 self.held_for.clone_from(&ids);
-                (self.down, self.feel, self.still, self.breaks) = (ids, feel, again, breaks);
+                (self.down, self.feel, self.still, self.breaks) = (ids, touch.feel, again, breaks);
                 if !came.is_empty() {
                     self.came = Some(Instant::now());
                 }
-                self.held = match manner {
+                self.held = match touch.mode {
                     // An effect ends by itself, whatever the fingers do meanwhile.
-                    Manner::Effect(_) => None,
-                    Manner::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.active.id)),
+                    DriveMode::Effect(_) => None,
+                    DriveMode::Hold(_) => {
+                        Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.active.id))
+                    }
                 };
                 Ok(())
             }
@@ -294,12 +297,12 @@ impl Hand {
 
     /// Ends the drive that is held if one of its fingers is not among these any more: what was to take its place has not, and a finger that is
     /// lifted must not vibrate on.
-    fn end_lifted(&mut self, app: &App, touches: &[TouchView]) {
+    fn end_lifted(&mut self, app: &App, touches: &[Finger]) {
         let is_down = |id: &i64| touches.iter().any(|touch| touch.id == *id);
         if !self.held_for.iter().all(is_down) {
             self.still = None;
             if let Some((since, plan)) = self.held.take() {
-                app.release(plan, since + TAP);
+                app.driver.release(plan, since + TAP);
             }
         }
     }
@@ -308,7 +311,7 @@ impl Hand {
         self.down.clear();
         self.still = None;
         if let Some((since, plan)) = self.held.take() {
-            app.release(plan, since + TAP);
+            app.driver.release(plan, since + TAP);
         }
     }
 }
@@ -316,23 +319,31 @@ impl Hand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::daemon::touch::check::CheckedFinger;
     use crate::effects::NamedEffect;
+    use crate::planner::Target;
 
-    fn at(ids: &[i64], x_px: f64) -> Vec<TouchView> {
-        ids.iter().map(|id| TouchView { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None }).collect()
+    fn at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
+        let target = Target { x_m: 0.0, y_m: 0.0, intensity_g: None };
+        let checked = |id: &i64| {
+            let finger = Finger { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None };
+            CheckedFinger { finger, target }
+        };
+        Touch::from_fingers(&ids.iter().map(checked).collect::<Vec<_>>(), feel).unwrap()
     }
 
     /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
     fn steps(fingers: &Fingers) -> Vec<(Vec<i64>, bool, f64)> {
-        let of =
-            |step: Step| (step.came, step.lifted || step.is_tap, step.touches.first().map_or(f64::NAN, |t| t.x_px));
+        let of = |step: Step| {
+            (step.came, step.lifted || step.is_tap, step.touch.fingers.first().map_or(f64::NAN, |finger| finger.x_px))
+        };
         std::iter::from_fn(|| fingers.steps().pop_front()).map(of).collect()
     }
 
     #[test]
     fn a_finger_that_comes_again_is_another_one() {
         let fingers = Fingers::default();
-        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px), Feel::default(), 0).unwrap();
+        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px, Feel::default()), 0).unwrap();
         say(&[1], 0.0);
         say(&[1, 2], 1.0);
         assert_eq!(steps(&fingers), [(vec![2, 1], false, 1.0)]);
@@ -353,8 +364,8 @@ mod tests {
     fn of_too_many_taps_the_oldest_make_way() {
         let fingers = Fingers::default();
         let tap = |x_px: f64| {
-            let result = fingers.are(at(&[1], x_px), Feel::default(), 0);
-            fingers.are(Vec::new(), Feel::default(), 0).unwrap();
+            let result = fingers.are(at(&[1], x_px, Feel::default()), 0);
+            fingers.are(Touch::without_fingers(), 0).unwrap();
             result.is_ok()
         };
         let most = f64::from(u8::try_from(MOST_STEPS).unwrap());
@@ -372,8 +383,7 @@ mod tests {
         let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
         let hand = Hand { down: vec![1, 2], feel, ..Hand::default() };
         let step = |came: &[i64]| Step {
-            touches: at(&[1, 2], 0.0),
-            feel,
+            touch: at(&[1, 2], 0.0, feel),
             lifted: false,
             came: came.to_vec(),
             is_tap: false,

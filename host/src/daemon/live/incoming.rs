@@ -4,11 +4,11 @@
 //! twice, `NaN`, which some libraries write) stays its own.
 
 use super::Incoming;
+use crate::daemon::api::json::from_json;
 use crate::daemon::api::problem::{Kind, Problem};
 use crate::daemon::api::whole_numbers::convert_whole;
-use crate::daemon::http::body::from_json;
-use crate::daemon::touch::check::check_finger;
-use crate::daemon::touch::plan_view::TouchView;
+use crate::daemon::touch::check::CheckedFinger;
+use crate::daemon::touch::request::Finger;
 use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
 use serde::Deserialize;
@@ -39,7 +39,7 @@ pub struct Message {
 #[derive(Debug, Default)]
 pub struct Read {
     /// With their places on the screen.
-    pub fingers: Vec<TouchView>,
+    pub fingers: Vec<CheckedFinger>,
     /// One for each of the others, the first ten of them.
     pub problems: Vec<Problem>,
 }
@@ -108,7 +108,7 @@ impl Message {
                 continue;
             }
             let finger = read_finger(text, scene);
-            let id = finger.as_ref().map_or_else(|_| id_of(text), |finger| Some(finger.id));
+            let id = finger.as_ref().map_or_else(|_| id_of(text), |finger| Some(finger.finger.id));
             if let Some(id) = id.filter(|id| seen.contains(id)) {
                 refuse(same_id(t, id), Some(id), &mut read.problems);
                 continue;
@@ -120,12 +120,12 @@ impl Message {
             }
         }
         // Stable: in the order of the message otherwise.
-        good.sort_by_key(|(_, finger)| !down.contains(&finger.id));
-        for (t, finger) in good.split_off(good.len().min(MAX_TARGETS)) {
+        good.sort_by_key(|(_, checked)| !down.contains(&checked.finger.id));
+        for (t, checked) in good.split_off(good.len().min(MAX_TARGETS)) {
             let detail = format!("touches[{t}] is one more than the {MAX_TARGETS} fingers that are driven at once");
             refuse(
                 Problem::new(Kind::TouchCount, detail).about(format!("touches[{t}]")),
-                Some(finger.id),
+                Some(checked.finger.id),
                 &mut read.problems,
             );
         }
@@ -182,8 +182,8 @@ fn end_of_string(bytes: &[u8], start: usize) -> usize {
 }
 
 /// One finger, on the screen.
-fn read_finger(text: &str, scene: &Scene) -> Result<TouchView, Problem> {
-    let mut finger: TouchView = from_json(text.as_bytes(), WANTED_FINGER)?;
+fn read_finger(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
+    let mut finger: Finger = from_json(text.as_bytes(), WANTED_FINGER)?;
     let screen = &scene.screen;
     for (place, side) in [(&mut finger.x_px, screen.width_px), (&mut finger.y_px, screen.height_px)] {
         let side = f64::from(side);
@@ -191,8 +191,7 @@ fn read_finger(text: &str, scene: &Scene) -> Result<TouchView, Problem> {
             *place = place.clamp(0.0, side);
         }
     }
-    check_finger(&finger, scene)?;
-    Ok(finger)
+    finger.check(scene)
 }
 
 /// The number of a finger whatever else is wrong with it, if that can be read: 0 where it has none.

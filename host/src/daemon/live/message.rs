@@ -5,7 +5,8 @@ use crate::daemon::drive::active::Active;
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::answer::PlayedEffect;
-use crate::daemon::touch::plan_view::{FieldView, PlanView, TouchView};
+use crate::daemon::touch::plan_view::{FieldView, PlanView};
+use crate::daemon::touch::request::Finger;
 use crate::planner::PlanTable;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -38,7 +39,7 @@ pub struct PlanMessage {
     #[schema(nullable = false)]
     field: Option<FieldView>,
     /// The fingers that it is for.
-    touches: Vec<TouchView>,
+    touches: Vec<Finger>,
     /// The effect that is played; null if none is.
     effect: Option<PlayedEffect>,
 }

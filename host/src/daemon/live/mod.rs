@@ -14,8 +14,9 @@ use crate::daemon::access::head::read_header;
 use crate::daemon::access::permissions::Role;
 use crate::daemon::api::problem::{Kind, Problem};
 use crate::daemon::app::{App, SOCKETS};
-use crate::daemon::touch::plan_view::TouchView;
-use crate::daemon::touch::request::{Feel, MAX_DURATION_MS};
+use crate::daemon::touch::Touch;
+use crate::daemon::touch::request::Feel;
+use crate::daemon::touch::request::Finger;
 use crate::effects::NamedEffect;
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::Extension;
@@ -58,7 +59,7 @@ pub struct Incoming {
     #[serde(rename = "type")]
     kind: Said,
     /// The fingers that are down now; none when all are lifted. With `touch` only.
-    touches: Option<Vec<TouchView>>,
+    touches: Option<Vec<Finger>>,
     /// Peak wanted in g, for fingers that have none of their own.
     intensity_g: Option<f64>,
     /// The same in dB above the threshold of feeling at the drives' frequencies; absent with `intensity_g`.
@@ -319,21 +320,23 @@ fn take_fingers(
     for problem in &problems {
         let _ = replies.try_send(error_message(problem));
     }
-    let effect = effect.or_else(|| down.iter().find_map(|touch| touch.effect));
+    let effect = effect.or_else(|| down.iter().find_map(|checked| checked.finger.effect));
     let (intensity_g, intensity_db, duration_ms) = (*intensity_g, *intensity_db, *duration_ms);
     let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count: *count, period_ms: *period_ms };
-    if let Err(problem) = feel.check(MAX_DURATION_MS) {
-        let ids: Vec<i64> = down.iter().map(|touch| touch.id).collect();
-        let _ = fingers.keep_only(&ids, app.stops());
-        return Some(problem);
+    match Touch::from_fingers(&down, feel) {
+        Ok(touch) => fingers.are(touch, app.driver.stops()).err(),
+        Err(problem) => {
+            let ids: Vec<i64> = down.iter().map(|checked| checked.finger.id).collect();
+            let _ = fingers.keep_only(&ids, app.driver.stops());
+            Some(problem)
+        }
     }
-    fingers.are(down, feel, app.stops()).err()
 }
 
 /// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
 fn lift_if_said(app: &Arc<App>, message: &incoming::Message, fingers: &Fingers) {
     if message.is_touch && message.count_fingers().is_some() {
-        let _ = fingers.keep_only(&message.ids(), app.stops());
+        let _ = fingers.keep_only(&message.ids(), app.driver.stops());
     }
 }
 

@@ -3,9 +3,9 @@
 
 use super::message::Message as Told;
 use super::{Letter, closing};
-use crate::daemon::app::{App, closed};
+use crate::daemon::app::App;
 use crate::daemon::drive::active::{Active, Update};
-use crate::daemon::observe::state::StateView;
+use crate::daemon::drive::closed;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;
@@ -70,13 +70,13 @@ pub async fn write(
     mut replies: mpsc::Receiver<Value>,
     wants: Wants,
 ) {
-    let (mut device, mut updates, mut ending) = (app.device(), app.updates(), app.closing());
+    let (mut device, mut updates, mut ending) = (app.driver.device(), app.driver.updates(), app.driver.closing());
     let limit = app.limits.page;
     let mut first = Vec::new();
     first.extend(wants.scene.then(|| Message::Text(app.scene.message.clone())));
     first.extend(wants.state.then(|| text(&state_message(&app))));
     // The plan that the page knows of.
-    let mut known = app.active().filter(|_| wants.plan);
+    let mut known = app.driver.active().filter(|_| wants.plan);
     first.extend(known.as_ref().map(|active| text(&wants.plan_message(&app, active))));
     for message in first {
         if !send(&mut sink, message, limit).await {
@@ -107,7 +107,7 @@ pub async fn write(
                 // Some were missed; the newest is what counts.
                 Err(RecvError::Lagged(_)) => {
                     updates = updates.resubscribe();
-                    let newest = app.active().filter(|_| wants.plan);
+                    let newest = app.driver.active().filter(|_| wants.plan);
                     known = newest.clone().or(known);
                     newest.map(|active| text(&wants.plan_message(&app, &active)))
                 }
@@ -133,13 +133,13 @@ pub async fn write(
 
 /// Until the plan that the page knows of is over. A newer one is told before: that is no end.
 async fn over(app: &App, id: u64) {
-    while let Some(until) = app.end_of(id) {
+    while let Some(until) = app.driver.end_of(id) {
         tokio::time::sleep_until(until.into()).await;
     }
 }
 
 fn state_message(app: &App) -> Value {
-    json!(Told::State(Box::new(StateView::new(app))))
+    json!(Told::State(Box::new(app.view_state())))
 }
 
 fn text(message: &Value) -> Message {

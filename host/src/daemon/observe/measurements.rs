@@ -1,16 +1,14 @@
 //! What the device measures: under which touch, and for a recording whenever its state changes, and every tenth of a second while it is on.
 
+use super::recording::Recorder;
 use super::state::MeasuredView;
-use crate::daemon::app::{App, closed};
 use crate::device::Snapshot;
-use crate::device::sim::TouchPeak;
-use crate::planner::STANDARD_GRAVITY;
 use era_shared::limits::DISCHARGED_MILLIVOLTS;
 use era_shared::protocol::FaultCode;
 use era_shared::safety::State;
 use serde_json::json;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tokio::sync::watch;
 
 /// Between two lines of a device that is on. Its sensor tells the peak since it was last asked, some ten times a second.
 const BETWEEN: Duration = Duration::from_millis(100);
@@ -49,23 +47,13 @@ fn is_charged(device: &Snapshot) -> bool {
     device.connected && rails.copied().any(|volts| volts >= DISCHARGED_MILLIVOLTS)
 }
 
-impl App {
-    /// What the sensor has shown under each of the last `most` touches, the newest first; nothing without a simulated sensor.
-    #[must_use]
-    pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
-        self.equipment.sim.as_ref().map(|sim| sim.touch_peaks(most)).unwrap_or_default()
-    }
-
-    /// The same of touch `id`, in g.
-    #[must_use]
-    pub fn touch_peak_g(&self, id: u64) -> Option<f64> {
-        self.equipment.sim.as_ref()?.touch_peak(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
-    }
-}
-
-/// Notes what the device measures until the daemon ends.
-pub async fn note(app: Arc<App>) {
-    let (mut snapshots, mut closing) = (app.device(), app.closing());
+/// Records what the device measures until the daemon ends, which `closing` tells.
+pub async fn record_measurements(
+    mut snapshots: watch::Receiver<Snapshot>,
+    mut closing: watch::Receiver<bool>,
+    recorder: &Recorder,
+    view: impl Fn(&Snapshot) -> MeasuredView,
+) {
     let mut last: Option<(Condition, Instant)> = None;
     loop {
         {
@@ -76,13 +64,13 @@ pub async fn note(app: Arc<App>) {
                     || ((condition.is_on() || is_charged(&device)) && now.duration_since(*noted) >= BETWEEN)
             });
             if is_due {
-                app.note("measured", || json!(MeasuredView::new(&app, &device)));
+                recorder.line("measured", || json!(view(&device)));
                 last = Some((condition, now));
             }
         }
         tokio::select! {
             changed = snapshots.changed() => if changed.is_err() { break },
-            () = closed(&mut closing) => break,
+            _ = closing.wait_for(|is_closing| *is_closing) => break,
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use super::device::DeviceView;
 use crate::daemon::api::schema::ms;
-use crate::daemon::app::App;
-use crate::daemon::touch::plan_view::{PlanView, TouchView};
+use crate::daemon::touch::plan_view::PlanView;
+use crate::daemon::touch::request::Finger;
 use crate::device::Snapshot;
 use crate::device::convert::from_wire;
 use crate::device::sim::TouchPeak;
 use crate::planner::STANDARD_GRAVITY;
+use crate::scene::Actuator;
 use era_shared::protocol::{ChannelStatus, StatusReply};
 use era_shared::safety::State;
 use serde::Serialize;
@@ -15,7 +16,7 @@ use std::time::Duration;
 use utoipa::ToSchema;
 
 /// Touches whose peaks are told.
-const MOST_PEAKS: usize = 16;
+pub const MOST_PEAKS: usize = 16;
 
 /// Device, plan, measurements and link as last seen.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -28,7 +29,7 @@ pub struct StateView {
     /// The number of that plan, which is its request's.
     plan_id: Option<u64>,
     /// The fingers or targets that it is for.
-    touches: Vec<TouchView>,
+    touches: Vec<Finger>,
     /// What the device measures; null while it is not connected, and until it has told.
     telemetry: Option<TelemetryView>,
     /// The link to the device.
@@ -128,28 +129,59 @@ struct DaemonView {
     uptime_s: f64,
 }
 
+/// What device, scene and sensor tell, of which the views are made.
+#[derive(Debug)]
+pub struct Sources<'a> {
+    /// The device as last seen.
+    pub device: &'a Snapshot,
+    /// The scene's actuators, in the order of the board's channels.
+    pub actuators: &'a [Actuator],
+    /// The largest accelerations under the last [`MOST_PEAKS`] touches, the newest first.
+    pub touch_peaks: Vec<TouchPeak>,
+}
+
+/// The plan that is driven.
+#[derive(Clone, Debug)]
+pub struct DrivenPlan {
+    /// Its number.
+    pub id: u64,
+    /// The plan.
+    pub plan: PlanView,
+    /// The fingers that it is for.
+    pub fingers: Vec<Finger>,
+}
+
 impl StateView {
     /// Everything there is to know now.
     #[must_use]
-    pub fn new(app: &App) -> Self {
-        let (active, heard_ago) = (app.active(), app.heard_ago());
-        let device = app.known();
+    pub fn new(
+        sources: &Sources<'_>,
+        driven: Option<DrivenPlan>,
+        heard_ago: Option<Duration>,
+        uptime: Duration,
+    ) -> Self {
+        let device = sources.device;
+        let (plan_id, plan, touches) = match driven {
+            Some(DrivenPlan { id, plan, fingers }) => (Some(id), Some(plan), fingers),
+            None => (None, None, Vec::new()),
+        };
         Self {
-            device: DeviceView::new(&device),
-            plan: active.as_ref().map(|active| active.plan.clone()),
-            plan_id: active.as_ref().map(|active| active.id),
-            touches: active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
-            telemetry: TelemetryView::new(app, &device).filter(|_| device.connected),
-            link: LinkView::new(&device, heard_ago),
-            daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
+            device: DeviceView::new(device),
+            plan,
+            plan_id,
+            touches,
+            telemetry: TelemetryView::new(sources).filter(|_| device.connected),
+            link: LinkView::new(device, heard_ago),
+            daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: uptime.as_secs_f64() },
         }
     }
 }
 
 impl MeasuredView {
-    /// What is known of it in `device`.
+    /// What is known of the device.
     #[must_use]
-    pub fn new(app: &App, device: &Snapshot) -> Self {
+    pub fn new(sources: &Sources<'_>) -> Self {
+        let device = sources.device;
         let here = device.connected;
         let volts = |millivolts: &u32| f64::from(*millivolts) / 1e3;
         Self {
@@ -164,15 +196,16 @@ impl MeasuredView {
                 .as_ref()
                 .filter(|_| here)
                 .map(|known| known.rail_millivolts.iter().map(volts).collect()),
-            telemetry: TelemetryView::new(app, device).filter(|_| here),
+            telemetry: TelemetryView::new(sources).filter(|_| here),
         }
     }
 }
 
 impl TelemetryView {
-    fn new(app: &App, device: &Snapshot) -> Option<Self> {
+    fn new(sources: &Sources<'_>) -> Option<Self> {
+        let device = sources.device;
         let telemetry = device.telemetry.as_ref()?;
-        let names = &app.table.scene.actuators;
+        let names = sources.actuators;
         let channel = |(i, channel): (usize, &ChannelStatus)| {
             let si = channel.drive.as_ref().map(from_wire);
             ChannelView {
@@ -187,7 +220,7 @@ impl TelemetryView {
         let recent_g = telemetry.acceleration_peak_mm_per_s2.map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY);
         let view =
             |peak: &TouchPeak| TouchPeakView { plan_id: peak.plan_id, peak_g: peak.peak_m_per_s2 / STANDARD_GRAVITY };
-        let touch_peaks: Vec<TouchPeakView> = app.touch_peaks(MOST_PEAKS).iter().map(view).collect();
+        let touch_peaks: Vec<TouchPeakView> = sources.touch_peaks.iter().map(view).collect();
         Some(Self {
             uptime_ms: telemetry.uptime_us / 1000,
             acceleration_peak_g: touch_peaks.first().map(|newest| newest.peak_g).or(recent_g),

@@ -1,84 +1,204 @@
-//! What a request asks the planner for, in the planner's units.
+//! A touch that has been checked, in the planner's units: the one place where the values of a touch are looked at.
 
-use super::plan_view::TouchView;
-use super::request::{AlsoRequest, Manner, QuietRequest, TouchRequest, check_intensity};
+use super::request::{Feel, Finger, MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS, QuietZone, TouchRequest};
+use crate::daemon::api::kinds::Kind;
 use crate::daemon::api::problem::Problem;
-use crate::effects::Intensity;
+use crate::effects::{DesignError, EffectError, EffectRequest, Intensity};
 use crate::planner::request::MAX_QUIET_RADIUS_M;
 use crate::planner::schedule::{Span, Window, spans};
 use crate::planner::{Quiet, Request, Target};
 use crate::scene::Scene;
+use std::time::Duration;
 
-/// How long a touch vibrates if it does not say, in ms.
+/// How long a touch over HTTP vibrates if it does not say, in ms.
 pub const DEFAULT_DURATION_MS: u32 = 1_000;
 
-/// Everything that is asked for, checked as far as that goes without planning.
+/// A touch that has been checked as far as that goes without planning, whichever way it has come.
 #[derive(Clone, Debug)]
-pub struct Asked {
+pub struct Touch {
     /// The fingers, in the order of the request's targets.
-    pub touches: Vec<TouchView>,
+    pub fingers: Vec<Finger>,
     /// For the planner.
     pub request: Request,
     /// For the targets that have none of their own.
     pub intensity: Option<Intensity>,
-    /// For how long, and how.
-    pub manner: Manner,
+    /// For how long, and how, the plan is driven.
+    pub mode: DriveMode,
+    /// What it should feel like, as it was asked for.
+    pub feel: Feel,
     /// Where there are time windows.
     pub spans: Option<Vec<Span>>,
     /// Whether to work out what can be had where it cannot be had in full.
-    pub with_trade: bool,
+    pub wants_trade: bool,
 }
 
-impl Asked {
-    /// All fingers of a page.
+/// For how long, and how, a plan is driven.
+#[derive(Clone, Copy, Debug)]
+pub enum DriveMode {
+    /// Evenly, for as long.
+    Hold(Duration),
+    /// As the board plays an effect.
+    Effect(EffectRequest),
+}
+
+/// A finger whose place and strength have been checked.
+#[derive(Clone, Copy, Debug)]
+pub struct CheckedFinger {
+    /// The finger.
+    pub finger: Finger,
+    /// For the planner.
+    pub target: Target,
+}
+
+impl Touch {
+    /// The touch that a request over HTTP asks for, on this scene. It is refused as a whole where anything in it is wrong.
     ///
     /// # Errors
-    /// [`Problem`] that names the field.
-    pub fn fingers(
-        touches: Vec<TouchView>,
-        intensity: Option<Intensity>,
-        manner: Manner,
-        scene: &Scene,
-    ) -> Result<Self, Problem> {
-        let of = |(t, touch): (usize, &TouchView)| {
-            target(touch, scene).map_err(|problem| problem.of(Some(format!("touches[{t}]"))).finger(touch.id))
-        };
-        let targets = touches.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
-        let request = Request::touch(&targets);
-        Ok(Self { touches, request, intensity, manner, spans: None, with_trade: false })
+    /// [`Problem`] that names field, value and range; `also[0].x_px` for the first other target.
+    pub fn from_request(asked: &TouchRequest, scene: &Scene) -> Result<Self, Problem> {
+        let feel = asked.feel();
+        let (intensity, mode) = feel.check(DEFAULT_DURATION_MS)?;
+        let also = asked.also.iter().flatten();
+        let first = Finger { id: 0, x_px: asked.x_px, y_px: asked.y_px, intensity_g: None, effect: None };
+        let others = (1..).zip(also.clone()).map(|(id, other)| Finger {
+            id,
+            x_px: other.x_px,
+            y_px: other.y_px,
+            intensity_g: other.intensity_g,
+            effect: None,
+        });
+        let fingers: Vec<Finger> = std::iter::once(first).chain(others).collect();
+        let name = |t: usize| (t > 0).then(|| format!("also[{}]", t - 1));
+        let mut request = Request::touch(&[]);
+        for (t, finger) in fingers.iter().enumerate() {
+            request.targets.push(finger.check(scene).map_err(|problem| problem.of(name(t)))?.target);
+        }
+        for (i, zone) in asked.quiet.iter().flatten().enumerate() {
+            request.quiet.push(zone.check(scene).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
+        }
+        request.objective = asked.objective.unwrap_or_default();
+        request.grouping = asked.grouping.unwrap_or_default();
+        request.weigh = asked.weigh.unwrap_or_default();
+        let ends: Vec<(Option<f64>, Option<f64>)> = std::iter::once((asked.from_ms, asked.to_ms))
+            .chain(also.map(|other| (other.from_ms, other.to_ms)))
+            .collect();
+        let spans = find_spans(&ends, feel.duration_ms, mode, name)?;
+        Ok(Self { fingers, request, intensity, mode, feel, spans, wants_trade: asked.trade.unwrap_or(false) })
+    }
+
+    /// The touch of the fingers on a page, each of which has been checked by itself.
+    ///
+    /// # Errors
+    /// [`Problem`] that names field, value and range of what the fingers should feel like.
+    pub fn from_fingers(fingers: &[CheckedFinger], feel: Feel) -> Result<Self, Problem> {
+        let (intensity, mode) = feel.check(MAX_DURATION_MS)?;
+        let targets: Vec<Target> = fingers.iter().map(|checked| checked.target).collect();
+        Ok(Self {
+            fingers: fingers.iter().map(|checked| checked.finger).collect(),
+            request: Request::touch(&targets),
+            intensity,
+            mode,
+            feel,
+            spans: None,
+            wants_trade: false,
+        })
+    }
+
+    /// No finger at all: those before are lifted.
+    #[must_use]
+    pub fn without_fingers() -> Self {
+        Self {
+            fingers: Vec::new(),
+            request: Request::touch(&[]),
+            intensity: None,
+            mode: DriveMode::Hold(Duration::ZERO),
+            feel: Feel::default(),
+            spans: None,
+            wants_trade: false,
+        }
+    }
+
+    /// The same touch of those of its fingers that have one of these numbers.
+    #[must_use]
+    pub fn with_only(mut self, ids: &[i64]) -> Self {
+        let kept = |(finger, _): &(Finger, Target)| ids.contains(&finger.id);
+        (self.fingers, self.request.targets) = self.fingers.into_iter().zip(self.request.targets).filter(kept).unzip();
+        self
     }
 }
 
-/// Refuses a finger that no plan can be made for.
+impl Finger {
+    /// Checks the place and the strength of a finger.
+    ///
+    /// # Errors
+    /// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
+    pub fn check(self, scene: &Scene) -> Result<CheckedFinger, Problem> {
+        let (x_m, y_m) = scene.place_px(self.x_px, self.y_px)?.xy_m();
+        check_intensity(self.intensity_g)?;
+        Ok(CheckedFinger { finger: self, target: Target { x_m, y_m, intensity_g: self.intensity_g } })
+    }
+}
+
+impl QuietZone {
+    fn check(&self, scene: &Scene) -> Result<Quiet, Problem> {
+        let (x_m, y_m) = scene.place_px(self.x_px, self.y_px)?.xy_m();
+        let most_mm = MAX_QUIET_RADIUS_M * 1e3;
+        if !(0.0..=most_mm).contains(&self.radius_mm) {
+            return Err(Problem::range("radius_mm", self.radius_mm, 0, most_mm));
+        }
+        if !self.at_most_g.is_finite() || self.at_most_g < 0.0 {
+            return Err(Problem::range("at_most_g", self.at_most_g, 0, f64::INFINITY));
+        }
+        Ok(Quiet { x_m, y_m, radius_m: self.radius_mm / 1e3, at_most_g: self.at_most_g })
+    }
+}
+
+impl Feel {
+    /// Strength and mode; a touch that says nothing of its length is held for `hold_ms`.
+    fn check(&self, hold_ms: u32) -> Result<(Option<Intensity>, DriveMode), Problem> {
+        check_intensity(self.intensity_g)?;
+        let intensity = match (self.intensity_g, self.intensity_db) {
+            (Some(_), Some(db)) => {
+                let detail = "intensity_g and intensity_db are two ways to say the same: give one of them";
+                let allowed = "absent with intensity_g".to_owned();
+                return Err(Problem::body(detail.into()).at("intensity_db", db.into(), allowed, None));
+            }
+            (Some(g), None) => Some(Intensity::G(g)),
+            (None, db) => db.map(Intensity::AboveThresholdDb),
+        };
+        let Some(effect) = self.effect else {
+            let alone = [("count", self.count.map(f64::from)), ("period_ms", self.period_ms)];
+            if let Some((field, value)) = alone.into_iter().find_map(|(field, value)| Some((field, value?))) {
+                let detail = format!("{field} is {value}, but belongs to an effect and none is given");
+                return Err(Problem::body(detail).at(field, value.into(), "absent without an effect".into(), None));
+            }
+            let duration_ms = self.duration_ms.unwrap_or_else(|| f64::from(hold_ms));
+            if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
+                return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
+            }
+            return Ok((intensity, DriveMode::Hold(Duration::from_secs_f64(duration_ms / 1e3))));
+        };
+        let Feel { duration_ms, count, period_ms, .. } = *self;
+        let request = EffectRequest { effect, duration_ms, count, period_ms };
+        // Before anything is planned.
+        request.envelope()?;
+        Ok((intensity, DriveMode::Effect(request)))
+    }
+}
+
+/// Refuses a peak that nothing can have.
 ///
 /// # Errors
-/// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
-pub fn check_finger(touch: &TouchView, scene: &Scene) -> Result<(), Problem> {
-    target(touch, scene).map(drop)
-}
-
-fn target(touch: &TouchView, scene: &Scene) -> Result<Target, Problem> {
-    let (x_m, y_m) = scene.place_px(touch.x_px, touch.y_px)?.xy_m();
-    check_intensity(touch.intensity_g)?;
-    Ok(Target { x_m, y_m, intensity_g: touch.intensity_g })
-}
-
-fn at_least_0(field: &'static str, value: f64) -> Result<(), Problem> {
-    if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(Problem::range(field, value, 0, f64::INFINITY)) }
-}
-
-fn quiet(zone: &QuietRequest, scene: &Scene) -> Result<Quiet, Problem> {
-    let (x_m, y_m) = scene.place_px(zone.x_px, zone.y_px)?.xy_m();
-    let most_mm = MAX_QUIET_RADIUS_M * 1e3;
-    if !(0.0..=most_mm).contains(&zone.radius_mm) {
-        return Err(Problem::range("radius_mm", zone.radius_mm, 0, most_mm));
+/// [`Problem`] with the range.
+pub fn check_intensity(intensity_g: Option<f64>) -> Result<(), Problem> {
+    match intensity_g {
+        Some(g) if !(0.0..=MAX_INTENSITY_G).contains(&g) => Err(Problem::range("intensity_g", g, 0, MAX_INTENSITY_G)),
+        _ => Ok(()),
     }
-    at_least_0("at_most_g", zone.at_most_g)?;
-    Ok(Quiet { x_m, y_m, radius_m: zone.radius_mm / 1e3, at_most_g: zone.at_most_g })
 }
 
 /// The window of a target of which only one end may be given; `None` if neither is.
-fn window(from_ms: Option<f64>, to_ms: Option<f64>, end_ms: f64) -> Result<Option<Window>, Problem> {
+fn find_window(from_ms: Option<f64>, to_ms: Option<f64>, end_ms: f64) -> Result<Option<Window>, Problem> {
     if from_ms.is_none() && to_ms.is_none() {
         return Ok(None);
     }
@@ -87,71 +207,56 @@ fn window(from_ms: Option<f64>, to_ms: Option<f64>, end_ms: f64) -> Result<Optio
     Ok(Some(window))
 }
 
-impl TouchRequest {
-    /// What this asks for, on this scene.
-    ///
-    /// # Errors
-    /// [`Problem`] that names the field, `also[0].x_px` for one of the first other target.
-    pub fn asked(&self, scene: &Scene) -> Result<Asked, Problem> {
-        let (intensity, manner) = self.feel().check(DEFAULT_DURATION_MS)?;
-        let also = self.also.iter().flatten();
-        let first = TouchView { id: 0, x_px: self.x_px, y_px: self.y_px, intensity_g: None, effect: None };
-        let others = (1..).zip(also.clone()).map(|(id, other)| {
-            let AlsoRequest { x_px, y_px, intensity_g, .. } = *other;
-            TouchView { id, x_px, y_px, intensity_g, effect: None }
-        });
-        let touches: Vec<TouchView> = std::iter::once(first).chain(others).collect();
-        let name = |t: usize| (t > 0).then(|| format!("also[{}]", t - 1));
-        let mut request = Request::touch(&[]);
-        for (t, touch) in touches.iter().enumerate() {
-            request.targets.push(target(touch, scene).map_err(|problem| problem.of(name(t)))?);
-        }
-        for (i, zone) in self.quiet.iter().flatten().enumerate() {
-            request.quiet.push(quiet(zone, scene).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
-        }
-        request.objective = self.objective.unwrap_or_default();
-        request.grouping = self.grouping.unwrap_or_default();
-        request.weigh = self.weigh.unwrap_or_default();
-        let ends: Vec<(Option<f64>, Option<f64>)> =
-            std::iter::once((self.from_ms, self.to_ms)).chain(also.map(|other| (other.from_ms, other.to_ms))).collect();
-        let spans = self.spans(&ends, manner, name)?;
-        Ok(Asked { touches, request, intensity, manner, spans, with_trade: self.trade.unwrap_or(false) })
-    }
-
-    /// Where windows begin and end. Targets without one last for `duration_ms`; if that is not given, as long as any other.
-    fn spans(
-        &self,
-        ends: &[(Option<f64>, Option<f64>)],
-        manner: Manner,
-        name: impl Fn(usize) -> Option<String>,
-    ) -> Result<Option<Vec<Span>>, Problem> {
-        if matches!(manner, Manner::Effect(_)) {
-            // Before their values are looked at: an effect has no end that could stand for one that is not given.
-            let given = |(t, (from_ms, to_ms)): (usize, &(Option<f64>, Option<f64>))| {
-                Some((t, from_ms.map(|ms| ("from_ms", ms)).or(to_ms.map(|ms| ("to_ms", ms)))?))
-            };
-            return match ends.iter().enumerate().find_map(given) {
-                None => Ok(None),
-                Some((t, (field, ms))) => {
-                    let detail = format!("{field} is {ms}, but is for even drives: an effect has its own length");
-                    Err(Problem::body(detail).at(field, ms.into(), "absent with an effect".into(), None).of(name(t)))
-                }
-            };
-        }
-        let latest_ms = ends.iter().filter_map(|(_, to_ms)| *to_ms).fold(f64::NAN, f64::max);
-        let hold_ms = match manner {
-            Manner::Hold(hold) if self.duration_ms.is_some() || latest_ms.is_nan() => hold.as_secs_f64() * 1e3,
-            _ => latest_ms,
+/// When which targets are driven; `None` if no target has a time window. Of each target `ends` are the two ends of its window, `name` is how
+/// messages call it. Targets without a window last for `duration_ms`; if that is not given, as long as any other.
+fn find_spans(
+    ends: &[(Option<f64>, Option<f64>)],
+    duration_ms: Option<f64>,
+    mode: DriveMode,
+    name: impl Fn(usize) -> Option<String>,
+) -> Result<Option<Vec<Span>>, Problem> {
+    if matches!(mode, DriveMode::Effect(_)) {
+        // Before their values are looked at: an effect has no end that could stand for one that is not given.
+        let given = |(t, (from_ms, to_ms)): (usize, &(Option<f64>, Option<f64>))| {
+            Some((t, from_ms.map(|ms| ("from_ms", ms)).or(to_ms.map(|ms| ("to_ms", ms)))?))
         };
-        let mut windows = Vec::new();
-        for (t, (from_ms, to_ms)) in ends.iter().enumerate() {
-            windows.push(window(*from_ms, *to_ms, hold_ms).map_err(|problem| problem.of(name(t)))?);
+        return match ends.iter().enumerate().find_map(given) {
+            None => Ok(None),
+            Some((t, (field, ms))) => {
+                let detail = format!("{field} is {ms}, but is for even drives: an effect has its own length");
+                Err(Problem::body(detail).at(field, ms.into(), "absent with an effect".into(), None).of(name(t)))
+            }
+        };
+    }
+    let latest_ms = ends.iter().filter_map(|(_, to_ms)| *to_ms).fold(f64::NAN, f64::max);
+    let hold_ms = match mode {
+        DriveMode::Hold(hold) if duration_ms.is_some() || latest_ms.is_nan() => hold.as_secs_f64() * 1e3,
+        _ => latest_ms,
+    };
+    let mut windows = Vec::new();
+    for (t, (from_ms, to_ms)) in ends.iter().enumerate() {
+        windows.push(find_window(*from_ms, *to_ms, hold_ms).map_err(|problem| problem.of(name(t)))?);
+    }
+    if windows.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    let all = Window { from_ms: 0.0, to_ms: hold_ms };
+    let windows: Vec<Window> = windows.into_iter().map(|window| window.unwrap_or(all)).collect();
+    Ok(Some(spans(&windows)?))
+}
+
+impl From<EffectError> for Problem {
+    fn from(error: EffectError) -> Self {
+        let (field, value, allowed) = error.parts();
+        Self::new(Kind::OutOfRange, error.to_string()).at(field, value.into(), allowed, None)
+    }
+}
+
+impl From<DesignError> for Problem {
+    fn from(error: DesignError) -> Self {
+        match error {
+            DesignError::Request(error) => error.into(),
+            DesignError::Unbounded => Self::new(Kind::NoPlan, error.to_string()),
         }
-        if windows.iter().all(Option::is_none) {
-            return Ok(None);
-        }
-        let all = Window { from_ms: 0.0, to_ms: hold_ms };
-        let windows: Vec<Window> = windows.into_iter().map(|window| window.unwrap_or(all)).collect();
-        Ok(Some(spans(&windows)?))
     }
 }

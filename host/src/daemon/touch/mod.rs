@@ -1,6 +1,6 @@
 //! A touch, from what is asked for to what is answered, without planning or driving it.
 //!
-//! `request` is what is asked for, `check` validates it and turns it into the planner's units, `admission` numbers requests and gives
+//! `request` is what is asked for as it comes, `check` makes of it a [`Touch`], the one type that planner and board are asked with; `admission` numbers requests and gives
 //! places at the planner in turn. `answer` is what a touch has led to, `outcome` what became of a request, `plan_view` plans and fields
 //! as JSON.
 //!
@@ -12,3 +12,5 @@ pub mod check;
 pub mod outcome;
 pub mod plan_view;
 pub mod request;
+
+pub use check::Touch;

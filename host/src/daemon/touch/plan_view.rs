@@ -1,30 +1,9 @@
-//! Fingers, plans and fields as JSON.
+//! Plans and fields as JSON.
 
-use crate::daemon::drive::credit::Thinned;
-use crate::effects::{Design, NamedEffect};
+use crate::effects::Design;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use utoipa::ToSchema;
-
-/// One finger.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
-#[schema(as = Finger)]
-#[serde(deny_unknown_fields)]
-pub struct TouchView {
-    /// The page's number for it.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole")]
-    pub id: i64,
-    /// In pixels of the scene's screen.
-    pub x_px: f64,
-    /// In pixels of the scene's screen.
-    pub y_px: f64,
-    /// Peak wanted for it alone, in g.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub intensity_g: Option<f64>,
-    /// Played when it goes down; one panel plays one effect, the first finger's that has one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub effect: Option<NamedEffect>,
-}
 
 /// A plan as sent to clients.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -82,6 +61,38 @@ impl PlanView {
     #[must_use]
     pub const fn plan(&self) -> &Plan {
         &self.plan
+    }
+}
+
+/// That a plan is driven with less than it has, or not at all for a moment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct Thinned {
+    /// The part of the plan's forces that is driven.
+    #[schema(minimum = 0, maximum = 1)]
+    pub part: f64,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// What a drive is thinned out for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = ThinnedFor)]
+#[serde(rename_all = "lowercase")]
+pub enum Reason {
+    /// A channel's credit.
+    Credit,
+    /// The rest after a burst.
+    Burst,
+}
+
+impl Thinned {
+    /// The pause in which a board rests.
+    pub const RESTS: Self = Self { part: 0.0, reason: Reason::Burst };
+
+    /// For the credit; `None` where all is driven.
+    #[must_use]
+    pub fn by_credit(part: f64) -> Option<Self> {
+        (part < 1.0).then_some(Self { part, reason: Reason::Credit })
     }
 }
 

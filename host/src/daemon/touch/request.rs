@@ -1,10 +1,8 @@
-//! What a touch asks for, over HTTP and over the live socket.
+//! What is asked for as it comes, over HTTP and over the live socket; nothing of it is checked.
 
-use crate::daemon::api::problem::{Kind, Problem};
-use crate::effects::{DesignError, EffectError, EffectRequest, Intensity, NamedEffect};
+use crate::effects::NamedEffect;
 use crate::planner::{Grouping, Objective, Weigh};
-use serde::Deserialize;
-use std::time::Duration;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 /// Shortest touch in ms.
@@ -53,9 +51,9 @@ pub struct TouchRequest {
     /// effect.
     pub to_ms: Option<f64>,
     /// Other targets.
-    pub also: Option<Vec<AlsoRequest>>,
+    pub also: Option<Vec<OtherTarget>>,
     /// Places to be spared.
-    pub quiet: Option<Vec<QuietRequest>>,
+    pub quiet: Option<Vec<QuietZone>>,
     /// What is made least, or most: least mean square elsewhere (`contrast`, if not given), the strongest minimum over the surface
     /// (`reach`), or least electrical power (`power`).
     pub objective: Option<Objective>,
@@ -73,7 +71,7 @@ pub struct TouchRequest {
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = Also)]
 #[serde(deny_unknown_fields)]
-pub struct AlsoRequest {
+pub struct OtherTarget {
     /// In pixels of the scene's screen, from its left edge.
     pub x_px: f64,
     /// From its top edge.
@@ -91,7 +89,7 @@ pub struct AlsoRequest {
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = QuietZone)]
 #[serde(deny_unknown_fields)]
-pub struct QuietRequest {
+pub struct QuietZone {
     /// Its middle in pixels of the scene's screen, from its left edge.
     pub x_px: f64,
     /// From its top edge.
@@ -129,74 +127,21 @@ pub struct Feel {
     pub period_ms: Option<f64>,
 }
 
-/// For how long, and how, a plan is driven.
-#[derive(Clone, Copy, Debug)]
-pub enum Manner {
-    /// Evenly, for as long.
-    Hold(Duration),
-    /// As the board plays an effect.
-    Effect(EffectRequest),
-}
-
-impl Feel {
-    /// Strength and manner; a touch that says nothing of its length is held for `hold_ms`.
-    ///
-    /// # Errors
-    /// [`Problem`] that names the field.
-    pub fn check(&self, hold_ms: u32) -> Result<(Option<Intensity>, Manner), Problem> {
-        check_intensity(self.intensity_g)?;
-        let intensity = match (self.intensity_g, self.intensity_db) {
-            (Some(_), Some(db)) => {
-                let detail = "intensity_g and intensity_db are two ways to say the same: give one of them";
-                let allowed = "absent with intensity_g".to_owned();
-                return Err(Problem::body(detail.into()).at("intensity_db", db.into(), allowed, None));
-            }
-            (Some(g), None) => Some(Intensity::G(g)),
-            (None, db) => db.map(Intensity::AboveThresholdDb),
-        };
-        let Some(effect) = self.effect else {
-            let alone = [("count", self.count.map(f64::from)), ("period_ms", self.period_ms)];
-            if let Some((field, value)) = alone.into_iter().find_map(|(field, value)| Some((field, value?))) {
-                let detail = format!("{field} is {value}, but belongs to an effect and none is given");
-                return Err(Problem::body(detail).at(field, value.into(), "absent without an effect".into(), None));
-            }
-            let duration_ms = self.duration_ms.unwrap_or_else(|| f64::from(hold_ms));
-            if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
-                return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
-            }
-            return Ok((intensity, Manner::Hold(Duration::from_secs_f64(duration_ms / 1e3))));
-        };
-        let Feel { duration_ms, count, period_ms, .. } = *self;
-        let request = EffectRequest { effect, duration_ms, count, period_ms };
-        // Before anything is planned.
-        request.envelope()?;
-        Ok((intensity, Manner::Effect(request)))
-    }
-}
-
-/// Refuses a peak that nothing can have.
-///
-/// # Errors
-/// [`Problem`] with the range.
-pub fn check_intensity(intensity_g: Option<f64>) -> Result<(), Problem> {
-    match intensity_g {
-        Some(g) if !(0.0..=MAX_INTENSITY_G).contains(&g) => Err(Problem::range("intensity_g", g, 0, MAX_INTENSITY_G)),
-        _ => Ok(()),
-    }
-}
-
-impl From<EffectError> for Problem {
-    fn from(error: EffectError) -> Self {
-        let (field, value, allowed) = error.parts();
-        Self::new(Kind::OutOfRange, error.to_string()).at(field, value.into(), allowed, None)
-    }
-}
-
-impl From<DesignError> for Problem {
-    fn from(error: DesignError) -> Self {
-        match error {
-            DesignError::Request(error) => error.into(),
-            DesignError::Unbounded => Self::new(Kind::NoPlan, error.to_string()),
-        }
-    }
+/// One finger.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Finger {
+    /// The page's number for it.
+    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole")]
+    pub id: i64,
+    /// In pixels of the scene's screen.
+    pub x_px: f64,
+    /// In pixels of the scene's screen.
+    pub y_px: f64,
+    /// Peak wanted for it alone, in g.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intensity_g: Option<f64>,
+    /// Played when it goes down; one panel plays one effect, the first finger's that has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effect: Option<NamedEffect>,
 }

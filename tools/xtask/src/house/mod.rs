@@ -9,11 +9,14 @@
 //! above that of the other, at any distance. All other imports make a graph, and each of its strongly connected
 //! components of more than one file is a **circle**.
 //!
+//! The folders of the daemon use each other in one direction ([`order::DAEMON`]); an import against it is an error, too.
+//!
 //! Why not `cargo modules dependencies --acyclic`: cargo-modules 0.27 looks for circles in the graph of modules *and* items with the
 //! edges from parent to child in it, so that it stops at the first `use super::Thing`; and modules that import items of each other
 //! are no circle to it (its issue 185). It brings 303 crates, rust-analyzer's among them; this needs `syn` and `proc-macro2`.
 
 mod circles;
+mod order;
 mod source;
 mod survey;
 #[cfg(test)]
@@ -28,6 +31,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use survey::Survey;
 
+/// The crate whose daemon has an order.
+const HOST: &str = "era-host";
 /// The crate that has a workspace of its own.
 const APART: &str = "firmware";
 /// Folders without sources.
@@ -62,14 +67,20 @@ struct Target {
 /// Surveys every crate and prints what it finds.
 ///
 /// # Errors
-/// [`Error::Circles`] if there is one; what cannot be read.
+/// [`Error::Circles`] if there is one; [`Error::FolderOrder`]; what cannot be read.
 pub fn run_survey() -> Result<(), Error> {
-    let mut circles = 0;
+    let (mut circles, mut breaches) = (0, Vec::new());
     for (name, survey) in survey_crates(&repository_root()?)? {
         print!("{}", describe_survey(&name, &survey));
         circles += survey.circles.len();
+        if name == HOST {
+            breaches = order::DAEMON.find_breaches(&survey.imports);
+        }
     }
     println!("{circles} circles between files");
+    if !breaches.is_empty() {
+        return Err(Error::FolderOrder(breaches.join(", ")));
+    }
     if circles == 0 { Ok(()) } else { Err(Error::Circles(circles)) }
 }
 

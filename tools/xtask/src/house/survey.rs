@@ -15,6 +15,8 @@ const SOURCES: &str = "src";
 /// What is found in a crate.
 #[derive(Debug)]
 pub struct Survey {
+    /// Which files import which, but for modules above or below each other.
+    pub imports: Graph<String>,
     /// Circles of files.
     pub circles: Vec<Graph<String>>,
     /// Files above 500 lines, and how many they have.
@@ -45,7 +47,7 @@ impl Survey {
         for (from, to) in find_imports(&trees, is_test) {
             graph.entry(show_path(from)).or_insert_with(BTreeSet::new).insert(show_path(to));
         }
-        Ok(Self { circles: find_circles(&graph), long, lost })
+        Ok(Self { circles: find_circles(&graph), imports: graph, long, lost })
     }
 }
 

@@ -1,7 +1,8 @@
 //! Crates made up in memory, and the checkout itself.
 
+use super::order::DAEMON;
 use super::survey::Survey;
-use super::{describe_survey, survey_crates};
+use super::{HOST, describe_survey, survey_crates};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -160,6 +161,34 @@ fn long_and_lost_files_and_circles_are_printed() {
     ];
     assert_eq!(describe_survey("made-up", &found), lines.map(|line| format!("{line}\n")).concat());
     assert_eq!(describe_survey("made-up", &survey(&[("lib.rs", "mod a;"), ("a.rs", "")])), "");
+}
+
+/// Whoever uses a later folder, or adds one that has no place in the order, is named.
+#[test]
+fn an_import_against_the_order_of_folders_is_named() {
+    let files = |closing: &'static str| {
+        [
+            ("lib.rs", "mod daemon;"),
+            ("daemon/mod.rs", "mod api; mod http; mod new; use http::routes::Route; pub struct Daemon;"),
+            ("daemon/api/mod.rs", "pub mod problem;"),
+            ("daemon/api/problem.rs", closing),
+            ("daemon/http/mod.rs", "pub mod routes;"),
+            ("daemon/http/routes.rs", "use crate::daemon::api::problem::Problem; pub struct Route;"),
+            ("daemon/new.rs", "use super::Daemon;"),
+        ]
+    };
+    let breaches = |closing| DAEMON.find_breaches(&survey(&files(closing)).imports);
+    assert_eq!(breaches("use crate::daemon::Daemon; pub struct Problem;"), [""; 0]);
+    assert_eq!(breaches("use crate::daemon::http::routes::Route;"), ["daemon/api/problem.rs -> daemon/http/routes.rs"]);
+    assert_eq!(breaches("use crate::daemon::new::New;"), ["daemon/api/problem.rs -> daemon/new.rs"]);
+}
+
+#[test]
+fn folders_of_the_daemon_use_each_other_in_one_direction() {
+    let all = survey_crates(&crate::repository_root().unwrap()).unwrap();
+    let host = all.iter().find(|(name, _)| name == HOST).unwrap();
+    assert!(host.1.imports.keys().any(|file| file.starts_with("daemon/http/")));
+    assert_eq!(DAEMON.find_breaches(&host.1.imports), [""; 0]);
 }
 
 /// Every crate is read, and every file of a `src` is led to: otherwise its imports would be missing.

@@ -6,6 +6,7 @@
 mod problems;
 mod ranges;
 
+use super::authorize::needed_role;
 use crate::daemon::access::permissions::Role;
 use axum::http::Method;
 use serde_json::{Map, Value, json};
@@ -49,7 +50,7 @@ pub fn text(declared: &OpenApi) -> String {
 /// What belongs to an operation beside what its handler says.
 fn complete(path: &str, method: &str, operation: &mut Value) {
     let Ok(method) = Method::from_bytes(method.to_ascii_uppercase().as_bytes()) else { return };
-    let role = Role::needed(&method, path);
+    let role = needed_role(&method, path);
     operation["security"] = if role.is_some() { json!([{}, {"token": []}]) } else { json!([]) };
     operation["x-role"] = role.map(Role::name).into();
     if path == "/v1/live" {
