@@ -129,7 +129,7 @@ class Panel:
     def _accelerance(self, model, points_m, frequencies_hz):
         f = np.atleast_1d(np.asarray(frequencies_hz, dtype=float))
         rows = model.output_rows(points_m)
-        answer = np.einsum("pn,fnk->fkp", rows, model.solve(f, model.forces), optimize=True)
+        answer = np.einsum("pn,fnk->fkp", rows, model.solve(f, model.forces), optimize=True) * model.lags(points_m)
         return -((2 * np.pi * f)[:, None, None] ** 2) * answer
 
     def gap_change(self, frequencies_hz):

@@ -73,8 +73,9 @@ class Responses:
 
     def at(self, points):
         """Accelerations in m/s^2/N: [frequency, actuator, point]."""
-        rows = self.model.output_rows(np.asarray(points))
-        return np.einsum("pn,fnk->fkp", rows, self.accelerations, optimize=True)
+        points = np.asarray(points)
+        rows = self.model.output_rows(points)
+        return np.einsum("pn,fnk->fkp", rows, self.accelerations, optimize=True) * self.model.lags(points)
 
     def integral(self, points, weights):
         """Weighted sum of |acceleration|^2 over points, per N^2: [frequency, actuator]."""

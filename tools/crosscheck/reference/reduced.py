@@ -214,7 +214,7 @@ class Reduced:
         self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness + self.spring_stiffness
 
         # A held point's own motion is the force in its springs over their stiffness, the true one.
-        used, true = defaultdict(float), defaultdict(float)
+        used, true, lossy = defaultdict(float), defaultdict(float), defaultdict(lambda: np.zeros(2, complex))
         for support in scene.supports:
             row = self.at[support.x, support.y]
             capped = self._capped(support.stiffness, row)
@@ -226,8 +226,12 @@ class Reduced:
             # What it loses goes with the motion of the true one under the same force.
             softer = capped / support.stiffness if support.stiffness > 0 else 1.0
             self.losses += support.loss_factor * softer * spring
+            lossy[support.x, support.y] += [capped * (1 + 1j * support.loss_factor * softer), support.stiffness * (1 + 1j * support.loss_factor)]
             self.dashpots += support.damping * softer**2 * np.outer(row, row)
         self.own_motion = {place: used[place] / true[place] if true[place] > 0 else 1.0 for place in self.at}
+        # Under a harmonic force a lossy spring's motion lags behind the force, and the capped one's less.
+        ratio = {place: part[0] / part[1] if part[1] != 0 else 1.0 for place, part in lossy.items()}
+        self.own_lag = {place: ratio[place] / self.own_motion[place] for place in ratio}
         for slope, (stiffness, loss_factor) in zip(self.turning_rows, self.turning_springs):
             row = np.zeros(size)
             row[:n] = (slope @ self.shapes)[0]
@@ -310,6 +314,16 @@ class Reduced:
                 if abs(place[0] - point[0]) < near and abs(place[1] - point[1]) < near:
                     row[:] = own * self.own_motion[place]
         return rows
+
+    def lags(self, points):
+        """Factors [n] on the harmonic motion at points: that of a spring which is stiffer, and loses more, than the one that stands in for it."""
+        near = 1e-9 * max(self.scene.length, self.scene.width)
+        factors = np.ones(len(points), complex)
+        for k, point in enumerate(points):
+            for place, lag in self.own_lag.items():
+                if abs(place[0] - point[0]) < near and abs(place[1] - point[1]) < near:
+                    factors[k] = lag
+        return factors
 
     def solve(self, frequencies_hz, forces):
         """Coordinates under harmonic forces [coordinate, load]: [frequency, coordinate, load]."""
