@@ -24,16 +24,16 @@ def label_box(canvas, x, y, width, height, title, text="", *, fill=FILL, stroke=
 def read_transitions():
     """The transition table of the code: a dictionary from (state, event) to (state, action), without what is refused."""
     text = read_source(TABLE)
-    states = re.findall(r"State::(\w+)", text.split("pub const ALL: [State; 7]", 1)[1].split(";", 1)[0])
+    states = re.findall(r"SafetyState::(\w+)", text.split("pub const ALL: [SafetyState; 7]", 1)[1].split(";", 1)[0])
     body = text.split("match (state, event) {", 1)[1]
     table = {}
-    arm = re.compile(r"\(([\w| ]+), ((?:Event::\w+(?: \| )?)+)\) => (?:Go\((\w+), (\w+)\)|(Refuse))")
+    arm = re.compile(r"\(([\w| ]+), ((?:SafetyEvent::\w+(?: \| )?)+)\) => (?:Go\((\w+), (\w+)\)|(Refuse))")
     arms = arm.findall(body)
     if len(arms) != body.count("=>"):
         raise SystemExit(f"{TABLE} has arms that docs/pictures/device.py does not read")
     for sources, events, target, action, refused in arms:
         for source in states if sources == "_" else sources.split(" | "):
-            for event in re.findall(r"Event::(\w+)", events):
+            for event in re.findall(r"SafetyEvent::(\w+)", events):
                 outcome = None if refused else (source if target == "state" else target, action)
                 table.setdefault((source, event), outcome)
     events = {event for _, event in table}
@@ -125,7 +125,7 @@ def draw_silence(_era):
     tries = int(re.search(r"\btries: (\d+),\n        doubt: Duration::from", read_source("host/src/device/timing.rs")).group(1))
     deadman = read_constant(LIMITS, "DEADMAN_DEFAULT_MS")
     waits = [min(again * 2**index, most) for index in range(tries)]
-    # `try_request` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
+    # `request_with_retries` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
     asked, at = [], alive
     for wait in waits:
         asked.append(at)

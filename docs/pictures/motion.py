@@ -20,7 +20,7 @@ def find_division(clock_hz, frequency_hz, most_ticks):
 
 
 def find_windows(ticks, width):
-    """Windows of A and B in ticks of a period: `Period::driving` of shared/src/waveform/period.rs."""
+    """Windows of A and B in ticks of a period: `TimerPeriod::with_windows` of shared/src/waveform/period.rs."""
     first = (ticks - 2 * width) // 4
     return (first, first + width), (first + ticks // 2, first + ticks // 2 + width)
 

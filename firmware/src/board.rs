@@ -6,8 +6,8 @@ use crate::{bootloader, breaks, comparators, log, outputs, sense, supply, timers
 use embassy_time::{Duration, Instant};
 use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{ChannelLimits, FaultCode};
-use era_shared::supply::{Finding, Senses, Supply};
-use era_shared::waveform::{IDLE, Period, Preload};
+use era_shared::supply::{FaultFinding, SensorReadings, SupplyCommand};
+use era_shared::waveform::{IDLE, TimerPeriod, TimerPreload};
 
 /// What each channel can do.
 pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits::BOARD;
@@ -24,9 +24,10 @@ const COUNT_WAIT: Duration = Duration::from_micros(20);
 /// Detail of a finding about the comparators' settings, beyond all channels.
 const DETAIL_COMPARATORS: u32 = 10;
 
-/// A trip makes everything else fail that is done at the same time; it is then the reason.
-fn first_reason(code: FaultCode) -> FaultCode {
-    trip::take().map_or(code, |(code, _)| code)
+/// The fault to report for a step that has failed with `fallback`: a trip that has come meanwhile, as it is the reason for the failure, or else
+/// `fallback`.
+fn take_trip_code_or(fallback: FaultCode) -> FaultCode {
+    trip::take_trip().map_or(fallback, |(code, _)| code)
 }
 
 /// The STM32G474 actuator board.
@@ -35,8 +36,8 @@ pub struct Stm32Board {
     /// When the timers were started, in us of the board's time.
     started_us: u64,
     /// What each timer's preload registers hold.
-    loaded: [Period; CHANNELS],
-    /// Each counter at the last look.
+    loaded: [TimerPeriod; CHANNELS],
+    /// Each counter's value at the last check.
     counts: [Option<u16>; CHANNELS],
     connected: bool,
 }
@@ -45,16 +46,16 @@ impl Stm32Board {
     /// The board, with everything off.
     pub fn new(mut info: BoardInfo) -> Self {
         info.channels = core::iter::repeat_n(CHANNEL_LIMITS, CHANNELS).collect();
-        outputs::force_off();
+        outputs::force_outputs_off();
         Self { info, started_us: 0, loaded: [IDLE; CHANNELS], counts: [None; CHANNELS], connected: false }
     }
 
-    /// Whether a counter has moved since the last look.
-    fn moves(&mut self, channel: usize) -> bool {
+    /// Whether a channel's counter has moved since the last check.
+    fn has_counter_moved(&mut self, channel: usize) -> bool {
         let (Some(last), Some(period)) = (self.counts.get_mut(channel), self.loaded.get(channel)) else {
             return false;
         };
-        let now = timers::count(channel);
+        let now = timers::read_counter(channel);
         let Some(before) = last.replace(now) else { return true };
         if now != before {
             return true;
@@ -63,7 +64,7 @@ impl Stm32Board {
         let ticks = Duration::from_micros(u64::from(period.divider) * 2 / CLOCKS_PER_US);
         let end = Instant::now() + ticks.max(COUNT_WAIT);
         while Instant::now() <= end {
-            let now = timers::count(channel);
+            let now = timers::read_counter(channel);
             if now != before {
                 *last = Some(now);
                 return true;
@@ -72,19 +73,20 @@ impl Stm32Board {
         false
     }
 
-    fn look_at_timers(&mut self) -> Result<(), Finding> {
-        if !comparators::hold() {
+    fn inspect_timers(&mut self) -> Result<(), FaultFinding> {
+        if !comparators::are_all_settings_intact() {
             return Err((FaultCode::ReadBack, DETAIL_COMPARATORS));
         }
-        if self.connected && !timers::WITH_BREAK.into_iter().all(timers::outputs_enabled) {
+        if self.connected && !timers::WITH_BREAK.into_iter().all(timers::is_main_output_enabled) {
             // A break whose interrupt has not run, or not been enabled.
-            return Err(breaks::cause());
+            return Err(breaks::find_trip_cause());
         }
         for (channel, number) in (0..CHANNELS).zip(0..) {
-            if !timers::counts(channel) || !self.moves(channel) {
+            if !timers::is_counting(channel) || !self.has_counter_moved(channel) {
                 return Err((FaultCode::TimerStopped, number));
             }
-            let loaded = self.loaded.get(channel).is_some_and(|it| timers::holds(channel, it, self.connected));
+            let loaded =
+                self.loaded.get(channel).is_some_and(|it| timers::are_registers_intact(channel, it, self.connected));
             if !loaded {
                 return Err((FaultCode::ReadBack, number));
             }
@@ -102,29 +104,29 @@ impl Board for Stm32Board {
         Instant::now().as_micros()
     }
 
-    fn outputs_off(&mut self) {
-        outputs::force_off();
+    fn switch_outputs_off(&mut self) {
+        outputs::force_outputs_off();
         self.connected = false;
     }
 
-    fn sense(&mut self) -> Senses {
-        let measured = sense::measure();
-        Senses {
+    fn read_sensors(&mut self) -> SensorReadings {
+        let measured = sense::measure_inputs();
+        SensorReadings {
             rail_millivolts: measured.rail_millivolts,
             average_microamps: measured.average_microamps,
-            interlock_closed: comparators::interlock_closed(),
-            stop_released: comparators::stop_released(),
+            interlock_closed: comparators::is_interlock_closed(),
+            stop_released: comparators::is_emergency_stop_released(),
             earth_bonded: measured.earth_bonded,
-            trip: trip::take(),
+            trip: trip::take_trip(),
         }
     }
 
-    fn test_trips(&mut self) -> Result<(), Finding> {
-        if outputs::all_low() { breaks::test() } else { Err((FaultCode::ArmFailed, 0)) }
+    fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
+        if outputs::are_outputs_low() { breaks::test_all_comparators() } else { Err((FaultCode::ArmFailed, 0)) }
     }
 
-    fn set_supply(&mut self, supply: &Supply) {
-        supply::set(supply);
+    fn apply_supply_command(&mut self, command: &SupplyCommand) {
+        supply::apply_supply_command(command);
     }
 
     fn start_timers(&mut self) -> Result<(), FaultCode> {
@@ -132,32 +134,32 @@ impl Board for Stm32Board {
         self.counts = [None; CHANNELS];
         // With interrupts masked, so that the time noted is that of the start.
         cortex_m::interrupt::free(|_| {
-            let started = timers::start();
+            let started = timers::start_all_timers();
             self.started_us = Instant::now().as_micros();
             if started { Ok(()) } else { Err(FaultCode::ReadBack) }
         })
-        .map_err(first_reason)
+        .map_err(take_trip_code_or)
     }
 
-    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
         cortex_m::interrupt::free(|_| {
-            if let Some((code, _)) = trip::take() {
+            if let Some((code, _)) = trip::take_trip() {
                 return Err(code);
             }
             if connected {
                 // Still low: outputs that MOE switches off are driven low, and TIM4 runs blank periods.
-                outputs::connect_electrodes(true);
-                timers::enable_outputs(true);
+                outputs::set_electrodes_connected(true);
+                timers::set_main_outputs(true);
             } else {
-                timers::enable_outputs(false);
-                outputs::connect_electrodes(false);
+                timers::set_main_outputs(false);
+                outputs::set_electrodes_connected(false);
             }
             self.connected = connected;
             Ok(())
         })
     }
 
-    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let Some(loaded) = self.loaded.get_mut(preload.channel) else { return Err(FaultCode::DriveFailed) };
         // With interrupts masked for 2 us, so that nothing comes between the look at the clock and the last register.
         cortex_m::interrupt::free(|_| {
@@ -167,25 +169,25 @@ impl Board for Stm32Board {
                 return Err(FaultCode::DriveFailed);
             }
             *loaded = preload.period;
-            if timers::preload(preload.channel, &preload.period) { Ok(()) } else { Err(FaultCode::ReadBack) }
+            if timers::write_preload(preload.channel, &preload.period) { Ok(()) } else { Err(FaultCode::ReadBack) }
         })
-        .map_err(first_reason)
+        .map_err(take_trip_code_or)
     }
 
     /// Detail: the channel, or [`DETAIL_COMPARATORS`].
-    fn check_timers(&mut self) -> Result<(), Finding> {
-        self.look_at_timers().map_err(|finding| trip::take().unwrap_or(finding))
+    fn check_timers(&mut self) -> Result<(), FaultFinding> {
+        self.inspect_timers().map_err(|finding| trip::take_trip().unwrap_or(finding))
     }
 
-    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
         None
     }
 
-    fn take_log(&mut self, out: &mut [u8]) -> usize {
-        log::take(out)
+    fn take_log_bytes(&mut self, buffer: &mut [u8]) -> usize {
+        log::take_log_bytes(buffer)
     }
 
-    fn enter_bootloader(&mut self) {
-        bootloader::request();
+    fn request_bootloader_restart(&mut self) {
+        bootloader::request_bootloader();
     }
 }

@@ -1,4 +1,4 @@
-//! The way to the ROM bootloader, on the host's request.
+//! Entering the ROM bootloader on the host's request.
 //!
 //! The bootloader expects the chip as a reset leaves it (AN2606, section 4), so the request is noted in memory that
 //! the start-up code does not touch, the chip is reset, and the note is obeyed before anything is set up.
@@ -35,26 +35,26 @@ const ANSWER_MS: u64 = 50;
 
 static REQUEST: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// Asks for the bootloader; returns at once, so that the request can be answered.
-pub fn request() {
+/// Requests the restart into the bootloader; returns at once, so that the host's request can still be answered.
+pub fn request_bootloader() {
     REQUEST.signal(());
 }
 
-/// Waits for a request, then resets the chip into its bootloader.
+/// Waits for [`request_bootloader`], then leaves the note and resets the chip.
 #[embassy_executor::task]
-pub async fn run() {
+pub async fn await_request_and_reset() {
     REQUEST.wait().await;
     Timer::after_millis(ANSWER_MS).await;
     cortex_m::interrupt::disable();
     // They are off already, as the request is refused otherwise; nothing depends on it.
-    outputs::force_off();
+    outputs::force_outputs_off();
     // SAFETY: nothing else runs, and nothing returns from here.
     unsafe { NOTE.0.get().cast::<[u32; 2]>().write_volatile([ASKED, !ASKED]) };
     SCB::sys_reset()
 }
 
-/// Goes to the bootloader if the last run asked for it. To be called first thing, once.
-pub fn enter_if_asked() {
+/// Jumps to the bootloader if the last run left the note. To be called once, before anything else.
+pub fn enter_bootloader_if_requested() {
     let place = NOTE.0.get().cast::<[u32; 2]>();
     // SAFETY: every bit pattern is valid, and nothing else runs yet.
     let note = unsafe { place.read_volatile() };

@@ -4,7 +4,7 @@
 //! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
 //! to be set to 4, 2.8 V, when a board is brought up.
 
-use crate::outputs::force_off;
+use crate::outputs::force_outputs_off;
 use crate::priorities::PROTECTION;
 use crate::trip;
 use core::cell::UnsafeCell;
@@ -32,20 +32,20 @@ unsafe impl Sync for NoteCell {}
 #[unsafe(link_section = ".uninit.running_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Whether the start was due to a dip of the supply that memory has survived. A quick power-down and up counts as one: the
-/// chip cannot tell them apart. To be called once, at boot.
-pub fn ended_previous_run(cause: ResetCause) -> bool {
+/// Whether a dip of the supply that memory has survived has reset the chip. Power that was off for a moment counts as a dip: the chip cannot
+/// tell them apart. Leaves the note for the next start. To be called once, at boot.
+pub fn did_supply_dip_cause_reset(reset_cause: ResetCause) -> bool {
     let place = NOTE.0.get().cast::<[u32; 2]>();
     // SAFETY: every bit pattern is valid, and nothing else accesses the memory.
     let ran_before = unsafe { place.read_volatile() } == [RUNNING, !RUNNING];
     // SAFETY: as above.
     unsafe { place.write_volatile([RUNNING, !RUNNING]) };
     // The flag of a brown-out reset is that of a power-on too.
-    cause == ResetCause::PowerOn && ran_before
+    reset_cause == ResetCause::PowerOn && ran_before
 }
 
 /// Starts the detector and its interrupt. To be called once.
-pub fn init() {
+pub fn init_voltage_detector() {
     RCC.apb1enr1().modify(|w| w.set_pwren(true));
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.apb1enr1().read();
@@ -63,15 +63,15 @@ pub fn init() {
 
 /// Whether the detector is on and at its level.
 #[must_use]
-pub fn holds() -> bool {
+pub fn is_voltage_detector_configured() -> bool {
     let control = PWR.cr2().read();
     control.pvde() && control.pls() == LEVEL
 }
 
 #[interrupt]
 fn PVD_PVM() {
-    force_off();
-    trip::note(FaultCode::BrownOut, 0);
+    force_outputs_off();
+    trip::note_trip(FaultCode::BrownOut, 0);
     let mut line = Lines(0);
     line.set_line(LINE, true);
     EXTI.pr(0).write_value(line);

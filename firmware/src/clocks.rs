@@ -12,7 +12,7 @@ pub const TIMER_CLOCK_HZ: u32 = 170_000_000;
 ///
 /// The internal oscillator is within 1 % over temperature, which moves every frequency alike; a board that needs
 /// better replaces the source by a crystal here and nowhere else.
-pub fn config() -> Config {
+pub fn build_clock_config() -> Config {
     let mut config = Config::default();
     // PLL input 4 MHz (allowed 2.66 to 16 MHz), VCO 340 MHz (allowed 96 to 344 MHz).
     config.rcc.pll = Some(Pll {

@@ -48,7 +48,7 @@ const EMERGENCY_STOP: Comparator = Comparator {
     polarity: Polarity::INVERTED,
 };
 
-const fn against_converter(number: u32, fault: FaultCode, registers: Comp) -> Comparator {
+const fn make_comparator_against_dac(number: u32, fault: FaultCode, registers: Comp) -> Comparator {
     Comparator { number, fault, registers, input: Inm::DACA, polarity: Polarity::NOT_INVERTED }
 }
 
@@ -56,9 +56,9 @@ const fn against_converter(number: u32, fault: FaultCode, registers: Comp) -> Co
 pub const COMPARATORS: [Comparator; 5] = [
     EMERGENCY_STOP,
     INTERLOCK,
-    against_converter(4, FaultCode::OverCurrent, COMP4),
-    against_converter(3, FaultCode::OverVoltage, COMP3),
-    against_converter(1, FaultCode::OverVoltage, COMP1),
+    make_comparator_against_dac(4, FaultCode::OverCurrent, COMP4),
+    make_comparator_against_dac(3, FaultCode::OverVoltage, COMP3),
+    make_comparator_against_dac(1, FaultCode::OverVoltage, COMP1),
 ];
 
 /// CSR.POL.
@@ -76,7 +76,7 @@ const _: () = assert!(OVER_VOLTAGE_CODE < 4095 && OVER_CURRENT_CODE < 4095);
 const SETTLING_CLOCKS: u32 = 170 * 250;
 
 /// Starts DAC3 and the comparators, and waits until they have settled. To be called once.
-pub fn init() {
+pub fn init_comparators() {
     RCC.ahb2enr().modify(|w| w.set_dac3en(true));
     // The comparators' registers are clocked with SYSCFG.
     RCC.apb2enr().modify(|w| w.set_syscfgen(true));
@@ -94,54 +94,54 @@ pub fn init() {
         w.set_en(1, true);
     });
     for comparator in COMPARATORS {
-        comparator.invert(false);
+        comparator.configure_polarity(false);
     }
     cortex_m::asm::delay(SETTLING_CLOCKS);
 }
 
-/// Whether every comparator and threshold is as [`init`] has set it.
+/// Whether every comparator and threshold is as [`init_comparators`] has set it.
 #[must_use]
-pub fn hold() -> bool {
+pub fn are_all_settings_intact() -> bool {
     DAC3.dor(0).read().dor() == OVER_VOLTAGE_CODE
         && DAC3.dor(1).read().dor() == OVER_CURRENT_CODE
-        && COMPARATORS.iter().all(Comparator::holds)
+        && COMPARATORS.iter().all(Comparator::are_settings_intact)
 }
 
-/// The first comparator that trips now.
+/// The first comparator that is tripped now.
 #[must_use]
-pub fn tripping() -> Option<Comparator> {
-    COMPARATORS.into_iter().find(Comparator::trips)
+pub fn find_tripped_comparator() -> Option<Comparator> {
+    COMPARATORS.into_iter().find(Comparator::is_tripped)
 }
 
 /// Whether the enclosure is closed.
 #[must_use]
-pub fn interlock_closed() -> bool {
-    INTERLOCK.holds() && !INTERLOCK.trips()
+pub fn is_interlock_closed() -> bool {
+    INTERLOCK.are_settings_intact() && !INTERLOCK.is_tripped()
 }
 
 /// Whether the emergency stop is released.
 #[must_use]
-pub fn stop_released() -> bool {
-    EMERGENCY_STOP.holds() && !EMERGENCY_STOP.trips()
+pub fn is_emergency_stop_released() -> bool {
+    EMERGENCY_STOP.are_settings_intact() && !EMERGENCY_STOP.is_tripped()
 }
 
 impl Comparator {
-    /// Sets it up; `inverted` makes it trip where it should rest and rest where it should trip.
-    pub fn invert(&self, inverted: bool) {
-        let mut control = self.control();
+    /// Writes the comparator's settings; `inverted` exchanges trip and release, for the self-test.
+    pub fn configure_polarity(&self, inverted: bool) {
+        let mut control = self.build_control_register();
         if inverted {
             control.0 ^= POLARITY;
         }
         self.registers.csr().write_value(control);
     }
 
-    /// Whether it trips now.
+    /// Whether the comparator is tripped now.
     #[must_use]
-    pub fn trips(&self) -> bool {
+    pub fn is_tripped(&self) -> bool {
         self.registers.csr().read().value()
     }
 
-    fn control(&self) -> Csr {
+    fn build_control_register(&self) -> Csr {
         let mut control = Csr(0);
         control.set_en(true);
         control.set_inmsel(self.input);
@@ -153,9 +153,9 @@ impl Comparator {
         control
     }
 
-    fn holds(&self) -> bool {
+    fn are_settings_intact(&self) -> bool {
         let mut now = self.registers.csr().read();
         now.set_value(false);
-        now.0 == self.control().0
+        now.0 == self.build_control_register().0
     }
 }

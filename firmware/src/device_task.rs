@@ -3,10 +3,10 @@
 use crate::board::Stm32Board;
 use crate::heartbeat::Heartbeat;
 use crate::links::{Arrival, INBOX, LINKS};
-use crate::watchdog::{self, Task};
+use crate::watchdog::{self, WatchedTask};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
-use era_shared::device::{Device, Port};
+use era_shared::device::{Device, LinkReceiver};
 use era_shared::safety::LinkId;
 
 /// How long the device sleeps at most, in us, whatever it wants: silence is looked for this often. The dead-man time is at
@@ -17,20 +17,20 @@ const SHORTEST_SLEEP_US: u64 = 10;
 
 /// Runs the device for ever. Lives on the interrupt executor: no link, and nothing in thread mode, can hold it up.
 #[embassy_executor::task]
-pub async fn run(mut board: Stm32Board) -> ! {
+pub async fn run_device(mut board: Stm32Board) -> ! {
     let mut device = Device::new();
-    device.start(&mut board);
-    let mut ports: [Port; LINKS.len()] = core::array::from_fn(|index| Port::new(LinkId(index as u8)));
+    device.complete_boot(&mut board);
+    let mut ports: [LinkReceiver; LINKS.len()] = core::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8)));
     let mut heartbeat = Heartbeat::new();
     let mut state = device.state();
     defmt::info!("device is up, state {}", state.name());
     loop {
         // First in every turn, so that a flood of bytes cannot starve it; what a frame has changed is done at once too.
-        let due_us = device.poll(&mut board);
-        watchdog::check_in(Task::Device);
-        watchdog::feed();
+        let due_us = device.poll_next_due_us(&mut board);
+        watchdog::check_in(WatchedTask::Device);
+        watchdog::feed_if_all_checked_in();
         let now_us = Instant::now().as_micros();
-        heartbeat.show(device.state(), now_us);
+        heartbeat.update_led(device.state(), now_us);
         if device.state() != state {
             state = device.state();
             defmt::info!("state {}", state.name());
@@ -41,9 +41,9 @@ pub async fn run(mut board: Stm32Board) -> ! {
             let (Some(port), Some(outbox)) = (ports.get_mut(link), LINKS.get(link)) else { continue };
             match arrival {
                 Arrival::Bytes(bytes) => {
-                    device.receive(&mut board, port, &bytes, |answer| outbox.send(answer));
+                    device.receive_bytes(&mut board, port, &bytes, |answer| outbox.queue_answer(answer));
                 }
-                Arrival::Reopened => port.reset(),
+                Arrival::Reopened => port.discard_partial_frame(),
             }
         }
     }

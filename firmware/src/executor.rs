@@ -37,7 +37,7 @@ pub static ERA_CPU_IDLE: AtomicBool = AtomicBool::new(false);
 
 /// Embassy calls this when a task of the executor made with `context` has been woken.
 #[unsafe(export_name = "__pender")]
-fn pender(context: *mut ()) {
+fn pend_executor(context: *mut ()) {
     if context.addr() == THREAD {
         THREAD_WORK.store(true, Ordering::Release);
     } else {
@@ -57,7 +57,7 @@ fn UART4() {
 }
 
 /// Starts the device's executor.
-pub fn start_device() -> SendSpawner {
+pub fn start_device_executor() -> SendSpawner {
     let executor = DEVICE_EXECUTOR.init(Executor::new(ptr::without_provenance_mut(DEVICE)));
     DEVICE_EXECUTOR_POINTER.store(executor, Ordering::Release);
     DEVICE_INTERRUPT.set_priority(crate::priorities::DEVICE);
@@ -66,24 +66,24 @@ pub fn start_device() -> SendSpawner {
     executor.spawner().make_send()
 }
 
-/// Runs thread mode for ever.
-pub fn run_thread(spawn: impl FnOnce(Spawner)) -> ! {
+/// Runs the thread-mode executor for ever, with the tasks that `spawn_tasks` starts.
+pub fn run_thread_executor(spawn_tasks: impl FnOnce(Spawner)) -> ! {
     let executor: &'static Executor = THREAD_EXECUTOR.init(Executor::new(ptr::without_provenance_mut(THREAD)));
-    spawn(executor.spawner());
+    spawn_tasks(executor.spawner());
     let mut knocked = 0;
     loop {
         // SAFETY: polled here only, in thread mode, not from within a task.
         unsafe { executor.poll() };
         ERA_CPU_IDLE.store(true, Ordering::Relaxed);
-        while !take_thread_work() {
-            watchdog::knock(&mut knocked);
+        while !take_thread_work_or_sleep() {
+            watchdog::wake_watched_tasks_if_due(&mut knocked);
         }
         ERA_CPU_IDLE.store(false, Ordering::Relaxed);
     }
 }
 
-/// Whether there is work for thread mode, which is then taken; sleeps until the next interrupt if not.
-fn take_thread_work() -> bool {
+/// Whether thread mode has work; the mark is then cleared. Without work the processor sleeps until the next interrupt.
+fn take_thread_work_or_sleep() -> bool {
     // With interrupts masked, WFI still wakes for one that is pending, so work that arrives between the test and the sleep is
     // not slept over. A plain load and store are enough: nothing can come between them.
     cortex_m::interrupt::disable();

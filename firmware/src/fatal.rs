@@ -1,10 +1,10 @@
-//! The ways out when the firmware itself fails: outputs off before anything else, then a note for the next start, then
-//! a reset. Nothing here relies on what failed having been in order.
+//! What happens when the firmware itself fails: outputs off before anything else, then a note for the next start, then
+//! a reset. Nothing here relies on the state of what has failed.
 //!
 //! Where not even these run (the stack is gone, the core locks up), the lock-up signal breaks the timers in hardware and
 //! the watchdog resets the chip.
 
-use crate::outputs::force_off;
+use crate::outputs::force_outputs_off;
 use core::cell::UnsafeCell;
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
@@ -18,14 +18,14 @@ use heapless::String;
 /// Marks a note as written by this code and not left over from power-on.
 const MAGIC: u32 = 0x4552_4146;
 
-/// [`Note::kind`] of a panic; everything else counts as a HardFault.
+/// [`FailureNote::kind`] of a panic; everything else counts as a HardFault.
 const PANIC: u32 = 0;
 const EXCEPTION: u32 = 1;
 
 /// A note that survives a reset, in memory that the start-up code does not touch.
 #[derive(Clone, Copy)]
 #[repr(C)]
-struct Note {
+struct FailureNote {
     magic: u32,
     kind: u32,
     detail: u32,
@@ -35,7 +35,7 @@ struct Note {
     check: u32,
 }
 
-struct NoteCell(UnsafeCell<MaybeUninit<Note>>);
+struct NoteCell(UnsafeCell<MaybeUninit<FailureNote>>);
 
 // SAFETY: written only with interrupts masked on the way to a reset, read only at boot before any task runs.
 unsafe impl Sync for NoteCell {}
@@ -43,8 +43,8 @@ unsafe impl Sync for NoteCell {}
 #[unsafe(link_section = ".uninit.fault_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-impl Note {
-    fn sum(&self) -> u32 {
+impl FailureNote {
+    fn compute_checksum(&self) -> u32 {
         let words = [self.magic, self.kind, self.detail, self.length];
         let bytes = self.message.iter().map(|byte| u32::from(*byte));
         !words.into_iter().chain(bytes).fold(0_u32, |sum, word| sum.rotate_left(5).wrapping_add(word))
@@ -52,11 +52,11 @@ impl Note {
 }
 
 /// Takes the note that the previous run left and forgets it: code, detail, message. To be called once, at boot.
-pub fn take_note() -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
-    let place = NOTE.0.get().cast::<Note>();
+pub fn take_failure_note() -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
+    let place = NOTE.0.get().cast::<FailureNote>();
     // SAFETY: every bit pattern is a valid Note, and nothing else touches the memory at boot.
     let note = unsafe { place.read_volatile() };
-    if note.magic != MAGIC || note.check != note.sum() {
+    if note.magic != MAGIC || note.check != note.compute_checksum() {
         return None;
     }
     // SAFETY: as above.
@@ -68,12 +68,12 @@ pub fn take_note() -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
     Some((code, note.detail, String::try_from(message).unwrap_or_default()))
 }
 
-struct Text {
+struct MessageBuffer {
     bytes: [u8; FAILURE_MESSAGE],
     length: usize,
 }
 
-impl Write for Text {
+impl Write for MessageBuffer {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for byte in text.bytes() {
             let Some(place) = self.bytes.get_mut(self.length) else { return Ok(()) };
@@ -85,14 +85,15 @@ impl Write for Text {
     }
 }
 
-fn leave(kind: u32, detail: u32, arguments: fmt::Arguments<'_>) -> ! {
-    let mut text = Text { bytes: [0; FAILURE_MESSAGE], length: 0 };
+fn write_note_and_reset(kind: u32, detail: u32, arguments: fmt::Arguments<'_>) -> ! {
+    let mut text = MessageBuffer { bytes: [0; FAILURE_MESSAGE], length: 0 };
     // Text takes everything, so there is no error to look at.
     let _ = text.write_fmt(arguments);
-    let mut note = Note { magic: MAGIC, kind, detail, length: text.length as u32, message: text.bytes, check: 0 };
-    note.check = note.sum();
+    let mut note =
+        FailureNote { magic: MAGIC, kind, detail, length: text.length as u32, message: text.bytes, check: 0 };
+    note.check = note.compute_checksum();
     // SAFETY: interrupts are masked and nothing returns from here.
-    unsafe { NOTE.0.get().cast::<Note>().write_volatile(note) };
+    unsafe { NOTE.0.get().cast::<FailureNote>().write_volatile(note) };
     SCB::sys_reset()
 }
 
@@ -100,19 +101,19 @@ fn leave(kind: u32, detail: u32, arguments: fmt::Arguments<'_>) -> ! {
 fn panic(info: &PanicInfo<'_>) -> ! {
     // One instruction, so that no interrupt can switch on again what the next line switches off.
     cortex_m::interrupt::disable();
-    force_off();
+    force_outputs_off();
     let (file, line) = info.location().map_or(("", 0), |location| (location.file(), location.line()));
     // The folders would leave no room for what happened.
     let file = file.rsplit('/').next().unwrap_or(file);
-    leave(PANIC, line, format_args!("{file}:{line}: {}", info.message()))
+    write_note_and_reset(PANIC, line, format_args!("{file}:{line}: {}", info.message()))
 }
 
 #[exception(trampoline = true)]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     // Only an NMI can interrupt this, and it ends here too.
-    force_off();
-    let status = fault_status();
-    leave(
+    force_outputs_off();
+    let status = read_fault_status_register();
+    write_note_and_reset(
         EXCEPTION,
         frame.pc(),
         format_args!("HardFault at {:#010x}, lr {:#010x}, CFSR {status:#010x}", frame.pc(), frame.lr()),
@@ -122,20 +123,20 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 /// A flash word that cannot be corrected, or SRAM parity: the clock security system is not used (RM0440, section 3.3.4).
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    force_off();
+    force_outputs_off();
     let flash = FLASH.eccr().read().0;
-    leave(EXCEPTION, flash, format_args!("NMI, FLASH_ECCR {flash:#010x}"))
+    write_note_and_reset(EXCEPTION, flash, format_args!("NMI, FLASH_ECCR {flash:#010x}"))
 }
 
 /// An interrupt that nobody has enabled.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
     cortex_m::interrupt::disable();
-    force_off();
-    leave(EXCEPTION, number.unsigned_abs().into(), format_args!("unexpected interrupt {number}"))
+    force_outputs_off();
+    write_note_and_reset(EXCEPTION, number.unsigned_abs().into(), format_args!("unexpected interrupt {number}"))
 }
 
-fn fault_status() -> u32 {
+fn read_fault_status_register() -> u32 {
     // SAFETY: reading the fault status register has no effect; its address is fixed by the architecture.
     unsafe { (*SCB::PTR).cfsr.read() }
 }

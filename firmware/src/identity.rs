@@ -34,15 +34,15 @@ pub fn take_reset_cause() -> ResetCause {
     }
 }
 
-/// What ended the previous run, if it was not the host: code, detail, and what it said. To be called once, at boot.
-pub fn previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
-    // All are asked, so that each forgets.
-    let note = fatal::take_note();
-    let dipped = brown_out::ended_previous_run(reset_cause);
+/// What ended the previous run, if the host did not: fault, detail and message. To be called once, at boot.
+pub fn take_previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
+    // Both are called in any case, so that each clears its note.
+    let note = fatal::take_failure_note();
+    let dipped = brown_out::did_supply_dip_cause_reset(reset_cause);
     match note {
         Some(note) => Some(note),
         None if reset_cause == ResetCause::Watchdog => {
-            let (missing, text) = watchdog::missing_before_reset();
+            let (missing, text) = watchdog::find_tasks_missing_before_reset();
             Some((FaultCode::Watchdog, missing, text))
         }
         None if dipped => Some((FaultCode::BrownOut, 0, String::new())),
@@ -51,7 +51,7 @@ pub fn previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32, Stri
 }
 
 /// The facts about this board. The channels are added by the board itself.
-pub fn board_info(
+pub fn build_board_info(
     reset_cause: ResetCause,
     previous_failure: Option<(FaultCode, u32, String<FAILURE_MESSAGE>)>,
 ) -> BoardInfo {
@@ -62,7 +62,7 @@ pub fn board_info(
     BoardInfo {
         board: BoardKind::Stm32G474,
         board_id: uid::uid(),
-        boot_id: random().unwrap_or_else(boot_id_without_generator),
+        boot_id: read_random_number().unwrap_or_else(derive_boot_id_without_rng),
         reset_cause,
         image: String::try_from(env!("CARGO_PKG_NAME")).unwrap_or_default(),
         firmware: FIRMWARE,
@@ -73,7 +73,7 @@ pub fn board_info(
 }
 
 /// A number from the hardware generator; `None` if it does not deliver.
-fn random() -> Option<u32> {
+fn read_random_number() -> Option<u32> {
     RCC.ahb2enr().modify(|w| w.set_rngen(true));
     RNG.cr().modify(|w| w.set_rngen(true));
     let ready = (0..RANDOM_ATTEMPTS).any(|_| RNG.sr().read().drdy());
@@ -84,8 +84,8 @@ fn random() -> Option<u32> {
     (ready && number != 0).then_some(number)
 }
 
-/// The next best: differs from board to board and, a little, from start to start.
-fn boot_id_without_generator() -> u32 {
+/// A substitute for a random number: differs from board to board and, a little, from start to start.
+fn derive_boot_id_without_rng() -> u32 {
     let seed = Instant::now().as_ticks() as u32;
     uid::uid().iter().fold(seed, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }

@@ -8,16 +8,16 @@ const COMMIT: &[u8] = env!("ERA_COMMIT").as_bytes();
 
 /// Version of this image.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
-    major: parse(env!("CARGO_PKG_VERSION_MAJOR")),
-    minor: parse(env!("CARGO_PKG_VERSION_MINOR")),
-    patch: parse(env!("CARGO_PKG_VERSION_PATCH")),
-    commit: commit(),
+    major: parse_version_number(env!("CARGO_PKG_VERSION_MAJOR")),
+    minor: parse_version_number(env!("CARGO_PKG_VERSION_MINOR")),
+    patch: parse_version_number(env!("CARGO_PKG_VERSION_PATCH")),
+    commit: commit_digits(),
 };
 
 /// All of the header but its last field, which the linker adds (`memory.x`).
 #[used]
 #[unsafe(link_section = ".image_header")]
-static HEADER: [u8; 60] = ImageHeader::given(
+static HEADER: [u8; 60] = ImageHeader::encode_header_before_end(
     CHIP_STM32G474,
     BoardKind::Stm32G474,
     FIRMWARE,
@@ -26,7 +26,7 @@ static HEADER: [u8; 60] = ImageHeader::given(
 );
 
 /// Eight digits, zeros where the commit is not known.
-const fn commit() -> [u8; 8] {
+const fn commit_digits() -> [u8; 8] {
     let mut digits = [b'0'; 8];
     let mut index = 0;
     while index < COMMIT.len() && index < digits.len() {
@@ -36,8 +36,8 @@ const fn commit() -> [u8; 8] {
     digits
 }
 
-const fn parse(number: &str) -> u8 {
-    let digits = number.as_bytes();
+const fn parse_version_number(text: &str) -> u8 {
+    let digits = text.as_bytes();
     let mut value = 0;
     let mut index = 0;
     while index < digits.len() {

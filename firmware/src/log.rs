@@ -54,13 +54,13 @@ static _SEGGER_RTT: ControlBlock = ControlBlock {
 /// Frames lost since the last look.
 static LOST: AtomicU32 = AtomicU32::new(0);
 
-fn ring() -> LogRing<'static> {
+fn log_ring() -> LogRing<'static> {
     LogRing { bytes: &BUFFER, read: &_SEGGER_RTT.read, write: &_SEGGER_RTT.write }
 }
 
 /// Takes log bytes, oldest first, and says in the log how many frames were lost for lack of a reader.
-pub fn take(buffer: &mut [u8]) -> usize {
-    let count = critical_section::with(|_| ring().take(buffer));
+pub fn take_log_bytes(buffer: &mut [u8]) -> usize {
+    let count = critical_section::with(|_| log_ring().take_bytes(buffer));
     let lost = critical_section::with(|_| {
         let lost = LOST.load(Relaxed);
         LOST.store(0, Relaxed);
@@ -73,7 +73,7 @@ pub fn take(buffer: &mut [u8]) -> usize {
 }
 
 /// A frame in the making.
-struct Draft {
+struct FrameDraft {
     encoder: Encoder,
     bytes: [u8; FRAME],
     length: usize,
@@ -81,9 +81,9 @@ struct Draft {
     restore: RestoreState,
 }
 
-impl Draft {
+impl FrameDraft {
     /// Lets `encode` add bytes to the frame.
-    fn add(&mut self, encode: impl FnOnce(&mut Encoder, &mut dyn FnMut(&[u8]))) {
+    fn append_encoded(&mut self, encode: impl FnOnce(&mut Encoder, &mut dyn FnMut(&[u8]))) {
         let Self { encoder, bytes, length, too_long, .. } = self;
         encode(encoder, &mut |piece| {
             let end = *length + piece.len();
@@ -98,12 +98,12 @@ impl Draft {
     }
 }
 
-struct DraftCell(UnsafeCell<Draft>);
+struct DraftCell(UnsafeCell<FrameDraft>);
 
 // SAFETY: used only within the critical section that `acquire` begins and `release` ends.
 unsafe impl Sync for DraftCell {}
 
-static DRAFT: DraftCell = DraftCell(UnsafeCell::new(Draft {
+static DRAFT: DraftCell = DraftCell(UnsafeCell::new(FrameDraft {
     encoder: Encoder::new(),
     bytes: [0; FRAME],
     length: 0,
@@ -126,7 +126,7 @@ unsafe impl defmt::Logger for Logger {
         draft.encoder = Encoder::new();
         draft.length = 0;
         draft.too_long = false;
-        draft.add(|encoder, put| encoder.start_frame(put));
+        draft.append_encoded(|encoder, put| encoder.start_frame(put));
     }
 
     unsafe fn flush() {}
@@ -134,9 +134,9 @@ unsafe impl defmt::Logger for Logger {
     unsafe fn release() {
         // SAFETY: within the critical section that `acquire` began.
         let draft = unsafe { &mut *DRAFT.0.get() };
-        draft.add(|encoder, put| encoder.end_frame(put));
+        draft.append_encoded(|encoder, put| encoder.end_frame(put));
         let lost = match draft.bytes.get(..draft.length) {
-            Some(frame) if !draft.too_long => ring().push(frame),
+            Some(frame) if !draft.too_long => log_ring().push_frame_and_count_lost(frame),
             _ => 1,
         };
         LOST.store(LOST.load(Relaxed).saturating_add(lost), Relaxed);
@@ -148,6 +148,6 @@ unsafe impl defmt::Logger for Logger {
     unsafe fn write(bytes: &[u8]) {
         // SAFETY: within the critical section that `acquire` began.
         let draft = unsafe { &mut *DRAFT.0.get() };
-        draft.add(|encoder, put| encoder.write(bytes, put));
+        draft.append_encoded(|encoder, put| encoder.write(bytes, put));
     }
 }

@@ -44,23 +44,23 @@ bind_interrupts!(struct Interrupts {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     // Before anything else: the bootloader wants the chip as the reset left it, which is with all outputs off.
-    bootloader::enter_if_asked();
+    bootloader::enter_bootloader_if_requested();
     // Before the clocks are set up.
-    outputs::force_off();
+    outputs::force_outputs_off();
     let reset_cause = identity::take_reset_cause();
-    let failure = identity::previous_failure(reset_cause);
-    let peripherals = embassy_stm32::init(clocks::config());
-    priorities::init();
-    outputs::init();
-    rails::init();
-    comparators::init();
-    timers::init();
+    let failure = identity::take_previous_failure(reset_cause);
+    let peripherals = embassy_stm32::init(clocks::build_clock_config());
+    priorities::set_interrupt_priorities();
+    outputs::init_output_pins();
+    rails::init_rail_dac();
+    comparators::init_comparators();
+    timers::init_timers();
     // Before the breaks: what leads the detector to them also locks its settings (RM0440, section 6.4.2).
-    brown_out::init();
-    breaks::init();
-    sense::init();
+    brown_out::init_voltage_detector();
+    breaks::init_break_interrupt();
+    sense::init_adc();
 
-    let info = identity::board_info(reset_cause, failure);
+    let info = identity::build_board_info(reset_cause, failure);
     defmt::info!("era-firmware {}, commit {=[u8]:a}", env!("CARGO_PKG_VERSION"), info.firmware.commit);
     if let Some((code, detail)) = info.fault_before_reset {
         defmt::error!("the previous run ended in {}, {=u32}: {}", code.name(), detail, info.failure.as_str());
@@ -68,18 +68,20 @@ fn main() -> ! {
     let board = board::Stm32Board::new(info);
 
     // A baud rate that cannot be reached is a mistake in the clock tree, found at the first start on a desk.
-    let uart = defmt::unwrap!(links::uart::open(peripherals.LPUART1, peripherals.PA3, peripherals.PA2, Interrupts));
+    let uart =
+        defmt::unwrap!(links::uart::open_uart(peripherals.LPUART1, peripherals.PA3, peripherals.PA2, Interrupts));
     let (uart_tx, uart_rx) = uart.split();
-    let (usb, usb_tx, usb_rx) = links::usb::open(peripherals.USB, peripherals.PA12, peripherals.PA11, Interrupts);
+    let (usb, usb_tx, usb_rx) =
+        links::usb::open_usb_serial_port(peripherals.USB, peripherals.PA12, peripherals.PA11, Interrupts);
 
-    watchdog::start();
-    executor::start_device().spawn(defmt::unwrap!(device_task::run(board)));
-    executor::run_thread(|spawner| {
-        spawner.spawn(defmt::unwrap!(bootloader::run()));
-        spawner.spawn(defmt::unwrap!(links::uart::receive(uart_rx)));
-        spawner.spawn(defmt::unwrap!(links::uart::transmit(uart_tx)));
-        spawner.spawn(defmt::unwrap!(links::usb::run(usb)));
-        spawner.spawn(defmt::unwrap!(links::usb::receive(usb_rx)));
-        spawner.spawn(defmt::unwrap!(links::usb::transmit(usb_tx)));
+    watchdog::start_watchdog();
+    executor::start_device_executor().spawn(defmt::unwrap!(device_task::run_device(board)));
+    executor::run_thread_executor(|spawner| {
+        spawner.spawn(defmt::unwrap!(bootloader::await_request_and_reset()));
+        spawner.spawn(defmt::unwrap!(links::uart::receive_from_uart(uart_rx)));
+        spawner.spawn(defmt::unwrap!(links::uart::transmit_to_uart(uart_tx)));
+        spawner.spawn(defmt::unwrap!(links::usb::run_usb_device(usb)));
+        spawner.spawn(defmt::unwrap!(links::usb::receive_over_usb(usb_rx)));
+        spawner.spawn(defmt::unwrap!(links::usb::transmit_over_usb(usb_tx)));
     })
 }

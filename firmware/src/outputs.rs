@@ -1,6 +1,6 @@
 //! Everything that can energise something, as plain register writes.
 //!
-//! [`force_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
+//! [`force_outputs_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
 //! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
 use crate::pins::{self, ELECTRODES, Pin};
@@ -10,7 +10,7 @@ use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
 use embassy_stm32::pac::gpio::{Gpio, regs};
 
 /// The pins of a port that can energise something.
-struct Hazardous {
+struct HazardousPins {
     port: Gpio,
     /// One bit each.
     pins: u32,
@@ -21,20 +21,21 @@ struct Hazardous {
 }
 
 /// Worked out beforehand: the break interrupt has no time for it.
-const HAZARDOUS: [Hazardous; pins::HAZARDOUS.len()] = {
-    let mut ports = [const { Hazardous { port: pins::HAZARDOUS[0].0, pins: 0, pairs: 0, outputs: 0 } }; _];
+const HAZARDOUS: [HazardousPins; pins::HAZARDOUS.len()] = {
+    let mut ports = [const { HazardousPins { port: pins::HAZARDOUS[0].0, pins: 0, pairs: 0, outputs: 0 } }; _];
     let mut place = 0;
     while place < ports.len() {
         let (port, pins) = pins::HAZARDOUS[place];
-        let ones = every_second_bit(pins);
-        ports[place] = Hazardous { port, pins: pins as u32, pairs: ones * 0b11, outputs: ones * Moder::OUTPUT as u32 };
+        let ones = spread_to_even_bits(pins);
+        ports[place] =
+            HazardousPins { port, pins: pins as u32, pairs: ones * 0b11, outputs: ones * Moder::OUTPUT as u32 };
         place += 1;
     }
     ports
 };
 
 /// Bit n of `pins` as bit 2 n.
-const fn every_second_bit(pins: u16) -> u32 {
+const fn spread_to_even_bits(pins: u16) -> u32 {
     let (mut word, mut number) = (0, 0);
     while number < u16::BITS {
         word |= ((pins >> number) as u32 & 1) << (2 * number);
@@ -45,7 +46,7 @@ const fn every_second_bit(pins: u16) -> u32 {
 
 /// Switches everything off, at once and whatever state the chip is in: electrodes low, high voltage disabled, discharge
 /// switches closed, then timers stopped and set-points at zero.
-pub fn force_off() {
+pub fn force_outputs_off() {
     // After a reset the ports have no clock yet, and a write without one would be lost.
     RCC.ahb2enr().modify(|w| {
         w.set_gpioaen(true);
@@ -55,19 +56,19 @@ pub fn force_off() {
     });
     let _ = RCC.ahb2enr().read();
     // The pins are taken from the timers, so that "off" does not depend on what a timer does.
-    for Hazardous { port, pins, pairs, outputs } in HAZARDOUS {
+    for HazardousPins { port, pins, pairs, outputs } in HAZARDOUS {
         // The upper half resets.
         port.bsrr().write_value(regs::Bsrr(pins << 16));
         port.moder().modify(|w| w.0 = w.0 & !pairs | outputs);
     }
-    timers::stop();
-    rails::zero();
+    timers::stop_all_timers();
+    rails::set_all_rails_to_zero();
 }
 
 /// Makes the pins that can energise something push-pull outputs without pulls, low. Their reset values are that too.
-pub fn init() {
-    force_off();
-    for Hazardous { port, pins, pairs, .. } in HAZARDOUS {
+pub fn init_output_pins() {
+    force_outputs_off();
+    for HazardousPins { port, pins, pairs, .. } in HAZARDOUS {
         port.otyper().modify(|w| w.0 &= !pins);
         port.pupdr().modify(|w| w.0 &= !pairs);
     }
@@ -75,7 +76,7 @@ pub fn init() {
 
 /// Lets the timers reach the electrodes' pins, or takes the pins from them. To be called with interrupts masked: the break
 /// interrupt must not come between the read and the write of a port's mode.
-pub fn connect_electrodes(connected: bool) {
+pub fn set_electrodes_connected(connected: bool) {
     for electrode in ELECTRODES.iter().flatten() {
         let Pin { port, number } = electrode.pin;
         port.bsrr().write(|w| w.set_br(number, true));
@@ -87,27 +88,27 @@ pub fn connect_electrodes(connected: bool) {
 
 /// Whether every pin that can energise something is held low by its port.
 #[must_use]
-pub fn all_low() -> bool {
-    HAZARDOUS.iter().all(|Hazardous { port, pins, pairs, outputs }| {
+pub fn are_outputs_low() -> bool {
+    HAZARDOUS.iter().all(|HazardousPins { port, pins, pairs, outputs }| {
         port.moder().read().0 & pairs == *outputs && port.odr().read().0 & pins == 0
     })
 }
 
 /// Makes a pin a push-pull output, low from the first moment.
-pub fn set_low_output(pin: Pin) {
+pub fn configure_as_low_output(pin: Pin) {
     pin.port.bsrr().write(|w| w.set_br(pin.number, true));
     pin.port.otyper().modify(|w| w.set_ot(pin.number, Ot::PUSH_PULL));
     pin.port.pupdr().modify(|w| w.set_pupdr(pin.number, Pupdr::FLOATING));
     pin.port.moder().modify(|w| w.set_moder(pin.number, Moder::OUTPUT));
 }
 
-/// Tells an output to be high or low.
-pub fn set_level(pin: Pin, high: bool) {
+/// Sets an output high or low.
+pub fn set_pin_level(pin: Pin, high: bool) {
     pin.port.bsrr().write(|w| if high { w.set_bs(pin.number, true) } else { w.set_br(pin.number, true) });
 }
 
-/// Whether an output is told to be high.
+/// Whether an output is set high.
 #[must_use]
-pub fn is_high(pin: Pin) -> bool {
+pub fn is_pin_set_high(pin: Pin) -> bool {
     pin.port.odr().read().0 & (1 << pin.number) != 0
 }

@@ -64,7 +64,7 @@ pub struct Pin {
     pub number: usize,
 }
 
-const fn pin(port: Gpio, number: usize) -> Pin {
+const fn make_pin(port: Gpio, number: usize) -> Pin {
     Pin { port, number }
 }
 
@@ -77,27 +77,27 @@ pub struct ElectrodePin {
     pub function: u8,
 }
 
-const fn electrode(port: Gpio, number: usize, function: u8) -> ElectrodePin {
-    ElectrodePin { pin: pin(port, number), function }
+const fn make_electrode_pin(port: Gpio, number: usize, alternate_function: u8) -> ElectrodePin {
+    ElectrodePin { pin: make_pin(port, number), function: alternate_function }
 }
 
 /// Electrodes A and B of each ERA, in the order of the channels.
 pub const ELECTRODES: [[ElectrodePin; 2]; CHANNELS] = [
-    [electrode(pac::GPIOA, 8, 6), electrode(pac::GPIOA, 10, 6)],
-    [electrode(pac::GPIOC, 6, 4), electrode(pac::GPIOC, 9, 4)],
-    [electrode(pac::GPIOB, 2, 3), electrode(pac::GPIOC, 8, 6)],
-    [electrode(pac::GPIOB, 6, 2), electrode(pac::GPIOB, 9, 2)],
+    [make_electrode_pin(pac::GPIOA, 8, 6), make_electrode_pin(pac::GPIOA, 10, 6)],
+    [make_electrode_pin(pac::GPIOC, 6, 4), make_electrode_pin(pac::GPIOC, 9, 4)],
+    [make_electrode_pin(pac::GPIOB, 2, 3), make_electrode_pin(pac::GPIOC, 8, 6)],
+    [make_electrode_pin(pac::GPIOB, 6, 2), make_electrode_pin(pac::GPIOB, 9, 2)],
 ];
 
 /// High: the high-voltage supply is on. Like the discharge switches on a pin that the chip's ROM bootloader leaves alone:
 /// its USART3 would drive PC10 high (AN2606, section "STM32G47xxx/48xxx devices").
-pub const HIGH_VOLTAGE_ENABLE: Pin = pin(pac::GPIOC, 3);
+pub const HIGH_VOLTAGE_ENABLE: Pin = make_pin(pac::GPIOC, 3);
 
 /// High: the discharge switch of the rail is open.
-pub const DISCHARGE_OPEN: [Pin; 2] = [pin(pac::GPIOC, 2), pin(pac::GPIOD, 2)];
+pub const DISCHARGE_OPEN: [Pin; 2] = [make_pin(pac::GPIOC, 2), make_pin(pac::GPIOD, 2)];
 
 /// High: the LED is on.
-pub const HEARTBEAT: Pin = pin(pac::GPIOC, 12);
+pub const HEARTBEAT: Pin = make_pin(pac::GPIOC, 12);
 
 /// Every pin that can energise something, by port: low means off for all of them. The electrodes of ERA 4, whose timer has
 /// no break, are on the port that comes first.

@@ -11,7 +11,7 @@ pub const ABOVE_160_MHZ: u8 = 0b10;
 const TO_PIN: Mode = Mode::NORMAL_EXT_BUFDIS;
 
 /// Starts the converters' clock and connects them to their pins, at zero.
-pub fn init() {
+pub fn init_rail_dac() {
     RCC.ahb2enr().modify(|w| w.set_dac1en(true));
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.ahb2enr().read();
@@ -21,7 +21,7 @@ pub fn init() {
         }
         w.set_hfsel(ABOVE_160_MHZ);
     });
-    zero();
+    set_all_rails_to_zero();
     DAC1.cr().write(|w| {
         for rail in 0..RAILS {
             w.set_en(rail, true);
@@ -30,16 +30,16 @@ pub fn init() {
 }
 
 /// Sets a rail: 0 to 4095 for 0 to 3.3 V at the pin, which asks the supply for the highest rail voltage
-/// ([`era_shared::supply::rail_code`]). The supply's own limit must not be above that.
-pub fn set(rail: usize, code: u16) {
+/// ([`era_shared::supply::rail_dac_code`]). The supply's own limit must not be above that.
+pub fn set_rail_code(rail: usize, code: u16) {
     DAC1.dhr12r(rail).write(|w| w.set_dhr(code));
 }
 
 /// Both at zero. Does nothing to converters that have no clock yet.
-pub fn zero() {
+pub fn set_all_rails_to_zero() {
     if RCC.ahb2enr().read().dac1en() {
         for rail in 0..RAILS {
-            set(rail, 0);
+            set_rail_code(rail, 0);
         }
     }
 }

@@ -31,7 +31,7 @@ const AFTER_CALIBRATION_CLOCKS: u32 = 16;
 
 /// One measurement.
 #[derive(Clone, Copy)]
-pub struct Measured {
+pub struct Measurement {
     /// In mV.
     pub rail_millivolts: [u32; 2],
     /// In uA.
@@ -40,11 +40,12 @@ pub struct Measured {
     pub earth_bonded: bool,
 }
 
-/// What is told if the converter does not deliver: values that no limit lets pass.
-const UNKNOWN: Measured = Measured { rail_millivolts: [u32::MAX; 2], average_microamps: u32::MAX, earth_bonded: false };
+/// Reported if the converter does not deliver: values outside of every limit.
+const UNKNOWN: Measurement =
+    Measurement { rail_millivolts: [u32::MAX; 2], average_microamps: u32::MAX, earth_bonded: false };
 
 /// Calibrates and starts the converter. If it does not follow, every measurement is implausible. To be called once.
-pub fn init() {
+pub fn init_adc() {
     RCC.ahb2enr().modify(|w| w.set_adc12en(true));
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.ahb2enr().read();
@@ -54,7 +55,7 @@ pub fn init() {
     ADC1.cr().write(|w| w.set_advregen(true));
     cortex_m::asm::delay(REGULATOR_CLOCKS);
     ADC1.cr().modify(|w| w.set_adcal(true));
-    wait(START_READS, || !ADC1.cr().read().adcal());
+    poll_until(START_READS, || !ADC1.cr().read().adcal());
     cortex_m::asm::delay(AFTER_CALIBRATION_CLOCKS);
     for input in INPUTS {
         // 47.5 clocks, 1.1 us: the inputs' capacitors hold the charge that the converter's 5 pF take.
@@ -62,7 +63,7 @@ pub fn init() {
     }
     ADC1.isr().write(|w| w.set_adrdy(true));
     ADC1.cr().modify(|w| w.set_aden(true));
-    wait(START_READS, || ADC1.isr().read().adrdy());
+    poll_until(START_READS, || ADC1.isr().read().adrdy());
     ADC1.jsqr().write(|w| {
         w.set_jl((INPUTS.len() - 1) as u8);
         w.set_jexten(Exten::DISABLED);
@@ -73,28 +74,31 @@ pub fn init() {
 }
 
 /// Measures all four inputs now; takes 6 us.
-pub fn measure() -> Measured {
+pub fn measure_inputs() -> Measurement {
     ADC1.isr().write(|w| {
         w.set_jeoc(true);
         w.set_jeos(true);
     });
     ADC1.cr().modify(|w| w.set_jadstart(true));
-    if !wait(CONVERSION_READS, || ADC1.isr().read().jeos()) {
+    if !poll_until(CONVERSION_READS, || ADC1.isr().read().jeos()) {
         return UNKNOWN;
     }
     let [rail_1, rail_2, current, bond] = core::array::from_fn(|place| ADC1.jdr(place).read().jdata());
-    Measured {
-        rail_millivolts: [scaled(rail_1, RAIL_FULL_SCALE_MILLIVOLTS), scaled(rail_2, RAIL_FULL_SCALE_MILLIVOLTS)],
-        average_microamps: scaled(current, CURRENT_FULL_SCALE_MICROAMPS),
+    Measurement {
+        rail_millivolts: [
+            scale_adc_code(rail_1, RAIL_FULL_SCALE_MILLIVOLTS),
+            scale_adc_code(rail_2, RAIL_FULL_SCALE_MILLIVOLTS),
+        ],
+        average_microamps: scale_adc_code(current, CURRENT_FULL_SCALE_MICROAMPS),
         earth_bonded: bond < BONDED_BELOW,
     }
 }
 
-fn scaled(code: u16, full_scale: u64) -> u32 {
+fn scale_adc_code(code: u16, full_scale: u64) -> u32 {
     u32::try_from(u64::from(code) * full_scale / FULL_CODE).unwrap_or(u32::MAX)
 }
 
-/// Whether something has come true within so many reads.
-fn wait(reads: usize, mut is_so: impl FnMut() -> bool) -> bool {
-    (0..reads).any(|_| is_so())
+/// Whether `condition` has become true within `max_reads` evaluations.
+fn poll_until(max_reads: usize, mut condition: impl FnMut() -> bool) -> bool {
+    (0..max_reads).any(|_| condition())
 }

@@ -1,33 +1,33 @@
 //! The high-voltage supply: enable, discharge switches, set-points.
 
-use crate::outputs::{is_high, set_level};
+use crate::outputs::{is_pin_set_high, set_pin_level};
 use crate::pins::{DISCHARGE_OPEN, HIGH_VOLTAGE_ENABLE};
 use crate::{breaks, rails, trip, watchdog};
-use era_shared::supply::{Supply, rail_code};
+use era_shared::supply::{SupplyCommand, rail_dac_code};
 
-/// Carries out what the supply is told. After a trip that has not been taken yet the supply stays off: what is told was
-/// decided before it.
-pub fn set(supply: &Supply) {
+/// Carries out a command to the supply. The supply stays off after a trip that the device has not taken yet: the command was decided before
+/// the trip.
+pub fn apply_supply_command(command: &SupplyCommand) {
     // With interrupts masked, so that a trip comes before or after all of it.
     cortex_m::interrupt::free(|_| {
-        let enabled = supply.enabled && trip::waits().is_none();
-        if enabled && !is_high(HIGH_VOLTAGE_ENABLE) {
+        let enabled = command.enabled && trip::peek_trip_code().is_none();
+        if enabled && !is_pin_set_high(HIGH_VOLTAGE_ENABLE) {
             // What switches off is awake before there is something to switch off.
-            breaks::watch();
-            watchdog::freeze_in_debug(false);
+            breaks::arm_break_interrupt();
+            watchdog::set_frozen_in_debug(false);
         }
         if !enabled {
-            set_level(HIGH_VOLTAGE_ENABLE, false);
-            watchdog::freeze_in_debug(true);
+            set_pin_level(HIGH_VOLTAGE_ENABLE, false);
+            watchdog::set_frozen_in_debug(true);
         }
-        for (rail, (pin, closed)) in DISCHARGE_OPEN.into_iter().zip(supply.discharge).enumerate() {
-            let millivolts = supply.set_point_millivolts.get(rail).copied().unwrap_or(0);
+        for (rail, (pin, closed)) in DISCHARGE_OPEN.into_iter().zip(command.discharge).enumerate() {
+            let millivolts = command.set_point_millivolts.get(rail).copied().unwrap_or(0);
             // The switch stays closed over an enabled supply only where the device lets a rail down on purpose.
-            set_level(pin, enabled && !closed);
-            rails::set(rail, if enabled { rail_code(millivolts) } else { 0 });
+            set_pin_level(pin, enabled && !closed);
+            rails::set_rail_code(rail, if enabled { rail_dac_code(millivolts) } else { 0 });
         }
         if enabled {
-            set_level(HIGH_VOLTAGE_ENABLE, true);
+            set_pin_level(HIGH_VOLTAGE_ENABLE, true);
         }
     });
 }

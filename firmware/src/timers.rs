@@ -5,13 +5,13 @@
 //! own start is the trigger (RM0440, timer synchronisation). From then on they only get new preload values.
 //!
 //! The routing of the breaks, the idle levels and the compare modes are written once, at boot, and locked until the next
-//! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init`].
+//! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init_timers`].
 
 use crate::pins::CHANNELS;
 use embassy_stm32::pac;
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::timer::{TimAdv, TimGp16, regs};
-use era_shared::waveform::{IDLE, OutputPair, Period, TimerRegisters};
+use era_shared::waveform::{IDLE, OutputPair, TimerPeriod, TimerRegisters};
 
 /// Which of a timer's outputs are electrodes A and B: see the pin table.
 const OUTPUTS: [OutputPair; CHANNELS] =
@@ -42,7 +42,7 @@ const AF1_COMPARATORS: u32 = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7;
 const DIER_BIE: u32 = 1 << 7;
 
 /// A timer's registers other than BDTR. `None` if there is no such channel.
-fn timer(channel: usize) -> Option<TimGp16> {
+fn timer_of_channel(channel: usize) -> Option<TimGp16> {
     match (WITH_BREAK.get(channel), channel) {
         // SAFETY: an advanced timer has the registers of a general-purpose one at the same offsets (RM0440, register
         // maps).
@@ -52,23 +52,23 @@ fn timer(channel: usize) -> Option<TimGp16> {
     }
 }
 
-fn all() -> impl Iterator<Item = (usize, TimGp16)> {
-    (0..CHANNELS).filter_map(|channel| Some((channel, timer(channel)?)))
+fn channel_timers() -> impl Iterator<Item = (usize, TimGp16)> {
+    (0..CHANNELS).filter_map(|channel| Some((channel, timer_of_channel(channel)?)))
 }
 
-/// What a channel's timer must hold while it carries out `period`.
-fn wanted(channel: usize, period: &Period) -> TimerRegisters {
+/// The registers of a channel's timer while it makes `period`.
+fn registers_for_period(channel: usize, period: &TimerPeriod) -> TimerRegisters {
     let outputs = OUTPUTS.get(channel).copied().unwrap_or(OutputPair { a: 1, b: 3 });
-    let registers = TimerRegisters::running(period, outputs);
-    if has_break(channel) { registers } else { registers.with_clear() }
+    let registers = TimerRegisters::for_running_timer(period, outputs);
+    if has_break_input(channel) { registers } else { registers.with_clear_on_trip() }
 }
 
-fn has_break(channel: usize) -> bool {
+fn has_break_input(channel: usize) -> bool {
     channel < WITH_BREAK.len()
 }
 
 /// Starts the timers' clocks and sets up what never changes afterwards, outputs off. To be called once.
-pub fn init() {
+pub fn init_timers() {
     RCC.apb2enr().modify(|w| {
         w.set_tim1en(true);
         w.set_tim8en(true);
@@ -80,8 +80,8 @@ pub fn init() {
     });
     // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the reads wait for it.
     let _ = (RCC.apb2enr().read(), RCC.apb1enr1().read());
-    for (channel, timer) in all() {
-        let registers = wanted(channel, &IDLE);
+    for (channel, timer) in channel_timers() {
+        let registers = registers_for_period(channel, &IDLE);
         timer.cr1().write_value(regs::Cr1Gp16(0));
         timer.ccer().write_value(regs::CcerGp16(0));
         timer.ccmr_output(0).write_value(regs::CcmrOutputGp16(registers.ccmr1));
@@ -97,7 +97,7 @@ pub fn init() {
 }
 
 /// Outputs off, counters stopped, break interrupt off. Does nothing to timers that have no clock yet.
-pub fn stop() {
+pub fn stop_all_timers() {
     let clocks = RCC.apb2enr().read();
     if !(clocks.tim1en() && clocks.tim8en() && clocks.tim20en()) {
         return;
@@ -106,7 +106,7 @@ pub fn stop() {
         timer.bdtr().modify(|w| w.0 &= !BDTR_MOE);
         timer.dier().write_value(regs::DierAdv(0));
     }
-    for (_, timer) in all() {
+    for (_, timer) in channel_timers() {
         timer.ccer().write_value(regs::CcerGp16(0));
         timer.cr1().write_value(regs::Cr1Gp16(0));
         timer.smcr().write_value(regs::SmcrGp16(0));
@@ -114,26 +114,27 @@ pub fn stop() {
     pac::TIM3.cr1().write_value(regs::Cr1Gp16(0));
 }
 
-/// Loads all timers with [`IDLE`], the counters at zero, and starts them together, the break interrupt on. Returns whether every register held what
-/// was written before the start; if not, nothing has been started.
+/// Loads all timers with [`IDLE`], sets the counters to zero, enables the break interrupt, and starts all timers together. Returns whether every
+/// register held what was written; if not, nothing is started.
 #[must_use]
-pub fn start() -> bool {
-    stop();
-    for (channel, timer) in all() {
-        let registers = wanted(channel, &IDLE).stopped();
+pub fn start_all_timers() -> bool {
+    stop_all_timers();
+    for (channel, timer) in channel_timers() {
+        let registers = registers_for_period(channel, &IDLE).with_counter_stopped();
         timer.cr1().write_value(regs::Cr1Gp16(registers.cr1));
-        write_rhythm(timer, &registers);
+        write_period_registers(timer, &registers);
         // Takes the preloaded values over.
         timer.egr().write(|w| w.set_ug(true));
         timer.cnt().write_value(regs::CntCore(0));
         timer.ccer().write_value(regs::CcerGp16(registers.ccer));
         timer.smcr().write_value(regs::SmcrGp16(SMCR_START_WITH_TIM3));
     }
-    clear_breaks();
-    enable_break_interrupt(true);
-    let holds = all().all(|(channel, timer)| {
-        read_back(channel, timer) == TimerRegisters { bdtr: 0, ..wanted(channel, &IDLE).stopped() }
-            && is_routed(channel)
+    clear_break_flags();
+    set_break_interrupt(true);
+    let holds = channel_timers().all(|(channel, timer)| {
+        read_registers(channel, timer)
+            == TimerRegisters { bdtr: 0, ..registers_for_period(channel, &IDLE).with_counter_stopped() }
+            && is_trip_routing_intact(channel)
     });
     if holds {
         pac::TIM3.cr1().write_value(regs::Cr1Gp16(CR1_CEN));
@@ -141,68 +142,69 @@ pub fn start() -> bool {
     holds
 }
 
-/// Writes a period to a running timer's preload registers, all of which are taken over together, and returns whether they
-/// hold it. To be called with interrupts masked.
+/// Writes a period to a running timer's preload registers, which take effect together, and returns whether they hold it. To be
+/// called with interrupts masked.
 #[must_use]
-pub fn preload(channel: usize, period: &Period) -> bool {
-    let Some(timer) = timer(channel) else { return false };
-    let registers = wanted(channel, period);
+pub fn write_preload(channel: usize, period: &TimerPeriod) -> bool {
+    let Some(timer) = timer_of_channel(channel) else { return false };
+    let registers = registers_for_period(channel, period);
     // Should an update event come after all in between, it must not take over half of it.
     timer.cr1().write_value(regs::Cr1Gp16(registers.cr1 | CR1_UDIS));
-    write_rhythm(timer, &registers);
+    write_period_registers(timer, &registers);
     timer.cr1().write_value(regs::Cr1Gp16(registers.cr1));
-    let now = read_back(channel, timer);
+    let now = read_registers(channel, timer);
     now == TimerRegisters { bdtr: now.bdtr, ..registers }
 }
 
-/// Whether a running timer holds everything that it should, `period` in its preload registers included, and MOE is as
-/// `connected` says where there is one.
+/// Whether all registers of a running timer hold what they should: `period` in the preload registers, and MOE, where there is one, as
+/// `connected` says.
 #[must_use]
-pub fn holds(channel: usize, period: &Period, connected: bool) -> bool {
-    let Some(timer) = timer(channel) else { return false };
-    let bdtr = if connected && has_break(channel) { BDTR_MOE } else { 0 };
-    read_back(channel, timer) == TimerRegisters { bdtr, ..wanted(channel, period) } && is_routed(channel)
+pub fn are_registers_intact(channel: usize, period: &TimerPeriod, connected: bool) -> bool {
+    let Some(timer) = timer_of_channel(channel) else { return false };
+    let bdtr = if connected && has_break_input(channel) { BDTR_MOE } else { 0 };
+    read_registers(channel, timer) == TimerRegisters { bdtr, ..registers_for_period(channel, period) }
+        && is_trip_routing_intact(channel)
 }
 
 /// The counter of a channel's timer.
 #[must_use]
-pub fn count(channel: usize) -> u16 {
-    timer(channel).map_or(0, |timer| timer.cnt().read().cnt())
+pub fn read_counter(channel: usize) -> u16 {
+    timer_of_channel(channel).map_or(0, |timer| timer.cnt().read().cnt())
 }
 
 /// Whether a channel's timer has been started and not been stopped.
 #[must_use]
-pub fn counts(channel: usize) -> bool {
-    timer(channel).is_some_and(|timer| timer.cr1().read().0 & CR1_CEN != 0)
+pub fn is_counting(channel: usize) -> bool {
+    timer_of_channel(channel).is_some_and(|timer| timer.cr1().read().0 & CR1_CEN != 0)
 }
 
 /// Sets the main output enable of the timers that have one. While a break is active they do not keep it.
-pub fn enable_outputs(on: bool) {
+pub fn set_main_outputs(enabled: bool) {
     for timer in WITH_BREAK {
-        timer.bdtr().modify(|w| w.0 = if on { w.0 | BDTR_MOE } else { w.0 & !BDTR_MOE });
+        timer.bdtr().modify(|w| w.0 = if enabled { w.0 | BDTR_MOE } else { w.0 & !BDTR_MOE });
     }
 }
 
 /// Whether the outputs of a timer with break reach its pins.
 #[must_use]
-pub fn outputs_enabled(timer: TimAdv) -> bool {
+pub fn is_main_output_enabled(timer: TimAdv) -> bool {
     timer.bdtr().read().0 & BDTR_MOE != 0
 }
 
-/// Forgets breaks that are over.
-pub fn clear_breaks() {
+/// Clears the flags of breaks that are over.
+pub fn clear_break_flags() {
     for timer in WITH_BREAK {
         timer.sr().write_value(regs::SrAdv(0));
     }
 }
 
 /// Lets a break of TIM1 raise its interrupt; all three timers have the same breaks.
-pub fn enable_break_interrupt(on: bool) {
-    pac::TIM1.dier().write_value(regs::DierAdv(if on { DIER_BIE } else { 0 }));
+pub fn set_break_interrupt(enabled: bool) {
+    pac::TIM1.dier().write_value(regs::DierAdv(if enabled { DIER_BIE } else { 0 }));
 }
 
 /// The registers as they read back; of BDTR only MOE.
-fn read_back(channel: usize, timer: TimGp16) -> TimerRegisters {
+fn read_registers(channel: usize, timer: TimGp16) -> TimerRegisters {
     TimerRegisters {
         cr1: timer.cr1().read().0,
         ccmr1: timer.ccmr_output(0).read().0,
@@ -215,8 +217,8 @@ fn read_back(channel: usize, timer: TimGp16) -> TimerRegisters {
     }
 }
 
-/// Whether what switches a timer's outputs off in hardware is connected to it, and the interrupt on that goes with it.
-fn is_routed(channel: usize) -> bool {
+/// Whether the hardware that switches a timer's outputs off is still connected to it.
+fn is_trip_routing_intact(channel: usize) -> bool {
     match WITH_BREAK.get(channel) {
         Some(timer) => timer.af1().read().0 == AF1_COMPARATORS && timer.bdtr().read().0 & !BDTR_MOE == BDTR_LOCKED,
         None => {
@@ -225,11 +227,11 @@ fn is_routed(channel: usize) -> bool {
     }
 }
 
-fn write_rhythm(timer: TimGp16, wanted: &TimerRegisters) {
-    // Made from 16-bit numbers by TimerRegisters::running, so nothing is cut off.
-    timer.psc().write_value(wanted.psc as u16);
-    timer.arr().write_value(regs::ArrCore(wanted.arr));
-    for (place, value) in wanted.ccr.into_iter().enumerate() {
+fn write_period_registers(timer: TimGp16, registers: &TimerRegisters) {
+    // Made from 16-bit numbers by TimerRegisters::for_running_timer, so nothing is cut off.
+    timer.psc().write_value(registers.psc as u16);
+    timer.arr().write_value(regs::ArrCore(registers.arr));
+    for (place, value) in registers.ccr.into_iter().enumerate() {
         timer.ccr(place).write_value(regs::Ccr1ch(value));
     }
 }

@@ -1,7 +1,7 @@
 //! The independent watchdog: it resets the chip unless every task has checked in lately.
 //!
 //! The counter runs on the chip's own 32 kHz oscillator (29.5 to 34 kHz) whatever happens to the other clocks, and nothing
-//! but a reset stops it. It is fed in one place, [`feed`], and only when each task has checked in since it was last fed. When each last did
+//! but a reset stops it. It is fed in one place, [`feed_if_all_checked_in`], and only when each task has checked in since it was last fed. When each last did
 //! is kept over the reset.
 
 use core::cell::UnsafeCell;
@@ -19,7 +19,7 @@ use heapless::String;
 
 /// Who must check in; the number is the bit in the mask.
 #[derive(Clone, Copy)]
-pub enum Task {
+pub enum WatchedTask {
     /// The device.
     Device,
     /// Receives from the UART.
@@ -37,10 +37,10 @@ pub enum Task {
 const NAMES: [&str; 6] = ["device", "uart-rx", "uart-tx", "usb", "usb-rx", "usb-tx"];
 const ALL: u32 = (1 << NAMES.len()) - 1;
 
-/// How often a task that waits for something else checks in, in units of [`now`].
+/// How often a task that waits for something else checks in, in units of [`now_in_1024_us`].
 const CHECK_IN: u32 = 20;
 
-/// Who waits for a knock.
+/// Wakes each watched task.
 static WAITING: [AtomicWaker; NAMES.len()] = [const { AtomicWaker::new() }; NAMES.len()];
 
 /// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: in 94 to 109 ms, five times what the slowest task needs.
@@ -52,14 +52,14 @@ const UPDATE_READS: usize = 20_000;
 /// Tasks that have not checked in since the last feed, one bit each.
 static MISSING: AtomicU32 = AtomicU32::new(ALL);
 
-/// When the last feed was and when each task last checked in, in units of [`now`]; in memory that the start-up code does not
+/// When the last feed was and when each task last checked in, in units of [`now_in_1024_us`]; in memory that the start-up code does not
 /// touch, for the run after a reset.
-struct Record {
+struct CheckInRecord {
     fed: AtomicU32,
     seen: [AtomicU32; NAMES.len()],
 }
 
-struct RecordCell(UnsafeCell<MaybeUninit<Record>>);
+struct RecordCell(UnsafeCell<MaybeUninit<CheckInRecord>>);
 
 // SAFETY: only used as the atomics that it consists of.
 unsafe impl Sync for RecordCell {}
@@ -67,13 +67,13 @@ unsafe impl Sync for RecordCell {}
 #[unsafe(link_section = ".uninit.watchdog_record")]
 static RECORD: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-fn record() -> &'static Record {
+fn check_in_record() -> &'static CheckInRecord {
     // SAFETY: every bit pattern is a valid Record, and nothing accesses it in another way than through this.
-    unsafe { &*RECORD.0.get().cast::<Record>() }
+    unsafe { &*RECORD.0.get().cast::<CheckInRecord>() }
 }
 
 /// Time in units of 1.024 ms.
-fn now() -> u32 {
+fn now_in_1024_us() -> u32 {
     // Wraps around after 50 days, which differences do not notice.
     (Instant::now().as_micros() >> 10) as u32
 }
@@ -81,14 +81,14 @@ fn now() -> u32 {
 /// A task that has checked in so long after the last feed was alive when the reset came, 94 to 109 ms after that feed.
 const ALIVE: u32 = 60;
 
-/// The tasks that gave no sign when the watchdog reset the chip, and a text that names them. To be called after such a
-/// reset, before [`start`].
-pub fn missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
-    let fed = record().fed.load(Ordering::Relaxed);
+/// The tasks that had not checked in when the watchdog reset the chip, as a mask and as a text that names them. To be called after such a
+/// reset, before [`start_watchdog`].
+pub fn find_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
+    let fed = check_in_record().fed.load(Ordering::Relaxed);
     let (mut missing, mut text) = (0, String::new());
     // The text has room for all names.
     let _ = text.push_str("watchdog: no sign of");
-    for ((bit, name), seen) in NAMES.iter().enumerate().zip(&record().seen) {
+    for ((bit, name), seen) in NAMES.iter().enumerate().zip(&check_in_record().seen) {
         let since_feed = seen.load(Ordering::Relaxed).wrapping_sub(fed).cast_signed();
         if since_feed < ALIVE.cast_signed() {
             missing |= 1 << bit;
@@ -98,10 +98,10 @@ pub fn missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
     (missing, text)
 }
 
-/// Starts it; there is no way back. To be called once, right before the tasks start.
-pub fn start() {
-    fed();
-    freeze_in_debug(true);
+/// Starts the watchdog, which cannot be stopped again. To be called once, right before the tasks start.
+pub fn start_watchdog() {
+    record_feed_and_mark_all_missing();
+    set_frozen_in_debug(true);
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY32));
@@ -112,28 +112,28 @@ pub fn start() {
 }
 
 /// Notes that a task still does its work.
-pub fn check_in(task: Task) {
+pub fn check_in(task: WatchedTask) {
     MISSING.fetch_and(!(1 << task as u32), Ordering::Relaxed);
-    if let Some(seen) = record().seen.get(task as usize) {
-        seen.store(now(), Ordering::Relaxed);
+    if let Some(seen) = check_in_record().seen.get(task as usize) {
+        seen.store(now_in_1024_us(), Ordering::Relaxed);
     }
 }
 
 /// Feeds the watchdog if every task has checked in since it was last fed.
-pub fn feed() {
+pub fn feed_if_all_checked_in() {
     if MISSING.load(Ordering::Relaxed) == 0 {
-        fed();
+        record_feed_and_mark_all_missing();
         IWDG.kr().write(|w| w.set_key(Key::RESET));
     }
 }
 
-fn fed() {
+fn record_feed_and_mark_all_missing() {
     MISSING.store(ALL, Ordering::Relaxed);
-    record().fed.store(now(), Ordering::Relaxed);
+    check_in_record().fed.store(now_in_1024_us(), Ordering::Relaxed);
 }
 
-/// Runs a task's work and checks in for it whenever it is polled. A task that waits is woken to that end by [`knock`].
-pub async fn watched<F: Future>(task: Task, work: F) -> F::Output {
+/// Runs a task's work and checks in for it whenever it is polled. [`wake_watched_tasks_if_due`] wakes a task that waits, so that it is polled.
+pub async fn run_watched<F: Future>(task: WatchedTask, work: F) -> F::Output {
     let mut work = pin!(work);
     poll_fn(|context| {
         if let Some(waiting) = WAITING.get(task as usize) {
@@ -145,17 +145,17 @@ pub async fn watched<F: Future>(task: Task, work: F) -> F::Output {
     .await
 }
 
-/// Wakes every task whose work is watched, if it is time. To be called at least every ms or two, in thread mode.
-pub fn knock(last: &mut u32) {
-    if now().wrapping_sub(*last) >= CHECK_IN {
-        *last = now();
+/// Wakes all watched tasks if they have not been woken for [`CHECK_IN`]. To be called at least every ms or two, in thread mode.
+pub fn wake_watched_tasks_if_due(last_wake: &mut u32) {
+    if now_in_1024_us().wrapping_sub(*last_wake) >= CHECK_IN {
+        *last_wake = now_in_1024_us();
         WAITING.iter().for_each(AtomicWaker::wake);
     }
 }
 
-/// Whether the watchdog stands still while a debugger has halted the processor. Not while the supply is on: a breakpoint
-/// then ends in a reset, and everything is off 0.1 s later, while the breaks switch the electrodes off at once.
-pub fn freeze_in_debug(frozen: bool) {
+/// Sets whether the watchdog stands still while a debugger has halted the processor. It does not while the supply is on: a breakpoint then
+/// ends in a reset, and everything is off 0.1 s later, while the breaks switch the electrodes off at once.
+pub fn set_frozen_in_debug(frozen: bool) {
     DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(frozen));
     DBGMCU.apb2fzr().modify(|w| {
         w.set_tim1(true);

@@ -1,17 +1,18 @@
 //! A device under test: a client on its link, and what can be done to it from outside.
 
 use era::device::emulated::CHANNEL_TIMERS;
-use era::device::sim::{Knobs, Panel, SimControl};
+use era::device::sim::{SimControl, SimKnobs, SimPanel};
 use era::device::{Client, LinkError, OpenDevice, Target};
 use era::planner::softening::Transducer;
 use era::transient::reduced::ModalSystem;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::{BURST_MAX_MS, REST_MS};
-use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
+use era_shared::link::{Decoder, Frame, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{
-    AchievedDrive, CURRENT_VERSION, ChannelDrive, Details, MIN_VERSION, Refusal, Reply, Request, StatusReply, Welcome,
+    AchievedDrive, CURRENT_VERSION, ChannelDrive, DetailsReply, MIN_VERSION, Refusal, Reply, Request, StatusReply,
+    WelcomeReply,
 };
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use era_shared::waveform::TimerRegisters;
 use nalgebra::{DMatrix, DVector};
 use serde_json::json;
@@ -19,7 +20,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
 /// What a case comes to: `Err` says what was wrong.
-pub type Outcome = Result<(), String>;
+pub type CaseResult = Result<(), String>;
 
 /// Voltage of all drives of the suite in mV: harmless on a real board with a real supply.
 pub const VOLTAGE_MILLIVOLTS: u32 = 50_000;
@@ -32,7 +33,7 @@ pub struct Bench {
 
 impl Bench {
     /// A simulated device over a panel of one mode.
-    pub(crate) fn sim() -> Result<Self, String> {
+    pub(crate) fn start_simulated() -> Result<Self, String> {
         // 100 Hz, 5 % damping, a force for each channel: the suite is about the device, not about the panel.
         let omega = std::f64::consts::TAU * 100.0;
         let system = ModalSystem {
@@ -40,19 +41,20 @@ impl Bench {
             damping: DMatrix::from_element(1, 1, 0.1 * omega),
             force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
         };
-        let panel = || (Panel::new(&system, vec![Transducer::fixed(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
-        Self::open(&Target::Sim, panel)
+        let panel =
+            || (SimPanel::new(&system, vec![Transducer::fixed(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
+        Self::open_target(&Target::Sim, panel)
     }
 
-    pub(crate) fn emulated() -> Result<Self, String> {
-        Self::open(&Target::Emulated, no_panel)
+    pub(crate) fn start_emulated() -> Result<Self, String> {
+        Self::open_target(&Target::Emulated, make_empty_panel)
     }
 
-    pub(crate) fn board(port: &str) -> Result<Self, String> {
-        Self::open(&Target::Serial(port.into()), no_panel)
+    pub(crate) fn open_board(port: &str) -> Result<Self, String> {
+        Self::open_target(&Target::Serial(port.into()), make_empty_panel)
     }
 
-    fn open(target: &Target, panel: impl FnOnce() -> (Panel, Vec<f64>)) -> Result<Self, String> {
+    fn open_target(target: &Target, panel: impl FnOnce() -> (SimPanel, Vec<f64>)) -> Result<Self, String> {
         Ok(Self { device: OpenDevice::open(target, panel).map_err(|error| error.to_string())? })
     }
 
@@ -60,32 +62,32 @@ impl Bench {
     ///
     /// # Errors
     /// If the device does not answer.
-    pub fn session(&self) -> Result<Session<'_>, String> {
-        let mut session = Session { client: self.client()?, bench: self };
-        session.ask(&Request::Stop)?;
+    pub fn begin_session(&self) -> Result<TestSession<'_>, String> {
+        let mut session = TestSession { client: self.open_client()?, bench: self };
+        session.request(&Request::Stop)?;
         match session.client.request(&Request::ClearFaults) {
             Ok(Reply::FaultsCleared) => {}
             other => return Err(format!("clear-faults was answered {other:?}")),
         }
-        session.await_state(State::Safe)?;
+        session.await_state(SafetyState::Safe)?;
         // What was driven in an earlier case does not count as part of this one's burst.
-        self.be_silent(Duration::from_millis(u64::from(REST_MS) + 20))?;
+        self.wait_silently(Duration::from_millis(u64::from(REST_MS) + 20))?;
         Ok(session)
     }
 
-    fn client(&self) -> Result<Client, String> {
-        self.device.client().map_err(|error| error.to_string())
+    fn open_client(&self) -> Result<Client, String> {
+        self.device.open_client().map_err(|error| error.to_string())
     }
 
     /// The simulated device's knobs.
     #[must_use]
-    pub fn knobs(&self) -> Option<SimControl> {
-        self.device.sim()
+    pub fn sim_control(&self) -> Option<SimControl> {
+        self.device.sim_control()
     }
 
     /// Turns the simulated device's knobs, back when the guard is dropped.
     #[must_use]
-    pub fn turn(control: &SimControl, knobs: Knobs) -> KnobsGuard<'_> {
+    pub fn set_knobs_until_dropped(control: &SimControl, knobs: SimKnobs) -> KnobsGuard<'_> {
         control.set_knobs(knobs);
         KnobsGuard(control)
     }
@@ -94,32 +96,35 @@ impl Bench {
     ///
     /// # Errors
     /// If the emulator fails, or the target cannot be reset.
-    pub fn restart(&self) -> Outcome {
-        if let Some(control) = self.device.sim() {
-            control.restart();
+    pub fn reset_device(&self) -> CaseResult {
+        if let Some(control) = self.device.sim_control() {
+            control.request_restart();
             // The device looks at its knobs every ms.
             std::thread::sleep(Duration::from_millis(50));
             return Ok(());
         }
-        let board = self.device.emulated().ok_or("this target cannot be reset from here")?;
-        board.ask(&json!({"op": "restart"})).map(|_| ()).map_err(|error| error.to_string())
+        let board = self.device.emulated_board().ok_or("this target cannot be reset from here")?;
+        board.ask_bridge(&json!({"op": "restart"})).map(|_| ()).map_err(|error| error.to_string())
     }
 
     /// The timers' registers, where they can be seen: in the emulator.
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn timers(&self) -> Result<Option<Vec<TimerRegisters>>, String> {
-        self.device.emulated().map(|board| board.timers().map_err(|error| error.to_string())).transpose()
+    pub fn read_timer_registers(&self) -> Result<Option<Vec<TimerRegisters>>, String> {
+        self.device
+            .emulated_board()
+            .map(|board| board.read_timer_registers().map_err(|error| error.to_string()))
+            .transpose()
     }
 
     /// Counter and ticks in a period of each channel's timer, all at one moment, where they can be seen: in the emulator.
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn counts(&self) -> Result<Option<Vec<(u32, u32)>>, String> {
-        let Some(board) = self.device.emulated() else { return Ok(None) };
-        let answer = board.ask(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
+    pub fn read_counters_and_periods(&self) -> Result<Option<Vec<(u32, u32)>>, String> {
+        let Some(board) = self.device.emulated_board() else { return Ok(None) };
+        let answer = board.ask_bridge(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
         let register = |timer: &str, key: &str| {
             let value = answer["timers"][timer][key].as_u64().and_then(|value| u32::try_from(value).ok());
             value.ok_or_else(|| format!("no register {key} of {timer}"))
@@ -132,20 +137,20 @@ impl Bench {
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn pins(&self) -> Result<Option<serde_json::Value>, String> {
-        let ask = |board: &era::device::emulated::EmulatedBoard| board.ask(&json!({"op": "pins"}));
-        self.device.emulated().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
+    pub fn read_pins(&self) -> Result<Option<serde_json::Value>, String> {
+        let ask = |board: &era::device::emulated::EmulatedBoard| board.ask_bridge(&json!({"op": "pins"}));
+        self.device.emulated_board().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
     }
 
     /// Lets `time` pass on the device's own clock without a word to it.
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn be_silent(&self, time: Duration) -> Outcome {
-        match self.device.emulated() {
+    pub fn wait_silently(&self, time: Duration) -> CaseResult {
+        match self.device.emulated_board() {
             Some(board) => {
                 let command = json!({"op": "run_for", "seconds": time.as_secs_f64()});
-                board.ask(&command).map(|_| ()).map_err(|error| error.to_string())
+                board.ask_bridge(&command).map(|_| ()).map_err(|error| error.to_string())
             }
             None => {
                 std::thread::sleep(time);
@@ -158,22 +163,23 @@ impl Bench {
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn let_pass(&self, time: Duration) -> Outcome {
-        if self.device.emulated().is_some() { self.be_silent(time) } else { Ok(()) }
+    pub fn wait_if_emulated(&self, time: Duration) -> CaseResult {
+        if self.device.emulated_board().is_some() { self.wait_silently(time) } else { Ok(()) }
     }
 
     /// Writes bytes to the device's port and returns the frames that come back until it is quiet.
     ///
     /// # Errors
     /// If the port fails.
-    pub fn raw(&self, pieces: &[&[u8]]) -> Result<Vec<(u8, u16, Reply)>, String> {
-        let mut port = self.device.transport().map_err(|error| error.to_string())?;
+    pub fn exchange_raw_bytes(&self, pieces: &[&[u8]]) -> Result<Vec<(u8, u16, Reply)>, String> {
+        let mut port = self.device.open_transport().map_err(|error| error.to_string())?;
         for piece in pieces {
             port.write_all(piece).and_then(|()| port.flush()).map_err(|error| error.to_string())?;
         }
         let mut decoder = Decoder::new();
         let mut replies = Vec::new();
-        let quiet = if self.device.emulated().is_some() { Duration::from_secs(2) } else { Duration::from_millis(300) };
+        let quiet =
+            if self.device.emulated_board().is_some() { Duration::from_secs(2) } else { Duration::from_millis(300) };
         let mut last = Instant::now();
         let mut buffer = [0; 512];
         while last.elapsed() < quiet {
@@ -184,7 +190,7 @@ impl Bench {
                         let reply = postcard::from_bytes(frame.body).ok()?;
                         Some((frame.version, frame.sequence, reply))
                     };
-                    decoder.feed(buffer.get(..length).unwrap_or_default(), |result| {
+                    decoder.feed_bytes(buffer.get(..length).unwrap_or_default(), |result| {
                         replies.extend(result.ok().and_then(take));
                     });
                 }
@@ -196,9 +202,9 @@ impl Bench {
     }
 }
 
-fn no_panel() -> (Panel, Vec<f64>) {
+fn make_empty_panel() -> (SimPanel, Vec<f64>) {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 0) };
-    (Panel::new(&none, Vec::new()), Vec::new())
+    (SimPanel::new(&none, Vec::new()), Vec::new())
 }
 
 /// Puts the knobs back.
@@ -207,23 +213,23 @@ pub struct KnobsGuard<'a>(&'a SimControl);
 
 impl Drop for KnobsGuard<'_> {
     fn drop(&mut self) {
-        self.0.set_knobs(Knobs::default());
+        self.0.set_knobs(SimKnobs::default());
     }
 }
 
 /// One host's time with the device.
-pub struct Session<'a> {
+pub struct TestSession<'a> {
     /// Its end of the link.
     pub client: Client,
     bench: &'a Bench,
 }
 
-impl Session<'_> {
+impl TestSession<'_> {
     /// The reply to a request; a refusal is an error.
     ///
     /// # Errors
     /// As the link.
-    pub fn ask(&mut self, request: &Request) -> Result<Reply, String> {
+    pub fn request(&mut self, request: &Request) -> Result<Reply, String> {
         self.client.request(request).map_err(|error| error.to_string())
     }
 
@@ -231,7 +237,7 @@ impl Session<'_> {
     ///
     /// # Errors
     /// If it was not refused.
-    pub fn refused(&mut self, request: &Request) -> Result<Refusal, String> {
+    pub fn expect_refusal(&mut self, request: &Request) -> Result<Refusal, String> {
         match self.client.request(request) {
             Err(LinkError::Refused(refusal)) => Ok(refusal),
             other => Err(format!("expected a refusal, got {other:?}")),
@@ -242,34 +248,36 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link, or if the self-test fails.
-    pub fn arm(&mut self) -> Outcome {
-        match self.ask(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
+    pub fn arm(&mut self) -> CaseResult {
+        match self.request(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
             Reply::ArmedWith { deadman_ms: 1000, burst_ms: BURST_MAX_MS } => {}
             other => return Err(format!("arm was answered {other:?}")),
         }
-        self.await_state(State::Armed)
+        self.await_state(SafetyState::Armed)
     }
 
     /// Waits for a state, over those that pass by themselves: self-test and discharge.
     ///
     /// # Errors
     /// If another state comes, or none within the time that an emulated board may need.
-    pub fn await_state(&mut self, wanted: State) -> Outcome {
-        self.await_over(wanted, |state| matches!(state, State::Boot | State::Arming | State::Discharging))
+    pub fn await_state(&mut self, wanted: SafetyState) -> CaseResult {
+        self.await_state_over(wanted, |state| {
+            matches!(state, SafetyState::Boot | SafetyState::Arming | SafetyState::Discharging)
+        })
     }
 
     /// Waits for a fault, over everything else.
     ///
     /// # Errors
     /// If none comes within the time that an emulated board may need.
-    pub fn await_fault(&mut self) -> Outcome {
-        self.await_over(State::Fault, |_| true)
+    pub fn await_fault(&mut self) -> CaseResult {
+        self.await_state_over(SafetyState::Fault, |_| true)
     }
 
-    fn await_over(&mut self, wanted: State, passing: impl Fn(State) -> bool) -> Outcome {
+    fn await_state_over(&mut self, wanted: SafetyState, passing: impl Fn(SafetyState) -> bool) -> CaseResult {
         let begun = Instant::now();
         loop {
-            let state = match self.ask(&Request::KeepAlive)? {
+            let state = match self.request(&Request::KeepAlive)? {
                 Reply::Alive { state } => state,
                 other => return Err(format!("keep-alive was answered {other:?}")),
             };
@@ -287,8 +295,8 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn details(&mut self) -> Result<Details, String> {
-        match self.ask(&Request::Details)? {
+    pub fn request_details(&mut self) -> Result<DetailsReply, String> {
+        match self.request(&Request::Details)? {
             Reply::Details(details) => Ok(details),
             other => Err(format!("details was answered {other:?}")),
         }
@@ -298,8 +306,8 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn clock_us(&mut self) -> Result<u64, String> {
-        match self.ask(&Request::Clock)? {
+    pub fn request_clock_us(&mut self) -> Result<u64, String> {
+        match self.request(&Request::Clock)? {
             Reply::Clock { now_us } => Ok(now_us),
             other => Err(format!("clock was answered {other:?}")),
         }
@@ -309,26 +317,26 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn channels(&mut self) -> Result<u8, String> {
-        u8::try_from(self.hello()?.channels.len()).map_err(|error| error.to_string())
+    pub fn channel_count(&mut self) -> Result<u8, String> {
+        u8::try_from(self.request_hello()?.channels.len()).map_err(|error| error.to_string())
     }
 
-    /// Disarms, or stops with [`Session::ask`], and waits until the device says that it is safe.
+    /// Disarms, or stops with [`TestSession::request`], and waits until the device says that it is safe.
     ///
     /// # Errors
     /// As the link, or if it does not become safe.
-    pub fn disarm(&mut self) -> Outcome {
-        self.ask(&Request::Disarm)?;
-        self.await_state(State::Safe)
+    pub fn disarm(&mut self) -> CaseResult {
+        self.request(&Request::Disarm)?;
+        self.await_state(SafetyState::Safe)
     }
 
     /// Sets drives and returns what is achieved.
     ///
     /// # Errors
     /// As the link.
-    pub fn drive(&mut self, drives: &[ChannelDrive]) -> Result<Vec<AchievedDrive>, String> {
+    pub fn set_drives(&mut self, drives: &[ChannelDrive]) -> Result<Vec<AchievedDrive>, String> {
         let drives = heapless::Vec::from_slice(drives).map_err(|_| "too many drives")?;
-        match self.ask(&Request::SetDrives { drives })? {
+        match self.request(&Request::SetDrives { drives })? {
             Reply::DrivesSet { achieved } => Ok(achieved.to_vec()),
             other => Err(format!("set-drives was answered {other:?}")),
         }
@@ -338,8 +346,8 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn status(&mut self) -> Result<StatusReply, String> {
-        match self.ask(&Request::Status)? {
+    pub fn request_status(&mut self) -> Result<StatusReply, String> {
+        match self.request(&Request::Status)? {
             Reply::Status(status) => Ok(status),
             other => Err(format!("status was answered {other:?}")),
         }
@@ -349,18 +357,18 @@ impl Session<'_> {
     ///
     /// # Errors
     /// If it does not.
-    pub fn expect_state(&mut self, wanted: State) -> Result<StatusReply, String> {
-        let status = self.status()?;
-        equal("state", status.state, wanted)?;
+    pub fn expect_state(&mut self, wanted: SafetyState) -> Result<StatusReply, String> {
+        let status = self.request_status()?;
+        check_equal("state", status.state, wanted)?;
         let driving = status.channels.iter().any(|channel| channel.drive.is_some());
-        equal("some channel drives", driving, wanted == State::Running)?;
-        if wanted == State::Armed {
+        check_equal("some channel drives", driving, wanted == SafetyState::Running)?;
+        if wanted == SafetyState::Armed {
             // Drives that were taken off end with their periods; the electrodes are then disconnected.
-            self.bench.be_silent(Duration::from_millis(20))?;
+            self.bench.wait_silently(Duration::from_millis(20))?;
         }
-        if let Some(timers) = self.bench.timers()? {
+        if let Some(timers) = self.bench.read_timer_registers()? {
             let energised = timers.iter().any(TimerRegisters::is_driving);
-            equal("some timer energises electrodes", energised, wanted == State::Running)?;
+            check_equal("some timer energises electrodes", energised, wanted == SafetyState::Running)?;
         }
         Ok(status)
     }
@@ -369,8 +377,8 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn hello(&mut self) -> Result<Welcome, String> {
-        match self.ask(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
+    pub fn request_hello(&mut self) -> Result<WelcomeReply, String> {
+        match self.request(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
             Reply::Welcome(welcome) => Ok(welcome),
             other => Err(format!("hello was answered {other:?}")),
         }
@@ -379,7 +387,7 @@ impl Session<'_> {
 
 /// A drive of the suite.
 #[must_use]
-pub const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
+pub const fn make_drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
     ChannelDrive {
         channel,
         frequency_millihertz,
@@ -393,9 +401,10 @@ pub const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
 ///
 /// # Errors
 /// If it does not fit a frame.
-pub fn frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, String> {
+pub fn encode_request_frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, String> {
     let mut out = [0; MAX_ENCODED];
-    let length = encode(version, Kind::Request, sequence, request, &mut out).map_err(|error| format!("{error:?}"))?;
+    let length =
+        encode_frame(version, FrameKind::Request, sequence, request, &mut out).map_err(|error| format!("{error:?}"))?;
     Ok(out.get(..length).unwrap_or_default().to_vec())
 }
 
@@ -403,19 +412,23 @@ pub fn frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, S
 ///
 /// # Errors
 /// With both values.
-pub fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: T, wanted: T) -> Outcome {
-    if found == wanted { Ok(()) } else { Err(format!("{what}: found {found:?}, wanted {wanted:?}")) }
+pub fn check_equal<T: PartialEq + std::fmt::Debug>(quantity: &str, found: T, wanted: T) -> CaseResult {
+    if found == wanted { Ok(()) } else { Err(format!("{quantity}: found {found:?}, wanted {wanted:?}")) }
 }
 
 /// In the emulator: no electrode's pin is left to a timer, and none is high.
 ///
 /// # Errors
 /// With the pin.
-pub fn check_pins_low(bench: &Bench) -> Outcome {
-    let Some(pins) = bench.pins()? else { return Ok(()) };
+pub fn check_pins_low(bench: &Bench) -> CaseResult {
+    let Some(pins) = bench.read_pins()? else { return Ok(()) };
     for name in (1..=4).flat_map(|era| [format!("era{era}_a"), format!("era{era}_b")]) {
         let pin = &pins["pins"][&name];
-        equal(&format!("{name} is an output held low: {pin}"), pin["mode"] == "output" && pin["high"] == false, true)?;
+        check_equal(
+            &format!("{name} is an output held low: {pin}"),
+            pin["mode"] == "output" && pin["high"] == false,
+            true,
+        )?;
     }
     Ok(())
 }

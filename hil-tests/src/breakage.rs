@@ -1,7 +1,7 @@
 //! Hardware that is broken on purpose, where a target can.
 
-use crate::bench::{Bench, Outcome};
-use era::device::sim::{Defects, Knobs};
+use crate::bench::{Bench, CaseResult};
+use era::device::sim::{Defects, SimKnobs};
 use serde_json::json;
 use std::time::Duration;
 
@@ -11,22 +11,22 @@ impl Bench {
     ///
     /// # Errors
     /// If the emulator fails, or the target's hardware cannot be broken from here.
-    pub fn break_it(&self, breakage: Breakage) -> Result<Broken<'_>, String> {
-        if let Some(control) = self.device.sim() {
-            control.set_knobs(Knobs { defects: breakage.defects(), ..Knobs::default() });
+    pub fn break_hardware(&self, breakage: Breakage) -> Result<BrokenHardware<'_>, String> {
+        if let Some(control) = self.device.sim_control() {
+            control.set_knobs(SimKnobs { defects: breakage.to_sim_defects(), ..SimKnobs::default() });
             // The device looks at its knobs every ms.
             std::thread::sleep(Duration::from_millis(20));
         } else {
-            self.inject(&breakage.fault())?;
+            self.inject_fault(&breakage.to_emulator_fault())?;
         }
-        Ok(Broken(self))
+        Ok(BrokenHardware(self))
     }
 
-    fn inject(&self, fault: &serde_json::Value) -> Outcome {
-        let board = self.device.emulated().ok_or("this target's hardware cannot be broken from here")?;
+    fn inject_fault(&self, fault: &serde_json::Value) -> CaseResult {
+        let board = self.device.emulated_board().ok_or("this target's hardware cannot be broken from here")?;
         let mut command = fault.clone();
         command["op"] = "inject".into();
-        board.ask(&command).map(|_| ()).map_err(|error| error.to_string())
+        board.ask_bridge(&command).map(|_| ()).map_err(|error| error.to_string())
     }
 }
 
@@ -48,7 +48,7 @@ pub enum Breakage {
 }
 
 impl Breakage {
-    fn defects(self) -> Defects {
+    fn to_sim_defects(self) -> Defects {
         let none = Defects::default();
         match self {
             Breakage::Interlock => Defects { interlock_open: true, ..none },
@@ -61,7 +61,7 @@ impl Breakage {
     }
 
     /// As the emulator's `inject` takes it.
-    fn fault(self) -> serde_json::Value {
+    fn to_emulator_fault(self) -> serde_json::Value {
         match self {
             Breakage::Interlock => json!({"interlock": "open"}),
             Breakage::EmergencyStop => json!({"estop": "pressed"}),
@@ -75,14 +75,14 @@ impl Breakage {
 
 /// Mends the hardware when it is dropped.
 #[derive(Debug)]
-pub struct Broken<'a>(&'a Bench);
+pub struct BrokenHardware<'a>(&'a Bench);
 
-impl Drop for Broken<'_> {
+impl Drop for BrokenHardware<'_> {
     fn drop(&mut self) {
-        if let Some(control) = self.0.device.sim() {
-            control.set_knobs(Knobs::default());
+        if let Some(control) = self.0.device.sim_control() {
+            control.set_knobs(SimKnobs::default());
             std::thread::sleep(Duration::from_millis(20));
-        } else if let Err(error) = self.0.inject(&json!({"heal": true})) {
+        } else if let Err(error) = self.0.inject_fault(&json!({"heal": true})) {
             // The next case will find the board broken, and say so.
             eprintln!("the emulated board could not be mended: {error}");
         }

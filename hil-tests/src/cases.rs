@@ -1,18 +1,18 @@
 //! The suite: what a device does with arm, drive, stop, silence, restart. `link_cases` has what it does with bytes,
 //! `play_cases` effects and clocks, `safety_cases` self-test, faults and budgets, `version_cases` older hosts.
 
-use crate::bench::{Bench, Outcome, Session, check_pins_low, drive, equal};
+use crate::bench::{Bench, CaseResult, TestSession, check_equal, check_pins_low, make_drive};
 use crate::{link_cases, play_cases, safety_cases, version_cases};
 use era_shared::protocol::{
     AchievedDrive, BoardKind, CURRENT_VERSION, ChannelDrive, FaultCode, Refusal, Reply, Request,
 };
-use era_shared::safety::{Event, State};
-use era_shared::waveform::{DriveError, Windows};
+use era_shared::safety::{SafetyEvent, SafetyState};
+use era_shared::waveform::{DriveError, ElectrodeWindows};
 use std::time::Duration;
 
 /// What a case needs of its target beyond a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Needs {
+pub enum CaseNeeds {
     /// Nothing.
     Nothing,
     /// A reset that can be given from outside.
@@ -31,269 +31,278 @@ pub struct Case {
     /// Its name.
     pub name: &'static str,
     /// What it needs.
-    pub needs: Needs,
+    pub needs: CaseNeeds,
     /// What it does.
-    pub run: fn(&Bench) -> Outcome,
+    pub run: fn(&Bench) -> CaseResult,
 }
 
-const fn case(name: &'static str, run: fn(&Bench) -> Outcome) -> Case {
-    Case { name, needs: Needs::Nothing, run }
+const fn make_case(name: &'static str, run: fn(&Bench) -> CaseResult) -> Case {
+    Case { name, needs: CaseNeeds::Nothing, run }
 }
 
 /// All cases, in the order in which a person would try them.
 pub const CASES: &[Case] = &[
-    case("hello", hello),
-    case("version_mismatch", link_cases::version_mismatch),
-    case("nothing_drives_unarmed", nothing_drives_unarmed),
-    case("arm_and_disarm", arm_and_disarm),
-    case("drive_two_frequencies", drive_two_frequencies),
-    case("change_drives", change_drives),
-    case("drives_to_the_timer_step", drives_to_the_timer_step),
-    case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase),
-    case("refused_drives_change_nothing", refused_drives_change_nothing),
-    case("stop", stop),
-    case("silence", silence),
-    case("keep_alive_holds", keep_alive_holds),
-    case("garbage", link_cases::garbage),
-    case("frames_in_pieces", link_cases::frames_in_pieces),
-    case("clock", play_cases::clock),
-    case("details", safety_cases::details),
-    case("effect_on_all_channels", play_cases::effect_on_all_channels),
-    case("effects_queue", play_cases::effects_queue),
-    case("late_and_early_effects", play_cases::late_and_early_effects),
-    case("drives_set_while_arming", safety_cases::drives_set_while_arming),
-    case("burst_limit", safety_cases::burst_limit),
-    Case { name: "version_1_session", needs: Needs::NothingConnected, run: version_cases::version_1_session },
-    Case { name: "arming_tests_every_loop", needs: Needs::Breaking, run: safety_cases::arming_tests_every_loop },
+    make_case("hello", hello),
+    make_case("version_mismatch", link_cases::version_mismatch),
+    make_case("nothing_drives_unarmed", nothing_drives_unarmed),
+    make_case("arm_and_disarm", arm_and_disarm),
+    make_case("drive_two_frequencies", drive_two_frequencies),
+    make_case("change_drives", change_drives),
+    make_case("drives_to_the_timer_step", drives_to_the_timer_step),
+    make_case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase),
+    make_case("refused_drives_change_nothing", refused_drives_change_nothing),
+    make_case("stop", stop),
+    make_case("silence", silence),
+    make_case("keep_alive_holds", keep_alive_holds),
+    make_case("garbage", link_cases::garbage),
+    make_case("frames_in_pieces", link_cases::frames_in_pieces),
+    make_case("clock", play_cases::clock),
+    make_case("details", safety_cases::details),
+    make_case("effect_on_all_channels", play_cases::effect_on_all_channels),
+    make_case("effects_queue", play_cases::effects_queue),
+    make_case("late_and_early_effects", play_cases::late_and_early_effects),
+    make_case("drives_set_while_arming", safety_cases::drives_set_while_arming),
+    make_case("burst_limit", safety_cases::burst_limit),
+    Case { name: "version_1_session", needs: CaseNeeds::NothingConnected, run: version_cases::version_1_session },
+    Case { name: "arming_tests_every_loop", needs: CaseNeeds::Breaking, run: safety_cases::arming_tests_every_loop },
     Case {
         name: "live_board_sees_what_breaks",
-        needs: Needs::Breaking,
+        needs: CaseNeeds::Breaking,
         run: safety_cases::live_board_sees_what_breaks,
     },
-    Case { name: "restart", needs: Needs::Reset, run: restart },
-    Case { name: "silent_device", needs: Needs::Knobs, run: link_cases::silent_device },
-    Case { name: "slow_device", needs: Needs::Knobs, run: link_cases::slow_device },
-    Case { name: "corrupting_line", needs: Needs::Knobs, run: link_cases::corrupting_line },
+    Case { name: "restart", needs: CaseNeeds::Reset, run: restart },
+    Case { name: "silent_device", needs: CaseNeeds::Knobs, run: link_cases::silent_device },
+    Case { name: "slow_device", needs: CaseNeeds::Knobs, run: link_cases::slow_device },
+    Case { name: "corrupting_line", needs: CaseNeeds::Knobs, run: link_cases::corrupting_line },
 ];
 
-fn hello(bench: &Bench) -> Outcome {
-    let hello = bench.session()?.hello()?;
-    let wanted = if bench.knobs().is_some() { BoardKind::Simulated } else { BoardKind::Stm32G474 };
-    equal("board", hello.board, wanted)?;
-    equal("channels", hello.channels.len(), 4)?;
-    equal("newest version", hello.protocol_current, CURRENT_VERSION)?;
-    equal("the image has a name", hello.image.is_empty(), false)?;
+fn hello(bench: &Bench) -> CaseResult {
+    let hello = bench.begin_session()?.request_hello()?;
+    let wanted = if bench.sim_control().is_some() { BoardKind::Simulated } else { BoardKind::Stm32G474 };
+    check_equal("board", hello.board, wanted)?;
+    check_equal("channels", hello.channels.len(), 4)?;
+    check_equal("newest version", hello.protocol_current, CURRENT_VERSION)?;
+    check_equal("the image has a name", hello.image.is_empty(), false)?;
     for limits in &hello.channels {
-        equal("guard time is at least 50 us", limits.min_guard_ns >= 50_000, true)?;
-        equal("voltage limit is at most 2 kV", limits.max_voltage_millivolts <= 2_000_000, true)?;
+        check_equal("guard time is at least 50 us", limits.min_guard_ns >= 50_000, true)?;
+        check_equal("voltage limit is at most 2 kV", limits.max_voltage_millivolts <= 2_000_000, true)?;
     }
     Ok(())
 }
 
-fn nothing_drives_unarmed(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
-    session.expect_state(State::Safe)?;
-    let drives = heapless::Vec::from_slice(&[drive(0, 100_000)]).map_err(|_| "capacity")?;
-    let refusal = session.refused(&Request::SetDrives { drives })?;
-    equal("refusal", refusal, Refusal::State { state: State::Safe, event: Event::Drive })?;
-    session.expect_state(State::Safe)?;
+fn nothing_drives_unarmed(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
+    session.expect_state(SafetyState::Safe)?;
+    let drives = heapless::Vec::from_slice(&[make_drive(0, 100_000)]).map_err(|_| "capacity")?;
+    let refusal = session.expect_refusal(&Request::SetDrives { drives })?;
+    check_equal("refusal", refusal, Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive })?;
+    session.expect_state(SafetyState::Safe)?;
     Ok(())
 }
 
-fn arm_and_disarm(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn arm_and_disarm(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    session.expect_state(State::Armed)?;
-    equal("disarm", session.ask(&Request::Disarm)?, Reply::Disarmed)?;
-    session.await_state(State::Safe)?;
-    session.expect_state(State::Safe)?;
-    let refusal = session.refused(&Request::Arm { deadman_ms: Some(5) })?;
-    equal("refusal", refusal, Refusal::Deadman { requested_ms: 5, min_ms: 50, max_ms: 1000 })?;
-    session.expect_state(State::Safe)?;
+    session.expect_state(SafetyState::Armed)?;
+    check_equal("disarm", session.request(&Request::Disarm)?, Reply::Disarmed)?;
+    session.await_state(SafetyState::Safe)?;
+    session.expect_state(SafetyState::Safe)?;
+    let refusal = session.expect_refusal(&Request::Arm { deadman_ms: Some(5) })?;
+    check_equal("refusal", refusal, Refusal::Deadman { requested_ms: 5, min_ms: 50, max_ms: 1000 })?;
+    session.expect_state(SafetyState::Safe)?;
     Ok(())
 }
 
-fn drive_two_frequencies(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn drive_two_frequencies(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    let achieved = session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    let status = session.expect_state(State::Running)?;
+    let achieved = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    let status = session.expect_state(SafetyState::Running)?;
     let shown: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
-    equal("drives in the status", shown, achieved.clone())?;
-    check_timers(bench, &mut session, &achieved)?;
-    session.ask(&Request::Stop)?;
+    check_equal("drives in the status", shown, achieved.clone())?;
+    await_achieved_timers(bench, &mut session, &achieved)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-fn change_drives(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn change_drives(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    let narrower = ChannelDrive { pulse_width_ppm: 300_000, ..drive(0, 150_000) };
-    for drives in [&[narrower, drive(1, 270_500)][..], &[drive(0, 60_000), drive(1, 399_999)], &[drive(1, 200_000)]] {
-        let achieved = session.drive(drives)?;
-        check_timers(bench, &mut session, &achieved)?;
-        session.expect_state(State::Running)?;
+    session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    let narrower = ChannelDrive { pulse_width_ppm: 300_000, ..make_drive(0, 150_000) };
+    for drives in [
+        &[narrower, make_drive(1, 270_500)][..],
+        &[make_drive(0, 60_000), make_drive(1, 399_999)],
+        &[make_drive(1, 200_000)],
+    ] {
+        let achieved = session.set_drives(drives)?;
+        await_achieved_timers(bench, &mut session, &achieved)?;
+        session.expect_state(SafetyState::Running)?;
     }
-    session.drive(&[])?;
-    session.expect_state(State::Armed)?;
+    session.set_drives(&[])?;
+    session.expect_state(SafetyState::Armed)?;
     session.disarm()
 }
 
 /// Frequencies at the ends and in the middle of the range, all within the timers' own step.
-fn drives_to_the_timer_step(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn drives_to_the_timer_step(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
     for frequency_millihertz in [1_000, 19_999, 40_000, 123_457, 333_333, 1_000_000] {
-        let wide = ChannelDrive { pulse_width_ppm: 500_000, ..drive(0, frequency_millihertz) };
-        let achieved = session.drive(&[wide, ChannelDrive { channel: 1, ..wide }])?;
-        check_timers(bench, &mut session, &achieved)?;
+        let wide = ChannelDrive { pulse_width_ppm: 500_000, ..make_drive(0, frequency_millihertz) };
+        let achieved = session.set_drives(&[wide, ChannelDrive { channel: 1, ..wide }])?;
+        await_achieved_timers(bench, &mut session, &achieved)?;
         for achieved in achieved {
             let hertz = achieved.frequency_nanohertz as f64 / 1e9;
             let off_ppm = (hertz / (f64::from(frequency_millihertz) / 1e3) - 1.0) * 1e6;
-            equal(&format!("{hertz} Hz is within 20 ppm of the request"), off_ppm.abs() < 20.0, true)?;
-            equal("guard time", achieved.guard_ns >= 200_000, true)?;
+            check_equal(&format!("{hertz} Hz is within 20 ppm of the request"), off_ppm.abs() < 20.0, true)?;
+            check_equal("guard time", achieved.guard_ns >= 200_000, true)?;
         }
     }
-    session.ask(&Request::Stop)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-fn equal_frequencies_keep_their_phase(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn equal_frequencies_keep_their_phase(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
     for phase_microturns in [0, 125_000, 500_000, 999_999] {
-        let second = ChannelDrive { phase_microturns, ..drive(1, 180_000) };
-        let achieved = session.drive(&[drive(0, 180_000), second])?;
-        check_timers(bench, &mut session, &achieved)?;
-        equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
+        let second = ChannelDrive { phase_microturns, ..make_drive(1, 180_000) };
+        let achieved = session.set_drives(&[make_drive(0, 180_000), second])?;
+        await_achieved_timers(bench, &mut session, &achieved)?;
+        check_equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
         let off = (i64::from(achieved[1].phase_microturns) - i64::from(phase_microturns)).rem_euclid(1_000_000);
-        equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
+        check_equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
         // What is read back is preloaded: the phase is reached after a blank period and two more at most.
-        bench.let_pass(Duration::from_millis(30))?;
+        bench.wait_if_emulated(Duration::from_millis(30))?;
         check_phase(bench, &achieved)?;
     }
-    session.ask(&Request::Stop)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-fn refused_drives_change_nothing(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn refused_drives_change_nothing(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    let before = session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    let good = drive(0, 100_000);
+    let before = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    let good = make_drive(0, 100_000);
     let bad = [
-        (ChannelDrive { frequency_millihertz: 1_000_001, ..drive(1, 0) }, "frequency"),
-        (ChannelDrive { voltage_millivolts: 2_000_001, ..drive(1, 100_000) }, "voltage"),
-        (ChannelDrive { pulse_width_ppm: 1_000_000, ..drive(1, 100_000) }, "guard time"),
-        (ChannelDrive { pulse_width_ppm: 0, ..drive(1, 100_000) }, "no pulse"),
-        (ChannelDrive { phase_microturns: 1_000_000, ..drive(1, 100_000) }, "phase"),
-        (drive(9, 100_000), "no such channel"),
+        (ChannelDrive { frequency_millihertz: 1_000_001, ..make_drive(1, 0) }, "frequency"),
+        (ChannelDrive { voltage_millivolts: 2_000_001, ..make_drive(1, 100_000) }, "voltage"),
+        (ChannelDrive { pulse_width_ppm: 1_000_000, ..make_drive(1, 100_000) }, "guard time"),
+        (ChannelDrive { pulse_width_ppm: 0, ..make_drive(1, 100_000) }, "no pulse"),
+        (ChannelDrive { phase_microturns: 1_000_000, ..make_drive(1, 100_000) }, "phase"),
+        (make_drive(9, 100_000), "no such channel"),
     ];
     for (bad, what) in bad {
         let drives = heapless::Vec::from_slice(&[good, bad]).map_err(|_| "capacity")?;
-        match session.refused(&Request::SetDrives { drives })? {
+        match session.expect_refusal(&Request::SetDrives { drives })? {
             Refusal::Drive { channel, error } => {
-                equal(what, channel, bad.channel)?;
-                equal(what, matches!(error, DriveError::NoSuchChannel { channels: 4 }), bad.channel == 9)?;
+                check_equal(what, channel, bad.channel)?;
+                check_equal(what, matches!(error, DriveError::NoSuchChannel { channels: 4 }), bad.channel == 9)?;
             }
             other => return Err(format!("{what}: refused with {other:?}")),
         }
-        let status = session.expect_state(State::Running)?;
+        let status = session.expect_state(SafetyState::Running)?;
         let still: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
-        equal(what, still, before.clone())?;
+        check_equal(what, still, before.clone())?;
     }
-    check_timers(bench, &mut session, &before)?;
-    session.ask(&Request::Stop)?;
+    await_achieved_timers(bench, &mut session, &before)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-fn stop(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn stop(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    equal("stop", session.ask(&Request::Stop)?, Reply::Stopped)?;
+    session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    check_equal("stop", session.request(&Request::Stop)?, Reply::Stopped)?;
     check_pins_low(bench)?;
-    session.await_state(State::Safe)?;
-    session.expect_state(State::Safe)?;
-    equal("stop again", session.ask(&Request::Stop)?, Reply::Stopped)?;
+    session.await_state(SafetyState::Safe)?;
+    session.expect_state(SafetyState::Safe)?;
+    check_equal("stop again", session.request(&Request::Stop)?, Reply::Stopped)?;
     Ok(())
 }
 
-fn silence(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
-    equal("default dead-man time", session.ask(&Request::Arm { deadman_ms: None })?, Reply::Armed { deadman_ms: 250 })?;
-    session.await_state(State::Armed)?;
-    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+fn silence(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
+    check_equal(
+        "default dead-man time",
+        session.request(&Request::Arm { deadman_ms: None })?,
+        Reply::Armed { deadman_ms: 250 },
+    )?;
+    session.await_state(SafetyState::Armed)?;
+    session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     // Twice the time, for a real board whose clock nobody can stop; to the millisecond in the emulator's report.
-    bench.be_silent(Duration::from_millis(500))?;
-    let status = session.expect_state(State::Fault)?;
+    bench.wait_silently(Duration::from_millis(500))?;
+    let status = session.expect_state(SafetyState::Fault)?;
     let fault = status.fault.ok_or("no fault is latched")?;
-    equal("fault", fault.code, FaultCode::HostSilent)?;
-    equal("silence noticed after 250 ms", (250..300).contains(&fault.detail), true)?;
+    check_equal("fault", fault.code, FaultCode::HostSilent)?;
+    check_equal("silence noticed after 250 ms", (250..300).contains(&fault.detail), true)?;
     check_pins_low(bench)?;
-    let refusal = session.refused(&Request::Arm { deadman_ms: None })?;
-    equal("refusal", refusal, Refusal::State { state: State::Fault, event: Event::Arm })?;
-    equal("clear", session.ask(&Request::ClearFaults)?, Reply::FaultsCleared)?;
-    session.await_state(State::Safe)?;
-    session.expect_state(State::Safe)?;
+    let refusal = session.expect_refusal(&Request::Arm { deadman_ms: None })?;
+    check_equal("refusal", refusal, Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm })?;
+    check_equal("clear", session.request(&Request::ClearFaults)?, Reply::FaultsCleared)?;
+    session.await_state(SafetyState::Safe)?;
+    session.expect_state(SafetyState::Safe)?;
     session.arm()?;
     session.disarm()?;
     Ok(())
 }
 
-fn keep_alive_holds(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+fn keep_alive_holds(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     session.arm()?;
-    session.drive(&[drive(0, 150_000)])?;
+    session.set_drives(&[make_drive(0, 150_000)])?;
     // Longer than the dead-man time, shorter than the longest burst.
     for _ in 0..6 {
-        bench.be_silent(Duration::from_millis(250))?;
-        equal("keep-alive", session.ask(&Request::KeepAlive)?, Reply::Alive { state: State::Running })?;
+        bench.wait_silently(Duration::from_millis(250))?;
+        check_equal("keep-alive", session.request(&Request::KeepAlive)?, Reply::Alive { state: SafetyState::Running })?;
     }
-    session.expect_state(State::Running)?;
-    session.ask(&Request::Stop)?;
+    session.expect_state(SafetyState::Running)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-fn restart(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
-    let before = session.hello()?.boot_id;
+fn restart(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
+    let before = session.request_hello()?.boot_id;
     session.arm()?;
-    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    bench.restart()?;
-    session.await_state(State::Safe)?;
-    let status = session.expect_state(State::Safe)?;
-    equal("a new boot identifier", status.boot_id != before, true)?;
+    session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    bench.reset_device()?;
+    session.await_state(SafetyState::Safe)?;
+    let status = session.expect_state(SafetyState::Safe)?;
+    check_equal("a new boot identifier", status.boot_id != before, true)?;
     check_pins_low(bench)?;
     Ok(())
 }
 
 /// In the emulator: the timers come to do what was achieved, to the last tick, and no two electrodes of one ERA are ever on
 /// together. A change waits for the end of a period, of 1 s at 1 Hz, and perhaps for its phase.
-fn check_timers(bench: &Bench, session: &mut Session<'_>, achieved: &[AchievedDrive]) -> Outcome {
+fn await_achieved_timers(bench: &Bench, session: &mut TestSession<'_>, achieved: &[AchievedDrive]) -> CaseResult {
     for _ in 0..150 {
-        match differing(bench, achieved)? {
+        match find_timer_mismatch(bench, achieved)? {
             None => return Ok(()),
             Some(_) => {
-                bench.let_pass(Duration::from_millis(20))?;
-                session.ask(&Request::KeepAlive)?;
+                bench.wait_if_emulated(Duration::from_millis(20))?;
+                session.request(&Request::KeepAlive)?;
             }
         }
     }
-    differing(bench, achieved)?.map_or(Ok(()), Err)
+    find_timer_mismatch(bench, achieved)?.map_or(Ok(()), Err)
 }
 
 /// What the timers do that was not achieved, if anything; an error is what they must never do.
-fn differing(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Option<String>, String> {
-    let Some(timers) = bench.timers()? else { return Ok(None) };
+fn find_timer_mismatch(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Option<String>, String> {
+    let Some(timers) = bench.read_timer_registers()? else { return Ok(None) };
     for (channel, registers) in (0_u8..).zip(&timers) {
-        let windows = Windows::from_registers(registers).map_err(|error| format!("channel {channel}: {error:?}"))?;
-        equal("ticks with both electrodes on", windows.overlap(), 0)?;
-        let tick_s = windows.tick_s(170_000_000);
-        if let Some(ticks) = windows.guard() {
+        let windows =
+            ElectrodeWindows::from_registers(registers).map_err(|error| format!("channel {channel}: {error:?}"))?;
+        check_equal("ticks with both electrodes on", windows.overlap_ticks(), 0)?;
+        let tick_s = windows.tick_length_s(170_000_000);
+        if let Some(ticks) = windows.shortest_guard_ticks() {
             let guard_s = f64::from(ticks) * tick_s;
-            equal(&format!("guard of {guard_s} s"), guard_s >= 200e-6, true)?;
+            check_equal(&format!("guard of {guard_s} s"), guard_s >= 200e-6, true)?;
         }
         let Some(drive) = achieved.iter().find(|drive| drive.channel == channel) else {
             if windows.a.length + windows.b.length > 0 {
@@ -315,11 +324,11 @@ fn differing(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Option<String>
 
 /// In the emulator: the counters of two drives of one frequency are as far apart as their phases, to a tick each for the
 /// two roundings and one for the phase's.
-fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
-    let (Some(counts), [first, second, ..]) = (bench.counts()?, achieved) else { return Ok(()) };
+fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> CaseResult {
+    let (Some(counts), [first, second, ..]) = (bench.read_counters_and_periods()?, achieved) else { return Ok(()) };
     let [(first_count, ticks), (second_count, _), ..] = counts[..] else { return Err("two counters".into()) };
     let turn = 1e-6 * (f64::from(second.phase_microturns) - f64::from(first.phase_microturns));
     let off = (f64::from(second_count) - f64::from(first_count)) / f64::from(ticks) - turn;
     let off_ticks = (off - off.round()).abs() * f64::from(ticks);
-    equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
+    check_equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
 }

@@ -1,89 +1,99 @@
 //! What a device, and the host's client, do with bytes that are not as they should be.
 
-use crate::bench::{Bench, Outcome, drive, equal, frame};
+use crate::bench::{Bench, CaseResult, check_equal, encode_request_frame, make_drive};
 use era::device::LinkError;
-use era::device::sim::Knobs;
+use era::device::sim::SimKnobs;
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::time::Duration;
 
-pub(crate) fn version_mismatch(bench: &Bench) -> Outcome {
-    bench.session()?;
+pub(crate) fn version_mismatch(bench: &Bench) -> CaseResult {
+    bench.begin_session()?;
     for (got, answered_in) in [(CURRENT_VERSION + 1, CURRENT_VERSION), (99, CURRENT_VERSION), (0, MIN_VERSION)] {
-        let replies = bench.raw(&[&frame(got, 77, &Request::Status)?])?;
+        let replies = bench.exchange_raw_bytes(&[&encode_request_frame(got, 77, &Request::Status)?])?;
         let refusal = Refusal::Version { got, device_min: MIN_VERSION, device_current: CURRENT_VERSION };
-        equal("answer", replies, vec![(answered_in, 77, Reply::Refused(refusal))])?;
+        check_equal("answer", replies, vec![(answered_in, 77, Reply::Refused(refusal))])?;
     }
     Ok(())
 }
 
-pub(crate) fn garbage(bench: &Bench) -> Outcome {
-    bench.session()?;
-    let good = frame(CURRENT_VERSION, 21, &Request::Faults)?;
+pub(crate) fn garbage(bench: &Bench) -> CaseResult {
+    bench.begin_session()?;
+    let good = encode_request_frame(CURRENT_VERSION, 21, &Request::Faults)?;
     // A byte sequence without pattern, zeros among it, longer than any frame.
     let noise: Vec<u8> = (0_u32..700).map(|i| (i.wrapping_mul(2_654_435_761) >> 13).to_le_bytes()[0]).collect();
     let mut flipped = good.clone();
     if let Some(byte) = flipped.get_mut(3) {
         *byte ^= 0x40;
     }
-    let replies = bench.raw(&[&noise, &[0], &flipped, &good, &[0, 0], &noise[..40], &[0]])?;
-    equal("one answer, to the one good frame", replies, vec![(CURRENT_VERSION, 21, Reply::Faults { latched: None })])?;
-    let mut session = bench.session()?;
-    let status = session.expect_state(State::Safe)?;
-    equal("bad frames are counted", status.link.bad_frames > 0, true)?;
+    let replies = bench.exchange_raw_bytes(&[&noise, &[0], &flipped, &good, &[0, 0], &noise[..40], &[0]])?;
+    check_equal(
+        "one answer, to the one good frame",
+        replies,
+        vec![(CURRENT_VERSION, 21, Reply::Faults { latched: None })],
+    )?;
+    let mut session = bench.begin_session()?;
+    let status = session.expect_state(SafetyState::Safe)?;
+    check_equal("bad frames are counted", status.link.bad_frames > 0, true)?;
     Ok(())
 }
 
-pub(crate) fn frames_in_pieces(bench: &Bench) -> Outcome {
-    bench.session()?;
-    let both =
-        [frame(CURRENT_VERSION, 31, &Request::Faults)?, frame(CURRENT_VERSION, 32, &Request::KeepAlive)?].concat();
+pub(crate) fn frames_in_pieces(bench: &Bench) -> CaseResult {
+    bench.begin_session()?;
+    let both = [
+        encode_request_frame(CURRENT_VERSION, 31, &Request::Faults)?,
+        encode_request_frame(CURRENT_VERSION, 32, &Request::KeepAlive)?,
+    ]
+    .concat();
     let bytes: Vec<&[u8]> = both.chunks(1).collect();
     let wanted = vec![
         (CURRENT_VERSION, 31, Reply::Faults { latched: None }),
-        (CURRENT_VERSION, 32, Reply::Alive { state: State::Safe }),
+        (CURRENT_VERSION, 32, Reply::Alive { state: SafetyState::Safe }),
     ];
-    equal("byte by byte", bench.raw(&bytes)?, wanted.clone())?;
-    equal("all at once", bench.raw(&[&both])?, wanted)?;
+    check_equal("byte by byte", bench.exchange_raw_bytes(&bytes)?, wanted.clone())?;
+    check_equal("all at once", bench.exchange_raw_bytes(&[&both])?, wanted)?;
     Ok(())
 }
 
-pub(crate) fn silent_device(bench: &Bench) -> Outcome {
-    let control = bench.knobs().ok_or("no knobs")?;
-    let mut session = bench.session()?;
+pub(crate) fn silent_device(bench: &Bench) -> CaseResult {
+    let control = bench.sim_control().ok_or("no knobs")?;
+    let mut session = bench.begin_session()?;
     {
-        let _turned = Bench::turn(&control, Knobs { silent: true, ..Knobs::default() });
+        let _turned = Bench::set_knobs_until_dropped(&control, SimKnobs { silent: true, ..SimKnobs::default() });
         match session.client.request(&Request::Status) {
             Err(LinkError::Silent { request: "status", attempts: 2.., .. }) => {}
             other => return Err(format!("a silent device gave {other:?}")),
         }
     }
-    session.expect_state(State::Safe)?;
+    session.expect_state(SafetyState::Safe)?;
     Ok(())
 }
 
-pub(crate) fn slow_device(bench: &Bench) -> Outcome {
-    let control = bench.knobs().ok_or("no knobs")?;
-    let mut session = bench.session()?;
-    let _turned = Bench::turn(&control, Knobs { reply_delay: Duration::from_millis(60), ..Knobs::default() });
+pub(crate) fn slow_device(bench: &Bench) -> CaseResult {
+    let control = bench.sim_control().ok_or("no knobs")?;
+    let mut session = bench.begin_session()?;
+    let _turned = Bench::set_knobs_until_dropped(
+        &control,
+        SimKnobs { reply_delay: Duration::from_millis(60), ..SimKnobs::default() },
+    );
     session.arm()?;
-    session.drive(&[drive(0, 100_000)])?;
-    session.expect_state(State::Running)?;
-    session.ask(&Request::Stop)?;
+    session.set_drives(&[make_drive(0, 100_000)])?;
+    session.expect_state(SafetyState::Running)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }
 
-pub(crate) fn corrupting_line(bench: &Bench) -> Outcome {
-    let control = bench.knobs().ok_or("no knobs")?;
-    let mut session = bench.session()?;
-    let _turned = Bench::turn(&control, Knobs { corrupt_every: Some(2), ..Knobs::default() });
+pub(crate) fn corrupting_line(bench: &Bench) -> CaseResult {
+    let control = bench.sim_control().ok_or("no knobs")?;
+    let mut session = bench.begin_session()?;
+    let _turned = Bench::set_knobs_until_dropped(&control, SimKnobs { corrupt_every: Some(2), ..SimKnobs::default() });
     session.arm()?;
     for _ in 0..5 {
-        session.drive(&[drive(0, 100_000), drive(1, 150_000)])?;
-        session.expect_state(State::Running)?;
+        session.set_drives(&[make_drive(0, 100_000), make_drive(1, 150_000)])?;
+        session.expect_state(SafetyState::Running)?;
     }
-    equal("broken answers were noticed", session.client.statistics().bad_frames > 0, true)?;
-    equal("and asked for again", session.client.statistics().repeats > 0, true)?;
-    session.ask(&Request::Stop)?;
+    check_equal("broken answers were noticed", session.client.statistics().bad_frames > 0, true)?;
+    check_equal("and asked for again", session.client.statistics().repeats > 0, true)?;
+    session.request(&Request::Stop)?;
     Ok(())
 }

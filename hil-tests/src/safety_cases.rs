@@ -1,72 +1,76 @@
 //! What keeps the device from doing harm: the self-test, faults while live, measured rails, budgets.
 
-use crate::bench::{Bench, Outcome, Session, VOLTAGE_MILLIVOLTS, check_pins_low, drive, equal};
+use crate::bench::{Bench, CaseResult, TestSession, VOLTAGE_MILLIVOLTS, check_equal, check_pins_low, make_drive};
 use crate::breakage::Breakage;
 use era::device::LinkError;
 use era_shared::limits::{BURST_MAX_MS, DISCHARGED_MILLIVOLTS, REST_MS};
 use era_shared::protocol::{ChannelDrive, ChargeRule, FaultCode, Refusal, Reply, Request};
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use std::time::{Duration, Instant};
 
 /// Highest of the measured rails in mV.
-fn highest(rails: &[u32]) -> u32 {
+fn highest_rail_millivolts(rails: &[u32]) -> u32 {
     rails.iter().copied().max().unwrap_or(0)
 }
 
-pub(crate) fn details(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
-    let channels = usize::from(session.channels()?);
-    let safe = session.details()?;
-    equal("state", safe.state, State::Safe)?;
-    equal("safe rails are discharged", highest(&safe.rail_millivolts) < DISCHARGED_MILLIVOLTS, true)?;
-    equal("safe rails are set to nothing", highest(&safe.set_point_millivolts), 0)?;
+pub(crate) fn details(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
+    let channels = usize::from(session.channel_count()?);
+    let safe = session.request_details()?;
+    check_equal("state", safe.state, SafetyState::Safe)?;
+    check_equal(
+        "safe rails are discharged",
+        highest_rail_millivolts(&safe.rail_millivolts) < DISCHARGED_MILLIVOLTS,
+        true,
+    )?;
+    check_equal("safe rails are set to nothing", highest_rail_millivolts(&safe.set_point_millivolts), 0)?;
     let loops = [safe.interlock_closed, safe.stop_released, safe.earth_bonded];
-    equal("interlock, emergency stop and earth", loops, [true; 3])?;
-    equal("credits", safe.credit_ms.len(), channels)?;
+    check_equal("interlock, emergency stop and earth", loops, [true; 3])?;
+    check_equal("credits", safe.credit_ms.len(), channels)?;
     session.arm()?;
-    session.drive(&[drive(0, 150_000), drive(1, 150_000)])?;
-    bench.be_silent(Duration::from_millis(100))?;
-    let running = session.details()?;
-    equal("state", running.state, State::Running)?;
+    session.set_drives(&[make_drive(0, 150_000), make_drive(1, 150_000)])?;
+    bench.wait_silently(Duration::from_millis(100))?;
+    let running = session.request_details()?;
+    check_equal("state", running.state, SafetyState::Running)?;
     for (set, measured) in running.set_point_millivolts.into_iter().zip(running.rail_millivolts) {
-        equal(&format!("a set-point of {set} mV"), set.abs_diff(VOLTAGE_MILLIVOLTS) < 1_000, true)?;
-        equal(&format!("a rail of {measured} mV"), measured.abs_diff(VOLTAGE_MILLIVOLTS) < 15_000, true)?;
+        check_equal(&format!("a set-point of {set} mV"), set.abs_diff(VOLTAGE_MILLIVOLTS) < 1_000, true)?;
+        check_equal(&format!("a rail of {measured} mV"), measured.abs_diff(VOLTAGE_MILLIVOLTS) < 15_000, true)?;
     }
-    let credit = match session.ask(&Request::Credit)? {
+    let credit = match session.request(&Request::Credit)? {
         Reply::Credit(credit) => credit,
         other => return Err(format!("credit was answered {other:?}")),
     };
-    equal("what is charged by", credit.rule, ChargeRule::ForceSquared)?;
+    check_equal("what is charged by", credit.rule, ChargeRule::ForceSquared)?;
     let charged: Vec<bool> = credit.channels.iter().map(|channel| channel.charge_ppm > 0).collect();
     let driven: Vec<bool> = (0..channels).map(|channel| channel < 2).collect();
-    equal("who is charged", charged, driven)?;
-    equal("so weak a drive never runs out", credit.lasts_ms(0), None)?;
+    check_equal("who is charged", charged, driven)?;
+    check_equal("so weak a drive never runs out", credit.remaining_drive_time_ms(0), None)?;
     session.disarm()
 }
 
-pub(crate) fn drives_set_while_arming(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
-    equal("arm", session.ask(&Request::Arm { deadman_ms: Some(1000) })?, Reply::Armed { deadman_ms: 1000 })?;
-    let achieved = session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
-    session.await_state(State::Running)?;
-    let status = session.expect_state(State::Running)?;
+pub(crate) fn drives_set_while_arming(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
+    check_equal("arm", session.request(&Request::Arm { deadman_ms: Some(1000) })?, Reply::Armed { deadman_ms: 1000 })?;
+    let achieved = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
+    session.await_state(SafetyState::Running)?;
+    let status = session.expect_state(SafetyState::Running)?;
     let shown: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
-    equal("drives in the status", shown, achieved)?;
+    check_equal("drives in the status", shown, achieved)?;
     session.disarm()
 }
 
-pub(crate) fn burst_limit(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     let arm = |burst_ms| Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(burst_ms) };
-    let refusal = session.refused(&arm(BURST_MAX_MS + 1))?;
+    let refusal = session.expect_refusal(&arm(BURST_MAX_MS + 1))?;
     let wanted = Refusal::Burst { requested_ms: BURST_MAX_MS + 1, min_ms: 1, max_ms: BURST_MAX_MS };
-    equal("too long a burst", refusal, wanted)?;
-    equal("arm", session.ask(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
-    session.await_state(State::Armed)?;
+    check_equal("too long a burst", refusal, wanted)?;
+    check_equal("arm", session.request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
+    session.await_state(SafetyState::Armed)?;
     // Asked for again and again, so that the refusal is not missed: a rest ends it.
     let begun = Instant::now();
     let wait_ms = loop {
-        let drives = [drive(0, 150_000)].into_iter().collect();
+        let drives = [make_drive(0, 150_000)].into_iter().collect();
         match session.client.request(&Request::SetDrives { drives }) {
             Ok(Reply::DrivesSet { .. }) if begun.elapsed() < Duration::from_secs(60) => {
                 std::thread::sleep(Duration::from_millis(5));
@@ -75,31 +79,31 @@ pub(crate) fn burst_limit(bench: &Bench) -> Outcome {
             other => return Err(format!("a drive beyond its burst got {other:?}")),
         }
     };
-    equal("a rest at most", (1..=REST_MS).contains(&wait_ms), true)?;
+    check_equal("a rest at most", (1..=REST_MS).contains(&wait_ms), true)?;
     session.disarm()?;
     // A rest counts while not armed, too: drives can be set as soon as the device arms.
-    bench.be_silent(Duration::from_millis(u64::from(REST_MS) + 50))?;
-    equal("arm", session.ask(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
-    session.drive(&[drive(0, 150_000)])?;
+    bench.wait_silently(Duration::from_millis(u64::from(REST_MS) + 50))?;
+    check_equal("arm", session.request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
+    session.set_drives(&[make_drive(0, 150_000)])?;
     session.disarm()
 }
 
 /// Waits for the fault, which must be `code`; everything must be off then.
-fn expect_fault(bench: &Bench, session: &mut Session<'_>, code: FaultCode) -> Outcome {
+fn expect_fault(bench: &Bench, session: &mut TestSession<'_>, code: FaultCode) -> CaseResult {
     session.await_fault()?;
-    let status = session.expect_state(State::Fault)?;
-    equal("fault", status.fault.map(|fault| fault.code), Some(code))?;
-    let refusal = session.refused(&Request::Arm { deadman_ms: None })?;
-    equal("refusal", refusal, Refusal::State { state: State::Fault, event: Event::Arm })?;
+    let status = session.expect_state(SafetyState::Fault)?;
+    check_equal("fault", status.fault.map(|fault| fault.code), Some(code))?;
+    let refusal = session.expect_refusal(&Request::Arm { deadman_ms: None })?;
+    check_equal("refusal", refusal, Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm })?;
     check_pins_low(bench)
 }
 
 /// The fault can be cleared once the rails are discharged, and the device becomes safe.
-fn recover(session: &mut Session<'_>) -> Outcome {
+fn clear_fault_and_await_safe(session: &mut TestSession<'_>) -> CaseResult {
     let begun = Instant::now();
     loop {
         match session.client.request(&Request::ClearFaults) {
-            Ok(Reply::FaultsCleared) => return session.await_state(State::Safe),
+            Ok(Reply::FaultsCleared) => return session.await_state(SafetyState::Safe),
             Err(LinkError::Refused(Refusal::StillThere(_))) if begun.elapsed() < Duration::from_secs(20) => {}
             other => return Err(format!("clear-faults was answered {other:?}")),
         }
@@ -107,8 +111,8 @@ fn recover(session: &mut Session<'_>) -> Outcome {
     }
 }
 
-pub(crate) fn arming_tests_every_loop(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+pub(crate) fn arming_tests_every_loop(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     let breakages = [
         (Breakage::Interlock, FaultCode::InterlockOpen, true),
         (Breakage::EmergencyStop, FaultCode::EmergencyStop, true),
@@ -117,26 +121,26 @@ pub(crate) fn arming_tests_every_loop(bench: &Bench) -> Outcome {
         (Breakage::Leakage, FaultCode::ShortCircuit, false),
     ];
     for (breakage, code, stays) in breakages {
-        let broken = bench.break_it(breakage)?;
+        let broken = bench.break_hardware(breakage)?;
         // A board whose hardware has noticed already is in its fault before it is asked.
         match session.client.request(&Request::Arm { deadman_ms: Some(1000) }) {
-            Ok(Reply::Armed { .. }) | Err(LinkError::Refused(Refusal::State { state: State::Fault, .. })) => {}
+            Ok(Reply::Armed { .. }) | Err(LinkError::Refused(Refusal::State { state: SafetyState::Fault, .. })) => {}
             other => return Err(format!("{breakage:?}: arm was answered {other:?}")),
         }
         expect_fault(bench, &mut session, code).map_err(|error| format!("{breakage:?}: {error}"))?;
         if stays {
-            let refusal = session.refused(&Request::ClearFaults)?;
-            equal("the cause is still there", refusal, Refusal::StillThere(code))?;
+            let refusal = session.expect_refusal(&Request::ClearFaults)?;
+            check_equal("the cause is still there", refusal, Refusal::StillThere(code))?;
         }
         drop(broken);
-        recover(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;
+        clear_fault_and_await_safe(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;
     }
     session.arm()?;
     session.disarm()
 }
 
-pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> Outcome {
-    let mut session = bench.session()?;
+pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> CaseResult {
+    let mut session = bench.begin_session()?;
     let low = VOLTAGE_MILLIVOLTS;
     let breakages = [
         (Breakage::Interlock, low, FaultCode::InterlockOpen),
@@ -150,14 +154,14 @@ pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> Outcome {
     ];
     for (breakage, voltage_millivolts, code) in breakages {
         session.arm()?;
-        let driven = |channel| ChannelDrive { voltage_millivolts, ..drive(channel, 150_000) };
-        session.drive(&[driven(0), driven(1)])?;
-        bench.be_silent(Duration::from_millis(100))?;
-        session.expect_state(State::Running)?;
-        let broken = bench.break_it(breakage)?;
+        let driven = |channel| ChannelDrive { voltage_millivolts, ..make_drive(channel, 150_000) };
+        session.set_drives(&[driven(0), driven(1)])?;
+        bench.wait_silently(Duration::from_millis(100))?;
+        session.expect_state(SafetyState::Running)?;
+        let broken = bench.break_hardware(breakage)?;
         expect_fault(bench, &mut session, code).map_err(|error| format!("{breakage:?}: {error}"))?;
         drop(broken);
-        recover(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;
+        clear_fault_and_await_safe(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;
     }
     Ok(())
 }

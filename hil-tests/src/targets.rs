@@ -1,12 +1,12 @@
 //! The targets, and why one may be missing.
 
 use crate::bench::Bench;
-use crate::cases::Needs;
+use crate::cases::CaseNeeds;
 use std::process::{Command, Stdio};
 
 /// A target of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum TargetKind {
     /// The simulated device.
     Sim,
     /// The firmware image in the emulator.
@@ -15,26 +15,26 @@ pub enum Kind {
     Board,
 }
 
-impl Kind {
+impl TargetKind {
     /// All targets.
-    pub const ALL: [Kind; 3] = [Kind::Sim, Kind::Emulated, Kind::Board];
+    pub const ALL: [TargetKind; 3] = [TargetKind::Sim, TargetKind::Emulated, TargetKind::Board];
 
     /// As in the names of the tests.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Kind::Sim => "sim",
-            Kind::Emulated => "emulated",
-            Kind::Board => "board",
+            TargetKind::Sim => "sim",
+            TargetKind::Emulated => "emulated",
+            TargetKind::Board => "board",
         }
     }
 
     /// Why this target is not here; `None` if it is.
     #[must_use]
-    pub fn missing(self) -> Option<String> {
+    pub fn missing_reason(self) -> Option<String> {
         match self {
-            Kind::Sim => None,
-            Kind::Emulated => {
+            TargetKind::Sim => None,
+            TargetKind::Emulated => {
                 let python = Command::new("python3")
                     .args(["-c", "import venv, ensurepip"])
                     .stdout(Stdio::null())
@@ -43,18 +43,22 @@ impl Kind {
                 let here = python.is_ok_and(|status| status.success());
                 (!here).then(|| "python3 with venv is not installed".into())
             }
-            Kind::Board => board().is_none().then(|| "ERA_DEVICE names no serial port".into()),
+            TargetKind::Board => {
+                board_port_from_environment().is_none().then(|| "ERA_DEVICE names no serial port".into())
+            }
         }
     }
 
     /// Why a case with these needs cannot be run on this target; `None` if it can.
     #[must_use]
-    pub const fn lacks(self, needs: Needs) -> Option<&'static str> {
+    pub const fn missing_need(self, needs: CaseNeeds) -> Option<&'static str> {
         match (self, needs) {
-            (Kind::Emulated | Kind::Board, Needs::Knobs) => Some("only the simulated device has knobs"),
-            (Kind::Board, Needs::NothingConnected) => Some("it asks for 1 kV, and something may be connected"),
-            (Kind::Board, Needs::Breaking) => Some("a board's hardware is not broken on purpose"),
-            (Kind::Board, Needs::Reset) => Some("a board's reset button cannot be pressed from here"),
+            (TargetKind::Emulated | TargetKind::Board, CaseNeeds::Knobs) => Some("only the simulated device has knobs"),
+            (TargetKind::Board, CaseNeeds::NothingConnected) => {
+                Some("it asks for 1 kV, and something may be connected")
+            }
+            (TargetKind::Board, CaseNeeds::Breaking) => Some("a board's hardware is not broken on purpose"),
+            (TargetKind::Board, CaseNeeds::Reset) => Some("a board's reset button cannot be pressed from here"),
             _ => None,
         }
     }
@@ -63,15 +67,15 @@ impl Kind {
     ///
     /// # Errors
     /// Why it did not start.
-    pub fn open(self) -> Result<Bench, String> {
+    pub fn start_target(self) -> Result<Bench, String> {
         match self {
-            Kind::Sim => Bench::sim(),
-            Kind::Emulated => Bench::emulated(),
-            Kind::Board => Bench::board(&board().unwrap_or_default()),
+            TargetKind::Sim => Bench::start_simulated(),
+            TargetKind::Emulated => Bench::start_emulated(),
+            TargetKind::Board => Bench::open_board(&board_port_from_environment().unwrap_or_default()),
         }
     }
 }
 
-fn board() -> Option<String> {
+fn board_port_from_environment() -> Option<String> {
     std::env::var("ERA_DEVICE").ok().filter(|port| !port.is_empty())
 }

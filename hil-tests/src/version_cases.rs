@@ -1,8 +1,8 @@
 //! A host of protocol version 1.
 
-use crate::bench::{Bench, Outcome, equal};
+use crate::bench::{Bench, CaseResult, check_equal};
 use era_shared::protocol::{FaultCode, Refusal, Reply};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 
 /// Requests as a host of version 1 sends them, to the byte; `shared/tests/golden_v1.rs` has them too. Arming and driving
 /// come so close together that the self-test does not end before `Stop`. They ask for 1 kV, so no real board gets them.
@@ -23,7 +23,7 @@ const REQUESTS: [(&str, &str); 14] = [
     ("set-drives", "0701013412030207f09309abd8280bc0843d01f09309abd82808c0843dc6560fc800"),
 ];
 
-fn bytes(hex: &str) -> Result<Vec<u8>, String> {
+fn parse_hex(hex: &str) -> Result<Vec<u8>, String> {
     let digits: Vec<char> = hex.chars().filter(|digit| !digit.is_whitespace()).collect();
     digits
         .chunks(2)
@@ -32,17 +32,20 @@ fn bytes(hex: &str) -> Result<Vec<u8>, String> {
 }
 
 /// Whether version 1 has this state.
-const fn known_state(state: State) -> bool {
-    matches!(state, State::Boot | State::Safe | State::Armed | State::Running | State::Fault)
+const fn is_version_1_state(state: SafetyState) -> bool {
+    matches!(
+        state,
+        SafetyState::Boot | SafetyState::Safe | SafetyState::Armed | SafetyState::Running | SafetyState::Fault
+    )
 }
 
-pub(crate) fn version_1_session(bench: &Bench) -> Outcome {
-    bench.session()?;
-    let frames = REQUESTS.iter().map(|(_, hex)| bytes(hex)).collect::<Result<Vec<_>, _>>()?;
-    let replies = bench.raw(&[&frames.concat()])?;
-    equal("answers", replies.len(), REQUESTS.len())?;
+pub(crate) fn version_1_session(bench: &Bench) -> CaseResult {
+    bench.begin_session()?;
+    let frames = REQUESTS.iter().map(|(_, hex)| parse_hex(hex)).collect::<Result<Vec<_>, _>>()?;
+    let replies = bench.exchange_raw_bytes(&[&frames.concat()])?;
+    check_equal("answers", replies.len(), REQUESTS.len())?;
     for ((name, _), (version, sequence, reply)) in REQUESTS.iter().zip(&replies) {
-        equal(&format!("{name}: version and sequence"), (*version, *sequence), (1, 0x1234))?;
+        check_equal(&format!("{name}: version and sequence"), (*version, *sequence), (1, 0x1234))?;
         let known = match (*name, reply) {
             ("stop", Reply::Stopped)
             | ("clear-faults", Reply::FaultsCleared)
@@ -50,23 +53,23 @@ pub(crate) fn version_1_session(bench: &Bench) -> Outcome {
             | ("faults", Reply::Faults { latched: None })
             | ("disarm", Reply::Disarmed) => true,
             ("hello", Reply::Hello(hello)) => hello.protocol_min == 1 && hello.default_deadman_ms == 250,
-            ("keep-alive", Reply::Alive { state }) => known_state(*state),
-            ("telemetry", Reply::Telemetry(telemetry)) => known_state(telemetry.state),
+            ("keep-alive", Reply::Alive { state }) => is_version_1_state(*state),
+            ("telemetry", Reply::Telemetry(telemetry)) => is_version_1_state(telemetry.state),
             ("status", Reply::Status(status)) => {
                 let fault_known = status.fault.is_none_or(|fault| fault.code.number() <= FaultCode::ReadBack.number());
-                known_state(status.state) && fault_known
+                is_version_1_state(status.state) && fault_known
             }
             ("set-drives", Reply::DrivesSet { achieved }) => achieved.len() == 2,
-            ("set-drives", Reply::Refused(Refusal::State { state, .. })) => known_state(*state),
+            ("set-drives", Reply::Refused(Refusal::State { state, .. })) => is_version_1_state(*state),
             _ => false,
         };
-        equal(&format!("{name} was answered with what version 1 knows, {reply:?}"), known, true)?;
+        check_equal(&format!("{name} was answered with what version 1 knows, {reply:?}"), known, true)?;
     }
     let answer = |place: usize| replies.get(place).map(|(_, _, reply)| reply);
     // What tests itself may be live; what discharges is not called safe.
-    let armed = matches!(answer(7), Some(Reply::Alive { state: State::Armed | State::Running }));
-    equal("while armed", armed, true)?;
-    equal("drives are set while armed", matches!(answer(6), Some(Reply::DrivesSet { .. })), true)?;
+    let armed = matches!(answer(7), Some(Reply::Alive { state: SafetyState::Armed | SafetyState::Running }));
+    check_equal("while armed", armed, true)?;
+    check_equal("drives are set while armed", matches!(answer(6), Some(Reply::DrivesSet { .. })), true)?;
     let refused = matches!(answer(13), Some(Reply::Refused(Refusal::State { .. })));
-    equal("and not any more after that", refused, true)
+    check_equal("and not any more after that", refused, true)
 }

@@ -3,7 +3,7 @@
 
 use hil_tests::bench::Bench;
 use hil_tests::cases::{CASES, Case};
-use hil_tests::targets::Kind;
+use hil_tests::targets::TargetKind;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,8 +15,8 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials = Vec::new();
     let mut benches = Vec::new();
-    for kind in Kind::ALL {
-        let missing = kind.missing();
+    for kind in TargetKind::ALL {
+        let missing = kind.missing_reason();
         if let Some(reason) = &missing {
             println!("skipped: {} ({reason})", kind.name());
         }
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
         benches.push(Arc::clone(&shared));
         for case in CASES {
             let name = format!("{}::{}", kind.name(), case.name);
-            let lacks = kind.lacks(case.needs);
+            let lacks = kind.missing_need(case.needs);
             if let (None, Some(reason)) = (&missing, lacks) {
                 println!("skipped: {name} ({reason})");
             }
@@ -41,11 +41,11 @@ fn main() -> ExitCode {
     if conclusion.has_failed() { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 
-fn run(kind: Kind, shared: &Shared, case: &Case) -> Result<(), Failed> {
+fn run(kind: TargetKind, shared: &Shared, case: &Case) -> Result<(), Failed> {
     let mut place = shared.lock().unwrap_or_else(PoisonError::into_inner);
     let bench = match place.take() {
         Some(bench) => bench,
-        None => kind.open()?,
+        None => kind.start_target()?,
     };
     let result = (case.run)(&bench);
     *place = Some(bench);

@@ -19,12 +19,12 @@ impl Board {
     /// A question sent at `sent_s` that takes `there_s` to the board, whose answer takes `back_s`.
     fn ask(&self, clock: &mut ClockSync, sent_s: f64, there_s: f64, back_s: f64) {
         let at = |s: f64| self.zero + Duration::from_secs_f64(s);
-        clock.sample(at(sent_s), at(sent_s + there_s + back_s), self.us_at(sent_s + there_s) as u64);
+        clock.add_sample(at(sent_s), at(sent_s + there_s + back_s), self.us_at(sent_s + there_s) as u64);
     }
 
     /// How far the estimate is off at `host_s`, in s.
     fn error_s(&self, clock: &ClockSync, host_s: f64) -> f64 {
-        let found = clock.board_us_at(self.zero + Duration::from_secs_f64(host_s)).expect("sampled");
+        let found = clock.board_time_us_at(self.zero + Duration::from_secs_f64(host_s)).expect("sampled");
         (found as f64 - self.us_at(host_s)) / 1e6
     }
 }
@@ -161,9 +161,9 @@ fn a_stall_is_no_rate() {
 fn nothing_is_known_before_it_is_asked() {
     let zero = Instant::now();
     let mut clock = ClockSync::new(zero);
-    assert_eq!((clock.board_us_at(zero), clock.quality()), (None, None));
-    clock.sample(zero, zero, 77);
-    assert_eq!((clock.board_us_at(zero), clock.quality()), (Some(77), None));
-    clock.reset();
-    assert_eq!(clock.board_us_at(zero), None);
+    assert_eq!((clock.board_time_us_at(zero), clock.quality()), (None, None));
+    clock.add_sample(zero, zero, 77);
+    assert_eq!((clock.board_time_us_at(zero), clock.quality()), (Some(77), None));
+    clock.forget_samples();
+    assert_eq!(clock.board_time_us_at(zero), None);
 }

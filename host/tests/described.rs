@@ -5,8 +5,8 @@
 mod support;
 
 use era::daemon::Access;
-use era::device::session::policy::Policy;
-use era::device::sim::Knobs;
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::SimKnobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use support::Daemon;
@@ -98,7 +98,7 @@ fn refusals_are_as_described() {
     assert_eq!(daemon.post("/v1/touch", &" ".repeat(20_000)).0, 413);
     let scene = json!({"x_px": 1, "y_px": 1, "scene": "no TOML"}).to_string();
     assert_eq!(daemon.post("/v1/preview", &scene).0, 400);
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     // Late at first, and then lost.
     daemon.wait_for(|state| state["device"]["in_doubt"] == true);
     daemon.wait_for(|state| state["device"]["connected"] == false && state["device"]["in_doubt"] == false);
@@ -129,7 +129,7 @@ fn what_a_token_does_not_open_is_as_described() {
 /// What is said on the live socket, in and out.
 #[test]
 fn live_messages_are_as_described() {
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), Access::default());
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access::default());
     let (takes, sends) =
         (described().schema("/components/schemas/LiveIn"), described().schema("/components/schemas/LiveOut"));
     let all = "/v1/live?send=scene,state,plan,field";

@@ -2,14 +2,14 @@
 
 mod support;
 
-use era::device::convert::to_wire;
-use era::device::sim::{Clock, Panel, STEP_S, SimBoard};
+use era::device::convert::drive_to_wire;
+use era::device::sim::{Clock, STEP_S, SimBoard, SimPanel};
 use era::effects::{Design, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
 use era::planner::rise::RiseTimes;
 use era::planner::{self, PlanTable, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::device::{Device, LinkReceiver};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::LinkId;
 use era_shared::waveform::{Effect, Segment};
@@ -21,7 +21,7 @@ const RECORD_S: f64 = 0.5;
 struct Bench {
     device: Device,
     board: SimBoard,
-    port: Port,
+    port: LinkReceiver,
     sequence: u16,
     time_us: u64,
 }
@@ -29,23 +29,23 @@ struct Bench {
 impl Bench {
     fn new(table: &PlanTable, target: &Target) -> Self {
         let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let mut panel = Panel::of(table);
-        panel.set_probe(&intensity::shape_of(table, target.x_m, target.y_m));
+        let mut panel = SimPanel::from_plan_table(table);
+        panel.place_accelerometer(&intensity::shape_of(table, target.x_m, target.y_m));
         let mut board = SimBoard::new(panel, &volts, Clock::Manual(0));
         let mut device = Device::new();
-        device.start(&mut board);
-        Self { device, board, port: Port::new(LinkId(0)), sequence: 0, time_us: 0 }
+        device.complete_boot(&mut board);
+        Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
     fn ask(&mut self, request: &Request) -> Reply {
         self.sequence += 1;
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame).unwrap();
+        let length = encode_frame(CURRENT_VERSION, FrameKind::Request, self.sequence, request, &mut frame).unwrap();
         let mut answers = Vec::new();
         self.device
-            .receive(&mut self.board, &mut self.port, &frame[..length], |bytes| answers.extend_from_slice(bytes));
+            .receive_bytes(&mut self.board, &mut self.port, &frame[..length], |bytes| answers.extend_from_slice(bytes));
         let mut reply = None;
-        Decoder::new().feed(&answers, |frame| reply = postcard::from_bytes::<Reply>(frame.unwrap().body).ok());
+        Decoder::new().feed_bytes(&answers, |frame| reply = postcard::from_bytes::<Reply>(frame.unwrap().body).ok());
         reply.unwrap()
     }
 
@@ -53,12 +53,12 @@ impl Bench {
         while self.time_us < end_us {
             let keep_alive_us = (self.time_us + 50_000).min(end_us);
             while self.time_us < keep_alive_us {
-                let due_us = self.device.poll(&mut self.board);
+                let due_us = self.device.poll_next_due_us(&mut self.board);
                 self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
                 self.board.set_time_us(self.time_us);
             }
-            self.device.poll(&mut self.board);
-            self.board.advance();
+            self.device.poll_next_due_us(&mut self.board);
+            self.board.advance_panel_to_now();
             self.ask(&Request::KeepAlive);
         }
     }
@@ -67,7 +67,7 @@ impl Bench {
     fn play(&mut self, design: &Design, effects: &[Effect], start_us: u64) -> Vec<f64> {
         self.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
         self.run_to(100_000);
-        let prepared = self.ask(&Request::Prepare { drives: design.wire_drives().iter().map(to_wire).collect() });
+        let prepared = self.ask(&Request::Prepare { drives: design.wire_drives().iter().map(drive_to_wire).collect() });
         assert!(matches!(prepared, Reply::Prepared { .. }), "{prepared:?}");
         self.run_to(start_us - 20_000);
         for (channel, effect) in (0..).zip(effects) {
@@ -189,7 +189,7 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
             let mut bench = Bench::new(&table, &target);
             bench.play(&design, &effects, 400_000);
-            let extremes = bench.board.panel_mut().take_extremes();
+            let extremes = bench.board.panel_mut().take_travel_extremes();
             for ((extreme, electrodes), drive) in extremes.iter().zip(&table.electrodes).zip(&design.drives) {
                 let part = extreme.travel_m / electrodes.gap_m;
                 assert!(!extreme.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");

@@ -3,8 +3,8 @@
 mod support;
 
 use era::daemon::Access;
-use era::device::session::policy::Policy;
-use era::device::sim::Knobs;
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::SimKnobs;
 use era::scene::EXAMPLE_PLATE;
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
@@ -137,14 +137,14 @@ fn plain_python_touches_and_says_what_is_wrong() {
     let told = run();
     let number = told[0].strip_suffix(" None").and_then(|number| number.parse::<u64>().ok());
     assert!(number.is_some() && (told.len(), told[1].as_str()) == (3, "done"), "{told:?}");
-    assert!(is_off(&told[2]) && daemon.sim.drives_received().is_some(), "{told:?}");
+    assert!(is_off(&told[2]) && daemon.sim.drives_received_at().is_some(), "{told:?}");
     // A board that was away, a fault, and no daemon at all.
-    daemon.sim.restart();
+    daemon.sim.request_restart();
     daemon.wait_for(|state| state["device"]["waits_to_be_armed"] == true);
     let told = run();
     assert!(told.len() == 1 && told[0].starts_with("a person has to look: 409 not-armed:"), "{told:?}");
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
-    let mut knobs = Knobs::default();
+    let mut knobs = SimKnobs::default();
     knobs.defects.interlock_open = true;
     daemon.sim.set_knobs(knobs);
     daemon.wait_for(|state| state["device"]["state"] == "fault");
@@ -271,7 +271,7 @@ fn a_page_of_another_origin_touches() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let origin = format!("http://{}", listener.local_addr().unwrap());
     let access = Access { origins: vec![Access::origin(&origin).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), access);
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
     let html = example("html", "type=\"module\"").replace(HERE, daemon.url.trim_start_matches("http://"));
     let seen = "document.title = `${answer.status}, ${told.type ?? `plan ${told.plan_id}`}`;\n</script>";
     let html = html.replace("</script>", seen);
@@ -286,7 +286,7 @@ fn a_page_of_another_origin_touches() {
     });
     let told = told.expect("the board is late for ever");
     assert!(told.strip_prefix("200, plan ").is_some_and(|id| id.parse::<u64>().is_ok()), "{told}");
-    assert!(daemon.sim.drives_received().is_some());
+    assert!(daemon.sim.drives_received_at().is_some());
 }
 
 /// The manual's first study is the one that comes with the program, with which its figures were found; all are studies of the example plate.

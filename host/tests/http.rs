@@ -2,7 +2,7 @@
 
 mod support;
 
-use era::device::sim::Knobs;
+use era::device::sim::SimKnobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -109,12 +109,12 @@ fn an_old_order_is_refused_after_a_stop() {
     let device = era::device::OpenDevice::open(&era::device::Target::Sim, || {
         let table = support::table(EXAMPLE_PLATE);
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        (era::device::sim::Panel::of(&table), volts)
+        (era::device::sim::SimPanel::from_plan_table(&table), volts)
     });
     let session = era::device::Session::start(device.unwrap(), Default::default(), Default::default()).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
-        let mut seen = session.snapshots();
+        let mut seen = session.subscribe_snapshots();
         seen.wait_for(|snapshot| snapshot.connected).await.unwrap();
         let order = |stops| era::device::DriveOrder {
             id: 1,
@@ -124,12 +124,12 @@ fn an_old_order_is_refused_after_a_stop() {
             hold: Duration::from_secs(1),
             from_zero: false,
         };
-        let before = session.stops();
+        let before = session.stop_count();
         session.drive(order(before)).await.unwrap();
         session.stop().await.unwrap();
         let refused = session.drive(order(before)).await.unwrap_err();
         assert!(matches!(refused, era::device::SessionError::Stopped), "{refused}");
-        session.drive(order(session.stops())).await.unwrap();
+        session.drive(order(session.stop_count())).await.unwrap();
     });
 }
 
@@ -276,7 +276,7 @@ fn the_boards_clock_is_followed() {
         assert!(clock[key].as_f64().is_some_and(f64::is_finite), "{key}: {clock}");
     }
     // Another start of the board is another clock.
-    daemon.sim.restart();
+    daemon.sim.request_restart();
     daemon.wait_for(|state| state["device"]["restarts"] == 1);
     daemon.wait_for(|state| {
         state["device"]["clock"]["samples"].as_u64().is_some_and(|samples| (1..8).contains(&samples))
@@ -333,13 +333,13 @@ fn description_metrics_and_page_are_there() {
 #[test]
 fn a_silent_device_is_told_and_found_again() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     // It may be only late at first, which is a reason of its own.
     daemon.wait_for(|state| state["device"]["connected"] == false);
     daemon.wait_for(|state| state["device"]["in_doubt"] == false);
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{status} {problem}");
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     daemon.wait_for(|state| state["device"]["connected"] == true);
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 409, "it was away");
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
@@ -352,9 +352,9 @@ fn a_dead_line_ends_in_a_fault_that_must_be_cleared() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
     daemon.wait_for(|state| state["device"]["state"] == "running");
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     std::thread::sleep(Duration::from_millis(600));
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     let state = daemon.wait_for(|state| state["device"]["state"] == "fault");
     assert_eq!(state["device"]["fault"]["name"], "host-silent");
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
@@ -371,7 +371,7 @@ fn a_restarted_device_is_noticed() {
     daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
     daemon.wait_for(|state| state["device"]["state"] == "running");
     let before = daemon.state()["device"]["boot_id"].clone();
-    daemon.sim.restart();
+    daemon.sim.request_restart();
     let state = daemon.wait_for(|state| state["device"]["restarts"] == 1 && state["device"]["boot_id"] != before);
     assert!(state["device"]["state"] == "safe" || state["device"]["state"] == "discharging", "{state}");
     // Whoever has restarted it may have a hand in it: a person arms it.

@@ -4,7 +4,7 @@ mod support;
 
 use era::device::{Client, LinkError};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::time::Duration;
 use support::old_board::Board;
 
@@ -20,14 +20,14 @@ fn hello() -> Request {
 fn the_newest_common_version_is_spoken() {
     let mut client = client(MIN_VERSION, CURRENT_VERSION);
     assert!(matches!(client.request(&hello()), Ok(Reply::Welcome(_))));
-    assert_eq!(client.version(), CURRENT_VERSION);
+    assert_eq!(client.protocol_version(), CURRENT_VERSION);
 }
 
 #[test]
 fn a_board_of_version_1_is_driven_in_version_1() {
     let mut client = client(1, 1);
     assert!(matches!(client.request(&hello()), Ok(Reply::Hello(_))));
-    assert_eq!(client.version(), 1);
+    assert_eq!(client.protocol_version(), 1);
     let drives = [era_shared::protocol::ChannelDrive {
         channel: 0,
         frequency_millihertz: 150_000,
@@ -44,14 +44,14 @@ fn a_board_of_version_1_is_driven_in_version_1() {
     assert!(error.to_string().contains("update the board's firmware"), "{error}");
     assert!(matches!(client.request(&Request::Stop), Ok(Reply::Stopped)));
     let alive = client.request(&Request::KeepAlive);
-    assert!(matches!(alive, Ok(Reply::Alive { state: State::Boot | State::Safe })), "{alive:?}");
+    assert!(matches!(alive, Ok(Reply::Alive { state: SafetyState::Boot | SafetyState::Safe })), "{alive:?}");
 }
 
 #[test]
 fn a_board_of_version_2_is_driven_in_version_2() {
     let mut client = client(1, 2);
     assert!(matches!(client.request(&hello()), Ok(Reply::Welcome(_))));
-    assert_eq!(client.version(), 2);
+    assert_eq!(client.protocol_version(), 2);
     assert!(matches!(client.request(&Request::Details), Ok(Reply::Details(_))));
     let error = client.request(&Request::Credit).expect_err("version 2 does not tell what it charges");
     assert!(matches!(error, LinkError::TooOld { request: "credit", needed: 3, spoken: 2 }), "{error:?}");

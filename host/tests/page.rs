@@ -4,7 +4,7 @@
 mod support;
 
 use era::daemon::Access;
-use era::device::sim::Knobs;
+use era::device::sim::SimKnobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::net::TcpListener;
@@ -245,7 +245,7 @@ fn a_dragged_support_changes_the_map_and_nothing_is_driven() {
             .wait_for(&format!("{READY} && Math.abs(JSON.parse(document.body.dataset.plan).target_mm[0] - 180) < 1"));
         assert_ne!(browser.value(MAP), original);
         assert_eq!(browser.value("document.querySelector('#mode').textContent"), "preview, nothing is driven");
-        assert!(daemon.sim.drives_received().is_none(), "nothing was driven");
+        assert!(daemon.sim.drives_received_at().is_none(), "nothing was driven");
         assert_eq!(daemon.state()["device"]["state"], "safe");
 
         // Back again: the page drives as before.
@@ -311,7 +311,7 @@ fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
 fn a_board_that_was_away_is_armed_by_the_pages_button() {
     with_page(1280, 800, |daemon, browser| {
         assert_eq!(browser.value("document.querySelector('#fault').hidden"), true);
-        daemon.sim.restart();
+        daemon.sim.request_restart();
         browser.wait_for("document.querySelector('#fault button')?.textContent === 'Arm the device'");
         let told = browser.value("document.querySelector('#fault').textContent");
         assert!(told.as_str().unwrap().contains("had an outage"), "{told}");
@@ -319,7 +319,7 @@ fn a_board_that_was_away_is_armed_by_the_pages_button() {
         let place = browser.point("#panel", 0.4, 0.5);
         browser.click(place);
         browser.wait_for("document.querySelector('#error-text').textContent.includes('waits to be armed')");
-        assert!(daemon.sim.drives_received().is_none());
+        assert!(daemon.sim.drives_received_at().is_none());
         browser.value("document.querySelector('#fault button').click()");
         daemon.wait_for(|state| state["device"]["state"] == "armed");
         browser.wait_for("document.querySelector('#fault').hidden && document.querySelector('#error').hidden");
@@ -368,9 +368,9 @@ fn a_page_brings_its_token() {
          body: '{{\"x_px\": 300, \"y_px\": 900, \"duration_ms\": 5000}}'}}) && 0"
     ));
     without.wait_for("document.body.dataset.state === 'running'");
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     std::thread::sleep(std::time::Duration::from_millis(600));
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     without.wait_for("document.querySelector('#fault button') !== null");
     without.value("document.querySelector('#fault button').click()");
     without.wait_for("document.querySelector('#error-text').textContent.includes('this needs arm')");
@@ -386,7 +386,7 @@ fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
     let [mine, other] = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
     let [mine_url, other_url] = [&mine, &other].map(|page| format!("http://{}", page.local_addr().unwrap()));
     let access = Access { origins: vec![Access::origin(&mine_url).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, era::device::session::policy::Policy::default(), access);
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, era::device::session::policy::SessionPolicy::default(), access);
     let html = format!(
         r#"<!doctype html><body><script>
         const say = (name, text) => (document.body.dataset[name] = text);
@@ -496,6 +496,6 @@ fn a_study_is_run_and_its_best_designs_are_opened() {
         browser.wait_for(&format!(
             "{READY} && document.querySelector('#overlay').getAttribute('viewBox') === '0 0 300 200'"
         ));
-        assert!(daemon.sim.drives_received().is_none(), "nothing was driven");
+        assert!(daemon.sim.drives_received_at().is_none(), "nothing was driven");
     });
 }

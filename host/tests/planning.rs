@@ -2,7 +2,7 @@
 
 mod support;
 
-use era::device::sim::Panel;
+use era::device::sim::SimPanel;
 use era::planner::limits::breakdown_v;
 use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
@@ -95,7 +95,7 @@ fn no_other_pair_has_less_energy_elsewhere() {
 fn simulation_and_prediction_agree() {
     for text in [EXAMPLE_PLATE, EXAMPLE_BAR] {
         let table = support::table(text);
-        let panel = Panel::of(&table);
+        let panel = SimPanel::from_plan_table(&table);
         let surface = &table.scene.surface;
         for (x_m, y_m) in spread_points(10, surface.length_m, surface.width_m) {
             let found = compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(0.5) }).unwrap();
@@ -127,7 +127,7 @@ fn scene(kind: &str, sides_mm: [f64; 3], damping: &str, actuators: &[(f64, f64, 
 const LOSSY: &str = "[surface.damping]\nloss_factor = 0.01";
 
 fn worst_difference(table: &PlanTable, points_m: &[(f64, f64)]) -> f64 {
-    let panel = Panel::of(table);
+    let panel = SimPanel::from_plan_table(table);
     points_m
         .iter()
         .map(|(x_m, y_m)| compare(table, &panel, Target { x_m: *x_m, y_m: *y_m, intensity_g: None }).unwrap())
@@ -160,7 +160,7 @@ fn a_panel_that_never_settles_says_so() {
     let text = scene("bar", [400.0, 20.0, 3.0], "", &[(390.0, 10.0, "inertial")])
         .replace("damping_n_s_per_m = 0.7", "damping_n_s_per_m = 0");
     let table = support::table(&format!("{text}{edges}"));
-    let found = compare(&table, &Panel::of(&table), Target { x_m: 0.2, y_m: 0.0, intensity_g: None });
+    let found = compare(&table, &SimPanel::from_plan_table(&table), Target { x_m: 0.2, y_m: 0.0, intensity_g: None });
     assert!(matches!(found, Err(VerifyError::NeverSettles)), "{found:?}");
 }
 
@@ -269,7 +269,7 @@ fn verify_refuses_what_it_cannot_do_by_name() {
 #[test]
 fn a_shared_frequency_is_driven_with_its_phases() {
     let table = support::table(EXAMPLE_PLATE);
-    let panel = Panel::of(&table);
+    let panel = SimPanel::from_plan_table(&table);
     let mut turned = 0;
     for (x_m, y_m) in spread_points(4, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.5) };
@@ -296,7 +296,7 @@ fn no_plan_takes_away_what_brings_a_mass_back() {
         .replace("moving_mass_g = 10.0", "moving_mass_g = 5.0")
         .replace("stiffness_n_per_m = 5000.0", &format!("stiffness_n_per_m = {STIFFNESS_N_PER_M:.1}"));
     let table = support::table(&text).between(120.0, 400.0).unwrap();
-    let panel = Panel::of(&table);
+    let panel = SimPanel::from_plan_table(&table);
     let target = Target { x_m: 0.04, y_m: 0.01, intensity_g: Some(20.0) };
     let plan = table.plan(&[target]).unwrap();
     assert!(plan.limited_by.as_deref().is_some_and(|limits| limits.contains("pull-in")), "{:?}", plan.limited_by);

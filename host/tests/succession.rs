@@ -2,7 +2,7 @@
 
 mod support;
 
-use era::device::sim::Panel;
+use era::device::sim::SimPanel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
 use era::model::levels::Levels;
@@ -52,7 +52,7 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         (84, [(0.31, 0.62), (0.5, 0.5)]),
     ] {
         let table = table_of(&scene_text(11, number));
-        let panel = Panel::of(&table);
+        let panel = SimPanel::from_plan_table(&table);
         let plans = targets.map(|(x, y)| plan_at(&table, x, y, AT_THE_LIMIT_G));
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
         let plainly = follow_turns(&table, &panel, &turns, Order::Plainly).unwrap();
@@ -80,7 +80,7 @@ fn random_successions_stay_within_the_limit() {
     let (mut followed, mut furthest) = (0, 0.0_f64);
     for number in 0..panels {
         let table = table_of(&scene_text(23, number));
-        let panel = Panel::of(&table);
+        let panel = SimPanel::from_plan_table(&table);
         for start in 0..3_u32 {
             let at = |i: u32, step: f64| (0.5 + step * f64::from(7 * start + i + 1)).fract();
             let request = |i: u32| {
@@ -120,8 +120,8 @@ fn a_drawn_finger_stays_within_the_limit() {
         let plans: Vec<Plan> =
             (0..40).map(|i| plan_at(&table, 0.2 + 0.015 * f64::from(i), 0.4, AT_THE_LIMIT_G)).collect();
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
-        let fitting = follow_turns(&table, &Panel::of(&table), &turns, Order::AsItFits).unwrap();
-        let plainly = follow_turns(&table, &Panel::of(&table), &turns, Order::Plainly).unwrap();
+        let fitting = follow_turns(&table, &SimPanel::from_plan_table(&table), &turns, Order::AsItFits).unwrap();
+        let plainly = follow_turns(&table, &SimPanel::from_plan_table(&table), &turns, Order::Plainly).unwrap();
         println!("{number}: {:.3} plainly, {:.3}", most(&plainly), most(&fitting));
         assert!(most(&fitting) <= MOST, "scene {number}");
         // It is felt all the same: 0.28 and more of what the limit allows.

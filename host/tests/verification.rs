@@ -1,6 +1,6 @@
 //! Random scenes: the simulated device against the prediction, and what the electrodes do to the masses.
 
-use era::device::sim::Panel;
+use era::device::sim::SimPanel;
 use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
@@ -9,7 +9,7 @@ use era::response::Solver;
 use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, Scene};
 use era::verify::{VerifyError, compare};
-use era_shared::supply::{RAILS, rail_of};
+use era_shared::supply::{RAILS, rail_index_of_channel};
 use rayon::prelude::*;
 use verification::trials::{Outcome, Tally, Trial, Verdict, exceeds_travel_limit, try_scene, verdict_on};
 
@@ -85,7 +85,7 @@ fn a_motion_that_is_said_to_be_safe_is() {
         let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
         let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::build(&scene, levels.fine, options).unwrap();
-        let panel = Panel::of(&table);
+        let panel = SimPanel::from_plan_table(&table);
         for (x, y, intensity_g) in [(0.31, 0.62, 3.0), (0.87, 0.13, 1e3)] {
             let (x_m, y_m) = (x * scene.surface.length_m, y * scene.surface.width_m);
             let found = match compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(intensity_g) }) {
@@ -96,13 +96,13 @@ fn a_motion_that_is_said_to_be_safe_is() {
             // Channels on one rail are at the higher of their voltages.
             let mut rails_v = [0.0_f64; RAILS];
             for (channel, drive) in found.drives.iter().enumerate() {
-                rails_v[rail_of(channel)] = rails_v[rail_of(channel)].max(drive.voltage_v);
+                rails_v[rail_index_of_channel(channel)] = rails_v[rail_index_of_channel(channel)].max(drive.voltage_v);
             }
             let violates = |parts: &dyn Fn(usize) -> f64| {
                 table.electrodes.iter().enumerate().any(|(channel, electrodes)| {
                     let travel_m = parts(channel) * electrodes.gap_m;
                     // A voltage at its limit is there but for the last digits.
-                    let rail_v = (1.0 - 1e-12) * rails_v[rail_of(channel)].min(electrodes.max_voltage_v);
+                    let rail_v = (1.0 - 1e-12) * rails_v[rail_index_of_channel(channel)].min(electrodes.max_voltage_v);
                     electrodes.violated(travel_m, rail_v).is_some()
                 })
             };

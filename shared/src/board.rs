@@ -3,8 +3,8 @@
 
 use crate::MAX_CHANNELS;
 use crate::protocol::{BoardKind, ChannelLimits, FAILURE_MESSAGE, FaultCode, FirmwareVersion, IMAGE_NAME, ResetCause};
-use crate::supply::{Finding, Senses, Supply};
-use crate::waveform::Preload;
+use crate::supply::{FaultFinding, SensorReadings, SupplyCommand};
+use crate::waveform::TimerPreload;
 use heapless::{String, Vec};
 
 /// Facts about the board that do not change while it runs.
@@ -40,53 +40,54 @@ pub trait Board {
 
     /// Everything off: electrodes low, timers stopped, supply disabled, set-points at zero, discharge switches closed. Cannot
     /// fail and takes effect before it returns.
-    fn outputs_off(&mut self);
+    fn switch_outputs_off(&mut self);
 
-    /// Measures rails, current and loops, and tells what tripped since the last call.
-    fn sense(&mut self) -> Senses;
+    /// Measures rails, current and safety loops. What has tripped since the last call is part of the readings, and is reported once.
+    fn read_sensors(&mut self) -> SensorReadings;
 
-    /// Tries every comparator and break that has to switch off in hardware: each must trip when made to, and
-    /// rest afterwards. Electrodes stay off.
+    /// Tests every comparator and break input that switches off in hardware: each must trip when it is made to, and must be
+    /// released afterwards. Electrodes stay off.
     ///
     /// # Errors
-    /// The first that did not do so.
-    fn test_trips(&mut self) -> Result<(), Finding>;
+    /// The first of them that does not trip, or that stays tripped.
+    fn test_trip_circuits(&mut self) -> Result<(), FaultFinding>;
 
-    /// Enables or disables the supply, sets its set-points and discharge switches.
-    fn set_supply(&mut self, supply: &Supply);
+    /// Enables or disables the supply, and sets its set-points and discharge switches.
+    fn apply_supply_command(&mut self, command: &SupplyCommand);
 
-    /// Loads all timers with [`crate::waveform::IDLE`] and starts them in the same clock, the electrodes still low. The moment
-    /// is the zero of [`Preload::at`].
+    /// Loads all timers with [`crate::waveform::IDLE`] and starts them at the same clock edge. The electrodes stay low. That moment
+    /// is the zero of [`TimerPreload::at`].
     ///
     /// # Errors
-    /// The fault that keeps the hardware from it; the caller then switches everything off.
+    /// The fault that prevents the start; the caller then switches everything off.
     fn start_timers(&mut self) -> Result<(), FaultCode>;
 
-    /// Lets the timers reach the electrodes' pins, or takes the pins from them.
+    /// Connects the timers' outputs to the electrodes' pins, or disconnects them and holds the pins low.
     ///
     /// # Errors
     /// As [`Board::start_timers`].
-    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode>;
+    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode>;
 
-    /// Writes one period to a running timer's preload registers; it takes effect at the timer's next boundary, which is at
-    /// `preload.at`, at least 50 us from now (the sequencer leaves 100 us, of which it takes some itself).
+    /// Writes one period to a running timer's preload registers. It takes effect at the timer's next boundary, `preload.at`,
+    /// which is at least 50 us ahead: the sequencer leaves 100 us and uses some of them itself.
     ///
     /// # Errors
-    /// [`FaultCode::ReadBack`] if a register does not hold it.
-    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode>;
+    /// [`FaultCode::ReadBack`] if a register does not hold what was written.
+    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode>;
 
-    /// Whether all timers still count; called every ms while they should.
+    /// Checks that all timers still count and hold what was written to them. To be called every ms while they run.
     ///
     /// # Errors
-    /// What is wrong, with the channel.
-    fn check_timers(&mut self) -> Result<(), Finding>;
+    /// The fault, with the channel.
+    fn check_timers(&mut self) -> Result<(), FaultFinding>;
 
-    /// Largest acceleration since this was last asked, and in the last 50 ms at least, in 1/1000 m/s^2, where there is an accelerometer.
-    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32>;
+    /// Largest acceleration in 1/1000 m/s^2 since the last call, or of the last 50 ms if that is longer; `None` without an
+    /// accelerometer.
+    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32>;
 
-    /// Takes the oldest bytes of the log, as many as there are and fit; returns their number.
-    fn take_log(&mut self, out: &mut [u8]) -> usize;
+    /// Moves the oldest bytes of the log to `buffer`, as many as there are and fit; returns their number.
+    fn take_log_bytes(&mut self, buffer: &mut [u8]) -> usize;
 
-    /// Restarts into the chip's own bootloader, a moment after this returns, so that the answer still goes out.
-    fn enter_bootloader(&mut self);
+    /// Has the chip restart into its own bootloader a moment after this returns, so that the reply is still sent.
+    fn request_bootloader_restart(&mut self);
 }

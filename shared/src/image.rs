@@ -39,22 +39,22 @@ pub const MAGIC: [u8; 8] = *b"ERAIMAGE";
 /// The only format there is.
 pub const FORMAT: u16 = 1;
 
-/// Bytes of the header that the firmware gives; the linker adds the rest.
-const GIVEN: usize = 60;
+/// Bytes of the header that the firmware contains; the linker adds the last field.
+const BYTES_BEFORE_END: usize = 60;
 const NAME_LENGTH: usize = 32;
 
 /// What the header says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageHeader {
-    /// DEV_ID of the chip that it runs on.
+    /// DEV_ID of the chip that the image runs on.
     pub chip: u16,
-    /// Board that it is for; `None` for one that this program does not know.
+    /// Board that the image is for; `None` for a board that this program does not know.
     pub board: Option<BoardKind>,
     /// Version and commit.
     pub firmware: FirmwareVersion,
-    /// Oldest protocol version that it speaks.
+    /// Oldest protocol version that the firmware speaks.
     pub protocol_min: u8,
-    /// Newest protocol version that it speaks.
+    /// Newest protocol version that the firmware speaks.
     pub protocol_current: u8,
     /// Name of the image, padded with zeros.
     pub name: [u8; NAME_LENGTH],
@@ -72,31 +72,31 @@ pub enum HeaderError {
 }
 
 impl ImageHeader {
-    /// The part of the header that the firmware gives, in front of [`ImageHeader::end`].
+    /// Encodes all fields of the header but the last, [`ImageHeader::end`], which the linker adds.
     #[must_use]
-    pub const fn given(
+    pub const fn encode_header_before_end(
         chip: u16,
         board: BoardKind,
         firmware: FirmwareVersion,
-        protocol: (u8, u8),
+        protocol_range: (u8, u8),
         name: &str,
-    ) -> [u8; GIVEN] {
-        let mut bytes = [0; GIVEN];
+    ) -> [u8; BYTES_BEFORE_END] {
+        let mut bytes = [0; BYTES_BEFORE_END];
         let version = [firmware.major, firmware.minor, firmware.patch];
-        put(&mut bytes, 0, &MAGIC);
-        put(&mut bytes, 8, &FORMAT.to_le_bytes());
-        put(&mut bytes, 10, &(HEADER_LENGTH as u16).to_le_bytes());
-        put(&mut bytes, 12, &chip.to_le_bytes());
-        put(&mut bytes, 14, &[board as u8]);
-        put(&mut bytes, 15, &version);
-        put(&mut bytes, 18, &[protocol.0, protocol.1]);
-        put(&mut bytes, 20, &firmware.commit);
+        copy_to_offset(&mut bytes, 0, &MAGIC);
+        copy_to_offset(&mut bytes, 8, &FORMAT.to_le_bytes());
+        copy_to_offset(&mut bytes, 10, &(HEADER_LENGTH as u16).to_le_bytes());
+        copy_to_offset(&mut bytes, 12, &chip.to_le_bytes());
+        copy_to_offset(&mut bytes, 14, &[board as u8]);
+        copy_to_offset(&mut bytes, 15, &version);
+        copy_to_offset(&mut bytes, 18, &[protocol_range.0, protocol_range.1]);
+        copy_to_offset(&mut bytes, 20, &firmware.commit);
         assert!(name.len() <= NAME_LENGTH);
-        put(&mut bytes, 28, name.as_bytes());
+        copy_to_offset(&mut bytes, 28, name.as_bytes());
         bytes
     }
 
-    /// Reads a header.
+    /// Decodes a header.
     ///
     /// # Errors
     /// [`HeaderError`].
@@ -133,10 +133,10 @@ impl ImageHeader {
     }
 }
 
-const fn put(bytes: &mut [u8; GIVEN], at: usize, what: &[u8]) {
+const fn copy_to_offset(header: &mut [u8; BYTES_BEFORE_END], offset: usize, source: &[u8]) {
     let mut index = 0;
-    while index < what.len() {
-        bytes[at + index] = what[index];
+    while index < source.len() {
+        header[offset + index] = source[index];
         index += 1;
     }
 }
@@ -148,10 +148,11 @@ mod tests {
     #[test]
     fn what_is_put_in_comes_out() {
         let firmware = FirmwareVersion { major: 1, minor: 2, patch: 3, commit: *b"0123abcd" };
-        let given = ImageHeader::given(CHIP_STM32G474, BoardKind::Stm32G474, firmware, (1, 2), "some-image");
+        let given =
+            ImageHeader::encode_header_before_end(CHIP_STM32G474, BoardKind::Stm32G474, firmware, (1, 2), "some-image");
         let mut bytes = [0; HEADER_LENGTH];
-        bytes[..GIVEN].copy_from_slice(&given);
-        bytes[GIVEN..].copy_from_slice(&0x0801_2344_u32.to_le_bytes());
+        bytes[..BYTES_BEFORE_END].copy_from_slice(&given);
+        bytes[BYTES_BEFORE_END..].copy_from_slice(&0x0801_2344_u32.to_le_bytes());
         let header = ImageHeader::parse(&bytes).unwrap();
         assert_eq!(header.chip, 0x469);
         assert_eq!(header.board, Some(BoardKind::Stm32G474));

@@ -71,7 +71,7 @@ pub const BURST_MAX_MS: u16 = 10_000;
 /// A channel that drove for as long as it may must rest for this long, in ms.
 pub const REST_MS: u32 = 100;
 /// In the long run a channel gets this many parts in a hundred of the exposure that its largest force makes, by the square of the
-/// force and the time ([`crate::safety::Charge`]): a finger that lies on a surface of 4 g all day would otherwise get more than
+/// force and the time ([`crate::safety::CreditCharge`]): a finger that lies on a surface of 4 g all day would otherwise get more than
 /// 2.5 m/s^2 A(8) (EU 2002/44/EC).
 pub const DUTY_PERCENT: u32 = 10;
 /// What a channel may drive in advance of that at its largest force, in ms: a minute of play.

@@ -1,4 +1,4 @@
-//! A ring of log frames between the firmware that writes them and whoever reads: the link, or a debug probe.
+//! A ring of log frames. The firmware writes them; the link, or a debug probe, reads them.
 //!
 //! The layout is that of an up-channel of SEGGER's RTT, whose reader moves `read` and whose writer moves `write`; `read ==
 //! write` means empty. A frame is stored whole or not at all. Where there is no room, the oldest frames are given up: the
@@ -21,52 +21,52 @@ pub struct LogRing<'a> {
 }
 
 impl LogRing<'_> {
-    /// Stores a frame, with its end. Returns how many frames were lost by it: older ones, or this one, if it is longer
-    /// than the whole ring.
-    pub fn push(&self, frame: &[u8]) -> u32 {
+    /// Stores a frame, which includes its end byte. Returns how many frames were lost: older ones that made room, or this one
+    /// if it is longer than the whole ring.
+    pub fn push_frame_and_count_lost(&self, frame: &[u8]) -> u32 {
         // One byte stays free, as a full ring would look empty.
         if frame.is_empty() || frame.len() >= self.bytes.len() {
             return 1;
         }
         let mut lost = 0;
-        while self.free() < frame.len() {
-            self.drop_oldest();
+        while self.count_free_bytes() < frame.len() {
+            self.drop_oldest_frame();
             lost += 1;
         }
-        let mut write = self.index(self.write);
+        let mut write = self.load_checked_index(self.write);
         for byte in frame {
             if let Some(place) = self.bytes.get(write) {
                 place.store(*byte, Relaxed);
             }
-            write = self.next(write);
+            write = self.next_index(write);
         }
         self.write.store(write as u32, Relaxed);
         lost
     }
 
-    /// Takes as many bytes as there are and as fit into `buffer`; returns how many.
-    pub fn take(&self, buffer: &mut [u8]) -> usize {
-        let write = self.index(self.write);
-        let mut read = self.index(self.read);
+    /// Moves the oldest bytes to `buffer`, as many as there are and fit; returns how many.
+    pub fn take_bytes(&self, buffer: &mut [u8]) -> usize {
+        let write = self.load_checked_index(self.write);
+        let mut read = self.load_checked_index(self.read);
         let mut count = 0;
         for place in buffer {
             if read == write {
                 break;
             }
             *place = self.bytes.get(read).map_or(END, |byte| byte.load(Relaxed));
-            read = self.next(read);
+            read = self.next_index(read);
             count += 1;
         }
         self.read.store(read as u32, Relaxed);
         count
     }
 
-    fn drop_oldest(&self) {
-        let write = self.index(self.write);
-        let mut read = self.index(self.read);
+    fn drop_oldest_frame(&self) {
+        let write = self.load_checked_index(self.write);
+        let mut read = self.load_checked_index(self.read);
         while read != write {
             let byte = self.bytes.get(read).map_or(END, |byte| byte.load(Relaxed));
-            read = self.next(read);
+            read = self.next_index(read);
             if byte == END {
                 break;
             }
@@ -74,18 +74,19 @@ impl LogRing<'_> {
         self.read.store(read as u32, Relaxed);
     }
 
-    fn free(&self) -> usize {
-        let (read, write, size) = (self.index(self.read), self.index(self.write), self.bytes.len());
+    fn count_free_bytes(&self) -> usize {
+        let (read, write, size) =
+            (self.load_checked_index(self.read), self.load_checked_index(self.write), self.bytes.len());
         (read + size - write - 1) % size
     }
 
-    const fn next(&self, index: usize) -> usize {
+    const fn next_index(&self, index: usize) -> usize {
         if index + 1 < self.bytes.len() { index + 1 } else { 0 }
     }
 
-    /// A probe may write anything: an index outside the ring counts as its start.
-    fn index(&self, index: &AtomicU32) -> usize {
-        let index = index.load(Relaxed) as usize;
+    /// Reads an index. A probe may write anything: an index outside the ring counts as its start.
+    fn load_checked_index(&self, position: &AtomicU32) -> usize {
+        let index = position.load(Relaxed) as usize;
         if index < self.bytes.len() { index } else { 0 }
     }
 }
@@ -134,11 +135,11 @@ mod tests {
                     expected.pop_front();
                     lost += 1;
                 }
-                prop_assert_eq!(ring.push(&frame), lost);
+                prop_assert_eq!(ring.push_frame_and_count_lost(&frame), lost);
                 expected.push_back(frame);
                 if drain {
                     let mut buffer = [0; 64];
-                    let count = ring.take(&mut buffer);
+                    let count = ring.take_bytes(&mut buffer);
                     let all: Vec<u8> = expected.drain(..).flatten().collect();
                     prop_assert_eq!(&buffer[..count], &all[..]);
                 }
@@ -151,9 +152,9 @@ mod tests {
             let memory = Memory::new(64);
             memory.read.store(read, Relaxed);
             memory.write.store(write, Relaxed);
-            memory.ring().push(&frame(length, 7));
+            memory.ring().push_frame_and_count_lost(&frame(length, 7));
             let mut buffer = [0; 16];
-            prop_assert!(memory.ring().take(&mut buffer) <= 16);
+            prop_assert!(memory.ring().take_bytes(&mut buffer) <= 16);
         }
     }
 
@@ -161,12 +162,12 @@ mod tests {
     fn it_is_taken_in_pieces() {
         let memory = Memory::new(16);
         let mut buffer = [0; 4];
-        assert_eq!(memory.ring().take(&mut buffer), 0);
-        assert_eq!(memory.ring().push(&frame(6, 3)), 0);
-        assert_eq!(memory.ring().take(&mut buffer), 4);
-        assert_eq!(memory.ring().take(&mut buffer), 3);
+        assert_eq!(memory.ring().take_bytes(&mut buffer), 0);
+        assert_eq!(memory.ring().push_frame_and_count_lost(&frame(6, 3)), 0);
+        assert_eq!(memory.ring().take_bytes(&mut buffer), 4);
+        assert_eq!(memory.ring().take_bytes(&mut buffer), 3);
         assert_eq!(buffer[..3], [3, 3, END]);
-        assert_eq!(memory.ring().take(&mut buffer), 0);
-        assert_eq!(memory.ring().push(&frame(15, 3)), 1, "longer than the ring can hold");
+        assert_eq!(memory.ring().take_bytes(&mut buffer), 0);
+        assert_eq!(memory.ring().push_frame_and_count_lost(&frame(15, 3)), 1, "longer than the ring can hold");
     }
 }

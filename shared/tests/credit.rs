@@ -3,8 +3,8 @@
 mod support;
 
 use era_shared::limits::{BURST_MAX_MS, DUTY_CREDIT_MS, DUTY_PERCENT, REST_MS};
-use era_shared::safety::{Budget, Charge};
-use era_shared::waveform::Period;
+use era_shared::safety::{CreditCharge, DriveBudget};
+use era_shared::waveform::TimerPeriod;
 use proptest::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 use support::cases;
@@ -21,21 +21,21 @@ fn exposure(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> f64
     (voltage.powi(2) * (FRAC_PI_2 * pulse_width).sin()).powi(2)
 }
 
-fn charge(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> Charge {
-    Charge::of(&Period::driving(7, ticks, width, false), millivolts, max_millivolts)
+fn charge(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> CreditCharge {
+    CreditCharge::from_period(&TimerPeriod::with_windows(7, ticks, width, false), millivolts, max_millivolts)
 }
 
-fn parts(charge: Charge) -> f64 {
-    f64::from(charge.ppm()) / 1e6
+fn parts(charge: CreditCharge) -> f64 {
+    f64::from(charge.as_ppm()) / 1e6
 }
 
-fn only(charge: Charge) -> [Option<Charge>; 4] {
+fn only(charge: CreditCharge) -> [Option<CreditCharge>; 4] {
     [Some(charge), None, None, None]
 }
 
 /// Windows as the timers have them: up to 65 535 ticks, less than half of them on.
 fn windows() -> impl Strategy<Value = (u32, u32)> {
-    (8_u32..=Period::MOST_TICKS).prop_flat_map(|ticks| (Just(ticks), 0..ticks.div_ceil(2)))
+    (8_u32..=TimerPeriod::MOST_TICKS).prop_flat_map(|ticks| (Just(ticks), 0..ticks.div_ceil(2)))
 }
 
 proptest! {
@@ -46,8 +46,8 @@ proptest! {
         (ticks, width) in windows(), max in 1_u32..4_000_000, share in 0.0..1.05_f64, reversed in any::<bool>(),
     ) {
         let millivolts = (share * f64::from(max)) as u32;
-        let period = Period::driving(3, ticks, width, reversed);
-        let charged = parts(Charge::of(&period, millivolts, max));
+        let period = TimerPeriod::with_windows(3, ticks, width, reversed);
+        let charged = parts(CreditCharge::from_period(&period, millivolts, max));
         let exact = exposure(ticks, width, millivolts, max);
         prop_assert!(charged >= exact - 1e-12 && charged < exact + ROUNDED, "{charged}, {exact}");
         prop_assert_eq!(charged == 0.0, width == 0 || millivolts == 0);
@@ -75,14 +75,14 @@ proptest! {
     fn credit_is_what_exposure_leaves(
         steps in prop::collection::vec((1_u64..3_000_000, any::<bool>(), windows(), 0..=HIGHEST_MILLIVOLTS), 1..60),
     ) {
-        let mut budget = Budget::new();
+        let mut budget = DriveBudget::new();
         let full_s = f64::from(DUTY_CREDIT_MS) / 1e3;
         let (mut now_us, mut exact_s, mut least_s) = (0, full_s, full_s);
         let mut before = 0.0;
         for (elapsed_us, drives, (ticks, width), millivolts) in steps {
             now_us += elapsed_us;
             let drive = drives.then(|| charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS));
-            budget.step(now_us, [None, drive, None, None]);
+            budget.account_and_find_spent(now_us, [None, drive, None, None]);
             let cost = if drives { exposure(ticks, width, millivolts, HIGHEST_MILLIVOLTS) } else { 0.0 };
             let charged = if drives { f64::max(before, cost) } else { 0.0 };
             before = cost;
@@ -92,10 +92,10 @@ proptest! {
             };
             exact_s = after(exact_s, charged);
             least_s = after(least_s, if drives { charged + ROUNDED } else { 0.0 });
-            let left_s = f64::from(budget.credit_ms(1)) / 1e3;
+            let left_s = f64::from(budget.remaining_credit_ms(1)) / 1e3;
             prop_assert!(left_s <= exact_s + 1e-9 && left_s > least_s - 1.001e-3, "{left_s}, {exact_s}, {least_s}");
         }
-        prop_assert_eq!(budget.credit_ms(0), DUTY_CREDIT_MS);
+        prop_assert_eq!(budget.remaining_credit_ms(0), DUTY_CREDIT_MS);
     }
 
     /// At the largest force a budget is what it was when every drive cost its time: the old rule, written out.
@@ -103,8 +103,8 @@ proptest! {
     fn at_the_largest_force_it_is_charged_by_time(
         steps in prop::collection::vec((1_u64..200_000, any::<bool>()), 1..400), burst_ms in 1_u16..=BURST_MAX_MS,
     ) {
-        let mut budget = Budget::new();
-        budget.limit_bursts(burst_ms);
+        let mut budget = DriveBudget::new();
+        budget.set_burst_limit(burst_ms);
         let (rest_us, full_us) = (u64::from(REST_MS) * 1000, u64::from(DUTY_CREDIT_MS) * 1000);
         let (mut now_us, mut credit_us, mut burst_us, mut rested_us) = (0, full_us, 0_u64, rest_us);
         for (tens_us, drives) in steps {
@@ -124,29 +124,29 @@ proptest! {
             let resting_us = if burst_us >= limit_us { rest_us - rested_us.min(rest_us) } else { 0 };
             let missing_us = rest_us.saturating_sub(credit_us) * 100 / u64::from(DUTY_PERCENT);
             let wait_ms = resting_us.max(missing_us).div_ceil(1000) as u32;
-            let drive = drives.then_some(Charge::FULL);
-            prop_assert_eq!(budget.step(now_us, [drive, None, None, None]), [spent, false, false, false]);
-            prop_assert_eq!(budget.wait_ms(0), (wait_ms > 0).then_some(wait_ms));
-            prop_assert_eq!(u64::from(budget.credit_ms(0)), credit_us / 1000);
+            let drive = drives.then_some(CreditCharge::FULL);
+            prop_assert_eq!(budget.account_and_find_spent(now_us, [drive, None, None, None]), [spent, false, false, false]);
+            prop_assert_eq!(budget.required_wait_ms(0), (wait_ms > 0).then_some(wait_ms));
+            prop_assert_eq!(u64::from(budget.remaining_credit_ms(0)), credit_us / 1000);
         }
     }
 }
 
 #[test]
 fn nothing_costs_nothing_and_the_most_costs_its_time() {
-    assert_eq!(charge(1_000, 400, 0, HIGHEST_MILLIVOLTS), Charge::NONE);
-    assert_eq!(charge(1_000, 0, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), Charge::NONE);
-    assert_eq!(charge(1_000, 400, 0, 0), Charge::NONE);
+    assert_eq!(charge(1_000, 400, 0, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
+    assert_eq!(charge(1_000, 0, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
+    assert_eq!(charge(1_000, 400, 0, 0), CreditCharge::NONE);
     // A window of 1 - 1e-4 of the half period: less than a millionth is missing.
-    assert_eq!(charge(60_000, 29_998, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), Charge::FULL);
-    assert_eq!(charge(60_000, 29_998, u32::MAX, HIGHEST_MILLIVOLTS), Charge::FULL, "above the limit");
-    assert_eq!(charge(60_000, 29_998, 1, 0), Charge::FULL, "no limit known");
+    assert_eq!(charge(60_000, 29_998, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::FULL);
+    assert_eq!(charge(60_000, 29_998, u32::MAX, HIGHEST_MILLIVOLTS), CreditCharge::FULL, "above the limit");
+    assert_eq!(charge(60_000, 29_998, 1, 0), CreditCharge::FULL, "no limit known");
     // Half the voltage: a sixteenth. A third of the half period: a quarter.
-    assert_eq!(charge(60_000, 29_998, 1_000_000, HIGHEST_MILLIVOLTS).ppm(), 62_500);
+    assert_eq!(charge(60_000, 29_998, 1_000_000, HIGHEST_MILLIVOLTS).as_ppm(), 62_500);
     assert!((parts(charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS)) - 0.25).abs() < ROUNDED);
     // The least that there is costs something.
-    assert_eq!(charge(Period::MOST_TICKS, 1, 1, u32::MAX).ppm(), 1);
-    assert_eq!((Charge::FULL.ppm(), Charge::NONE.ppm()), (1_000_000, 0));
+    assert_eq!(charge(TimerPeriod::MOST_TICKS, 1, 1, u32::MAX).as_ppm(), 1);
+    assert_eq!((CreditCharge::FULL.as_ppm(), CreditCharge::NONE.as_ppm()), (1_000_000, 0));
 }
 
 /// The strongest drives whose square is a tenth, for an hour without a rest: what is earned keeps pace, however irregular the board's
@@ -161,8 +161,8 @@ fn a_tenth_of_the_exposure_never_runs_out() {
         let millivolts = (volts_share * f64::from(HIGHEST_MILLIVOLTS)) as u32;
         let weak = charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS);
         assert!(parts(weak) <= share && parts(weak) > share - 1e-4, "{weak:?}");
-        let mut budget = Budget::new();
-        budget.limit_bursts(BURST_MAX_MS);
+        let mut budget = DriveBudget::new();
+        budget.set_burst_limit(BURST_MAX_MS);
         let (mut now_us, mut least_ms) = (0_u64, u32::MAX);
         let mut elapsed_us = 1_000;
         let end_us = if cfg!(miri) { 1_000_000 } else { 3_600_000_000 };
@@ -170,21 +170,21 @@ fn a_tenth_of_the_exposure_never_runs_out() {
             // 1.000 to 1.998 ms.
             elapsed_us = 1_000 + (elapsed_us * 7 + 13) % 999;
             now_us += elapsed_us;
-            budget.step(now_us, only(weak));
-            least_ms = least_ms.min(budget.credit_ms(0));
+            budget.account_and_find_spent(now_us, only(weak));
+            least_ms = least_ms.min(budget.remaining_credit_ms(0));
         }
         // What one look costs, before what it earns is there: the first is rounded down.
         assert!(least_ms >= DUTY_CREDIT_MS - 1, "{least_ms}");
-        let twice = Charge::of(
-            &Period::driving(1, ticks, width, false),
+        let twice = CreditCharge::from_period(
+            &TimerPeriod::with_windows(1, ticks, width, false),
             (f64::from(millivolts) * 2_f64.powf(0.25)) as u32,
             HIGHEST_MILLIVOLTS,
         );
-        let mut budget = Budget::new();
+        let mut budget = DriveBudget::new();
         let mut seconds = 0;
-        while budget.credit_ms(0) > 0 {
+        while budget.remaining_credit_ms(0) > 0 {
             seconds += 1;
-            budget.step(seconds * 1_000_000, only(twice));
+            budget.account_and_find_spent(seconds * 1_000_000, only(twice));
         }
         assert!(seconds.abs_diff(600) <= 2, "{seconds} s for 60 s of credit at a tenth net");
     }
@@ -194,17 +194,17 @@ fn a_tenth_of_the_exposure_never_runs_out() {
 #[test]
 fn a_change_between_two_looks_costs_the_greater() {
     let quarter = charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS);
-    let spent_ms = |order: [Charge; 2]| {
-        let mut budget = Budget::new();
-        budget.step(0, only(order[0]));
-        budget.step(10_000_000, only(order[1]));
-        DUTY_CREDIT_MS - budget.credit_ms(0)
+    let spent_ms = |order: [CreditCharge; 2]| {
+        let mut budget = DriveBudget::new();
+        budget.account_and_find_spent(0, only(order[0]));
+        budget.account_and_find_spent(10_000_000, only(order[1]));
+        DUTY_CREDIT_MS - budget.remaining_credit_ms(0)
     };
-    assert_eq!(spent_ms([Charge::FULL, quarter]), 10_000);
-    assert_eq!(spent_ms([quarter, Charge::FULL]), 10_000);
+    assert_eq!(spent_ms([CreditCharge::FULL, quarter]), 10_000);
+    assert_eq!(spent_ms([quarter, CreditCharge::FULL]), 10_000);
     assert!(spent_ms([quarter, quarter]).abs_diff(2_500) <= 1);
-    let mut budget = Budget::new();
-    budget.step(0, only(Charge::FULL));
-    budget.step(10_000_000, [None; 4]);
-    assert_eq!(budget.credit_ms(0), DUTY_CREDIT_MS, "what has ended costs nothing more");
+    let mut budget = DriveBudget::new();
+    budget.account_and_find_spent(0, only(CreditCharge::FULL));
+    budget.account_and_find_spent(10_000_000, [None; 4]);
+    assert_eq!(budget.remaining_credit_ms(0), DUTY_CREDIT_MS, "what has ended costs nothing more");
 }

@@ -2,9 +2,9 @@
 
 mod support;
 
-use era_shared::link::{Kind, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use era_shared::waveform::Effect;
 use heapless::Vec as Short;
 use proptest::prelude::*;
@@ -14,29 +14,29 @@ use support::{Bench, Did, arm, both, drive};
 fn a_session_from_hello_to_disarm() {
     let mut bench = Bench::new();
     assert_eq!(bench.board.log, [Did::Off, Did::Off], "off at boot, before anything else, and when found discharged");
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
     let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 3 }) else { panic!() };
     assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 3, 4));
     assert_eq!(bench.ask(&arm()), Reply::Armed { deadman_ms: 250 });
-    assert_eq!(bench.state(), State::Arming);
+    assert_eq!(bench.state(), SafetyState::Arming);
     bench.wait_ms(10);
-    assert_eq!(bench.state(), State::Armed);
+    assert_eq!(bench.state(), SafetyState::Armed);
     assert_eq!(bench.board.log[2..], [Did::TestTrips, Did::Start]);
     // Amid the idle periods of 1 ms: at their boundaries nothing is preloaded.
     bench.board.now_us += 500;
     let Reply::DrivesSet { achieved } = bench.ask(&both()) else { panic!() };
     assert_eq!(achieved.len(), 2);
-    assert_eq!(bench.state(), State::Running);
+    assert_eq!(bench.state(), SafetyState::Running);
     assert!(bench.board.connected && !bench.board.latest(0).is_blank() && !bench.board.latest(1).is_blank());
     assert_eq!(bench.ask(&Request::SetDrives { drives: Short::new() }), Reply::DrivesSet { achieved: Short::new() });
-    assert_eq!(bench.state(), State::Armed);
+    assert_eq!(bench.state(), SafetyState::Armed);
     bench.wait_ms(20);
     assert!(!bench.board.connected && !bench.board.driving(), "electrodes are let go of once they are silent");
     assert_eq!(bench.ask(&Request::Disarm), Reply::Disarmed);
     assert!(!bench.board.live());
-    assert_eq!(bench.state(), State::Discharging);
+    assert_eq!(bench.state(), SafetyState::Discharging);
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
 }
 
 #[test]
@@ -50,11 +50,11 @@ fn safe_is_only_said_of_rails_that_were_measured() {
     for left in (61..900).rev().step_by(40) {
         bench.board.rails_show = [Some(left * 1000), None];
         bench.wait_ms(1);
-        assert_eq!(bench.state(), State::Discharging, "{left} V are left");
+        assert_eq!(bench.state(), SafetyState::Discharging, "{left} V are left");
     }
     bench.board.rails_show = [Some(59_999), None];
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
     // And if it never falls, that is a fault, which cannot be cleared while it lasts.
     bench.arm();
     bench.board.rails_show = [None, Some(150_000)];
@@ -66,11 +66,11 @@ fn safe_is_only_said_of_rails_that_were_measured() {
     bench.board.rails_show = [None; 2];
     assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
     // A rail that charges by itself is noticed too.
     bench.board.rails_show = [Some(70_000), None];
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.state(), SafetyState::Fault);
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn asking_again_does_not_give_the_discharge_more_time() {
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DischargeFailed);
     let go = Request::Bootloader { key: BOOTLOADER_KEY };
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(State::Fault)), "nor to the bootloader while charged");
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)), "no bootloader while charged");
 }
 
 #[test]
@@ -119,12 +119,12 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     // The divider breaks: 0 V are measured of a rail that is charged.
     bench.board.rails_show = [Some(0), None];
     bench.wait_ms(2);
-    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.state(), SafetyState::Fault);
     assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(390);
-    assert_eq!(bench.state(), State::Discharging, "the bleeder has not had its time");
+    assert_eq!(bench.state(), SafetyState::Discharging, "the bleeder has not had its time");
     bench.wait_ms(20);
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
 }
 
 #[test]
@@ -132,10 +132,10 @@ fn drives_that_are_set_while_arming_begin_when_it_is_done() {
     let mut bench = Bench::new();
     bench.ask(&arm());
     let Reply::DrivesSet { .. } = bench.ask(&both()) else { panic!() };
-    assert_eq!(bench.state(), State::Arming);
+    assert_eq!(bench.state(), SafetyState::Arming);
     assert!(!bench.board.connected);
     bench.wait_ms(10);
-    assert_eq!(bench.state(), State::Running);
+    assert_eq!(bench.state(), SafetyState::Running);
     assert!(bench.board.connected && !bench.board.latest(1).is_blank());
 }
 
@@ -158,7 +158,7 @@ fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
         bench.wait_ms(100);
         let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!("{code:?}") };
         assert_eq!(fault.code, code);
-        assert_eq!(bench.state(), State::Fault);
+        assert_eq!(bench.state(), SafetyState::Fault);
         assert!(!bench.board.live(), "{code:?}");
     }
 }
@@ -184,7 +184,7 @@ fn every_fault_while_running_switches_everything_off() {
         bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
         bench.ask(&both());
         bench.wait_ms(100);
-        assert_eq!(bench.state(), State::Running);
+        assert_eq!(bench.state(), SafetyState::Running);
         spoil(&mut bench.board);
         for _ in 0..11 {
             bench.wait_ms(100);
@@ -192,7 +192,7 @@ fn every_fault_while_running_switches_everything_off() {
         }
         let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!("{code:?}") };
         assert_eq!(fault.code, code);
-        assert_eq!(bench.state(), State::Fault);
+        assert_eq!(bench.state(), SafetyState::Fault);
         assert!(!bench.board.live(), "{code:?}");
     }
 }
@@ -207,7 +207,7 @@ fn a_fault_is_cleared_only_with_its_cause_gone() {
     bench.board.interlock_closed = true;
     assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Safe);
+    assert_eq!(bench.state(), SafetyState::Safe);
 }
 
 #[test]
@@ -238,8 +238,8 @@ fn the_rails_start_softly_and_serve_two_voltages() {
 fn effects_are_played_from_a_queue() {
     let mut bench = Bench::new();
     bench.arm();
-    let click = Effect::click(2, 1);
-    let play = |channel, start_us| Request::Play { channel, start_us, effect: Effect::click(2, 1) };
+    let click = Effect::new_click(2, 1);
+    let play = |channel, start_us| Request::Play { channel, start_us, effect: Effect::new_click(2, 1) };
     assert_eq!(bench.ask(&play(0, 0)), Reply::Refused(Refusal::NoDrive { channel: 0 }));
     let prepare = Request::Prepare { drives: Short::from_slice(&[drive(0)]).unwrap() };
     assert!(matches!(bench.ask(&prepare), Reply::Prepared { .. }));
@@ -252,7 +252,7 @@ fn effects_are_played_from_a_queue() {
     bench.wait_ms(15);
     assert!(bench.board.driving());
     bench.wait_ms(40);
-    assert!(!bench.board.driving() && bench.state() == State::Running);
+    assert!(!bench.board.driving() && bench.state() == SafetyState::Running);
     bench.wait_ms(100);
     let late = bench.ask(&play(0, now_us));
     assert!(matches!(late, Reply::Refused(Refusal::Start { .. })), "{late:?}");
@@ -276,12 +276,12 @@ fn the_clock_the_log_and_the_details_are_told() {
     assert_eq!(bench.ask(&Request::Log), Reply::Log { bytes: Short::from_slice(b"log").unwrap() });
     bench.arm();
     let Reply::Details(details) = bench.ask(&Request::Details) else { panic!() };
-    assert_eq!((details.state, details.rail_millivolts), (State::Armed, [50_000; 2]));
+    assert_eq!((details.state, details.rail_millivolts), (SafetyState::Armed, [50_000; 2]));
     assert!(details.interlock_closed && details.stop_released && details.earth_bonded);
     assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
     bench.board.trip = Some((FaultCode::OverCurrent, 0));
     let Reply::Details(details) = bench.ask(&Request::Details) else { panic!() };
-    assert_eq!(details.state, State::Fault, "a trip is not lost to a question");
+    assert_eq!(details.state, SafetyState::Fault, "a trip is not lost to a question");
 }
 
 #[test]
@@ -289,7 +289,7 @@ fn the_bootloader_is_only_entered_when_nothing_is_live() {
     let mut bench = Bench::new();
     let go = Request::Bootloader { key: BOOTLOADER_KEY };
     bench.arm();
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(State::Armed)));
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Armed)));
     bench.ask(&Request::Disarm);
     assert_eq!(bench.ask(&Request::Bootloader { key: 1 }), Reply::Refused(Refusal::Malformed));
     assert!(!bench.board.bootloader);
@@ -300,7 +300,7 @@ fn the_bootloader_is_only_entered_when_nothing_is_live() {
 #[test]
 fn nothing_is_driven_before_arming() {
     let mut bench = Bench::new();
-    let refusal = Refusal::State { state: State::Safe, event: Event::Drive };
+    let refusal = Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive };
     assert_eq!(bench.ask(&both()), Reply::Refused(refusal));
     assert!(!bench.board.live());
 }
@@ -332,16 +332,16 @@ fn silence_switches_off_and_is_latched() {
     bench.ask(&both());
     for _ in 0..15 {
         bench.wait_ms(100);
-        assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: State::Running });
+        assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: SafetyState::Running });
     }
     bench.wait_ms(249);
-    assert_eq!(bench.state(), State::Running);
+    assert_eq!(bench.state(), SafetyState::Running);
     bench.wait_ms(1);
-    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.state(), SafetyState::Fault);
     assert!(!bench.board.live());
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::HostSilent, 250));
-    assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: State::Fault, .. })));
+    assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: SafetyState::Fault, .. })));
     assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
     assert_eq!(bench.ask(&arm()), Reply::Armed { deadman_ms: 250 });
 }
@@ -352,7 +352,7 @@ fn a_late_keep_alive_does_not_revive() {
     bench.arm();
     bench.ask(&both());
     bench.board.now_us += 300_000; // no poll in between: the firmware's task was late
-    assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: State::Fault });
+    assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: SafetyState::Fault });
     assert!(!bench.board.live());
 }
 
@@ -366,7 +366,7 @@ fn another_link_may_stop_but_not_drive_nor_keep_alive() {
     bench.wait_ms(200);
     bench.ask_on(1, &Request::KeepAlive);
     bench.wait_ms(50);
-    assert_eq!(bench.state(), State::Fault, "link 1 does not keep link 0's session alive");
+    assert_eq!(bench.state(), SafetyState::Fault, "link 1 does not keep link 0's session alive");
     bench.ask(&Request::ClearFaults);
     bench.arm();
     bench.ask(&both());
@@ -382,7 +382,7 @@ fn failing_hardware_ends_off_with_the_reason() {
     bench.board.now_us += 500;
     let Reply::Refused(Refusal::Fault(fault)) = bench.ask(&both()) else { panic!() };
     assert_eq!(fault.code, FaultCode::ReadBack);
-    assert_eq!((bench.state(), bench.board.live()), (State::Fault, false));
+    assert_eq!((bench.state(), bench.board.live()), (SafetyState::Fault, false));
     assert_eq!(bench.board.log.last(), Some(&Did::Off));
 }
 
@@ -392,22 +392,22 @@ fn a_fault_from_before_the_reset_is_told() {
     bench.board.info.fault_before_reset = Some((FaultCode::Panic, 77));
     bench.board.info.failure = "panicked at src/main.rs:77".try_into().unwrap();
     bench.device = era_shared::device::Device::new();
-    bench.device.start(&mut bench.board);
-    assert_eq!(bench.state(), State::Fault);
+    bench.device.complete_boot(&mut bench.board);
+    assert_eq!(bench.state(), SafetyState::Fault);
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::Panic, 77));
     let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 3 }) else { panic!() };
     assert_eq!(hello.failure, "panicked at src/main.rs:77");
-    assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: State::Fault, .. })), "not until told");
+    assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: SafetyState::Fault, .. })), "latched");
 }
 
 #[test]
 fn replies_are_not_answered_and_nonsense_is_refused() {
     let mut bench = Bench::new();
     let mut frame = [0; MAX_ENCODED];
-    let length = encode(1, Kind::Reply, 5, &Reply::Stopped, &mut frame).unwrap();
+    let length = encode_frame(1, FrameKind::Reply, 5, &Reply::Stopped, &mut frame).unwrap();
     assert!(bench.raw(0, &frame[..length]).is_empty());
-    let length = encode(1, Kind::Request, 6, &[0xFF_u8, 0xFF, 0xFF], &mut frame).unwrap();
+    let length = encode_frame(1, FrameKind::Request, 6, &[0xFF_u8, 0xFF, 0xFF], &mut frame).unwrap();
     assert_eq!(support::decode_reply(&bench.raw(0, &frame[..length])).2, Reply::Refused(Refusal::Malformed));
     assert!(bench.raw(0, b"no frame at all\0").is_empty());
     let Reply::Status(status) = bench.ask(&Request::Status) else { panic!() };
@@ -423,7 +423,7 @@ fn deadman_times_have_limits() {
     }
     assert_eq!(bench.ask(&Request::Arm { deadman_ms: Some(50) }), Reply::Armed { deadman_ms: 50 });
     bench.wait_ms(50);
-    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.state(), SafetyState::Fault);
 }
 
 fn any_request() -> impl Strategy<Value = Request> {
@@ -459,7 +459,7 @@ fn any_request() -> impl Strategy<Value = Request> {
         (0_u8..6, any::<u64>(), 0_u16..5, 0_u16..5).prop_map(|(channel, start, cycles, brake)| Request::Play {
             channel,
             start_us: if start % 2 == 0 { 0 } else { start },
-            effect: Effect::click(cycles, brake),
+            effect: Effect::new_click(cycles, brake),
         }),
         Just(Request::Clock),
         Just(Request::Details),
@@ -482,7 +482,7 @@ proptest! {
             bench.wait_ms(wait_ms);
             prop_assert!(bench.state().is_live() || !bench.board.live());
             prop_assert!(bench.board.connected || !bench.board.driving());
-            prop_assert!(!bench.board.connected || matches!(bench.state(), State::Armed | State::Running));
+            prop_assert!(!bench.board.connected || matches!(bench.state(), SafetyState::Armed | SafetyState::Running));
         }
     }
 
@@ -495,6 +495,6 @@ proptest! {
         bench.raw(0, &garbage);
         bench.raw(0, &[0]);
         let Reply::Status(status) = bench.ask(&Request::Status) else { panic!() };
-        prop_assert_eq!(status.state, State::Running);
+        prop_assert_eq!(status.state, SafetyState::Running);
     }
 }

@@ -3,7 +3,7 @@
 mod support;
 
 use era_shared::protocol::*;
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use era_shared::waveform::{Effect, Segment};
 use heapless::Vec as Short;
 use support::{Bench, arm, both, drive};
@@ -15,7 +15,7 @@ fn time_that_was_spent_off_is_no_drive() {
     bench.ask(&arm());
     bench.ask(&both());
     bench.wait_ms(30);
-    assert_eq!(bench.state(), State::Running);
+    assert_eq!(bench.state(), SafetyState::Running);
 }
 
 #[test]
@@ -24,7 +24,7 @@ fn bursts_end_and_must_rest() {
     bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(300) });
     bench.ask(&both());
     bench.wait_ms(330);
-    assert_eq!(bench.state(), State::Armed, "the burst is over");
+    assert_eq!(bench.state(), SafetyState::Armed, "the burst is over");
     let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = bench.ask(&both()) else { panic!() };
     assert!(wait_ms <= 100);
     bench.wait_ms(120);
@@ -51,7 +51,7 @@ fn strokes(drive: ChannelDrive, minutes: u64) -> (Option<u64>, u32) {
             bench.wait_ms(250);
             let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
             least_ms = least_ms.min(credit.channels[0].left_ms);
-            if bench.state() != State::Running {
+            if bench.state() != SafetyState::Running {
                 let refused = bench.ask(&set);
                 assert!(matches!(refused, Reply::Refused(Refusal::Duty { channel: 0, .. })), "{refused:?}");
                 return (Some((bench.board.now_us - begun_us) / 1_000_000), least_ms);
@@ -96,8 +96,12 @@ fn the_credit_is_told_with_what_it_is_charged_by() {
     assert!((charged[0] - 0.75 / 16.0).abs() < 1e-3 && (charged[2] - 0.75).abs() < 1e-3, "{charged:?}");
     assert_eq!((charged[1], charged[3]), (0.0, 0.0));
     assert!(credit.channels[2].left_ms < 60_000 && credit.channels[1].left_ms == 60_000);
-    assert_eq!((credit.lasts_ms(0), credit.lasts_ms(1)), (None, None));
-    assert!(credit.lasts_ms(2).is_some_and(|ms| (90_000..93_000).contains(&ms)), "{:?}", credit.lasts_ms(2));
+    assert_eq!((credit.remaining_drive_time_ms(0), credit.remaining_drive_time_ms(1)), (None, None));
+    assert!(
+        credit.remaining_drive_time_ms(2).is_some_and(|ms| (90_000..93_000).contains(&ms)),
+        "{:?}",
+        credit.remaining_drive_time_ms(2)
+    );
     // A stronger drive that is replaced costs what it does until its last boundary, and a level of an effect what it is.
     let prepare = Request::Prepare { drives: Short::from_slice(&[strong]).unwrap() };
     bench.ask(&prepare);

@@ -5,9 +5,9 @@
 
 mod support;
 
-use era_shared::link::Kind;
+use era_shared::link::FrameKind;
 use era_shared::protocol::*;
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use era_shared::waveform::DriveError;
 use heapless::Vec as Short;
 use serde::Serialize;
@@ -16,11 +16,11 @@ use support::golden::check;
 const VERSION: u8 = 1;
 
 fn request(message: Request, expected: &str) {
-    check(VERSION, Kind::Request, message, expected);
+    check(VERSION, FrameKind::Request, message, expected);
 }
 
 fn reply(message: Reply, expected: &str) {
-    check(VERSION, Kind::Reply, message, expected);
+    check(VERSION, FrameKind::Reply, message, expected);
 }
 
 fn achieved() -> AchievedDrive {
@@ -79,10 +79,10 @@ fn replies() {
         "1e01023412030101c0fcd0e5ae04a9d82890a10fcee843cb823d5764524900",
     );
     reply(Reply::Stopped, "0a0102341204a0efb00d00");
-    reply(Reply::Alive { state: State::Fault }, "0b010234120504d209af1a00");
+    reply(Reply::Alive { state: SafetyState::Fault }, "0b010234120504d209af1a00");
     reply(
         Reply::Status(StatusReply {
-            state: State::Running,
+            state: SafetyState::Running,
             uptime_us: 10_000_000,
             boot_id: 7,
             fault: Some(fault()),
@@ -98,7 +98,7 @@ fn replies() {
     reply(
         Reply::Telemetry(TelemetryReply {
             uptime_us: 99,
-            state: State::Armed,
+            state: SafetyState::Armed,
             acceleration_peak_mm_per_s2: Some(24_525),
             rail_millivolts: Short::from_slice(&[1_700_000, 0]).unwrap(),
         }),
@@ -113,7 +113,10 @@ fn refusals() {
         "06010234120a08090101b807188a00",
     );
     reply(Reply::Refused(Refusal::Malformed), "0b010234120a0192e15ded00");
-    reply(Reply::Refused(Refusal::State { state: State::Safe, event: Event::Drive }), "0d010234120a020103761bf75700");
+    reply(
+        Reply::Refused(Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive }),
+        "0d010234120a020103761bf75700",
+    );
     reply(
         Reply::Refused(Refusal::Drive { channel: 1, error: DriveError::NoSuchChannel { channels: 2 } }),
         "08010234120a030106021599ac1600",
@@ -174,9 +177,9 @@ fn plain_enums_keep_their_numbers() {
     let faults = [F::HostSilent, F::ArmFailed, F::DriveFailed, F::Panic, F::HardFault, F::ReadBack];
     assert_eq!(numbers(&faults), [0, 1, 2, 3, 4, 5]);
     assert_eq!(faults.map(FaultCode::number), [0, 1, 2, 3, 4, 5]);
-    let states = [State::Boot, State::Safe, State::Armed, State::Running, State::Fault];
+    let states = [SafetyState::Boot, SafetyState::Safe, SafetyState::Armed, SafetyState::Running, SafetyState::Fault];
     assert_eq!(numbers(&states), [0, 1, 2, 3, 4]);
-    use Event as E;
+    use SafetyEvent as E;
     let events = [E::BootComplete, E::Arm, E::Disarm, E::Drive, E::Rest, E::Stop, E::HostSilent, E::Fault, E::Clear];
     assert_eq!(numbers(&events), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
     assert_eq!(numbers(&[BoardKind::Simulated, BoardKind::Stm32G474]), [0, 1]);

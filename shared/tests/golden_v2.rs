@@ -6,9 +6,9 @@
 
 mod support;
 
-use era_shared::link::{Kind, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use era_shared::waveform::{Effect, Segment};
 use heapless::Vec as Short;
 use serde::Serialize;
@@ -17,15 +17,15 @@ use support::golden::check;
 const VERSION: u8 = 2;
 
 fn request(message: Request, expected: &str) {
-    check(VERSION, Kind::Request, message, expected);
+    check(VERSION, FrameKind::Request, message, expected);
 }
 
 fn reply(message: Reply, expected: &str) {
-    check(VERSION, Kind::Reply, message, expected);
+    check(VERSION, FrameKind::Reply, message, expected);
 }
 
-fn welcome() -> Welcome {
-    Welcome {
+fn welcome() -> WelcomeReply {
+    WelcomeReply {
         protocol_min: 1,
         protocol_current: 2,
         board: BoardKind::Stm32G474,
@@ -47,11 +47,11 @@ fn requests() {
         "07020134120b0107f09309abd82808c0843d102c932e00",
     );
     request(
-        Request::Play { channel: 3, start_us: 123_456_789, effect: Effect::click(3, 2) },
+        Request::Play { channel: 3, start_us: 123_456_789, effect: Effect::new_click(3, 2) },
         "19020134120c03959aef3a0202d00f0302cf0f02018c0d53e600",
     );
     request(
-        Request::Play { channel: 0, start_us: 0, effect: Effect::swell(50, 300, 400) },
+        Request::Play { channel: 0, start_us: 0, effect: Effect::new_swell(50, 300, 400) },
         "06020134120c0103030104d00f3208d00fac0201d00f08900301d898a5fe00",
     );
     let levels = [Segment::Hold { level: -1000, milliseconds: 65_535 }, Segment::Cycles { level: 1, count: 1 }];
@@ -77,8 +77,8 @@ fn replies() {
     reply(Reply::Playing, "0a020234120e6e7cc5aa00");
     reply(Reply::Clock { now_us: 123_456_789 }, "0e020234120f959aef3a7494487f00");
     reply(
-        Reply::Details(Details {
-            state: State::Discharging,
+        Reply::Details(DetailsReply {
+            state: SafetyState::Discharging,
             set_point_millivolts: [1_700_000, 50_000],
             rail_millivolts: [1_699_000, 49_000],
             average_microamps: 40,
@@ -91,7 +91,7 @@ fn replies() {
     );
     reply(Reply::Log { bytes: Short::from_slice(&[1, 0, 255]).unwrap() }, "080202341211030106ffe28d1dfb00");
     reply(Reply::Bootloader, "0a02023412122120c4be00");
-    reply(Reply::Alive { state: State::Arming }, "0b020234120505ea4b3ceb00");
+    reply(Reply::Alive { state: SafetyState::Arming }, "0b020234120505ea4b3ceb00");
     let fault = Fault { code: FaultCode::TimerStopped, at_us: 1, detail: 3, count: 1 };
     reply(Reply::Faults { latched: Some(fault) }, "0f02023412070112010301d3cfd2bf00");
 }
@@ -108,7 +108,7 @@ fn refusals() {
         Reply::Refused(Refusal::Burst { requested_ms: 0, min_ms: 1, max_ms: 10_000 }),
         "07020234120a0e0801904e105103c700",
     );
-    reply(Reply::Refused(Refusal::Live(State::Running)), "0c020234120a0f03ad268cfa00");
+    reply(Reply::Refused(Refusal::Live(SafetyState::Running)), "0c020234120a0f03ad268cfa00");
 }
 
 /// The numbers of plain enums: their order is wire format.
@@ -137,8 +137,8 @@ fn plain_enums_keep_their_numbers() {
     for (code, wire) in faults {
         assert_eq!((number(&code), code.number()), (wire, wire), "{code:?}");
     }
-    assert_eq!((number(&State::Arming), number(&State::Discharging)), (5, 6));
-    assert_eq!((number(&Event::Discharged), number(&Event::TestPassed)), (9, 10));
+    assert_eq!((number(&SafetyState::Arming), number(&SafetyState::Discharging)), (5, 6));
+    assert_eq!((number(&SafetyEvent::Discharged), number(&SafetyEvent::TestPassed)), (9, 10));
     for (index, code) in F::ALL.iter().enumerate() {
         assert_eq!(usize::from(code.number()), index, "in order");
     }
@@ -154,7 +154,7 @@ fn the_longest_messages_fit() {
         min_guard_ns: u32::MAX,
         timer_clock_hz: u32::MAX,
     };
-    let typical = Welcome {
+    let typical = WelcomeReply {
         channels: Short::from_slice(&[support::limits(); 4]).unwrap(),
         image: "x".repeat(IMAGE_NAME).as_str().try_into().unwrap(),
         failure: "x".repeat(FAILURE_MESSAGE).as_str().try_into().unwrap(),
@@ -162,15 +162,15 @@ fn the_longest_messages_fit() {
         ..welcome()
     };
     let mut out = [0; MAX_ENCODED];
-    assert!(encode(2, Kind::Reply, 0, &Reply::Welcome(typical.clone()), &mut out).is_ok());
-    let extreme = Welcome { channels: Short::from_slice(&[most; 4]).unwrap(), ..typical };
-    assert!(encode(2, Kind::Reply, 0, &Reply::Welcome(extreme), &mut out).is_ok());
+    assert!(encode_frame(2, FrameKind::Reply, 0, &Reply::Welcome(typical.clone()), &mut out).is_ok());
+    let extreme = WelcomeReply { channels: Short::from_slice(&[most; 4]).unwrap(), ..typical };
+    assert!(encode_frame(2, FrameKind::Reply, 0, &Reply::Welcome(extreme), &mut out).is_ok());
     let longest = Effect {
         segments: Short::from_slice(&[Segment::Ramp { from: -1000, to: 1000, milliseconds: u16::MAX }; 8]).unwrap(),
         times: 1_000,
     };
     let play = Request::Play { channel: 255, start_us: u64::MAX, effect: longest };
-    assert!(encode(2, Kind::Request, 0, &play, &mut out).is_ok());
+    assert!(encode_frame(2, FrameKind::Request, 0, &play, &mut out).is_ok());
     let log = Reply::Log { bytes: Short::from_slice(&[255; LOG_CHUNK]).unwrap() };
-    assert!(encode(2, Kind::Reply, 0, &log, &mut out).is_ok());
+    assert!(encode_frame(2, FrameKind::Reply, 0, &log, &mut out).is_ok());
 }

@@ -6,7 +6,7 @@
 
 mod support;
 
-use era_shared::link::{Kind, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
 use heapless::Vec as Short;
 use support::golden::check;
@@ -14,11 +14,11 @@ use support::golden::check;
 const VERSION: u8 = 3;
 
 fn request(message: Request, expected: &str) {
-    check(VERSION, Kind::Request, message, expected);
+    check(VERSION, FrameKind::Request, message, expected);
 }
 
 fn reply(message: Reply, expected: &str) {
-    check(VERSION, Kind::Reply, message, expected);
+    check(VERSION, FrameKind::Reply, message, expected);
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn replies() {
     reply(credit(ChargeRule::Time, &[]), "06030234121304a08d0605f66d13a000");
     let most = [ChannelCredit { left_ms: u32::MAX, charge_ppm: u32::MAX }; 4];
     let mut out = [0; MAX_ENCODED];
-    assert!(encode(VERSION, Kind::Reply, 0, &credit(ChargeRule::ForceSquared, &most), &mut out).is_ok());
+    assert!(encode_frame(VERSION, FrameKind::Reply, 0, &credit(ChargeRule::ForceSquared, &most), &mut out).is_ok());
 }
 
 /// What lasts as long as the answer says, by hand.
@@ -53,7 +53,7 @@ fn what_credit_lasts_for() {
     let lasts = |channels: &[(u32, u32)]| {
         let channels = channels.iter().copied().map(of).collect();
         let credit = CreditReply { rule: ChargeRule::ForceSquared, earned_ppm: 100_000, channels };
-        (0..5).map(|channel| credit.lasts_ms(channel)).collect::<Vec<_>>()
+        (0..5).map(|channel| credit.remaining_drive_time_ms(channel)).collect::<Vec<_>>()
     };
     assert_eq!(lasts(first), [None, None, Some(60_000_000_000), Some(10_000), None]);
     assert_eq!(lasts(second), [Some(0), None, None, None, None]);

@@ -1,12 +1,12 @@
 //! Frames: any bytes in any pieces, and nothing that was changed on the way gets through.
 
-use era_shared::link::{DecodeError, Decoder, Kind, MAX_BODY, MAX_ENCODED, encode};
+use era_shared::link::{DecodeError, Decoder, FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
 use era_shared::protocol::Request;
 use proptest::prelude::*;
 
 fn frame(sequence: u16, request: &Request) -> Vec<u8> {
     let mut out = [0; MAX_ENCODED];
-    let length = encode(1, Kind::Request, sequence, request, &mut out).unwrap();
+    let length = encode_frame(1, FrameKind::Request, sequence, request, &mut out).unwrap();
     out[..length].to_vec()
 }
 
@@ -15,7 +15,7 @@ type Owned = (u8, u8, u16, Vec<u8>);
 
 fn decode_all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Owned, DecodeError>> {
     let mut found = Vec::new();
-    decoder.feed(bytes, |result| {
+    decoder.feed_bytes(bytes, |result| {
         found.push(result.map(|frame| (frame.version, frame.kind, frame.sequence, frame.body.to_vec())));
     });
     found
@@ -49,13 +49,13 @@ fn the_longest_body_fits_and_one_byte_more_does_not() {
     // Postcard writes a slice as its length (two bytes from 128 on) and its bytes.
     let mut out = [0; MAX_ENCODED];
     let longest = vec![0xFF_u8; MAX_BODY - 2];
-    let length = encode(1, Kind::Reply, 0, &longest.as_slice(), &mut out).unwrap();
+    let length = encode_frame(1, FrameKind::Reply, 0, &longest.as_slice(), &mut out).unwrap();
     assert!(length <= MAX_ENCODED);
     let found = decode_all(&mut Decoder::new(), &out[..length]);
     assert_eq!(found[0].as_ref().unwrap().3.len(), MAX_BODY);
     let too_long = vec![0xFF_u8; MAX_BODY - 1];
-    assert!(encode(1, Kind::Reply, 0, &too_long.as_slice(), &mut out).is_err());
-    assert!(encode(1, Kind::Reply, 0, &0_u8, &mut [0; 8]).is_err(), "a short buffer is refused");
+    assert!(encode_frame(1, FrameKind::Reply, 0, &too_long.as_slice(), &mut out).is_err());
+    assert!(encode_frame(1, FrameKind::Reply, 0, &0_u8, &mut [0; 8]).is_err(), "a short buffer is refused");
 }
 
 proptest! {

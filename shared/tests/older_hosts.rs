@@ -2,9 +2,9 @@
 
 mod support;
 
-use era_shared::link::{Kind, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use support::{Bench, arm, both};
 
 /// A host of version 2 is answered in version 2; the credit that it is told of is that at the largest force.
@@ -13,7 +13,7 @@ fn a_host_of_version_2_is_answered_in_its_words() {
     let mut bench = Bench::new();
     let ask = |bench: &mut Bench, request: &Request| {
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(2, Kind::Request, 9, request, &mut frame).unwrap();
+        let length = encode_frame(2, FrameKind::Request, 9, request, &mut frame).unwrap();
         let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
         assert_eq!((version, sequence), (2, 9));
         reply
@@ -21,7 +21,7 @@ fn a_host_of_version_2_is_answered_in_its_words() {
     let Reply::Welcome(welcome) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
     assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 3));
     assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Arming });
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Arming });
     let Reply::Details(details) = ask(&mut bench, &Request::Details) else { panic!() };
     assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
     assert_eq!(ask(&mut bench, &Request::Credit), Reply::Refused(Refusal::Malformed));
@@ -32,7 +32,7 @@ fn a_foreign_version_is_told_both_versions() {
     let mut bench = Bench::new();
     for (got, answered_in) in [(0_u8, MIN_VERSION), (CURRENT_VERSION + 1, CURRENT_VERSION), (255, CURRENT_VERSION)] {
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(got, Kind::Request, 5, &Request::Status, &mut frame).unwrap();
+        let length = encode_frame(got, FrameKind::Request, 5, &Request::Status, &mut frame).unwrap();
         let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
         assert_eq!((version, sequence), (answered_in, 5));
         let refusal = Refusal::Version { got, device_min: MIN_VERSION, device_current: CURRENT_VERSION };
@@ -46,7 +46,7 @@ fn a_host_of_version_1_is_answered_in_its_words() {
     let mut bench = Bench::new();
     let ask = |bench: &mut Bench, request: &Request| {
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(1, Kind::Request, 9, request, &mut frame).unwrap();
+        let length = encode_frame(1, FrameKind::Request, 9, request, &mut frame).unwrap();
         let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
         assert_eq!((version, sequence), (1, 9));
         reply
@@ -54,21 +54,21 @@ fn a_host_of_version_1_is_answered_in_its_words() {
     let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
     assert_eq!((hello.protocol_min, hello.protocol_current), (1, 3));
     assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Armed }, "arming may be live");
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Armed }, "arming may be live");
     assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
     bench.wait_ms(20);
-    assert_eq!(bench.state(), State::Running);
+    assert_eq!(bench.state(), SafetyState::Running);
     assert_eq!(ask(&mut bench, &Request::Stop), Reply::Stopped);
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Boot }, "not called safe yet");
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Boot }, "not called safe yet");
     bench.wait_ms(2);
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Safe });
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Safe });
     bench.board.interlock_closed = false;
     ask(&mut bench, &arm());
     bench.wait_ms(2);
     let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DriveFailed, "a code that it knows");
     let clear = ask(&mut bench, &Request::ClearFaults);
-    assert_eq!(clear, Reply::Refused(Refusal::State { state: State::Fault, event: Event::Clear }));
+    assert_eq!(clear, Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Clear }));
     let later =
         [Request::Clock, Request::Details, Request::Log, Request::Bootloader { key: BOOTLOADER_KEY }, Request::Credit];
     for later in later {

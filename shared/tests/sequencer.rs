@@ -4,7 +4,9 @@
 mod support;
 
 use era_shared::protocol::ChannelDrive;
-use era_shared::waveform::{Effect, Electrode, FULL_STRENGTH, Goal, ModelTimers, OutputPair, Pulse, Segment, program};
+use era_shared::waveform::{
+    ChannelGoal, Effect, Electrode, FULL_STRENGTH, ModelTimers, OutputPair, Pulse, Segment, compute_channel_program,
+};
 use proptest::prelude::*;
 use support::limits;
 
@@ -30,7 +32,7 @@ impl Timers {
 
     fn poll(&mut self) {
         let pulses = &mut self.pulses;
-        let told = self.model.poll(self.now_us, |channel, pulse| match pulses[channel].last_mut() {
+        let told = self.model.run_and_preload(self.now_us, |channel, pulse| match pulses[channel].last_mut() {
             // A pulse that was going on when the model last stopped is told in two parts.
             Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
             _ => pulses[channel].push(pulse),
@@ -42,7 +44,7 @@ impl Timers {
         let end = self.now_us + 1000 * milliseconds;
         while self.now_us < end {
             self.now_us =
-                (self.now_us + 1000).min(self.model.sequencer.due_us().unwrap_or(u64::MAX).max(self.now_us + 1));
+                (self.now_us + 1000).min(self.model.sequencer.next_due_us().unwrap_or(u64::MAX).max(self.now_us + 1));
             self.poll();
         }
     }
@@ -50,7 +52,8 @@ impl Timers {
     fn set(&mut self, drives: &[ChannelDrive], continuous: bool) {
         let mut goals = [None; 4];
         for drive in drives {
-            goals[usize::from(drive.channel)] = Some(Goal { program: program(&limits(), drive).unwrap(), continuous });
+            goals[usize::from(drive.channel)] =
+                Some(ChannelGoal { program: compute_channel_program(&limits(), drive).unwrap(), continuous });
         }
         self.model.sequencer.set_goals(&goals, self.now_us);
         self.poll();
@@ -80,8 +83,8 @@ fn drive(channel: u8, frequency_millihertz: u32, phase_microturns: u32) -> Chann
 
 /// How far the phase of channel 1 against channel 0 is from what was asked, in ticks.
 fn phase_error(timers: &Timers, first: &ChannelDrive, second: &ChannelDrive) -> f64 {
-    let planned = program(&limits(), first).unwrap();
-    let clocks = planned.clocks() as f64;
+    let planned = compute_channel_program(&limits(), first).unwrap();
+    let clocks = planned.period_clocks() as f64;
     let later = (timers.last_a(0) as f64 - timers.last_a(1) as f64) / 2.0;
     let asked = (f64::from(second.phase_microturns) - f64::from(first.phase_microturns)) / 1e6;
     let turns = (later / clocks - asked + 0.5).rem_euclid(1.0) - 0.5;
@@ -95,17 +98,17 @@ fn a_drive_begins_within_two_ms_and_ends_at_a_boundary() {
     let began = (timers.now_us - Timers::STARTED_US) * CLOCKS_PER_US;
     timers.set(&[drive(0, 150_000, 0)], true);
     timers.run_ms(100);
-    let planned = program(&limits(), &drive(0, 150_000, 0)).unwrap();
+    let planned = compute_channel_program(&limits(), &drive(0, 150_000, 0)).unwrap();
     let first = timers.pulses[0][0];
     assert_eq!(first.electrode, Electrode::A);
-    let boundary = first.from - u64::from(planned.full().a.on) * u64::from(planned.divider);
+    let boundary = first.from - u64::from(planned.full_level_period().a.on) * u64::from(planned.divider);
     assert!(boundary > began && boundary <= began + 2 * 170_000, "{boundary} {began}");
     assert!(timers.pulses[1].is_empty());
     timers.set(&[], true);
     timers.run_ms(20);
     timers.forget();
     timers.run_ms(50);
-    assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.drives(0));
+    assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.is_channel_driving(0));
     timers.check();
     let width = u64::from(planned.width) * u64::from(planned.divider);
     assert_eq!(timers.model.checks[0].least_pulse, Some(width), "no pulse was cut short");
@@ -127,7 +130,7 @@ fn an_unchanged_drive_goes_on_undisturbed() {
         true,
     );
     timers.run_ms(100);
-    let period = program(&limits(), &first).unwrap().clocks();
+    let period = compute_channel_program(&limits(), &first).unwrap().period_clocks();
     let told: Vec<_> = timers.pulses[0][before..].iter().filter(|pulse| pulse.electrode == Electrode::A).collect();
     assert!(told.len() >= 18);
     for pulse in told {
@@ -143,15 +146,16 @@ fn a_click_has_its_cycles_and_its_brake() {
         timers.set(&[drive(0, frequency_millihertz, 0)], false);
         timers.run_ms(50);
         assert!(timers.pulses[0].is_empty(), "prepared is silent");
-        assert!(timers.model.sequencer.play(0, timers.now_us + 7_300, &Effect::click(3, 2)));
+        assert!(timers.model.sequencer.queue_effect(0, timers.now_us + 7_300, &Effect::new_click(3, 2)));
         timers.run_ms(200);
         let electrodes: Vec<_> = timers.pulses[0].iter().map(|pulse| pulse.electrode).collect();
         use Electrode::{A, B};
         assert_eq!(electrodes, [A, B, A, B, A, B, B, A, B, A], "at {frequency_millihertz} mHz");
-        let planned = program(&limits(), &drive(0, frequency_millihertz, 0)).unwrap();
+        let planned = compute_channel_program(&limits(), &drive(0, frequency_millihertz, 0)).unwrap();
         let start = (50_000 + 7_300) * CLOCKS_PER_US;
-        let boundary = timers.pulses[0][0].from - u64::from(planned.full().a.on) * u64::from(planned.divider);
-        assert!(boundary >= start && boundary < start + planned.clocks(), "the first boundary after its start");
+        let boundary =
+            timers.pulses[0][0].from - u64::from(planned.full_level_period().a.on) * u64::from(planned.divider);
+        assert!(boundary >= start && boundary < start + planned.period_clocks(), "the first boundary after its start");
         timers.check();
     }
 }
@@ -161,22 +165,22 @@ fn ramps_widen_and_trains_pulse() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 200_000, 0)], false);
     timers.run_ms(5);
-    assert!(timers.model.sequencer.play(0, timers.now_us, &Effect::swell(50, 20, 50)));
+    assert!(timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_swell(50, 20, 50)));
     timers.run_ms(150);
     let widths: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.to - pulse.from).collect();
     let top = widths.iter().position(|width| width == widths.iter().max().unwrap()).unwrap();
     assert!(widths[..top].is_sorted() && top >= 18, "{widths:?}");
     assert!(widths[top..].is_sorted_by(|one, next| one >= next));
     // A force of half the height: sin(pi w / 2) halves. The ramp's middle of 50 ms is between cycles 4 and 5.
-    let planned = program(&limits(), &drive(0, 200_000, 0)).unwrap();
+    let planned = compute_channel_program(&limits(), &drive(0, 200_000, 0)).unwrap();
     let force = |width: u64| {
-        let part = 2.0 * width as f64 / planned.clocks() as f64;
+        let part = 2.0 * width as f64 / planned.period_clocks() as f64;
         (std::f64::consts::FRAC_PI_2 * part).sin()
     };
     let half = force(widths[2 * 4]) / force(widths[top]);
     assert!((half - 0.45).abs() < 0.06, "{half}");
     timers.forget();
-    assert!(timers.model.sequencer.play(0, timers.now_us, &Effect::pulse_train(20, 30, 3)));
+    assert!(timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_pulse_train(20, 30, 3)));
     timers.run_ms(300);
     let gaps = timers.pulses[0].windows(2).filter(|pair| pair[1].from - pair[0].to > 20_000 * CLOCKS_PER_US).count();
     assert_eq!((timers.pulses[0].len(), gaps), (3 * 4 * 2, 2), "4 cycles of 5 ms, three times");
@@ -187,20 +191,20 @@ fn ramps_widen_and_trains_pulse() {
 fn effects_are_checked_and_queued_in_order() {
     let nothing = Effect::default();
     assert!(!nothing.is_valid());
-    assert!(!Effect { times: 0, ..Effect::click(1, 0) }.is_valid());
-    assert!(!Effect { times: 1_001, ..Effect::click(1, 0) }.is_valid());
+    assert!(!Effect { times: 0, ..Effect::new_click(1, 0) }.is_valid());
+    assert!(!Effect { times: 1_001, ..Effect::new_click(1, 0) }.is_valid());
     for level in [-1_001, 1_001, i16::MIN, i16::MAX] {
         let segments = [Segment::Hold { level, milliseconds: 1 }].into_iter().collect();
         assert!(!Effect { segments, times: 1 }.is_valid());
     }
     let mut timers = Timers::new();
-    assert!(!timers.model.sequencer.play(0, timers.now_us, &Effect::click(1, 0)), "no drive");
+    assert!(!timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_click(1, 0)), "no drive");
     timers.set(&[drive(0, 500_000, 0)], false);
     let now_us = timers.now_us;
     for (start_ms, cycles) in [(90, 4), (30, 2), (60, 3), (10, 1)] {
-        assert!(timers.model.sequencer.play(0, now_us + 1000 * start_ms, &Effect::click(cycles, 0)));
+        assert!(timers.model.sequencer.queue_effect(0, now_us + 1000 * start_ms, &Effect::new_click(cycles, 0)));
     }
-    assert!(!timers.model.sequencer.play(0, now_us, &Effect::click(1, 0)), "four wait");
+    assert!(!timers.model.sequencer.queue_effect(0, now_us, &Effect::new_click(1, 0)), "four wait");
     timers.run_ms(200);
     let starts: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.from / 170_000).collect();
     assert_eq!(starts.len(), 2 * (1 + 2 + 3 + 4));
@@ -212,16 +216,16 @@ fn effects_are_checked_and_queued_in_order() {
 fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 100_000, 0)], true);
-    timers.model.sequencer.set_strength(0, FULL_STRENGTH / 4);
+    timers.model.sequencer.set_window_strength(0, FULL_STRENGTH / 4);
     timers.run_ms(50);
-    let planned = program(&limits(), &drive(0, 100_000, 0)).unwrap();
+    let planned = compute_channel_program(&limits(), &drive(0, 100_000, 0)).unwrap();
     let angle = |ticks: f64| std::f64::consts::PI * ticks / f64::from(planned.ticks);
     let width = timers.model.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
     let ratio = angle(width).sin() / angle(f64::from(planned.width)).sin();
     assert!((ratio - 0.25).abs() < 1e-4, "{ratio}");
-    timers.model.sequencer.set_strength(0, 0);
+    timers.model.sequencer.set_window_strength(0, 0);
     timers.run_ms(20);
-    assert!(!timers.model.sequencer.drives(0));
+    assert!(!timers.model.sequencer.is_channel_driving(0));
 }
 
 fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {
@@ -253,7 +257,7 @@ proptest! {
             let all = [drives.0, drives.1, drives.2, drives.3];
             let chosen: Vec<_> = all.into_iter().zip(on).filter(|(_, on)| *on).map(|(drive, _)| drive).collect();
             for drive in &chosen {
-                let planned = program(&limits(), drive).unwrap();
+                let planned = compute_channel_program(&limits(), drive).unwrap();
                 narrowest = narrowest.min(u64::from(planned.width) * u64::from(planned.divider));
             }
             timers.set(&chosen, true);

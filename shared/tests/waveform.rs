@@ -4,8 +4,8 @@ mod support;
 
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
 use era_shared::waveform::{
-    DriveError, Electrode, OutputPair, Period, Pulse, TimerModel, TimerRegisters, Window, Windows, WindowsError,
-    program,
+    DriveError, Electrode, ElectrodeWindows, OutputPair, Pulse, TickWindow, TimerModel, TimerPeriod, TimerRegisters,
+    WindowsError, compute_channel_program,
 };
 use proptest::prelude::*;
 use support::limits;
@@ -14,12 +14,14 @@ const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
 
 /// All that must hold for a drive that was accepted, seen from the edges.
 fn check_edges(drive: &ChannelDrive) -> Result<(), TestCaseError> {
-    let planned = program(&limits(), drive).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
-    let registers = TimerRegisters::running(&planned.full(), OUTPUTS);
-    let windows = Windows::from_registers(&registers).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
-    prop_assert_eq!(windows.overlap(), 0);
-    let tick_s = windows.tick_s(170_000_000);
-    let guard_s = f64::from(windows.guard().unwrap()) * tick_s;
+    let planned =
+        compute_channel_program(&limits(), drive).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
+    let registers = TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS);
+    let windows =
+        ElectrodeWindows::from_registers(&registers).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
+    prop_assert_eq!(windows.overlap_ticks(), 0);
+    let tick_s = windows.tick_length_s(170_000_000);
+    let guard_s = f64::from(windows.shortest_guard_ticks().unwrap()) * tick_s;
     prop_assert!(guard_s >= 200e-6, "guard {guard_s}");
     prop_assert!((guard_s * 1e9 - f64::from(planned.achieved.guard_ns)).abs() < 1.01);
     // Half of it lies on each side of the boundary, where another drive may follow.
@@ -37,12 +39,12 @@ fn check_edges(drive: &ChannelDrive) -> Result<(), TestCaseError> {
     let width = f64::from(windows.a.length) / half;
     let asked_width = f64::from(drive.pulse_width_ppm) / 1e6;
     prop_assert!(width <= asked_width + 1e-12 && width > asked_width - 1.0 / half);
-    let centre = |window: Window| f64::from(window.start) + f64::from(window.length) / 2.0;
+    let centre = |window: TickWindow| f64::from(window.start) + f64::from(window.length) / 2.0;
     prop_assert!((centre(windows.b) - centre(windows.a) - half).abs() <= 0.5);
     prop_assert!((centre(windows.a) - half / 2.0).abs() <= 0.75, "A is in the middle of its half");
 
     // Phase: the time from the origin to A's centre, as a part of a turn, is minus the phase.
-    let clocks = planned.clocks() as f64;
+    let clocks = planned.period_clocks() as f64;
     let to_a = centre(windows.a) * f64::from(windows.divider) - planned.origin_clocks as f64;
     let phase = (-to_a / clocks).rem_euclid(1.0);
     let asked_phase = f64::from(drive.phase_microturns) / 1e6;
@@ -79,7 +81,7 @@ proptest! {
     #[test]
     fn any_request_is_safe_or_refused(frequency_millihertz: u32, pulse_width_ppm: u32, phase_microturns: u32, voltage_millivolts: u32) {
         let drive = ChannelDrive { channel: 0, frequency_millihertz, pulse_width_ppm, phase_microturns, voltage_millivolts };
-        if program(&limits(), &drive).is_ok() {
+        if compute_channel_program(&limits(), &drive).is_ok() {
             check_edges(&drive)?;
         }
     }
@@ -89,9 +91,9 @@ proptest! {
     fn the_guard_is_never_under_50_us(min_guard_ns in 0_u32..50_000, frequency_millihertz in 1_000_u32..=1_000_000, pulse_width_ppm in 1_u32..=1_000_000) {
         let limits = ChannelLimits { min_guard_ns, ..limits() };
         let drive = ChannelDrive { frequency_millihertz, pulse_width_ppm, ..support::drive(0) };
-        if let Ok(planned) = program(&limits, &drive) {
-            let windows = Windows::from_registers(&TimerRegisters::running(&planned.full(), OUTPUTS)).unwrap();
-            prop_assert!(f64::from(windows.guard().unwrap()) * windows.tick_s(170_000_000) >= 50e-6);
+        if let Ok(planned) = compute_channel_program(&limits, &drive) {
+            let windows = ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS)).unwrap();
+            prop_assert!(f64::from(windows.shortest_guard_ticks().unwrap()) * windows.tick_length_s(170_000_000) >= 50e-6);
         }
     }
 
@@ -101,15 +103,15 @@ proptest! {
         cr1: u32, ccmr1: u32, ccmr2: u32, ccer: u32, psc in 0_u32..4, arr in 0_u32..60,
         ccr in prop::array::uniform4(0_u32..70), proper: bool
     ) {
-        let known = TimerRegisters::running(&Period::blank(1, 2), OUTPUTS);
+        let known = TimerRegisters::for_running_timer(&TimerPeriod::blank(1, 2), OUTPUTS);
         let registers = if proper {
             TimerRegisters { psc, arr, ccr, ..known }
         } else {
             TimerRegisters { cr1: cr1 | 1, ccmr1, ccmr2, ccer, psc, arr, ccr, bdtr: 1 << 15 }
         };
-        if let Ok(windows) = Windows::from_registers(&registers) {
-            let both = (0..windows.period).filter(|tick| windows.on_at(*tick).is_err()).count();
-            prop_assert_eq!(both as u32, windows.overlap());
+        if let Ok(windows) = ElectrodeWindows::from_registers(&registers) {
+            let both = (0..windows.period).filter(|tick| windows.electrode_on_at(*tick).is_err()).count();
+            prop_assert_eq!(both as u32, windows.overlap_ticks());
         }
     }
 }
@@ -135,9 +137,9 @@ fn every_boundary_frequency() {
 fn the_counter_follows_the_reference_manual() {
     for (a, b) in [(1, 3), (1, 4), (2, 3), (2, 4)] {
         for (ticks, width, reversed) in [(40, 12, false), (40, 12, true), (41, 7, false), (43, 1, true)] {
-            let period = Period::driving(1, ticks, width, reversed);
-            let registers = TimerRegisters::running(&period, OutputPair { a, b });
-            let windows = Windows::from_registers(&registers).unwrap();
+            let period = TimerPeriod::with_windows(1, ticks, width, reversed);
+            let registers = TimerRegisters::for_running_timer(&period, OutputPair { a, b });
+            let windows = ElectrodeWindows::from_registers(&registers).unwrap();
             assert_eq!(windows.period, registers.arr + 1);
             for count in 0..=registers.arr {
                 // OCxREF of mode 1: CNT < CCR; of mode 2: CNT >= CCR; combined mode 2: both of the pair.
@@ -150,7 +152,7 @@ fn the_counter_follows_the_reference_manual() {
                     (false, false) => None,
                     (true, true) => panic!("overlap at {count}"),
                 };
-                assert_eq!(windows.on_at(count), Ok(expected), "count {count} of {period:?}");
+                assert_eq!(windows.electrode_on_at(count), Ok(expected), "count {count} of {period:?}");
             }
             let first = if reversed { windows.b } else { windows.a };
             assert!(first.start < ticks / 2, "the force begins with A unless it is reversed");
@@ -161,8 +163,8 @@ fn the_counter_follows_the_reference_manual() {
 /// The bits, against numbers worked out by hand from the register descriptions.
 #[test]
 fn register_values_of_a_drive() {
-    let period = Period { divider: 3, ..Period::driving(3, 56_667, 10_000, false) };
-    let registers = TimerRegisters::running(&period, OutputPair { a: 1, b: 4 });
+    let period = TimerPeriod { divider: 3, ..TimerPeriod::with_windows(3, 56_667, 10_000, false) };
+    let registers = TimerRegisters::for_running_timer(&period, OutputPair { a: 1, b: 4 });
     // ARPE | CEN.
     assert_eq!(registers.cr1, 0x81);
     // OC1M = 1101: 101 at 4, 1 at 16; OC2M = 0110: 110 at 12; OC1PE at 3, OC2PE at 11.
@@ -177,12 +179,12 @@ fn register_values_of_a_drive() {
 
 #[test]
 fn preload_break_and_idle_of_the_model() {
-    let first = Period::driving(2, 100, 20, false);
-    let second = Period::driving(3, 80, 10, true);
-    let mut timer = TimerModel::new(TimerRegisters::running(&first, OUTPUTS), 1_000);
-    timer.write(TimerRegisters::running(&second, OUTPUTS));
+    let first = TimerPeriod::with_windows(2, 100, 20, false);
+    let second = TimerPeriod::with_windows(3, 80, 10, true);
+    let mut timer = TimerModel::new(TimerRegisters::for_running_timer(&first, OUTPUTS), 1_000);
+    timer.write_preload_registers(TimerRegisters::for_running_timer(&second, OUTPUTS));
     let mut pulses = Vec::new();
-    timer.run(1_000 + 200 + 240, |pulse| pulses.push(pulse)).unwrap();
+    timer.run_until(1_000 + 200 + 240, |pulse| pulses.push(pulse)).unwrap();
     let pulse = |electrode, from, to| Pulse { electrode, from, to };
     // (100 - 40) / 4 = 15 ticks of 2 clocks; then, reversed, (80 - 20) / 4 = 15 ticks of 3 clocks.
     let expected = vec![
@@ -194,20 +196,20 @@ fn preload_break_and_idle_of_the_model() {
     assert_eq!(pulses, expected, "the write took effect at the update event");
     // A break in the middle of a pulse ends it at once, and what follows stays low until MOE is set again.
     pulses.clear();
-    timer.run(1_440 + 50, |pulse| pulses.push(pulse)).unwrap();
-    timer.trip();
-    timer.run(1_440 + 240, |pulse| pulses.push(pulse)).unwrap();
+    timer.run_until(1_440 + 50, |pulse| pulses.push(pulse)).unwrap();
+    timer.trip_break();
+    timer.run_until(1_440 + 240, |pulse| pulses.push(pulse)).unwrap();
     assert_eq!(pulses, [pulse(Electrode::B, 1_485, 1_490)]);
-    timer.release();
-    timer.run(1_680 + 60, |pulse| pulses.push(pulse)).unwrap();
+    timer.enable_main_output_again();
+    timer.run_until(1_680 + 60, |pulse| pulses.push(pulse)).unwrap();
     assert_eq!(pulses[1..], [pulse(Electrode::B, 1_725, 1_740)]);
 }
 
 #[test]
 fn each_way_to_be_out_of_range_has_its_error() {
     let good = support::drive(0);
-    let fails = |drive: ChannelDrive| program(&limits(), &drive).unwrap_err();
-    assert!(program(&limits(), &good).is_ok());
+    let fails = |drive: ChannelDrive| compute_channel_program(&limits(), &drive).unwrap_err();
+    assert!(compute_channel_program(&limits(), &good).is_ok());
     assert_eq!(
         fails(ChannelDrive { frequency_millihertz: 999, ..good }),
         DriveError::Frequency { requested_millihertz: 999, min_millihertz: 1_000, max_millihertz: 1_000_000 }
@@ -235,16 +237,19 @@ fn each_way_to_be_out_of_range_has_its_error() {
     assert_eq!((widest_ppm / 1000, min_guard_ns), (939, 200_000));
     check_edges(&ChannelDrive { pulse_width_ppm: widest_ppm, ..good }).unwrap();
     let slow_clock = ChannelLimits { timer_clock_hz: 1_000, ..limits() };
-    assert!(matches!(program(&slow_clock, &good), Err(DriveError::NotRepresentable { timer_clock_hz: 1_000 })));
+    assert!(matches!(
+        compute_channel_program(&slow_clock, &good),
+        Err(DriveError::NotRepresentable { timer_clock_hz: 1_000 })
+    ));
 }
 
 #[test]
 fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
-    let planned = program(&limits(), &support::drive(0)).unwrap();
-    let running = TimerRegisters::running(&planned.full(), OUTPUTS);
-    let off = Windows::from_registers(&TimerRegisters { bdtr: 0, ..running }).unwrap();
-    assert_eq!((off.a.length, off.b.length, off.guard()), (0, 0, None));
-    let refused = |registers: TimerRegisters| Windows::from_registers(&registers).unwrap_err();
+    let planned = compute_channel_program(&limits(), &support::drive(0)).unwrap();
+    let running = TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS);
+    let off = ElectrodeWindows::from_registers(&TimerRegisters { bdtr: 0, ..running }).unwrap();
+    assert_eq!((off.a.length, off.b.length, off.shortest_guard_ticks()), (0, 0, None));
+    let refused = |registers: TimerRegisters| ElectrodeWindows::from_registers(&registers).unwrap_err();
     assert_eq!(refused(TimerRegisters { cr1: running.cr1 | 1 << 5, ..running }), WindowsError::NotUpwards);
     assert_eq!(refused(TimerRegisters { ccer: running.ccer | 2, ..running }), WindowsError::Polarity);
     assert_eq!(refused(TimerRegisters { ccer: running.ccer | 4, ..running }), WindowsError::Polarity);
@@ -252,19 +257,22 @@ fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
     assert_eq!(refused(TimerRegisters { ccmr2: running.ccmr2 & !8, ..running }), WindowsError::NotPreloaded);
     assert_eq!(refused(TimerRegisters { ccer: 0x111, ..running }), WindowsError::Outputs(Electrode::A));
     assert_eq!(refused(TimerRegisters { ccmr1: running.ccmr1 & !0x70, ..running }), WindowsError::Mode(Electrode::A));
-    let blank = Windows::from_registers(&TimerRegisters::running(&Period::blank(3, 56_667), OUTPUTS)).unwrap();
+    let blank =
+        ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(&TimerPeriod::blank(3, 56_667), OUTPUTS))
+            .unwrap();
     assert_eq!((blank.a.length, blank.b.length), (0, 0), "a blank period has no windows though outputs are enabled");
 }
 
 #[test]
 fn the_rail_is_rounded_down() {
-    use era_shared::supply::{quantised, rail_code};
+    use era_shared::supply::{quantise_rail_millivolts, rail_dac_code};
     for voltage_millivolts in (0..=2_000_000).step_by(1_237) {
-        let planned = program(&limits(), &ChannelDrive { voltage_millivolts, ..support::drive(0) }).unwrap();
+        let planned =
+            compute_channel_program(&limits(), &ChannelDrive { voltage_millivolts, ..support::drive(0) }).unwrap();
         let achieved = planned.achieved.voltage_millivolts;
         assert!(achieved <= voltage_millivolts && voltage_millivolts - achieved <= 2_000_000 / 4095 + 1);
-        assert_eq!(rail_code(achieved), rail_code(voltage_millivolts), "the same step of the converter");
-        assert_eq!(quantised(achieved), achieved);
+        assert_eq!(rail_dac_code(achieved), rail_dac_code(voltage_millivolts), "the same step of the converter");
+        assert_eq!(quantise_rail_millivolts(achieved), achieved);
     }
-    assert_eq!((rail_code(2_000_000), rail_code(u32::MAX), rail_code(0)), (4095, 4095, 0));
+    assert_eq!((rail_dac_code(2_000_000), rail_dac_code(u32::MAX), rail_dac_code(0)), (4095, 4095, 0));
 }

@@ -48,8 +48,8 @@ impl Outbox {
         Self { pipe: Pipe::new() }
     }
 
-    /// Takes an answer, or drops it whole if there is no room: the host then asks again.
-    pub fn send(&self, answer: &[u8]) {
+    /// Queues an answer for this link, or drops all of it if there is no room: the host then asks again.
+    pub fn queue_answer(&self, answer: &[u8]) {
         // Only the device task writes, so the room cannot shrink after this test.
         if self.pipe.free_capacity() < answer.len() {
             defmt::warn!("answer of {} bytes dropped, the host does not read", answer.len());
@@ -68,43 +68,43 @@ impl Outbox {
 
 /// Where bytes come from.
 pub trait ByteSource {
-    /// Waits for bytes and returns how many there are; `Err` when the other end has gone.
-    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed>;
-    /// Waits until there is another end.
-    async fn open(&mut self);
+    /// Waits for bytes and returns how many have come; `Err` when the host has closed the link.
+    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed>;
+    /// Waits until the host has opened the link.
+    async fn await_connection(&mut self);
 }
 
 /// Where bytes go.
 pub trait ByteSink {
     /// Sends all of `bytes`, so that the host sees them without waiting for more.
-    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed>;
+    async fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), Closed>;
 }
 
 /// The other end has gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Closed;
 
-/// Carries bytes from a link to the device, for ever.
-pub async fn receive(link: usize, mut source: impl ByteSource) -> ! {
+/// Forwards the bytes that a link receives to the device, for ever.
+pub async fn forward_received_bytes(link: usize, mut source: impl ByteSource) -> ! {
     let mut buffer = [0_u8; CHUNK];
     loop {
-        source.open().await;
+        source.await_connection().await;
         INBOX.send((link, Arrival::Reopened)).await;
-        while let Ok(count) = source.read(&mut buffer).await {
+        while let Ok(count) = source.read_bytes(&mut buffer).await {
             let bytes = buffer.iter().take(count).copied().collect();
             INBOX.send((link, Arrival::Bytes(bytes))).await;
         }
     }
 }
 
-/// Carries answers from the device to a link, for ever.
-pub async fn transmit(link: usize, mut sink: impl ByteSink) -> ! {
+/// Sends the answers that are queued for a link, for ever.
+pub async fn send_queued_answers(link: usize, mut sink: impl ByteSink) -> ! {
     let mut buffer = [0_u8; MAX_ENCODED];
     let outbox = &LINKS[link];
     loop {
         let count = outbox.pipe.read(&mut buffer).await;
         let Some(bytes) = buffer.get(..count) else { continue };
-        match with_timeout(WRITE_TIMEOUT, sink.write(bytes)).await {
+        match with_timeout(WRITE_TIMEOUT, sink.send_bytes(bytes)).await {
             Ok(Ok(())) => {}
             Ok(Err(Closed)) | Err(_) => {
                 // What is left of a broken-off answer would only confuse whoever opens the link next.

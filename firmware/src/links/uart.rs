@@ -1,7 +1,7 @@
 //! LPUART1, which the ST-LINK on the board shows to the host as a virtual COM port.
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
-use crate::watchdog::{Task, watched};
+use crate::watchdog::{WatchedTask, run_watched};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::peripherals::{LPUART1, PA2, PA3};
 use embassy_stm32::usart::{
@@ -16,7 +16,7 @@ use static_cell::StaticCell;
 ///
 /// # Errors
 /// [`ConfigError`] if the clock cannot be divided to [`UART_BAUD`].
-pub fn open(
+pub fn open_uart(
     port: Peri<'static, LPUART1>,
     rx: Peri<'static, PA3>,
     tx: Peri<'static, PA2>,
@@ -44,18 +44,18 @@ pub fn open(
 
 /// Receives for ever.
 #[embassy_executor::task]
-pub async fn receive(rx: BufferedUartRx<'static>) -> ! {
-    watched(Task::UartReceive, super::receive(UART, rx)).await
+pub async fn receive_from_uart(rx: BufferedUartRx<'static>) -> ! {
+    run_watched(WatchedTask::UartReceive, super::forward_received_bytes(UART, rx)).await
 }
 
 /// Transmits for ever.
 #[embassy_executor::task]
-pub async fn transmit(tx: BufferedUartTx<'static>) -> ! {
-    watched(Task::UartTransmit, super::transmit(UART, tx)).await
+pub async fn transmit_to_uart(tx: BufferedUartTx<'static>) -> ! {
+    run_watched(WatchedTask::UartTransmit, super::send_queued_answers(UART, tx)).await
 }
 
 impl ByteSource for BufferedUartRx<'static> {
-    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
         loop {
             // Line errors are no end of the link; what they spoil fails its CRC.
             if let Ok(count) = Read::read(self, buffer).await {
@@ -64,13 +64,13 @@ impl ByteSource for BufferedUartRx<'static> {
         }
     }
 
-    async fn open(&mut self) {
+    async fn await_connection(&mut self) {
         // A UART does not know whether there is another end.
     }
 }
 
 impl ByteSink for BufferedUartTx<'static> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed> {
+    async fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), Closed> {
         self.write_all(bytes).await.map_err(|_| Closed)
     }
 }

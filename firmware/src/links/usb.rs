@@ -1,7 +1,7 @@
 //! USB full speed: the board as a CDC-ACM serial port.
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, USB as USB_LINK};
-use crate::watchdog::{Task, watched};
+use crate::watchdog::{WatchedTask, run_watched};
 use embassy_stm32::peripherals::{PA11, PA12, USB};
 use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
@@ -17,7 +17,7 @@ const MAX_CURRENT_MA: u16 = 200;
 pub type UsbDriver = Driver<'static, USB>;
 
 /// Sets up the port: the device to run, and the two directions of the link.
-pub fn open(
+pub fn open_usb_serial_port(
     port: Peri<'static, USB>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
@@ -48,34 +48,34 @@ pub fn open(
 
 /// Answers the host's USB requests for ever.
 #[embassy_executor::task]
-pub async fn run(mut device: UsbDevice<'static, UsbDriver>) -> ! {
-    watched(Task::Usb, device.run()).await
+pub async fn run_usb_device(mut device: UsbDevice<'static, UsbDriver>) -> ! {
+    run_watched(WatchedTask::Usb, device.run()).await
 }
 
 /// Receives for ever.
 #[embassy_executor::task]
-pub async fn receive(receiver: Receiver<'static, UsbDriver>) -> ! {
-    watched(Task::UsbReceive, super::receive(USB_LINK, receiver)).await
+pub async fn receive_over_usb(receiver: Receiver<'static, UsbDriver>) -> ! {
+    run_watched(WatchedTask::UsbReceive, super::forward_received_bytes(USB_LINK, receiver)).await
 }
 
 /// Transmits for ever.
 #[embassy_executor::task]
-pub async fn transmit(sender: Sender<'static, UsbDriver>) -> ! {
-    watched(Task::UsbTransmit, super::transmit(USB_LINK, sender)).await
+pub async fn transmit_over_usb(sender: Sender<'static, UsbDriver>) -> ! {
+    run_watched(WatchedTask::UsbTransmit, super::send_queued_answers(USB_LINK, sender)).await
 }
 
 impl ByteSource for Receiver<'static, UsbDriver> {
-    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
         self.read_packet(buffer).await.map_err(|_| Closed)
     }
 
-    async fn open(&mut self) {
+    async fn await_connection(&mut self) {
         self.wait_connection().await;
     }
 }
 
 impl ByteSink for Sender<'static, UsbDriver> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed> {
+    async fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), Closed> {
         for packet in bytes.chunks(CHUNK) {
             self.write_packet(packet).await.map_err(|_| Closed)?;
         }

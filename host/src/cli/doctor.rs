@@ -107,11 +107,11 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
             Daemon::Runs { port, .. } if is_same_file(port, &path) => port.clone(),
             _ => path,
         };
-        let holders = machine::holders(root, &path);
+        let holders = machine::find_port_holders(root, &path);
         let is_daemons = matches!(&daemon, Daemon::Runs { port, .. } if *port == path);
         let is_free = holders.is_empty() && !is_daemons;
         let answer = if is_free { board::ask_board(&path) } else { Answer::NotAsked };
-        Chosen { access: machine::access(root, &path), holders, answer, path }
+        Chosen { access: machine::read_port_access(root, &path), holders, answer, path }
     });
     let scene = options.scene.as_ref().or(serve.panel.scene.as_ref()).map(|path| {
         let panel = super::args::Panel { scene: Some(path.clone()), ..super::args::Panel::default() };
@@ -128,7 +128,7 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
         rules: machine::find_rules(root),
         modem_manager: machine::find_modem_manager(root),
         realtime: machine::read_realtime_limit(root)
-            .map(|limit| if priority::can_be_raised() { limit.max(1) } else { 0 }),
+            .map(|limit| if priority::can_raise_thread_priority() { limit.max(1) } else { 0 }),
         chosen,
         address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
         is_address_named: options.url.is_some(),

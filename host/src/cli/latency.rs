@@ -21,7 +21,7 @@ pub fn run_latency(options: &Latency) -> Outcome {
     let (scene, text) = options.panel.load_text()?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
-    let sim = device.sim().ok_or_else(|| Failure::failed("no simulated device"))?;
+    let sim = device.sim_control().ok_or_else(|| Failure::failed("no simulated device"))?;
     let app = App::new(table, device, text).map_err(Failure::failed)?;
     let daemon = Background::start(app).map_err(Failure::failed)?;
     let base = format!("http://{}", daemon.address());
@@ -71,7 +71,7 @@ pub fn run_latency(options: &Latency) -> Outcome {
             delayed += 1;
             longest_ms = longest_ms.max(ms);
         }
-        let arrived = sim.drives_received().ok_or_else(|| Failure::failed("the device received no drive"))?;
+        let arrived = sim.drives_received_at().ok_or_else(|| Failure::failed("the device received no drive"))?;
         if i >= WARM_UP {
             to_device.push(arrived.saturating_duration_since(started));
             to_answer.push(answered);

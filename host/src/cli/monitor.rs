@@ -62,7 +62,7 @@ fn find_port_holder(target: &Target) -> Option<String> {
         Target::Auto => machine::list_ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
         Target::Sim | Target::Emulated => return None,
     };
-    let holders = machine::holders(Path::new("/"), &port);
+    let holders = machine::find_port_holders(Path::new("/"), &port);
     let names: Vec<String> = holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
     let advice = if holders.iter().any(|holder| holder.name == "era") {
         "a daemon needs the port of its board alone: end the daemon first (`systemctl stop era`, if it is the service)"

@@ -7,8 +7,8 @@ use super::{Failure, Outcome, notify};
 use crate::connection::HostPort;
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
 use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Kept, Listener, Recorder, serve_while_alive};
-use crate::device::session::policy::Policy;
-use crate::device::sim::Panel;
+use crate::device::session::policy::SessionPolicy;
+use crate::device::sim::SimPanel;
 use crate::device::{OpenDevice, SessionError, Target};
 use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
@@ -73,7 +73,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         EndSignals::listen()
     };
     // A board that is not there yet is waited for.
-    let device = match OpenDevice::absent(&target) {
+    let device = match OpenDevice::new_unconnected(&target) {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
@@ -131,9 +131,9 @@ fn recording_limits(options: &Serve) -> Kept {
 }
 
 /// What is done without being asked.
-fn choose_policy(options: &Serve) -> Policy {
-    Policy {
-        idle: options.idle_s.map_or(Policy::IDLE, Duration::from_secs_f64),
+fn choose_policy(options: &Serve) -> SessionPolicy {
+    SessionPolicy {
+        idle: options.idle_s.map_or(SessionPolicy::IDLE, Duration::from_secs_f64),
         clears_silence: options.clear_silence,
         arms_after_outage: options.after_outage == Some(AfterOutage::Touch),
     }
@@ -404,7 +404,7 @@ fn prepare_reach_in_background(app: &Arc<App>) {
 pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Failure> {
     let panel = || {
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        (Panel::of(table), volts)
+        (SimPanel::from_plan_table(table), volts)
     };
     OpenDevice::open(target, panel).map_err(Failure::failed)
 }

@@ -14,8 +14,8 @@ use super::observe::metrics::Metrics;
 use super::observe::recording::Recorder;
 use super::observe::scene::{SceneTexts, SceneView};
 use super::observe::state::{DrivenPlan, MOST_PEAKS, MeasuredView, Sources, StateView};
-use crate::device::session::policy::{Needs, Policy};
-use crate::device::{OpenDevice, Session, SessionError, Snapshot};
+use crate::device::session::policy::{SceneNeeds, SessionPolicy};
+use crate::device::{DeviceSnapshot, OpenDevice, Session, SessionError};
 use crate::planner::PlanTable;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -64,7 +64,7 @@ impl App {
     /// # Errors
     /// If the session's thread cannot be started.
     pub fn new(table: PlanTable, device: OpenDevice, scene_toml: String) -> std::io::Result<Self> {
-        Self::with(table, device, scene_toml, Policy::default(), Access::default())
+        Self::with(table, device, scene_toml, SessionPolicy::default(), Access::default())
     }
 
     /// The same with what the session does without being asked, and who may do what.
@@ -75,12 +75,12 @@ impl App {
         table: PlanTable,
         device: OpenDevice,
         scene_toml: String,
-        policy: Policy,
+        policy: SessionPolicy,
         access: Access,
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let (sim, ready_v) = (device.sim(), table.ready_v());
-        let session = Session::start(device, Needs { max_voltages_v, ready_v }, policy)?;
+        let (sim, ready_v) = (device.sim_control(), table.ready_v());
+        let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
         let equipment = Equipment { table: Arc::clone(&table), session, sim };
@@ -162,11 +162,11 @@ impl App {
 
     /// What a recording keeps of the device.
     #[must_use]
-    pub fn view_measured(&self, device: &Snapshot) -> MeasuredView {
+    pub fn view_measured(&self, device: &DeviceSnapshot) -> MeasuredView {
         MeasuredView::new(&self.sources(device))
     }
 
-    fn sources<'a>(&'a self, device: &'a Snapshot) -> Sources<'a> {
+    fn sources<'a>(&'a self, device: &'a DeviceSnapshot) -> Sources<'a> {
         let touch_peaks = self.driver.touch_peaks(MOST_PEAKS);
         Sources { device, actuators: &self.table.scene.actuators, touch_peaks }
     }

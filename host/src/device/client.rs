@@ -1,8 +1,8 @@
 //! One request, one reply, over any byte stream: framing, time-outs, repeats.
 
-use super::round_trips::{self, RoundTrips};
-use super::timing::{LONGEST_FRAME, Patience, wire_time};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use super::round_trips::{self, RoundTripSummary};
+use super::timing::{LONGEST_FRAME, RetryPolicy, uart_time_for_bytes};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
@@ -76,7 +76,7 @@ pub enum LinkError {
         device_current: u8,
     },
     /// The device refused.
-    #[error("the device refused: {}", super::convert::refusal_text(.0))]
+    #[error("the device refused: {}", super::convert::describe_refusal(.0))]
     Refused(Refusal),
     /// A stop was sent in its place, and the device has obeyed that.
     #[error(
@@ -123,8 +123,8 @@ impl std::ops::AddAssign for LinkStatistics {
     }
 }
 
-/// What a session wants while it waits for an answer.
-pub struct Attention<'a> {
+/// What a session is told and asked while an answer is waited for.
+pub struct WaitHooks<'a> {
     /// Told once, with the request's name and how long was waited, when the answer is so late that the device may be gone. It may
     /// still come.
     pub in_doubt: &'a mut dyn FnMut(&'static str, Duration),
@@ -133,7 +133,7 @@ pub struct Attention<'a> {
 }
 
 /// How the wait for an answer has ended.
-enum Waited {
+enum WaitOutcome {
     Answer(Box<Reply>, Instant),
     Nothing,
     /// A stop has to be sent: by order, or as the answer is late.
@@ -149,12 +149,12 @@ pub struct Client {
     sequence: u16,
     /// The version in use: the newest, until the device says that it is older.
     version: u8,
-    patience: Patience,
+    retry_policy: RetryPolicy,
     /// The tries of the present request, of which any may be answered: how they are numbered, and when the last byte of each was handed
     /// to the port.
     tries: Vec<(u16, Instant)>,
     statistics: LinkStatistics,
-    round_trips: round_trips::Last,
+    round_trips: round_trips::RoundTripHistory,
     last_frame_written: Option<Instant>,
     last_reply_read: Option<Instant>,
 }
@@ -163,21 +163,21 @@ impl Client {
     /// A client over `transport` that waits `timeout` for each answer, three times.
     #[must_use]
     pub fn new(transport: Box<dyn Transport>, timeout: Duration) -> Self {
-        Self::patient(transport, Patience::even(timeout))
+        Self::with_retry_policy(transport, RetryPolicy::constant(timeout))
     }
 
-    /// A client over `transport` that waits so long.
+    /// A client over `transport` with these times and repeats.
     #[must_use]
-    pub fn patient(transport: Box<dyn Transport>, patience: Patience) -> Self {
+    pub fn with_retry_policy(transport: Box<dyn Transport>, retry_policy: RetryPolicy) -> Self {
         Self {
             transport,
             decoder: Decoder::new(),
             sequence: 0,
             version: CURRENT_VERSION,
-            patience,
+            retry_policy,
             tries: Vec::new(),
             statistics: LinkStatistics::default(),
-            round_trips: round_trips::Last::default(),
+            round_trips: round_trips::RoundTripHistory::default(),
             last_frame_written: None,
             last_reply_read: None,
         }
@@ -191,25 +191,25 @@ impl Client {
 
     /// The last round trips.
     #[must_use]
-    pub fn round_trips(&self) -> RoundTrips {
-        self.round_trips.told()
+    pub fn summarise_round_trips(&self) -> RoundTripSummary {
+        self.round_trips.summarise()
     }
 
     /// When the last byte of the last frame was handed to the port.
     #[must_use]
-    pub const fn last_frame_written(&self) -> Option<Instant> {
+    pub const fn last_frame_written_at(&self) -> Option<Instant> {
         self.last_frame_written
     }
 
     /// When the answer to the last request had been read.
     #[must_use]
-    pub const fn last_reply_read(&self) -> Option<Instant> {
+    pub const fn last_reply_read_at(&self) -> Option<Instant> {
         self.last_reply_read
     }
 
     /// Protocol version in use.
     #[must_use]
-    pub const fn version(&self) -> u8 {
+    pub const fn protocol_version(&self) -> u8 {
         self.version
     }
 
@@ -220,38 +220,42 @@ impl Client {
     /// [`LinkError`]; after [`LinkError::Silent`] and [`LinkError::Io`] it is not known whether the request was carried
     /// out.
     pub fn request(&mut self, request: &Request) -> Result<Reply, LinkError> {
-        self.request_with(request, &mut None)
+        self.request_negotiating_version(request, &mut None)
     }
 
-    /// The same for a session: when everything is to be stopped, or the answer is as late as [`Patience::stop`], a stop is sent at once
-    /// and in place of every further try.
+    /// As [`Self::request`], for a session: when everything has to be stopped, or the answer is as late as [`RetryPolicy::stop`], a stop is sent at
+    /// once, and in place of every further try.
     ///
     /// # Errors
     /// As [`Self::request`]; [`LinkError::Halted`] when the stop has been answered.
-    pub fn request_told(&mut self, request: &Request, attention: Attention<'_>) -> Result<Reply, LinkError> {
-        self.request_with(request, &mut Some(attention))
+    pub fn request_or_stop(&mut self, request: &Request, hooks: WaitHooks<'_>) -> Result<Reply, LinkError> {
+        self.request_negotiating_version(request, &mut Some(hooks))
     }
 
-    /// A last stop before this link is given up: the device may hear though it is not heard. Nothing is waited for.
-    pub fn stop_blindly(&mut self) {
+    /// Sends a last stop before this link is given up, and does not wait for a reply: the device may receive though its answers are lost.
+    pub fn send_stop_without_reply(&mut self) {
         let mut frame = [0; MAX_ENCODED];
         self.sequence = self.sequence.wrapping_add(1);
         // The zero ends whatever half frame the line may hold.
-        if let Ok(length) = encode(self.version, Kind::Request, self.sequence, &Request::Stop, &mut frame) {
+        if let Ok(length) = encode_frame(self.version, FrameKind::Request, self.sequence, &Request::Stop, &mut frame) {
             let mut bytes = vec![0];
             bytes.extend_from_slice(frame.get(..length).unwrap_or_default());
             let _ = self.transport.write(&bytes);
         }
     }
 
-    fn request_with(&mut self, request: &Request, attention: &mut Option<Attention<'_>>) -> Result<Reply, LinkError> {
-        match self.try_request(request, attention)? {
+    fn request_negotiating_version(
+        &mut self,
+        request: &Request,
+        hooks: &mut Option<WaitHooks<'_>>,
+    ) -> Result<Reply, LinkError> {
+        match self.request_with_retries(request, hooks)? {
             Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
                 let common = device_current.min(CURRENT_VERSION);
                 if common >= device_min.max(MIN_VERSION) && common != self.version {
                     tracing::info!(version = common, "the device speaks an older protocol version");
                     self.version = common;
-                    return self.request_with(request, attention);
+                    return self.request_negotiating_version(request, hooks);
                 }
                 Err(LinkError::Version {
                     host_min: MIN_VERSION,
@@ -265,53 +269,62 @@ impl Client {
         }
     }
 
-    fn try_request(&mut self, request: &Request, attention: &mut Option<Attention<'_>>) -> Result<Reply, LinkError> {
-        if request.since() > self.version {
-            return Err(LinkError::TooOld { request: name(request), needed: request.since(), spoken: self.version });
+    fn request_with_retries(
+        &mut self,
+        request: &Request,
+        hooks: &mut Option<WaitHooks<'_>>,
+    ) -> Result<Reply, LinkError> {
+        if request.introduced_in_version() > self.version {
+            return Err(LinkError::TooOld {
+                request: request_name(request),
+                needed: request.introduced_in_version(),
+                spoken: self.version,
+            });
         }
         self.tries.clear();
-        let last = self.round_trips.newest().unwrap_or_default();
+        let last = self.round_trips.newest_round_trip().unwrap_or_default();
         let (mut doubt, mut stop): (Option<Instant>, Option<Instant>) = (None, None);
         let mut halted: Option<LinkError> = None;
         let begun = Instant::now();
-        for attempt in 0..self.patience.tries {
+        for attempt in 0..self.retry_policy.tries {
             if attempt > 0 {
                 self.statistics.repeats += 1;
                 tracing::debug!(
-                    request = name(request),
+                    request = request_name(request),
                     attempt,
                     halted = halted.is_some(),
                     "no answer, sending again"
                 );
                 // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
-                self.write(&[0])?;
+                self.write_all_bytes(&[0])?;
             }
-            let on_wire = self.send(if halted.is_some() { &Request::Stop } else { request })?;
-            let deadline = Instant::now() + self.patience.of_try(attempt, last) + on_wire;
+            let on_wire = self.send_and_get_wire_time(if halted.is_some() { &Request::Stop } else { request })?;
+            let deadline = Instant::now() + self.retry_policy.timeout_of_try(attempt, last) + on_wire;
             if attempt == 0 {
-                doubt = Instant::now().checked_add(self.patience.doubt.saturating_add(on_wire));
-                stop = Instant::now().checked_add(self.patience.stop.saturating_add(on_wire));
+                doubt = Instant::now().checked_add(self.retry_policy.doubt.saturating_add(on_wire));
+                stop = Instant::now().checked_add(self.retry_policy.stop.saturating_add(on_wire));
             }
             let may_halt = halted.is_none() && !matches!(request, Request::Stop);
             let mut none_yet = |now: Instant| {
-                let attention = attention.as_mut()?;
+                let hooks = hooks.as_mut()?;
                 if doubt.take_if(|doubt| now >= *doubt).is_some() {
-                    (attention.in_doubt)(name(request), now - begun);
+                    (hooks.in_doubt)(request_name(request), now - begun);
                 }
-                let by_order = may_halt && (attention.is_stopped)();
+                let by_order = may_halt && (hooks.is_stopped)();
                 (by_order || may_halt && stop.is_some_and(|stop| now >= stop)).then_some(by_order)
             };
-            match self.wait(deadline, &mut none_yet)? {
-                Waited::Answer(reply, sent) => {
+            match self.await_reply(deadline, &mut none_yet)? {
+                WaitOutcome::Answer(reply, sent) => {
                     let read = Instant::now();
                     self.last_reply_read = Some(read);
                     self.last_frame_written = Some(sent);
-                    self.round_trips.note(read - sent);
+                    self.round_trips.add_round_trip(read - sent);
                     return halted.map_or(Ok(*reply), Err);
                 }
-                Waited::Nothing => {}
-                Waited::Halt { by_order } => {
-                    halted = Some(LinkError::Halted { request: name(request), waited: begun.elapsed(), by_order });
+                WaitOutcome::Nothing => {}
+                WaitOutcome::Halt { by_order } => {
+                    halted =
+                        Some(LinkError::Halted { request: request_name(request), waited: begun.elapsed(), by_order });
                     // From here on only the stop's answer counts.
                     self.tries.clear();
                 }
@@ -319,48 +332,52 @@ impl Client {
         }
         if halted.is_some() && self.tries.is_empty() {
             // It came due in the last try.
-            self.stop_blindly();
+            self.send_stop_without_reply();
         }
-        let attempts = self.patience.tries;
-        Err(LinkError::Silent { request: name(request), waited: begun.elapsed(), attempts })
+        let attempts = self.retry_policy.tries;
+        Err(LinkError::Silent { request: request_name(request), waited: begun.elapsed(), attempts })
     }
 
-    /// Sends a try; says how long it takes on the wire.
-    fn send(&mut self, request: &Request) -> Result<Duration, LinkError> {
+    /// Sends one try of a request; returns how long its frame takes on the wire.
+    fn send_and_get_wire_time(&mut self, request: &Request) -> Result<Duration, LinkError> {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(self.version, Kind::Request, self.sequence, request, &mut frame)
+        let length = encode_frame(self.version, FrameKind::Request, self.sequence, request, &mut frame)
             .map_err(|error| std::io::Error::new(ErrorKind::InvalidInput, format!("{error:?}")))?;
-        self.write(frame.get(..length).unwrap_or_default())?;
+        self.write_all_bytes(frame.get(..length).unwrap_or_default())?;
         self.tries.push((self.sequence, Instant::now()));
         self.statistics.frames_sent += 1;
-        Ok(wire_time(length))
+        Ok(uart_time_for_bytes(length))
     }
 
-    /// Hands bytes to the port, for as long as a try waits at most. Not flushed: that is `tcdrain`, which waits
-    /// without a limit for a device that takes nothing, and the system sends what it has anyway.
-    fn write(&mut self, mut bytes: &[u8]) -> Result<(), LinkError> {
+    /// Writes all bytes to the port, within the time that a try may wait. Does not flush: that is `tcdrain`, which waits without a limit for a
+    /// device that takes nothing, and the system sends what it has anyway.
+    fn write_all_bytes(&mut self, mut bytes: &[u8]) -> Result<(), LinkError> {
         let begun = Instant::now();
         while !bytes.is_empty() {
             match self.transport.write(bytes) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::WriteZero).into()),
                 Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
-                Err(error) if is_wait(&error) && begun.elapsed() < self.patience.most.min(self.patience.doubt) => {}
-                Err(error) if is_wait(&error) => return Err(LinkError::Blocked { waited: begun.elapsed() }),
+                Err(error)
+                    if is_timeout_or_would_block(&error)
+                        && begun.elapsed() < self.retry_policy.most.min(self.retry_policy.doubt) => {}
+                Err(error) if is_timeout_or_would_block(&error) => {
+                    return Err(LinkError::Blocked { waited: begun.elapsed() });
+                }
                 Err(error) => return Err(error.into()),
             }
         }
         Ok(())
     }
 
-    /// The reply to one of the tries, and when that was sent; nothing if none has begun to come by the deadline. One that has begun
-    /// may take as long as the longest frame takes on the wire. `none_yet` is told the times at which nothing had come, and says whether
-    /// a stop has to be sent, and whether by order.
-    fn wait(
+    /// Waits for the reply to one of the tries; nothing if no reply has begun to arrive by the deadline. A reply that has begun may take as long as
+    /// the longest frame takes on the wire. `on_silence` is called at times at which nothing had come; `Some` means that a stop has to be sent, and
+    /// says whether somebody asked for it.
+    fn await_reply(
         &mut self,
         mut deadline: Instant,
-        none_yet: &mut dyn FnMut(Instant) -> Option<bool>,
-    ) -> Result<Waited, LinkError> {
+        on_silence: &mut dyn FnMut(Instant) -> Option<bool>,
+    ) -> Result<WaitOutcome, LinkError> {
         let mut buffer = [0_u8; 512];
         let last = deadline + LONGEST_FRAME;
         loop {
@@ -369,12 +386,12 @@ impl Client {
             let length = match self.transport.read(&mut buffer) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
                 Ok(length) => length,
-                Err(error) if is_wait(&error) => {
-                    if let Some(by_order) = none_yet(now) {
-                        return Ok(Waited::Halt { by_order });
+                Err(error) if is_timeout_or_would_block(&error) => {
+                    if let Some(by_order) = on_silence(now) {
+                        return Ok(WaitOutcome::Halt { by_order });
                     }
                     if now >= deadline {
-                        return Ok(Waited::Nothing);
+                        return Ok(WaitOutcome::Nothing);
                     }
                     continue;
                 }
@@ -382,8 +399,8 @@ impl Client {
             };
             let mut found = None;
             let (tries, mut bad) = (&self.tries, 0);
-            self.decoder.feed(buffer.get(..length).unwrap_or_default(), |result| match result {
-                Ok(frame) if frame.kind == Kind::Reply as u8 => {
+            self.decoder.feed_bytes(buffer.get(..length).unwrap_or_default(), |result| match result {
+                Ok(frame) if frame.kind == FrameKind::Reply as u8 => {
                     // Others are late answers to requests that have had theirs.
                     let sent = tries.iter().find(|(sequence, _)| *sequence == frame.sequence).map(|(_, sent)| *sent);
                     match (sent, postcard::from_bytes(frame.body)) {
@@ -397,24 +414,24 @@ impl Client {
             });
             self.statistics.bad_frames += bad;
             if let Some((reply, sent)) = found {
-                return Ok(Waited::Answer(Box::new(reply), sent));
+                return Ok(WaitOutcome::Answer(Box::new(reply), sent));
             }
             if now >= last {
-                return Ok(Waited::Nothing);
+                return Ok(WaitOutcome::Nothing);
             }
             deadline = deadline.max(Instant::now() + LONGEST_FRAME).min(last);
         }
     }
 }
 
-/// Whether a port only asks to be tried again.
-fn is_wait(error: &std::io::Error) -> bool {
+/// Whether this error of a port only means that it has to be tried again.
+fn is_timeout_or_would_block(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 /// A request's name, as in logs and messages.
 #[must_use]
-pub const fn name(request: &Request) -> &'static str {
+pub const fn request_name(request: &Request) -> &'static str {
     match request {
         Request::Hello { .. } => "hello",
         Request::Arm { .. } => "arm",

@@ -58,22 +58,22 @@ pub struct ClockQuality {
 pub struct ClockSync {
     /// The host's time zero; times in s are since then.
     zero: Instant,
-    fit: Option<Fit>,
+    fit: Option<ClockFit>,
 }
 
 /// When a question was sent and its answer read, in s, and what it said.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
+struct ClockSample {
     sent_s: f64,
     received_s: f64,
     board_us: u64,
 }
 
 #[derive(Clone, Debug)]
-struct Fit {
+struct ClockFit {
     /// The board's time zero in us: the first sample's.
     board_zero_us: u64,
-    last: Sample,
+    last: ClockSample,
     samples: u64,
     outliers: u64,
     least_half_s: f64,
@@ -90,33 +90,32 @@ struct Fit {
     residuals: VecDeque<f64>,
 }
 
-impl Fit {
-    fn rate(&self) -> f64 {
+impl ClockFit {
+    fn board_seconds_per_host_second(&self) -> f64 {
         if self.variance < LEAST_SPREAD_S * LEAST_SPREAD_S { 1.0 } else { self.covariance / self.variance }
     }
 
     /// The board's time in s, of a question sent at `sent_s`.
-    fn predict(&self, sent_s: f64) -> f64 {
-        self.board_mean + (sent_s - self.sent_mean) * self.rate()
+    fn predict_board_s(&self, sent_s: f64) -> f64 {
+        self.board_mean + (sent_s - self.sent_mean) * self.board_seconds_per_host_second()
     }
 
-    /// The board's time in s at `time_s`: the line, shifted if need be so that the last answer was given between its question
-    /// and its arrival. That holds whatever the clock does, so an estimate that cannot follow it is still right to a
-    /// round trip.
-    fn board_s_at(&self, time_s: f64) -> f64 {
-        let Sample { sent_s, received_s, board_us } = self.last;
-        let least_s = seconds_of(board_us - self.board_zero_us);
-        let found_s = self.predict(received_s - self.least_half_s);
+    /// The board's time in s at `time_s` of the host: the fitted line, shifted if need be so that the last answer was given between its question and
+    /// its arrival. So an estimate that cannot follow the clock is still right to a round trip.
+    fn board_time_s_at(&self, time_s: f64) -> f64 {
+        let ClockSample { sent_s, received_s, board_us } = self.last;
+        let least_s = microseconds_to_seconds(board_us - self.board_zero_us);
+        let found_s = self.predict_board_s(received_s - self.least_half_s);
         let true_s = found_s.clamp(least_s, least_s + (received_s - sent_s).max(0.0));
-        self.predict(time_s - self.least_half_s) + (true_s - found_s)
+        self.predict_board_s(time_s - self.least_half_s) + (true_s - found_s)
     }
 
-    fn add(&mut self, sent_s: f64, half_s: f64, board_s: f64) {
+    fn add_sample(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
         self.samples += 1;
-        if half_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
-            (self.least_half_s, self.least_half_at_s) = (half_s, sent_s);
+        if half_round_trip_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
+            (self.least_half_s, self.least_half_at_s) = (half_round_trip_s, sent_s);
         }
-        let off = board_s - self.predict(sent_s);
+        let off = board_s - self.predict_board_s(sent_s);
         let limit = (OUTLIER_DEVIATIONS * self.prediction_variance.sqrt()).max(OUTLIER_S);
         if off.abs() > limit {
             if off > 0.0 && sent_s < self.last_good_s + DOUBT_S {
@@ -150,35 +149,35 @@ impl Fit {
 }
 
 impl ClockSync {
-    /// Knows nothing; `zero` is any time before the first sample.
+    /// An estimate without samples; `zero` is any time before the first sample.
     #[must_use]
     pub const fn new(zero: Instant) -> Self {
         Self { zero, fit: None }
     }
 
-    /// Forgets everything: the board has restarted.
-    pub fn reset(&mut self) {
+    /// Forgets all samples, because the board has restarted.
+    pub fn forget_samples(&mut self) {
         self.fit = None;
     }
 
-    /// Takes a question sent at `sent`, answered with the board's time `board_us` in us, read at `received`. A board whose
-    /// clock has gone back has restarted, and everything before is forgotten.
-    pub fn sample(&mut self, sent: Instant, received: Instant, board_us: u64) {
-        let sent_s = self.seconds(sent);
-        let received_s = self.seconds(received).max(sent_s);
+    /// Adds a question that was sent at `sent`, and whose answer `board_us`, the board's time, was read at `received`. A board whose clock has gone
+    /// back has restarted, and all earlier samples are forgotten.
+    pub fn add_sample(&mut self, sent: Instant, received: Instant, board_us: u64) {
+        let sent_s = self.seconds_since_zero(sent);
+        let received_s = self.seconds_since_zero(received).max(sent_s);
         let half_s = 0.5 * (received_s - sent_s);
-        let last = Sample { sent_s, received_s, board_us };
+        let last = ClockSample { sent_s, received_s, board_us };
         if self.fit.as_ref().is_some_and(|fit| board_us < fit.last.board_us) {
-            self.reset();
+            self.forget_samples();
         }
         match &mut self.fit {
             Some(fit) => {
                 fit.last = last;
-                let board_s = seconds_of(board_us - fit.board_zero_us);
-                fit.add(sent_s, half_s, board_s);
+                let board_s = microseconds_to_seconds(board_us - fit.board_zero_us);
+                fit.add_sample(sent_s, half_s, board_s);
             }
             none => {
-                *none = Some(Fit {
+                *none = Some(ClockFit {
                     board_zero_us: board_us,
                     last,
                     samples: 1,
@@ -199,13 +198,13 @@ impl ClockSync {
         }
     }
 
-    /// The board's time in us at a time of the host; `None` before the first sample, or for a time before the board's zero.
+    /// The board's time in us at a time of the host; `None` without a sample, or for a time before the board's zero.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
-    pub fn board_us_at(&self, when: Instant) -> Option<u64> {
+    pub fn board_time_us_at(&self, when: Instant) -> Option<u64> {
         let fit = self.fit.as_ref()?;
         // The board reads its clock half a round trip after the question was sent.
-        let since_s = fit.board_s_at(self.seconds(when));
+        let since_s = fit.board_time_s_at(self.seconds_since_zero(when));
         fit.board_zero_us.checked_add_signed((since_s * 1e6).round() as i64)
     }
 
@@ -218,20 +217,20 @@ impl ClockSync {
         Some(ClockQuality {
             samples: fit.samples,
             outliers: fit.outliers,
-            rate_ppm: (fit.rate() - 1.0) * 1e6,
+            rate_ppm: (fit.board_seconds_per_host_second() - 1.0) * 1e6,
             half_round_trip_s: fit.least_half_s,
             residual_rms_s: (squares / fit.residuals.len() as f64).sqrt(),
             residual_worst_s: fit.residuals.iter().fold(0.0, |worst, off| worst.max(off.abs())),
         })
     }
 
-    fn seconds(&self, when: Instant) -> f64 {
+    fn seconds_since_zero(&self, when: Instant) -> f64 {
         let before = || -self.zero.saturating_duration_since(when).as_secs_f64();
         when.checked_duration_since(self.zero).map_or_else(before, |since: Duration| since.as_secs_f64())
     }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "exact for 285 years")]
-fn seconds_of(microseconds: u64) -> f64 {
+fn microseconds_to_seconds(microseconds: u64) -> f64 {
     microseconds as f64 / 1e6
 }

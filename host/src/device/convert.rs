@@ -8,13 +8,13 @@ use era_shared::waveform::DriveError;
 /// or more; boards refuse them. Their force is below 1e-4 of what the rail's voltage does.
 const NARROWEST_PPM: u32 = 50;
 
-/// The nearest drive that the wire can say. The voltage is rounded down, so that a limit met in V is met in mV; values
+/// The nearest drive that the wire format can express. The voltage is rounded down, so that a limit met in V is met in mV; values
 /// outside the wire's range saturate there and are then refused by the device with its limits. A drive whose windows are
 /// shorter than a tick is sent as what it is, none: 0 V, at a pulse width that every board takes. Plans have such where two
 /// actuators share a rail and one needs next to no force.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
-pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
+pub fn drive_to_wire(drive: &SiDrive) -> ChannelDrive {
     let turns = (drive.phase_rad / std::f64::consts::TAU).rem_euclid(1.0);
     let (pulse_width_ppm, voltage_millivolts) =
         match ((drive.pulse_width * 1e6).round() as u32, (drive.voltage_v * 1e3).floor() as u32) {
@@ -33,7 +33,7 @@ pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
 /// What a board says it achieved, in SI units.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
-pub fn from_wire(achieved: &AchievedDrive) -> SiDrive {
+pub fn achieved_drive_from_wire(achieved: &AchievedDrive) -> SiDrive {
     SiDrive {
         channel: achieved.channel,
         frequency_hz: achieved.frequency_nanohertz as f64 / 1e9,
@@ -45,14 +45,14 @@ pub fn from_wire(achieved: &AchievedDrive) -> SiDrive {
 
 /// A refusal as a sentence with its values and limits.
 #[must_use]
-pub fn refusal_text(refusal: &Refusal) -> String {
+pub fn describe_refusal(refusal: &Refusal) -> String {
     match refusal {
         Refusal::Version { got, device_min, device_current } => {
             format!("protocol version {got} is not one of the device's {device_min} to {device_current}")
         }
         Refusal::Malformed => "the device could not decode the request".into(),
         Refusal::State { state, event } => format!("{} is not allowed in state {}", event.name(), state.name()),
-        Refusal::Drive { channel, error } => format!("channel {channel}: {}", drive_error_text(error)),
+        Refusal::Drive { channel, error } => format!("channel {channel}: {}", describe_drive_error(error)),
         Refusal::DuplicateChannel { channel } => format!("channel {channel} is named twice"),
         Refusal::OtherLink => "another host has armed the board; it must disarm first".into(),
         Refusal::Deadman { requested_ms, min_ms, max_ms } => {
@@ -82,7 +82,7 @@ pub fn refusal_text(refusal: &Refusal) -> String {
     }
 }
 
-fn drive_error_text(error: &DriveError) -> String {
+fn describe_drive_error(error: &DriveError) -> String {
     let si = |milli: u32| f64::from(milli) / 1e3;
     match *error {
         DriveError::NoSuchChannel { channels } => format!("the board has {channels} channels, counted from 0"),
@@ -124,10 +124,10 @@ mod tests {
         let drive =
             |pulse_width| SiDrive { channel: 1, frequency_hz: 60.0, voltage_v: 900.0, pulse_width, phase_rad: 0.0 };
         for pulse_width in [0.0, 17e-6, 49e-6] {
-            let wire = to_wire(&drive(pulse_width));
+            let wire = drive_to_wire(&drive(pulse_width));
             assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (500_000, 0), "{pulse_width}");
         }
-        let wire = to_wire(&drive(51e-6));
+        let wire = drive_to_wire(&drive(51e-6));
         assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (51, 900_000));
     }
 }

@@ -1,6 +1,6 @@
 //! The firmware image on the emulated board: a child process that bridges its UART to a pseudo-terminal.
 
-use super::timing::{Patience, Timing};
+use super::timing::{LinkTiming, RetryPolicy};
 use era_shared::waveform::TimerRegisters;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
@@ -18,8 +18,8 @@ const MAIN_OUTPUT: u32 = 1 << 15;
 
 /// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
 /// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
-const TIMING: Timing = Timing {
-    patience: Patience { stop: Duration::from_secs(5), ..Patience::even(Duration::from_secs(5)) },
+const TIMING: LinkTiming = LinkTiming {
+    retry_policy: RetryPolicy { stop: Duration::from_secs(5), ..RetryPolicy::constant(Duration::from_secs(5)) },
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
     arming: Duration::from_secs(15),
@@ -58,11 +58,11 @@ pub struct EmulatedBoard {
     path: String,
     elf: PathBuf,
     child: Child,
-    control: Mutex<Control>,
+    control: Mutex<BridgePipes>,
 }
 
 #[derive(Debug)]
-struct Control {
+struct BridgePipes {
     input: ChildStdin,
     output: BufReader<ChildStdout>,
 }
@@ -72,26 +72,26 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError`].
-    pub fn start() -> Result<Self, EmulatedError> {
-        let elf = firmware(&source()?)?;
-        Self::run(elf)
+    pub fn build_and_start() -> Result<Self, EmulatedError> {
+        let elf = find_or_build_firmware(&find_source_root()?)?;
+        Self::start_image(elf)
     }
 
-    /// Why it has to be started again: its process has ended.
-    pub fn ended(&mut self) -> Option<String> {
+    /// The exit status of the board's process, if it has ended.
+    pub fn exit_status_if_ended(&mut self) -> Option<String> {
         self.child.try_wait().ok().flatten().map(|status| status.to_string())
     }
 
-    /// Starts the same image again.
+    /// Starts a new emulator with the same image.
     ///
     /// # Errors
     /// [`EmulatedError`].
-    pub fn again(&self) -> Result<Self, EmulatedError> {
-        Self::run(self.elf.clone())
+    pub fn restart_same_image(&self) -> Result<Self, EmulatedError> {
+        Self::start_image(self.elf.clone())
     }
 
-    fn run(elf: PathBuf) -> Result<Self, EmulatedError> {
-        let source = source()?;
+    fn start_image(elf: PathBuf) -> Result<Self, EmulatedError> {
+        let source = find_source_root()?;
         tracing::info!("starting {} in the emulator", elf.display());
         let mut child = Command::new("python3")
             .arg(source.join("tools/emulator/launch.py"))
@@ -100,11 +100,11 @@ impl EmulatedBoard {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
-            .map_err(|error| start_error("python3 tools/emulator/launch.py", error))?;
+            .map_err(|error| make_start_error("python3 tools/emulator/launch.py", error))?;
         let streams = child.stdin.take().zip(child.stdout.take());
-        let (input, output) = streams.ok_or_else(|| start_error("its pipes", "none"))?;
-        let mut control = Control { input, output: BufReader::new(output) };
-        let path = control.line().and_then(|first| match first["pty"].as_str() {
+        let (input, output) = streams.ok_or_else(|| make_start_error("its pipes", "none"))?;
+        let mut control = BridgePipes { input, output: BufReader::new(output) };
+        let path = control.read_json_line().and_then(|first| match first["pty"].as_str() {
             Some(path) => Ok(path.to_owned()),
             None => Err(format!("unexpected first line {first}")),
         });
@@ -113,20 +113,20 @@ impl EmulatedBoard {
             Err(reason) => {
                 let _ = child.kill();
                 let _ = child.wait();
-                Err(start_error("the bridge's first line", reason))
+                Err(make_start_error("the bridge's first line", reason))
             }
         }
     }
 
     /// Path of the serial port to open.
     #[must_use]
-    pub fn path(&self) -> &str {
+    pub fn port_path(&self) -> &str {
         &self.path
     }
 
     /// How long to wait for it.
     #[must_use]
-    pub const fn timing(&self) -> Timing {
+    pub const fn timing(&self) -> LinkTiming {
         TIMING
     }
 
@@ -135,9 +135,9 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
-    pub fn timers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
-        let answer = self.ask(&json!({"op": "timers"}))?;
-        let pins = self.ask(&json!({"op": "pins"}))?;
+    pub fn read_timer_registers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
+        let answer = self.ask_bridge(&json!({"op": "timers"}))?;
+        let pins = self.ask_bridge(&json!({"op": "pins"}))?;
         (1..)
             .zip(CHANNEL_TIMERS)
             .map(|(era, name)| {
@@ -164,16 +164,16 @@ impl EmulatedBoard {
             .collect()
     }
 
-    /// One command to the bridge (see `tools/emulator/bridge.py`) and its answer.
+    /// Sends one command to the bridge (see `tools/emulator/bridge.py`) and returns its answer.
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
-    pub fn ask(&self, command: &Value) -> Result<Value, EmulatedError> {
+    pub fn ask_bridge(&self, command: &Value) -> Result<Value, EmulatedError> {
         let op = command["op"].as_str().unwrap_or_default().to_owned();
         let mut control = self.control.lock().unwrap_or_else(PoisonError::into_inner);
         let failed = |reason: String| EmulatedError::Control { op: op.clone(), reason };
         writeln!(control.input, "{command}").and_then(|()| control.input.flush()).map_err(|e| failed(e.to_string()))?;
-        let answer = control.line().map_err(failed)?;
+        let answer = control.read_json_line().map_err(failed)?;
         if answer["ok"] == true {
             return Ok(answer);
         }
@@ -189,8 +189,8 @@ impl Drop for EmulatedBoard {
     }
 }
 
-impl Control {
-    fn line(&mut self) -> Result<Value, String> {
+impl BridgePipes {
+    fn read_json_line(&mut self) -> Result<Value, String> {
         let mut line = String::new();
         match self.output.read_line(&mut line) {
             Ok(0) => Err("its process ended; standard error has the reason".into()),
@@ -200,14 +200,14 @@ impl Control {
     }
 }
 
-fn source() -> Result<PathBuf, EmulatedError> {
+fn find_source_root() -> Result<PathBuf, EmulatedError> {
     let root = std::env::var_os("ERA_SOURCE").map_or_else(|| PathBuf::from(BUILT_IN), PathBuf::from);
     let needed = root.join("tools/emulator/launch.py");
     if needed.exists() { Ok(root) } else { Err(EmulatedError::NoSource { path: needed }) }
 }
 
 /// The image to run: `ERA_FIRMWARE` if set, else built as for flashing.
-fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
+fn find_or_build_firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
     if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
         return Ok(path.into());
     }
@@ -221,18 +221,18 @@ fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
         .stdout(Stdio::piped())
         .stderr(Stdio::inherit())
         .spawn()
-        .map_err(|error| start_error("cargo xtask firmware", error))?;
+        .map_err(|error| make_start_error("cargo xtask firmware", error))?;
     let leash = child.stdin.take();
-    let output = child.wait_with_output().map_err(|error| start_error("cargo xtask firmware", error))?;
+    let output = child.wait_with_output().map_err(|error| make_start_error("cargo xtask firmware", error))?;
     drop(leash);
     let printed = String::from_utf8_lossy(&output.stdout);
     let path = printed.lines().last().map(str::trim).filter(|line| !line.is_empty());
     match path {
         Some(path) if output.status.success() => Ok(path.into()),
-        _ => Err(start_error("cargo xtask firmware", output.status)),
+        _ => Err(make_start_error("cargo xtask firmware", output.status)),
     }
 }
 
-fn start_error(step: &'static str, reason: impl ToString) -> EmulatedError {
+fn make_start_error(step: &'static str, reason: impl ToString) -> EmulatedError {
     EmulatedError::Start { step, reason: reason.to_string() }
 }

@@ -4,7 +4,7 @@ use era_shared::protocol::{BoardKind, ChannelLimits, FirmwareVersion, Reply, Res
 
 /// What a device says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Identity {
+pub struct DeviceIdentity {
     /// Oldest protocol version that it speaks.
     pub protocol_min: u8,
     /// Newest protocol version that it speaks.
@@ -27,10 +27,10 @@ pub struct Identity {
     pub failure: String,
 }
 
-impl Identity {
+impl DeviceIdentity {
     /// Reads the answer to `Hello`; `None` if it is another one.
     #[must_use]
-    pub fn from_reply(reply: Reply) -> Option<Self> {
+    pub fn from_hello_reply(reply: Reply) -> Option<Self> {
         match reply {
             Reply::Welcome(welcome) => Some(Self {
                 protocol_min: welcome.protocol_min,
@@ -62,13 +62,13 @@ impl Identity {
 
     /// A board's identifier in hexadecimal.
     #[must_use]
-    pub fn hex(board_id: [u8; 12]) -> String {
+    pub fn board_id_hex(board_id: [u8; 12]) -> String {
         board_id.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// The image's version, with the source's commit where it is known: `0.1.0+1a2b3c4d`.
     #[must_use]
-    pub fn firmware_text(&self) -> String {
+    pub fn firmware_version_text(&self) -> String {
         let FirmwareVersion { major, minor, patch, commit } = self.firmware;
         let numbers = format!("{major}.{minor}.{patch}");
         let commit = std::str::from_utf8(&commit).ok().filter(|commit| *commit != "00000000");

@@ -4,10 +4,10 @@
 //! Whatever the device is, the daemon opens a serial port and exchanges frames: the simulated device stands behind a
 //! real pseudo-terminal, the emulated board's UART is bridged to one.
 
-pub mod awake;
 pub mod client;
 pub mod clock;
 pub mod convert;
+pub mod pause_detector;
 
 pub mod emulated;
 pub mod identity;
@@ -23,6 +23,6 @@ pub mod usb_ids;
 pub use client::{Client, LinkError};
 pub use clock::{ClockQuality, ClockSync};
 
-pub use identity::Identity;
-pub use session::{DriveOrder, EffectOrder, Session, SessionError, Snapshot};
+pub use identity::DeviceIdentity;
+pub use session::{DeviceSnapshot, DriveOrder, EffectOrder, Session, SessionError};
 pub use target::{KINDS as TARGET_KINDS, OpenDevice, Target, TargetError};

@@ -11,9 +11,9 @@ use thread_priority::{
 #[cfg(target_os = "linux")]
 const LOW: u8 = 22;
 
-/// Has the system prefer this thread: a board that hears nothing for a quarter of a second goes off. Where that is not allowed
-/// it stays as it is; whether it is raised.
-pub fn raise() -> bool {
+/// Raises this thread's priority, because a board that hears nothing for a quarter of a second goes off. Where that is not allowed the
+/// priority stays as it is. Returns whether it is raised.
+pub fn raise_thread_priority() -> bool {
     // The lowest of the real-time priorities is above everything that is not real-time.
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::RoundRobin);
     let lowest = ThreadPriorityValue::try_from(1_u8).map(ThreadPriority::Crossplatform);
@@ -26,15 +26,16 @@ pub fn raise() -> bool {
     raised.is_ok()
 }
 
-/// Whether a thread of this process can be: tried on one of its own, as limits are not all that decides (root needs none, a container may forbid it).
+/// Whether this process may raise a thread's priority. It is tried with a thread of its own, as more than limits decides (root needs none, a container may
+/// forbid it).
 #[must_use]
-pub fn can_be_raised() -> bool {
-    let tried = std::thread::Builder::new().spawn(raise);
+pub fn can_raise_thread_priority() -> bool {
+    let tried = std::thread::Builder::new().spawn(raise_thread_priority);
     tried.is_ok_and(|thread| thread.join().unwrap_or(false))
 }
 
-/// Has the system prefer every other thread to this one: what it does may be late. Where the system has no such thing it stays as it is.
-pub fn lower() {
+/// Lowers this thread's priority below all others, because what it does may be late. Where the system cannot do that the priority stays as it is.
+pub fn lower_thread_priority() {
     #[cfg(target_os = "linux")]
     {
         let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);

@@ -2,9 +2,9 @@
 
 use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
-use super::port::{self, Port, PortError, UsbName, Users};
-use super::sim::{Panel, SimControl, SimDevice};
-use super::timing::{REAL_TIME, Timing};
+use super::port::{self, PortError, PortUsers, SerialPort, UsbIdentity};
+use super::sim::{SimControl, SimDevice, SimPanel};
+use super::timing::{LinkTiming, REAL_TIME};
 use std::fmt;
 use std::str::FromStr;
 
@@ -32,14 +32,14 @@ impl FromStr for Target {
             "sim" => Ok(Target::Sim),
             "emulated" => Ok(Target::Emulated),
             "auto" => Ok(Target::Auto),
-            path if is_path(path) => Ok(Target::Serial(path.into())),
+            path if looks_like_path(path) => Ok(Target::Serial(path.into())),
             _ => Err("must be sim, emulated, auto or the path of a serial port, such as /dev/ttyACM0".into()),
         }
     }
 }
 
 /// Whether this may be a port's path, and not a mistyped word.
-fn is_path(text: &str) -> bool {
+fn looks_like_path(text: &str) -> bool {
     let is_com = text.get(..3).is_some_and(|begin| begin.eq_ignore_ascii_case("com"));
     text.contains(['/', '\\']) || is_com || std::path::Path::new(text).exists()
 }
@@ -90,20 +90,20 @@ pub enum TargetError {
 pub type Opener = Box<dyn Fn() -> Result<Box<dyn Transport>, PortError> + Send>;
 
 /// What keeps a device alive while it is used.
-enum Keeper {
+enum DeviceBackend {
     Sim(SimDevice),
     Emulated(EmulatedBoard),
     Line(Opener),
     Nothing,
 }
 
-impl fmt::Debug for Keeper {
+impl fmt::Debug for DeviceBackend {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Keeper::Sim(_) => "Sim",
-            Keeper::Emulated(_) => "Emulated",
-            Keeper::Line(_) => "Line",
-            Keeper::Nothing => "Nothing",
+            DeviceBackend::Sim(_) => "Sim",
+            DeviceBackend::Emulated(_) => "Emulated",
+            DeviceBackend::Line(_) => "Line",
+            DeviceBackend::Nothing => "Nothing",
         })
     }
 }
@@ -113,27 +113,34 @@ impl fmt::Debug for Keeper {
 pub struct OpenDevice {
     kind: &'static str,
     path: String,
-    timing: Timing,
-    keeper: Keeper,
+    timing: LinkTiming,
+    keeper: DeviceBackend,
     /// Which board it is, where USB tells: it is found again by that, whatever path it has then.
-    usb: Option<UsbName>,
+    usb: Option<UsbIdentity>,
     /// Any board will do that is found.
     any: bool,
 }
 
 impl OpenDevice {
-    /// Starts or finds the device. `panel` makes the simulated panel with its channels' voltage limits; it is only
+    /// Starts or finds the device. `make_panel` makes the simulated panel with its channels' voltage limits; it is only
     /// called for [`Target::Sim`].
     ///
     /// # Errors
     /// [`TargetError`].
-    pub fn open(target: &Target, panel: impl FnOnce() -> (Panel, Vec<f64>)) -> Result<Self, TargetError> {
+    pub fn open(target: &Target, make_panel: impl FnOnce() -> (SimPanel, Vec<f64>)) -> Result<Self, TargetError> {
         match target {
             Target::Sim => {
-                let (panel, max_voltages_v) = panel();
+                let (panel, max_voltages_v) = make_panel();
                 let sim = SimDevice::start(panel, max_voltages_v).map_err(TargetError::Sim)?;
-                let path = sim.path().to_owned();
-                Ok(Self { kind: "sim", path, timing: REAL_TIME, keeper: Keeper::Sim(sim), usb: None, any: false })
+                let path = sim.port_path().to_owned();
+                Ok(Self {
+                    kind: "sim",
+                    path,
+                    timing: REAL_TIME,
+                    keeper: DeviceBackend::Sim(sim),
+                    usb: None,
+                    any: false,
+                })
             }
             board => Self::open_board(board),
         }
@@ -147,38 +154,45 @@ impl OpenDevice {
         match target {
             Target::Sim => Err(TargetError::NoBoard),
             Target::Emulated => {
-                let board = EmulatedBoard::start()?;
-                let (path, timing) = (board.path().to_owned(), board.timing());
-                Ok(Self { kind: "emulated", path, timing, keeper: Keeper::Emulated(board), usb: None, any: false })
+                let board = EmulatedBoard::build_and_start()?;
+                let (path, timing) = (board.port_path().to_owned(), board.timing());
+                Ok(Self {
+                    kind: "emulated",
+                    path,
+                    timing,
+                    keeper: DeviceBackend::Emulated(board),
+                    usb: None,
+                    any: false,
+                })
             }
             Target::Serial(_) | Target::Auto => {
-                let mut device = Self::absent(target).ok_or(TargetError::NoBoard)?;
-                match device.locate().and_then(|()| device.transport()) {
+                let mut device = Self::new_unconnected(target).ok_or(TargetError::NoBoard)?;
+                match device.update_port_path().and_then(|()| device.open_transport()) {
                     Ok(_) => Ok(device),
                     Err(PortError::NotConnected { .. }) if device.any => {
-                        Err(TargetError::NoneFound { ports: port::list() })
+                        Err(TargetError::NoneFound { ports: port::describe_port_names() })
                     }
-                    Err(source) => Err(TargetError::Port { source, available: port::list() }),
+                    Err(source) => Err(TargetError::Port { source, available: port::describe_port_names() }),
                 }
             }
         }
     }
 
-    /// A board that may come later; `None` for what this program starts itself.
+    /// A device for a board that may be connected later; `None` for a target that this program starts itself.
     #[must_use]
-    pub fn absent(target: &Target) -> Option<Self> {
+    pub fn new_unconnected(target: &Target) -> Option<Self> {
         let (path, any) = match target {
             Target::Serial(path) => (path.clone(), false),
             Target::Auto => ("auto".to_owned(), true),
             Target::Sim | Target::Emulated => return None,
         };
-        Some(Self { kind: "serial", path, timing: REAL_TIME, keeper: Keeper::Nothing, usb: None, any })
+        Some(Self { kind: "serial", path, timing: REAL_TIME, keeper: DeviceBackend::Nothing, usb: None, any })
     }
 
-    /// A device at the end of whatever `open` opens, which is called `path`: for lines that are no serial ports.
+    /// A device behind whatever `open` opens, shown as `path`: for lines that are not serial ports.
     #[must_use]
-    pub fn over(path: &str, timing: Timing, open: Opener) -> Self {
-        Self { kind: "serial", path: path.into(), timing, keeper: Keeper::Line(open), usb: None, any: false }
+    pub fn with_opener(path: &str, timing: LinkTiming, open: Opener) -> Self {
+        Self { kind: "serial", path: path.into(), timing, keeper: DeviceBackend::Line(open), usb: None, any: false }
     }
 
     /// `sim`, `emulated` or `serial`.
@@ -189,44 +203,44 @@ impl OpenDevice {
 
     /// Path of the serial port.
     #[must_use]
-    pub fn path(&self) -> &str {
+    pub fn port_path(&self) -> &str {
         &self.path
     }
 
-    /// How long to wait for it.
+    /// How long to wait for the device.
     #[must_use]
-    pub const fn timing(&self) -> Timing {
+    pub const fn timing(&self) -> LinkTiming {
         self.timing
     }
 
     /// The simulated device's knobs, where it is one.
     #[must_use]
-    pub fn sim(&self) -> Option<SimControl> {
+    pub fn sim_control(&self) -> Option<SimControl> {
         match &self.keeper {
-            Keeper::Sim(sim) => Some(sim.control()),
+            DeviceBackend::Sim(sim) => Some(sim.control()),
             _ => None,
         }
     }
 
     /// The emulated board, where it is one.
     #[must_use]
-    pub const fn emulated(&self) -> Option<&EmulatedBoard> {
+    pub const fn emulated_board(&self) -> Option<&EmulatedBoard> {
         match &self.keeper {
-            Keeper::Emulated(board) => Some(board),
+            DeviceBackend::Emulated(board) => Some(board),
             _ => None,
         }
     }
 
-    /// A failed link in words, with the programs that have the port open as well: an emulated board has no cable.
+    /// Describes a failed link, with the programs that have the port open as well. An emulated board has no cable.
     #[must_use]
-    pub fn trouble(&self, error: &LinkError) -> String {
+    pub fn describe_link_error(&self, error: &LinkError) -> String {
         match (&self.keeper, error) {
-            (Keeper::Emulated(_), LinkError::Io(source)) => {
+            (DeviceBackend::Emulated(_), LinkError::Io(source)) => {
                 format!(
                     "the emulator's port failed: {source}. If the emulator's process has ended, the daemon starts it again"
                 )
             }
-            _ => link_trouble(&self.path, error),
+            _ => describe_port_link_error(&self.path, error),
         }
     }
 
@@ -234,24 +248,24 @@ impl OpenDevice {
     ///
     /// # Errors
     /// [`EmulatedError`] where that fails.
-    pub fn revive(&mut self) -> Result<(), EmulatedError> {
-        if let Keeper::Emulated(board) = &mut self.keeper
-            && let Some(status) = board.ended()
+    pub fn restart_ended_emulator(&mut self) -> Result<(), EmulatedError> {
+        if let DeviceBackend::Emulated(board) = &mut self.keeper
+            && let Some(status) = board.exit_status_if_ended()
         {
             tracing::warn!(%status, "the emulator has ended; it is started again");
-            *board = board.again()?;
-            self.path = board.path().to_owned();
+            *board = board.restart_same_image()?;
+            self.path = board.port_path().to_owned();
         }
         Ok(())
     }
 
-    /// Looks where the board's port is now: USB may show the board that was found before at another path.
+    /// Updates the path of the board's port: USB may list the board that was found before at another path.
     ///
     /// # Errors
     /// That there is no such device if the board is not there.
-    pub fn locate(&mut self) -> Result<(), PortError> {
+    pub fn update_port_path(&mut self) -> Result<(), PortError> {
         if self.any || self.usb.is_some() {
-            self.path = port::find(self.usb.as_ref()).ok_or_else(|| {
+            self.path = port::find_board_port(self.usb.as_ref()).ok_or_else(|| {
                 let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
                 PortError::NotConnected { what }
             })?;
@@ -259,10 +273,10 @@ impl OpenDevice {
         Ok(())
     }
 
-    /// An ERA board has answered at this port: from now on that one is wanted, wherever USB shows it.
-    pub fn remember(&mut self) {
+    /// Notes that an ERA board has answered at this port: from now on only this board is opened, wherever USB lists it.
+    pub fn bind_to_usb_identity(&mut self) {
         if self.usb.is_none() && self.kind == "serial" {
-            self.usb = port::usb_of(&self.path);
+            self.usb = port::find_usb_identity_of_port(&self.path);
         }
         self.any = self.any && self.usb.is_none();
     }
@@ -271,10 +285,10 @@ impl OpenDevice {
     ///
     /// # Errors
     /// As the port does.
-    pub fn transport(&self) -> Result<Box<dyn Transport>, PortError> {
+    pub fn open_transport(&self) -> Result<Box<dyn Transport>, PortError> {
         match &self.keeper {
-            Keeper::Line(open) => open(),
-            _ => Ok(Box::new(Port::open(&self.path)?)),
+            DeviceBackend::Line(open) => open(),
+            _ => Ok(Box::new(SerialPort::open(&self.path)?)),
         }
     }
 
@@ -282,23 +296,24 @@ impl OpenDevice {
     ///
     /// # Errors
     /// As the port does.
-    pub fn client(&self) -> Result<Client, PortError> {
-        Ok(Client::patient(self.transport()?, self.timing.patience))
+    pub fn open_client(&self) -> Result<Client, PortError> {
+        Ok(Client::with_retry_policy(self.open_transport()?, self.timing.retry_policy))
     }
 }
 
-/// A failed link over the port at `path` in words. Where the port is well and the board is not heard, another program may take what it says: those
-/// that have the port open are named.
+/// Describes a failed link over the port at `path`. Where the port works and the board is not heard, another program may take its answers: the programs that
+/// have the port open are named.
 #[must_use]
-pub fn link_trouble(path: &str, error: &LinkError) -> String {
+pub fn describe_port_link_error(path: &str, error: &LinkError) -> String {
     let users = match error {
         LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Unexpected { .. } => {
-            Users::of(path).as_cause()
+            PortUsers::find_for_port(path).shared_port_sentence()
         }
         // A port that fails has most often lost its board: who may not be seen is not suspected.
-        LinkError::Io(_) => {
-            Some(Users::of(path)).filter(Users::are_known).map(|users| users.as_cause()).unwrap_or_default()
-        }
+        LinkError::Io(_) => Some(PortUsers::find_for_port(path))
+            .filter(PortUsers::are_any_visible)
+            .map(|users| users.shared_port_sentence())
+            .unwrap_or_default(),
         _ => String::new(),
     };
     let error = error.to_string();

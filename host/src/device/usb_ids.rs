@@ -15,6 +15,6 @@ pub const ST: u16 = 0x0483;
 /// Whether USB says that this is an ERA board: its numbers, and its name, as anybody may use the numbers for tests. Some
 /// systems write underscores for spaces.
 #[must_use]
-pub fn is_board(vendor: u16, product: u16, name: Option<&str>) -> bool {
+pub fn is_era_board(vendor: u16, product: u16, name: Option<&str>) -> bool {
     (vendor, product) == BOARD && name.is_some_and(|name| name.replace('_', " ").contains(BOARD_NAME))
 }

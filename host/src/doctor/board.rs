@@ -1,12 +1,12 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
 use super::facts::{Answer, Clock, Heard, Supply};
-use crate::device::port::{Port, PortError, call_within};
-use crate::device::target::link_trouble;
+use crate::device::port::{PortError, SerialPort, run_calls_within};
+use crate::device::target::describe_port_link_error;
 use crate::device::timing::REAL_TIME;
-use crate::device::{Client, ClockSync, Identity, LinkError};
-use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request, ResetCause};
-use era_shared::safety::State;
+use crate::device::{Client, ClockSync, DeviceIdentity, LinkError};
+use era_shared::protocol::{CURRENT_VERSION, DetailsReply, MIN_VERSION, Reply, Request, ResetCause};
+use era_shared::safety::SafetyState;
 use std::time::{Duration, Instant};
 
 /// How often the board's clock is read, and how long between two readings.
@@ -19,17 +19,19 @@ const ASK_LIMIT: Duration = Duration::from_secs(15);
 /// else may have it open.
 #[must_use]
 pub fn ask_board(path: &str) -> Answer {
-    let transport = match Port::open(path) {
+    let transport = match SerialPort::open(path) {
         Ok(transport) => transport,
         Err(error) => return classify_open_error(&error),
     };
-    let asked = call_within(path, ASK_LIMIT, move |step| {
-        step.call("read or write", || read_board(&mut Client::patient(Box::new(transport), REAL_TIME.patience)))
+    let asked = run_calls_within(path, ASK_LIMIT, move |step| {
+        step.run_call("read or write", || {
+            read_board(&mut Client::with_retry_policy(Box::new(transport), REAL_TIME.retry_policy))
+        })
     });
     match asked {
         Ok(Ok(heard)) => Answer::Heard(heard),
         Ok(Err(error @ LinkError::Version { .. })) => Answer::Version(error.to_string()),
-        Ok(Err(error)) => Answer::Silent(link_trouble(path, &error)),
+        Ok(Err(error)) => Answer::Silent(describe_port_link_error(path, &error)),
         Err(error) => Answer::Failed(error.to_string()),
     }
 }
@@ -52,10 +54,10 @@ fn classify_open_error(error: &PortError) -> Answer {
 pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let reply = client.request(&hello)?;
-    let identity = Identity::from_reply(reply).ok_or_else(|| unexpected_reply_error("hello"))?;
+    let identity = DeviceIdentity::from_hello_reply(reply).ok_or_else(|| unexpected_reply_error("hello"))?;
     let mut heard = Heard {
-        firmware: identity.firmware_text(),
-        protocol: Some(client.version()),
+        firmware: identity.firmware_version_text(),
+        protocol: Some(client.protocol_version()),
         failure: Some(identity.failure).filter(|failure| !failure.is_empty()),
         was_watchdog: identity.reset_cause == ResetCause::Watchdog,
         ..Heard::default()
@@ -64,8 +66,9 @@ pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
     heard.state = Some(status.state.name().into());
     heard.fault = status.fault.map(|fault| fault.code.into());
     // A board that is armed hears its host in every question: its dead-man timer is not to be held up by ours.
-    let is_idle = matches!(status.state, State::Boot | State::Safe | State::Fault | State::Discharging);
-    if is_idle && client.version() >= Request::Details.since() {
+    let is_idle =
+        matches!(status.state, SafetyState::Boot | SafetyState::Safe | SafetyState::Fault | SafetyState::Discharging);
+    if is_idle && client.protocol_version() >= Request::Details.introduced_in_version() {
         let Reply::Details(details) = client.request(&Request::Details)? else {
             return Err(unexpected_reply_error("details"));
         };
@@ -77,7 +80,7 @@ pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
     Ok(heard)
 }
 
-fn convert_supply(details: &Details) -> Supply {
+fn convert_supply(details: &DetailsReply) -> Supply {
     Supply {
         rail_v: details.rail_millivolts.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect(),
         interlock_closed: details.interlock_closed,
@@ -93,8 +96,8 @@ fn measure_clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
         let Reply::Clock { now_us } = client.request(&Request::Clock)? else {
             return Err(unexpected_reply_error("clock"));
         };
-        if let Some((sent, received)) = client.last_frame_written().zip(client.last_reply_read()) {
-            sync.sample(sent, received, now_us);
+        if let Some((sent, received)) = client.last_frame_written_at().zip(client.last_reply_read_at()) {
+            sync.add_sample(sent, received, now_us);
         }
         std::thread::sleep(CLOCK_EVERY);
     }

@@ -1,7 +1,7 @@
 //! What the doctor knows before it judges.
 
-pub use crate::device::port::users::{Access, Holder};
-use crate::device::usb_ids::{ST, is_board};
+pub use crate::device::port::users::{PortAccess, PortHolder};
+use crate::device::usb_ids::{ST, is_era_board};
 use era_shared::protocol::FaultCode;
 
 /// The device that is asked about.
@@ -42,7 +42,7 @@ impl Port {
     /// Whether it is a board's own: numbers and name, as others have the same numbers.
     #[must_use]
     pub fn is_board(&self) -> bool {
-        self.usb.as_ref().is_some_and(|usb| is_board(usb.vendor, usb.product, usb.name.as_deref()))
+        self.usb.as_ref().is_some_and(|usb| is_era_board(usb.vendor, usb.product, usb.name.as_deref()))
     }
 
     /// Whether it is that of ST's debug probe, which a Nucleo board's UART is at.
@@ -67,9 +67,9 @@ pub struct Chosen {
     /// Its path.
     pub path: String,
     /// Who may use it.
-    pub access: Access,
+    pub access: PortAccess,
     /// Who has it open, as far as can be seen.
-    pub holders: Vec<Holder>,
+    pub holders: Vec<PortHolder>,
     /// What came of asking.
     pub answer: Answer,
 }

@@ -1,6 +1,6 @@
 //! What the facts mean.
 
-use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, Holder, Wanted};
+use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, PortHolder, Wanted};
 use super::finding::Finding;
 use super::judge_board;
 
@@ -201,7 +201,7 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
         _ => Finding::ok("permission", format!("this user may open {path}")),
     }];
     let own = matches!(daemon, Daemon::Runs { port, .. } if port == path);
-    let name = |it: &Holder| format!("{} (process {})", it.name, it.pid);
+    let name = |it: &PortHolder| format!("{} (process {})", it.name, it.pid);
     let names: Vec<String> = holders.iter().map(name).collect();
     let beside: Vec<String> = holders.iter().filter(|it| it.name != "era").map(name).collect();
     all.push(match answer {

@@ -2,8 +2,8 @@
 
 use super::facts::{Port, Rule, Usb};
 use crate::device::port;
-pub use crate::device::port::users::{access, holders};
-use crate::device::port::users::{name_of, processes};
+pub use crate::device::port::users::{find_port_holders, read_port_access};
+use crate::device::port::users::{list_processes, read_process_name};
 use crate::flash::usb::{UsbError, find_bootloader};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
@@ -17,7 +17,7 @@ const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/
 /// The serial ports, by path.
 #[must_use]
 pub fn list_ports() -> Vec<Port> {
-    let mut ports: Vec<Port> = port::ports()
+    let mut ports: Vec<Port> = port::list_serial_ports()
         .into_iter()
         .map(|port| Port {
             path: port.port_name,
@@ -69,7 +69,7 @@ pub fn find_rules(root: &Path) -> Option<Vec<Rule>> {
 /// ModemManager's process, if it runs.
 #[must_use]
 pub fn find_modem_manager(root: &Path) -> Option<u32> {
-    processes(root).into_iter().find(|(_, folder)| name_of(folder) == "ModemManager").map(|(pid, _)| pid)
+    list_processes(root).into_iter().find(|(_, folder)| read_process_name(folder) == "ModemManager").map(|(pid, _)| pid)
 }
 
 /// The highest real-time priority that this process may ask for.

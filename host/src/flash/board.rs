@@ -1,9 +1,9 @@
 //! The board whose firmware runs: what it is, and its way to the bootloader.
 
 use super::check::{CheckError, OnBoard, check_idle};
-use crate::device::client::name;
-use crate::device::port::{PortError, call_within};
-use crate::device::{Client, Identity, LinkError, OpenDevice, Target, TargetError};
+use crate::device::client::request_name;
+use crate::device::port::{PortError, run_calls_within};
+use crate::device::{Client, DeviceIdentity, LinkError, OpenDevice, Target, TargetError};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use std::time::{Duration, Instant};
 
@@ -40,7 +40,7 @@ pub enum BoardError {
 /// A board that answers.
 pub struct Board {
     /// What it said.
-    pub identity: Identity,
+    pub identity: DeviceIdentity,
     /// There until a call on its port has not returned, or it has not answered.
     client: Option<Client>,
     // Last, so that the emulated board ends after the port was closed.
@@ -55,8 +55,8 @@ impl Board {
     pub fn open(target: &Target) -> Result<Self, BoardError> {
         let device = OpenDevice::open_board(target)?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let (client, reply) = ask_within_limit(device.client()?, &device, &hello)?;
-        match Identity::from_reply(reply.clone()) {
+        let (client, reply) = ask_within_limit(device.open_client()?, &device, &hello)?;
+        match DeviceIdentity::from_hello_reply(reply.clone()) {
             Some(identity) => Ok(Self { identity, client: Some(client), device }),
             None => Err(unexpected_reply_error(&hello, &reply)),
         }
@@ -79,13 +79,13 @@ impl Board {
     /// The port.
     #[must_use]
     pub fn path(&self) -> &str {
-        self.device.path()
+        self.device.port_path()
     }
 
     /// What runs on it.
     #[must_use]
     pub const fn on_board(&self) -> OnBoard {
-        let Identity { board, firmware, protocol_current, .. } = &self.identity;
+        let DeviceIdentity { board, firmware, protocol_current, .. } = &self.identity;
         OnBoard { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
     }
 
@@ -113,7 +113,7 @@ impl Board {
     /// [`BoardError`].
     pub fn enter_bootloader(mut self) -> Result<(), BoardError> {
         let request = Request::Bootloader { key: BOOTLOADER_KEY };
-        if self.identity.protocol_current < request.since() {
+        if self.identity.protocol_current < request.introduced_in_version() {
             return Err(BoardError::TooOld(self.identity.protocol_current));
         }
         match self.send_request(&request)? {
@@ -137,18 +137,18 @@ impl Board {
 /// Asks, no longer than an answer may take, as a call on the port may not return. After an error the client is gone, and the programs that have the
 /// port open are named.
 fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) -> Result<(Client, Reply), BoardError> {
-    let limit = device.timing().patience.longest().saturating_mul(2).saturating_add(CALLS);
+    let limit = device.timing().retry_policy.longest_total_wait().saturating_mul(2).saturating_add(CALLS);
     let asked = request.clone();
-    let (client, reply) = call_within(device.path(), limit, move |step| {
-        let reply = step.call("read or write", || client.request(&asked));
+    let (client, reply) = run_calls_within(device.port_path(), limit, move |step| {
+        let reply = step.run_call("read or write", || client.request(&asked));
         (client, reply)
     })?;
     match reply {
         Ok(reply) => Ok((client, reply)),
-        Err(error) => Err(BoardError::Link(device.trouble(&error))),
+        Err(error) => Err(BoardError::Link(device.describe_link_error(&error))),
     }
 }
 
 fn unexpected_reply_error(request: &Request, reply: &Reply) -> BoardError {
-    BoardError::Link(LinkError::Unexpected { request: name(request), reply: format!("{reply:?}") }.to_string())
+    BoardError::Link(LinkError::Unexpected { request: request_name(request), reply: format!("{reply:?}") }.to_string())
 }

@@ -2,7 +2,7 @@
 
 use era_shared::image::ImageHeader;
 use era_shared::protocol::{BoardKind, CURRENT_VERSION, FirmwareVersion, MIN_VERSION};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::fmt;
 
 /// What is known of the board's present firmware: from its hello, or from the header in its flash.
@@ -61,7 +61,7 @@ pub enum CheckError {
     },
     /// It is driving.
     #[error("the board is {}: stop and disarm it first (era stop)", state_name(*.0))]
-    Live(State),
+    Live(SafetyState),
 }
 
 /// Compares an image with what is on the board, as far as that is known. `force` lets pass what can be undone.
@@ -92,9 +92,9 @@ pub fn check_image(image: &ImageHeader, board: Option<&OnBoard>, force: bool) ->
 ///
 /// # Errors
 /// [`CheckError::Live`].
-pub const fn check_idle(state: State) -> Result<(), CheckError> {
+pub const fn check_idle(state: SafetyState) -> Result<(), CheckError> {
     match state {
-        State::Boot | State::Safe | State::Fault => Ok(()),
+        SafetyState::Boot | SafetyState::Safe | SafetyState::Fault => Ok(()),
         _ => Err(CheckError::Live(state)),
     }
 }
@@ -120,10 +120,10 @@ pub const fn board_name(board: Option<BoardKind>) -> &'static str {
     }
 }
 
-const fn state_name(state: State) -> &'static str {
+const fn state_name(state: SafetyState) -> &'static str {
     match state {
-        State::Running => "driving",
-        State::Armed => "armed",
+        SafetyState::Running => "driving",
+        SafetyState::Armed => "armed",
         _ => "neither off nor safe",
     }
 }

@@ -1,13 +1,13 @@
 //! The simulated device on a clock that is set by hand, and what its accelerometer's record shows.
 
 use super::VerifyError;
-use crate::device::sim::{Accelerometer, SimBoard, attenuation};
+use crate::device::sim::{Accelerometer, SimBoard, low_pass_gain};
 use crate::planner::drive::SiDrive;
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::device::{Device, LinkReceiver};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::LinkId;
-use era_shared::supply::{RAILS, rail_of};
+use era_shared::supply::{RAILS, rail_index_of_channel};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -18,7 +18,7 @@ const KEEP_ALIVE_US: u64 = 50_000;
 pub(super) struct Bench {
     device: Device,
     pub(super) board: SimBoard,
-    port: Port,
+    port: LinkReceiver,
     sequence: u16,
     time_us: u64,
 }
@@ -26,8 +26,8 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new(mut board: SimBoard) -> Self {
         let mut device = Device::new();
-        device.start(&mut board);
-        Self { device, board, port: Port::new(LinkId(0)), sequence: 0, time_us: 0 }
+        device.complete_boot(&mut board);
+        Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
     /// By its clock, in s.
@@ -46,12 +46,12 @@ impl Bench {
         while self.time_us < end_us {
             let keep_alive_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
             while self.time_us < keep_alive_us {
-                let due_us = self.device.poll(&mut self.board);
+                let due_us = self.device.poll_next_due_us(&mut self.board);
                 self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
                 self.board.set_time_us(self.time_us);
             }
-            self.device.poll(&mut self.board);
-            self.board.advance();
+            self.device.poll_next_due_us(&mut self.board);
+            self.board.advance_panel_to_now();
             self.ask(&Request::KeepAlive)?;
         }
         Ok(())
@@ -65,8 +65,8 @@ impl Bench {
         let mut found = Vec::with_capacity(drives.len());
         for drive in drives {
             let frequency_hz = drive.frequency_hz;
-            let source = self.board.panel_mut().source_mut(usize::from(drive.channel));
-            let Some(peak_s) = source.and_then(|source| source.peak_s()) else { continue };
+            let source = self.board.panel_mut().channel_timer_mut(usize::from(drive.channel));
+            let Some(peak_s) = source.and_then(|source| source.force_peak_time_s()) else { continue };
             let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
             let origin_s = known.unwrap_or_else(|| {
                 let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
@@ -85,17 +85,17 @@ impl Bench {
         let broken = |what: &str| VerifyError::Device(what.into());
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame)
+        let length = encode_frame(CURRENT_VERSION, FrameKind::Request, self.sequence, request, &mut frame)
             .map_err(|_| broken("nothing"))?;
         let mut answers = Vec::new();
         let sent = frame.get(..length).unwrap_or_default();
-        self.device.receive(&mut self.board, &mut self.port, sent, |bytes| answers.extend_from_slice(bytes));
+        self.device.receive_bytes(&mut self.board, &mut self.port, sent, |bytes| answers.extend_from_slice(bytes));
         let mut reply = None;
-        Decoder::new().feed(&answers, |frame| {
+        Decoder::new().feed_bytes(&answers, |frame| {
             reply = frame.ok().and_then(|frame| postcard::from_bytes::<Reply>(frame.body).ok());
         });
         match reply {
-            Some(Reply::Refused(refusal)) => Err(broken(&crate::device::convert::refusal_text(&refusal))),
+            Some(Reply::Refused(refusal)) => Err(broken(&crate::device::convert::describe_refusal(&refusal))),
             Some(reply) => Ok(reply),
             None => Err(broken("nothing readable")),
         }
@@ -128,7 +128,7 @@ pub(super) fn fit_amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], bes
         right.axpy(weight * value, &row, 1.0);
     }
     let fit = normal.cholesky().map_or_else(|| DVector::zeros(columns), |factor| factor.solve(&right));
-    let amplitude = |(k, hz): (usize, &f64)| fit[2 * k].hypot(fit[2 * k + 1]) / attenuation(*hz);
+    let amplitude = |(k, hz): (usize, &f64)| fit[2 * k].hypot(fit[2 * k + 1]) / low_pass_gain(*hz);
     wanted_hz.iter().enumerate().map(amplitude).collect()
 }
 
@@ -137,12 +137,12 @@ pub(super) fn fit_amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], bes
 pub(super) fn convert_to_shared_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
     let mut rails_v = [0.0_f64; RAILS];
     for drive in &drives {
-        if let Some(rail_v) = rails_v.get_mut(rail_of(usize::from(drive.channel))) {
+        if let Some(rail_v) = rails_v.get_mut(rail_index_of_channel(usize::from(drive.channel))) {
             *rail_v = rail_v.max(drive.voltage_v);
         }
     }
     let shared = |drive: SiDrive| {
-        let rail_v = rails_v.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(drive.voltage_v);
+        let rail_v = rails_v.get(rail_index_of_channel(usize::from(drive.channel))).copied().unwrap_or(drive.voltage_v);
         if rail_v <= drive.voltage_v {
             return drive;
         }
@@ -162,7 +162,7 @@ mod tests {
         let lines = [(101.3, 1e-3), (160.0, 0.5), (303.9, 3.0), (102.1, 2e-3)];
         let at = |i: u32| {
             let time_s = f64::from(i) * STEP_S;
-            lines.iter().map(|(hz, a)| a * attenuation(*hz) * (TAU * hz * time_s + hz).cos()).sum::<f64>()
+            lines.iter().map(|(hz, a)| a * low_pass_gain(*hz) * (TAU * hz * time_s + hz).cos()).sum::<f64>()
         };
         let record: Vec<f64> = (0..40_000).map(at).collect();
         let found = fit_amplitudes(&record, STEP_S, &[101.3, 160.0], &[102.1]);

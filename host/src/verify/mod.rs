@@ -1,8 +1,8 @@
 //! Prediction against measurement: the planner works in the frequency domain, the simulated device in time. Both are told
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
-use crate::device::convert::{from_wire, to_wire};
-use crate::device::sim::{Clock, Extreme, Panel, SimBoard};
+use crate::device::convert::{achieved_drive_from_wire, drive_to_wire};
+use crate::device::sim::{Clock, SimBoard, SimPanel, TravelExtreme};
 use crate::model::ReducedModel;
 use crate::planner::drive::on_channels;
 use crate::planner::softening::{NotSafe, Transducer};
@@ -160,7 +160,7 @@ impl Comparison {
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn compare(table: &PlanTable, panel: &Panel, target: Target) -> Result<Comparison, VerifyError> {
+pub fn compare(table: &PlanTable, panel: &SimPanel, target: Target) -> Result<Comparison, VerifyError> {
     compare_request(table, panel, &planner::Request::touch(&[target]))
 }
 
@@ -170,7 +170,7 @@ pub fn compare(table: &PlanTable, panel: &Panel, target: Target) -> Result<Compa
 /// [`VerifyError`].
 pub fn compare_request(
     table: &PlanTable,
-    panel: &Panel,
+    panel: &SimPanel,
     request: &planner::Request,
 ) -> Result<Comparison, VerifyError> {
     let plan = table.plan_request(request)?;
@@ -180,7 +180,7 @@ pub fn compare_request(
     let [x_m, y_m] = plan.target_m;
     let shape = table.model.shape_at(x_m, y_m);
     let mut panel = panel.clone();
-    panel.set_probe(&shape);
+    panel.place_accelerometer(&shape);
     let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
         record_plan(table, panel, &shape, &plan)?;
     let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
@@ -233,7 +233,7 @@ pub fn compare_request(
 /// # Errors
 /// That of a point, or [`PlanError::Stopped`].
 pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparison>, VerifyError> {
-    let panel = Panel::of(table);
+    let panel = SimPanel::from_plan_table(table);
     let stop = Stop::current();
     let compared = |target: &Target| {
         if stop.is_asked() { Err(PlanError::Stopped.into()) } else { compare(table, &panel, *target) }
@@ -275,24 +275,24 @@ struct Record {
     /// Part of the peak that may be left of the motion of switching on.
     unsettled: f64,
     /// How far each mass has been.
-    extremes: [Extreme; MAX_CHANNELS],
+    extremes: [TravelExtreme; MAX_CHANNELS],
 }
 
 /// The accelerometer's record after the panel has settled.
-fn record_plan(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
+fn record_plan(table: &PlanTable, panel: SimPanel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
     let step_s = panel.step_s();
     let actuators = &table.scene.actuators;
     let volts: Vec<f64> = actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::of).collect();
     let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
     bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-    let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
+    let drives = on_channels(&plan.drives).iter().map(drive_to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.ask(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("something else than the drives it has set".into()));
     };
     // The device holds the drives until its self-test has passed, and brings the rails up.
     bench.run_for(SOFT_START_S)?;
-    let achieved = bench.in_time(&convert_to_shared_rails(achieved.iter().map(from_wire).collect()))?;
+    let achieved = bench.in_time(&convert_to_shared_rails(achieved.iter().map(achieved_drive_from_wire).collect()))?;
     let waveform = Waveform::new(&table.model, &transducers, shape, &achieved)?;
     let of = |model: &ReducedModel, highest| fundamentals(model, &transducers, shape, &achieved, highest);
     let in_time =
@@ -301,8 +301,12 @@ fn record_plan(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Pla
     let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(kept(&table.model), causal_sum)?];
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak(0.0, step_s, count_samples(RECORD_S, step_s));
-    let (settling_s, left) =
-        bench.board.panel_mut().settling(&waveform.displacement, &waveform.velocity, SETTLED * peak, LONGEST_SETTLE_S);
+    let (settling_s, left) = bench.board.panel_mut().settling_time_and_acceleration(
+        &waveform.displacement,
+        &waveform.velocity,
+        SETTLED * peak,
+        LONGEST_SETTLE_S,
+    );
     if left > NEARLY_SETTLED * peak {
         return Err(VerifyError::NeverSettles);
     }
@@ -312,7 +316,7 @@ fn record_plan(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Pla
     bench.accelerometer().start_record();
     bench.run_for(RECORD_S)?;
     let samples = bench.accelerometer().take_record();
-    let extremes = bench.board.panel_mut().take_extremes();
+    let extremes = bench.board.panel_mut().take_travel_extremes();
     bench.ask(&Request::Stop)?;
     Ok(Record {
         predicted_peak: waveform.peak(from_s, step_s, samples.len()),

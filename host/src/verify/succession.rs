@@ -2,8 +2,8 @@
 
 use super::VerifyError;
 use super::bench::Bench;
-use crate::device::convert::to_wire;
-use crate::device::sim::{Clock, Panel, SimBoard};
+use crate::device::convert::drive_to_wire;
+use crate::device::sim::{Clock, SimBoard, SimPanel};
 use crate::planner::drive::on_channels;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{Board, Ending, NEXT_LOOK_S, ResidualVibration, Room, fitted, grown};
@@ -52,7 +52,7 @@ pub struct Turned {
 /// [`VerifyError::Device`], [`VerifyError::Unknown`].
 pub fn follow_turns(
     table: &PlanTable,
-    panel: &Panel,
+    panel: &SimPanel,
     turns: &[Turn<'_>],
     order: Order,
 ) -> Result<Vec<Turned>, VerifyError> {
@@ -100,7 +100,9 @@ pub fn follow_turns(
                 (Some(_), _) => None,
             };
             if let Some((part, (next, motion))) = next {
-                bench.ask(&Request::SetDrives { drives: on_channels(&next.drives).iter().map(to_wire).collect() })?;
+                bench.ask(&Request::SetDrives {
+                    drives: on_channels(&next.drives).iter().map(drive_to_wire).collect(),
+                })?;
                 residual.begin(id, &motion, Some(&next.drives), board, now_s, end_s);
                 parts.push(part);
                 board = Board::Driving;
@@ -124,7 +126,7 @@ pub fn follow_turns(
 
 /// Most travel of every mass since it was last asked, as a part of its gap.
 fn take_travel_fractions(bench: &mut Bench, table: &PlanTable) -> Vec<f64> {
-    bench.board.advance();
-    let extremes: [_; MAX_CHANNELS] = bench.board.panel_mut().take_extremes();
+    bench.board.advance_panel_to_now();
+    let extremes: [_; MAX_CHANNELS] = bench.board.panel_mut().take_travel_extremes();
     extremes.iter().zip(&table.electrodes).map(|(extreme, electrodes)| extreme.travel_m / electrodes.gap_m).collect()
 }

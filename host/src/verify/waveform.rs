@@ -1,7 +1,7 @@
 //! The acceleration that a plan's drives make at a point, from the frequency domain alone: no equation is stepped in time.
 
 use super::VerifyError;
-use crate::device::sim::low_pass;
+use crate::device::sim::low_pass_response;
 use crate::model::ReducedModel;
 use crate::planner::Phasors;
 use crate::planner::drive::SiDrive;
@@ -190,12 +190,12 @@ impl Waveform {
             if *harmonic == 1 {
                 tone.fundamental = sum.norm();
             }
-            tone.phasors.push(sum * low_pass(hz));
+            tone.phasors.push(sum * low_pass_response(hz));
         }
         let mut combinations = Vec::new();
         for (hz, actuator, force) in steady.combinations() {
             if let Some(q) = solver.coordinates(hz)?.get(actuator) {
-                combinations.push((hz, move_by(hz, q, force) * low_pass(hz)));
+                combinations.push((hz, move_by(hz, q, force) * low_pass_response(hz)));
             }
         }
         Ok(Self { tones, combinations, displacement, velocity, motion: steady.motion })
@@ -228,7 +228,7 @@ impl Waveform {
             let from_a_drive = |tone: &Tone| (hz - tone.frequency_hz).abs();
             let nearest_hz = self.tones.iter().map(from_a_drive).fold(f64::INFINITY, f64::min);
             if nearest_hz < TOGETHER_HZ {
-                together += phasor.norm() / low_pass(hz).norm();
+                together += phasor.norm() / low_pass_response(hz).norm();
             } else if nearest_hz < BESIDE_HZ && beside.iter().all(|other| (other - hz).abs() >= TOGETHER_HZ) {
                 beside.push(hz);
             }

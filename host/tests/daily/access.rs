@@ -6,7 +6,7 @@ use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, Listener};
-use era::device::session::policy::Policy;
+use era::device::session::policy::SessionPolicy;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -40,7 +40,7 @@ fn request(
 fn other_pages_are_let_in_by_name_only() {
     let own = "https://kiosk.example:8443";
     let access = Access { origins: vec![Access::origin(own).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), access);
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
     let (status, headers, _) = request(&daemon, "POST", "/v1/stop", &[("Origin", own)]);
     assert_eq!((status, headers.get("access-control-allow-origin").unwrap().to_str().unwrap()), (200, own));
     // What a browser asks before it lets the page post JSON.

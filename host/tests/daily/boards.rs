@@ -1,8 +1,8 @@
 //! Boards that come late, go away, come back, are others, fall silent, take nothing, or are old.
 
 use crate::support::{Daemon, old_board, panel_of, table};
-use era::device::session::policy::Policy;
-use era::device::sim::{Knobs, SimBoard, SimDevice};
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::{SimBoard, SimDevice, SimKnobs};
 use era::device::{Client, LinkError};
 use era::planner::PlanTable;
 use era::scene::EXAMPLE_PLATE;
@@ -34,8 +34,8 @@ impl Socket {
 
     fn plug(&self, board_id: [u8; 12]) -> SimDevice {
         let (panel, volts) = panel_of(&self.table);
-        let board = SimDevice::start_named(panel, volts, board_id).unwrap();
-        self.lead_to(board.path());
+        let board = SimDevice::start_with_board_id(panel, volts, board_id).unwrap();
+        self.lead_to(board.port_path());
         board
     }
 
@@ -56,7 +56,7 @@ fn is_connected(state: &Value) -> bool {
 #[test]
 fn a_board_may_come_late_go_away_and_come_back() {
     let socket = Socket::new();
-    let policy = Policy { arms_after_outage: true, ..Policy::default() };
+    let policy = SessionPolicy { arms_after_outage: true, ..SessionPolicy::default() };
     let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), policy);
     let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{problem}");
@@ -73,7 +73,7 @@ fn a_board_may_come_late_go_away_and_come_back() {
     // Another board has other limits, another calibration, and perhaps another panel.
     let other = socket.plug(*b"sim-board-02");
     let state = daemon.wait_for(|state| state["device"]["problem"].as_str().is_some_and(|p| p.contains("drives")));
-    let [mine, others] = [SimBoard::ID, *b"sim-board-02"].map(era::device::Identity::hex);
+    let [mine, others] = [SimBoard::ID, *b"sim-board-02"].map(era::device::DeviceIdentity::board_id_hex);
     let told = state["device"]["problem"].as_str().unwrap();
     assert!(told.contains(&mine) && told.contains(&others), "{told}");
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 502);
@@ -86,7 +86,7 @@ fn a_board_may_come_late_go_away_and_come_back() {
 #[test]
 fn after_an_outage_a_person_has_to_arm() {
     let socket = Socket::new();
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
     let board = socket.plug(SimBoard::ID);
     daemon.wait_for(is_connected);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200, "nothing has happened yet");
@@ -110,7 +110,7 @@ fn after_an_outage_a_person_has_to_arm() {
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
     // A restart is an outage too.
-    board.control().restart();
+    board.control().request_restart();
     daemon.wait_for(|state| state["device"]["waits_to_be_armed"] == true);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 409);
 }
@@ -119,13 +119,16 @@ fn after_an_outage_a_person_has_to_arm() {
 #[test]
 fn a_silence_of_the_host_may_be_cleared_by_the_next_touch() {
     for clears_silence in [false, true] {
-        let daemon =
-            Daemon::start_with(EXAMPLE_PLATE, Policy { clears_silence, ..Policy::default() }, Default::default());
+        let daemon = Daemon::start_with(
+            EXAMPLE_PLATE,
+            SessionPolicy { clears_silence, ..SessionPolicy::default() },
+            Default::default(),
+        );
         assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "running");
-        daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+        daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
         std::thread::sleep(Duration::from_millis(600));
-        daemon.sim.set_knobs(Knobs::default());
+        daemon.sim.set_knobs(SimKnobs::default());
         let state = daemon.wait_for(|state| state["device"]["state"] == "fault");
         assert_eq!((&state["device"]["fault"]["name"], &state["device"]["faults"]), (&json!("host-silent"), &json!(1)));
         let status = daemon.post("/v1/touch", TOUCH).0;
@@ -135,14 +138,14 @@ fn a_silence_of_the_host_may_be_cleared_by_the_next_touch() {
         assert!(metrics.contains(&cleared) && metrics.contains("era_device_faults_total 1"), "{metrics}");
     }
     // Any other fault waits for a person.
-    let policy = Policy { clears_silence: true, ..Policy::default() };
+    let policy = SessionPolicy { clears_silence: true, ..SessionPolicy::default() };
     let daemon = Daemon::start_with(EXAMPLE_PLATE, policy, Default::default());
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
-    let mut knobs = Knobs::default();
+    let mut knobs = SimKnobs::default();
     knobs.defects.interlock_open = true;
     daemon.sim.set_knobs(knobs);
     daemon.wait_for(|state| state["device"]["state"] == "fault");
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 409);
 }
 
@@ -151,8 +154,8 @@ fn a_board_with_too_few_channels_is_not_driven() {
     let socket = Socket::new();
     let (panel, volts) = panel_of(&socket.table);
     let board = SimDevice::start(panel, volts[..1].to_vec()).unwrap();
-    socket.lead_to(board.path());
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    socket.lead_to(board.port_path());
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
     let state = daemon.wait_for(is_connected);
     assert!(state["device"]["mismatch"].as_str().unwrap().contains("2 actuators"), "{state}");
     let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
@@ -165,7 +168,7 @@ fn a_board_with_too_few_channels_is_not_driven() {
 fn an_effect_does_not_end_the_link_to_an_old_board() {
     let socket = Socket::new();
     socket.lead_to(&old_board::behind_a_terminal(old_board::Board::speaking(1, 1)));
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
     daemon.wait_for(is_connected);
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#);
     assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:device-refused")), "{problem}");
@@ -209,7 +212,7 @@ fn a_board_that_takes_no_bytes_is_given_up() {
 #[test]
 fn a_path_without_a_port_is_told_with_its_name() {
     let missing = Path::new("/nonexistent/era-board");
-    let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), Policy::default());
+    let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), SessionPolicy::default());
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
     assert!(!is_connected(&state) && state["device"]["port"] == "/nonexistent/era-board", "{state}");
 }

@@ -5,7 +5,7 @@ use crate::support::served::Served;
 use crate::support::{Daemon, described};
 use era::daemon::App;
 use era::device::timing::REAL_TIME;
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,7 +25,7 @@ impl Waiting {
         let app = Arc::new(app);
         let (served, url) = Served::at_a_port(&app, None);
         let waiting = Self { line, app, url, _served: served };
-        waiting.until("the board is safe", || waiting.app.driver.device().borrow().state() == Some(State::Safe));
+        waiting.until("the board is safe", || waiting.app.driver.device().borrow().state() == Some(SafetyState::Safe));
         waiting
     }
 

@@ -3,7 +3,7 @@
 use crate::raw::{connect, post, post_with};
 use crate::support::{Daemon, served::Served};
 use era::daemon::Access;
-use era::device::session::policy::Policy;
+use era::device::session::policy::SessionPolicy;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
@@ -270,7 +270,7 @@ fn names_of_requests_are_their_clients_own() {
     let (first, second) = (known(with(0, "two")), known(with(1, "one")));
     assert_eq!((first.0, second.0), (200, 200));
     assert!(first.1["id"].as_u64() < second.1["id"].as_u64(), "{first:?} {second:?}");
-    let open = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), Access::default());
+    let open = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access::default());
     let agents = [[("User-Agent", "one")], [("User-Agent", "two")]];
     let named_tap = [agents[0][0], ("X-Request-Id", "tap-1")];
     named(&open, &named_tap, "/v1/touch", Some(&touch(500)));

@@ -3,7 +3,7 @@
 use crate::fingers::{live, say};
 use crate::support::Daemon;
 use crate::support::timed_board::TimedBoard;
-use era::device::session::policy::Policy;
+use era::device::session::policy::SessionPolicy;
 use era::scene::EXAMPLE_PLATE;
 use era_shared::protocol::{ChannelDrive, Reply, Request};
 use serde_json::{Value, json};
@@ -119,7 +119,7 @@ fn spend(board: &TimedBoard, leave_ms: u32) {
 fn a_strong_drag_on_little_credit_is_thinned_out_and_never_ends() {
     let board = TimedBoard::new();
     spend(&board, 3000);
-    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), Policy::default());
+    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
     daemon.wait_for(|state| state["device"]["supply"]["credit_s"][0].as_f64().is_some());
     // Twice as long as the credit would last.
     let begun = Instant::now();

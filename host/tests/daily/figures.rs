@@ -3,7 +3,7 @@
 use crate::line::{CALM, Ear};
 use crate::serving::Serving;
 use crate::support::{Daemon, panel_of, table};
-use era::device::sim::{Knobs, SimDevice};
+use era::device::sim::{SimDevice, SimKnobs};
 use era::scene::EXAMPLE_PLATE;
 use era_shared::protocol::Request;
 use serde_json::{Value, json};
@@ -25,13 +25,13 @@ fn metric(daemon: &Daemon, name: &str) -> f64 {
 }
 
 fn answers_after(daemon: &Daemon, ms: u64) {
-    daemon.sim.set_knobs(Knobs { reply_delay: Duration::from_millis(ms), ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { reply_delay: Duration::from_millis(ms), ..SimKnobs::default() });
 }
 
 fn silent_for(sim: &era::device::sim::SimControl, time: Duration) {
-    sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     std::thread::sleep(time);
-    sim.set_knobs(Knobs::default());
+    sim.set_knobs(SimKnobs::default());
 }
 
 /// Answers that take now longer, now less long, are jitter; those that all take long are none.
@@ -63,14 +63,14 @@ fn the_age_of_the_last_sign_of_life_grows_while_the_board_is_silent() {
     let age = |state: &Value| number(state, "/link/keep_alive_age_ms");
     let daemon = Daemon::start(EXAMPLE_PLATE);
     daemon.wait_for(|state| age(state) < 500.0);
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     daemon.wait_for(|state| age(state) > 500.0);
     assert!(metric(&daemon, "era_link_keep_alive_age_seconds") > 0.5);
     // It goes on when the link is given up, and what the link did before is not forgotten.
     let lost = daemon.wait_for(|state| state["device"]["outages"] == 1);
     let sent = number(&lost, "/link/frames_sent");
     assert!(age(&lost) > 500.0 && number(&lost, "/link/repeats") >= 1.0, "{lost}");
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     let back = daemon.wait_for(|state| age(state) < 500.0 && state["device"]["connected"] == true);
     assert!(number(&back, "/link/frames_sent") > sent && number(&back, "/link/repeats") >= 1.0, "{back}");
     assert!(metric(&daemon, "era_link_keep_alive_age_seconds") < metric(&daemon, "era_link_repeats_total"));
@@ -81,9 +81,9 @@ fn a_fault_tells_what_was_known_of_the_link() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     assert_eq!(daemon.state()["device"]["fault"], json!(null));
     let spoil = |at_least: f64| {
-        daemon.sim.set_knobs(Knobs { corrupt_every: Some(2), ..Knobs::default() });
+        daemon.sim.set_knobs(SimKnobs { corrupt_every: Some(2), ..SimKnobs::default() });
         daemon.wait_for(|state| number(state, "/link/crc_errors") >= at_least);
-        daemon.sim.set_knobs(Knobs::default());
+        daemon.sim.set_knobs(SimKnobs::default());
     };
     spoil(2.0);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
@@ -104,12 +104,12 @@ fn a_fault_tells_what_was_known_of_the_link() {
     assert_eq!(daemon.state()["device"]["fault"], json!(null));
 
     // A fault that has nothing to do with the link, after an outage: of the silence then nothing is said.
-    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     daemon.wait_for(|state| state["device"]["outages"] == 1);
-    daemon.sim.set_knobs(Knobs::default());
+    daemon.sim.set_knobs(SimKnobs::default());
     daemon.wait_for(|state| state["device"]["connected"] == true && state["device"]["state"] == "safe");
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
-    let mut knobs = Knobs::default();
+    let mut knobs = SimKnobs::default();
     knobs.defects.interlock_open = true;
     daemon.sim.set_knobs(knobs);
     let state = daemon.wait_for(|state| state["device"]["fault"]["name"] == "interlock-open");

@@ -2,13 +2,13 @@
 
 use crate::support::Daemon;
 use crate::support::timed_board::TimedBoard;
-use era::device::session::policy::Policy;
+use era::device::session::policy::SessionPolicy;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
 fn daemon_with(board: &TimedBoard) -> Daemon {
-    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), Policy::default());
+    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
     daemon.wait_for(|state| state["device"]["connected"] == true);
     daemon
 }

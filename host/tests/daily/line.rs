@@ -5,19 +5,19 @@ use crate::support::{Daemon, panel_of, table};
 use era::daemon::{Access, App, Background};
 use era::device::OpenDevice;
 use era::device::client::Transport;
-use era::device::port::{Port, PortError};
-use era::device::session::policy::Policy;
+use era::device::port::{PortError, SerialPort};
+use era::device::session::policy::SessionPolicy;
 use era::device::sim::{SimControl, SimDevice};
-use era::device::timing::{Patience, REAL_TIME, Timing};
+use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
 use era::scene::EXAMPLE_PLATE;
-use era_shared::link::{Decoder, Kind};
+use era_shared::link::{Decoder, FrameKind};
 use era_shared::protocol::Request;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Of one that is never late: for what is not about lateness, on a machine that may be busy.
-pub const CALM: Timing = Timing { patience: Patience::even(Duration::from_secs(10)), ..REAL_TIME };
+pub const CALM: LinkTiming = LinkTiming { retry_policy: RetryPolicy::constant(Duration::from_secs(10)), ..REAL_TIME };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
@@ -106,23 +106,27 @@ impl Line {
         assert!(stop_in(&ear).is_some_and(|at| at <= most), "asked on: {:?}", &ear.asked[since..]);
     }
 
-    pub fn device(&self, timing: Timing) -> OpenDevice {
-        let (path, shared) = (self.board.path().to_owned(), Arc::clone(&self.shared));
+    pub fn device(&self, timing: LinkTiming) -> OpenDevice {
+        let (path, shared) = (self.board.port_path().to_owned(), Arc::clone(&self.shared));
         let open = move || -> Result<Box<dyn Transport>, PortError> {
             shared.ear().opened += 1;
             shared.wait_while(|ear| ear.opening_is_held);
-            let end =
-                End { port: Port::open(&path)?, decoder: Decoder::new(), left: None, shared: Arc::clone(&shared) };
+            let end = End {
+                port: SerialPort::open(&path)?,
+                decoder: Decoder::new(),
+                left: None,
+                shared: Arc::clone(&shared),
+            };
             Ok(Box::new(end))
         };
-        OpenDevice::over("a line", timing, Box::new(open))
+        OpenDevice::with_opener("a line", timing, Box::new(open))
     }
 
     /// Waits until the board is off.
     #[track_caller]
     pub fn goes_off(&self) {
         let deadline = Instant::now() + WAIT;
-        while self.sim().watch().energised {
+        while self.sim().self_observations().energised {
             assert!(Instant::now() < deadline, "the board is still live");
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -131,11 +135,11 @@ impl Line {
 
 /// What a daemon serves at the end of a line to the board of the example plate. The line comes last, as in all that makes one, so that it is dropped
 /// first: whoever it kept waiting then ends.
-pub fn plate(timing: Timing) -> (App, Line) {
-    plate_with(timing, Policy::default())
+pub fn plate(timing: LinkTiming) -> (App, Line) {
+    plate_with(timing, SessionPolicy::default())
 }
 
-fn plate_with(timing: Timing, policy: Policy) -> (App, Line) {
+fn plate_with(timing: LinkTiming, policy: SessionPolicy) -> (App, Line) {
     let table = table(EXAMPLE_PLATE);
     let (panel, volts) = panel_of(&table);
     let line = Line::to(SimDevice::start(panel, volts).unwrap());
@@ -145,12 +149,12 @@ fn plate_with(timing: Timing, policy: Policy) -> (App, Line) {
 }
 
 /// The same with a daemon that serves it, once the board answers.
-pub fn daemon(timing: Timing) -> (Daemon, Line) {
-    daemon_with(timing, Policy::default())
+pub fn daemon(timing: LinkTiming) -> (Daemon, Line) {
+    daemon_with(timing, SessionPolicy::default())
 }
 
 /// The same with what it does without being asked.
-pub fn daemon_with(timing: Timing, policy: Policy) -> (Daemon, Line) {
+pub fn daemon_with(timing: LinkTiming, policy: SessionPolicy) -> (Daemon, Line) {
     let (app, line) = plate_with(timing, policy);
     let background = Background::start(app).unwrap();
     let daemon =
@@ -182,7 +186,7 @@ impl Shared {
 
 /// The host's end.
 struct End {
-    port: Port,
+    port: SerialPort,
     decoder: Decoder,
     /// Bytes that are still taken of this frame.
     left: Option<usize>,
@@ -218,8 +222,8 @@ impl Write for End {
         let length = self.port.write(&bytes[..most])?;
         self.left = self.left.map(|left| left - length);
         let Ear { asked, at, .. } = &mut *ear;
-        self.decoder.feed(&bytes[..length], |frame| {
-            let request = frame.ok().filter(|frame| frame.kind == Kind::Request as u8);
+        self.decoder.feed_bytes(&bytes[..length], |frame| {
+            let request = frame.ok().filter(|frame| frame.kind == FrameKind::Request as u8);
             asked.extend(request.and_then(|frame| postcard::from_bytes::<Request>(frame.body).ok()));
             at.resize(asked.len(), Instant::now());
         });

@@ -2,12 +2,12 @@
 
 use crate::line::{Ear, daemon, daemon_with, plate};
 use era::device::Client;
-use era::device::session::policy::Policy;
-use era::device::sim::Knobs;
-use era::device::timing::{Patience, REAL_TIME, Timing};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::SimKnobs;
+use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde_json::json;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -17,10 +17,11 @@ use std::time::{Duration, Instant};
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
 /// One that is not given up while a test lasts.
-const FOREVER: Timing = Timing { patience: Patience { tries: 3000, ..REAL_TIME.patience }, ..REAL_TIME };
+const FOREVER: LinkTiming =
+    LinkTiming { retry_policy: RetryPolicy { tries: 3000, ..REAL_TIME.retry_policy }, ..REAL_TIME };
 
-fn silent(silent: bool) -> Knobs {
-    Knobs { silent, ..Knobs::default() }
+fn silent(silent: bool) -> SimKnobs {
+    SimKnobs { silent, ..SimKnobs::default() }
 }
 
 /// Idle and while it drives: the silence is told, touches are refused with the reason, and when the board answers again all
@@ -94,12 +95,14 @@ struct Late {
 impl Write for Late {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let asked = &mut self.asked;
-        self.decoder.get_or_insert_with(Decoder::new).feed(bytes, |frame| asked.extend(frame.map(|it| it.sequence)));
+        self.decoder
+            .get_or_insert_with(Decoder::new)
+            .feed_bytes(bytes, |frame| asked.extend(frame.map(|it| it.sequence)));
         if let [first, _, _] = self.asked[..] {
             self.asked.clear();
             let mut frame = [0; MAX_ENCODED];
-            let reply = Reply::Alive { state: State::Safe };
-            let length = encode(CURRENT_VERSION, Kind::Reply, first, &reply, &mut frame).unwrap();
+            let reply = Reply::Alive { state: SafetyState::Safe };
+            let length = encode_frame(CURRENT_VERSION, FrameKind::Reply, first, &reply, &mut frame).unwrap();
             self.answers.extend(&frame[..length]);
         }
         Ok(bytes.len())
@@ -120,11 +123,11 @@ impl Read for Late {
 fn a_late_answer_to_an_earlier_try_counts() {
     let mut client = Client::new(Box::new(Late::default()), Duration::from_millis(20));
     let reply = client.request(&Request::KeepAlive);
-    assert!(matches!(reply, Ok(Reply::Alive { state: State::Safe })), "{reply:?}");
+    assert!(matches!(reply, Ok(Reply::Alive { state: SafetyState::Safe })), "{reply:?}");
     assert_eq!(client.statistics().repeats, 2);
     // Its time is that of the try which it answers: two waits ago, of which the board's clock must know.
-    let sent = client.last_frame_written().unwrap();
-    let took = client.last_reply_read().unwrap() - sent;
+    let sent = client.last_frame_written_at().unwrap();
+    let took = client.last_reply_read_at().unwrap() - sent;
     assert!(took >= Duration::from_millis(40), "{took:?}");
 }
 
@@ -199,7 +202,7 @@ const LATER_OVER: Duration = Duration::from_millis(4200);
 #[test]
 fn what_is_left_of_a_touch_is_not_driven_after_a_fault() {
     for clears_silence in [false, true] {
-        let policy = Policy { clears_silence, arms_after_outage: true, ..Policy::default() };
+        let policy = SessionPolicy { clears_silence, arms_after_outage: true, ..SessionPolicy::default() };
         let (daemon, line) = daemon_with(FOREVER, policy);
         let begun = Instant::now();
         assert_eq!(daemon.post("/v1/touch", LATER).0, 200);
@@ -225,7 +228,7 @@ fn what_is_left_of_a_touch_is_not_driven_after_a_fault() {
 /// Nothing has come between: the board has rested by order meanwhile, and is armed for it.
 #[test]
 fn what_is_left_of_a_touch_is_driven_after_a_pause() {
-    let policy = Policy { idle: Duration::from_millis(500), ..Policy::default() };
+    let policy = SessionPolicy { idle: Duration::from_millis(500), ..SessionPolicy::default() };
     let (daemon, line) = daemon_with(FOREVER, policy);
     assert_eq!(daemon.post("/v1/touch", LATER).0, 200);
     let arms = |ear: &Ear| ear.asked.iter().filter(|request| matches!(request, Request::ArmWith { .. })).count();

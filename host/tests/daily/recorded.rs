@@ -6,7 +6,7 @@ use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, Background, Limits, Recorder, listener};
-use era::device::sim::Knobs;
+use era::device::sim::SimKnobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
@@ -100,7 +100,7 @@ fn what_the_board_measures_is_recorded() {
         assert_eq!(daemon.post("/v1/arm", "").0, 200);
         assert_eq!(daemon.post("/v1/touch", touch).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "armed");
-        daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+        daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
         daemon.wait_for(|state| state["device"]["connected"] == false && state["device"]["in_doubt"] == false);
         assert_ne!(daemon.post("/v1/faults/clear", "").0, 200);
     }

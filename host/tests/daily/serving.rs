@@ -23,7 +23,7 @@ impl Serving {
 
     /// The same by way of another program, which replaces itself by this one.
     pub fn start_under(by: &[&str], board: &SimDevice, more: &[&str]) -> Self {
-        Self::start_at(by, board.path(), board.control(), more)
+        Self::start_at(by, board.port_path(), board.control(), more)
     }
 
     /// The same with a board at a path of any kind.

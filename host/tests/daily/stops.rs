@@ -2,29 +2,30 @@
 
 use crate::line::Line;
 use crate::support::still_panel;
-use era::device::client::Attention;
-use era::device::session::policy::{Needs, Policy};
-use era::device::sim::{Knobs, SimDevice};
-use era::device::timing::{Patience, REAL_TIME, Timing};
-use era::device::{Client, DriveOrder, EffectOrder, LinkError, Session, SessionError, Snapshot};
+use era::device::client::WaitHooks;
+use era::device::session::policy::{SceneNeeds, SessionPolicy};
+use era::device::sim::{SimDevice, SimKnobs};
+use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
+use era::device::{Client, DeviceSnapshot, DriveOrder, EffectOrder, LinkError, Session, SessionError};
 use era_shared::protocol::{ChannelDrive, Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
 use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 /// Only stops that somebody asks for, and a board that is not given up.
-const FOREVER: Timing = tries(3000);
+const FOREVER: LinkTiming = tries(3000);
 /// One that is given up soon.
-const SHORT: Timing = tries(3);
+const SHORT: LinkTiming = tries(3);
 /// No person stands between a board that comes back and the next order.
-const POLICY: Policy = Policy { idle: Policy::IDLE, clears_silence: false, arms_after_outage: true };
+const POLICY: SessionPolicy =
+    SessionPolicy { idle: SessionPolicy::IDLE, clears_silence: false, arms_after_outage: true };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
-const fn tries(tries: u32) -> Timing {
-    Timing { patience: Patience { tries, stop: Duration::MAX, ..REAL_TIME.patience }, ..REAL_TIME }
+const fn tries(tries: u32) -> LinkTiming {
+    LinkTiming { retry_policy: RetryPolicy { tries, stop: Duration::MAX, ..REAL_TIME.retry_policy }, ..REAL_TIME }
 }
 
 type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, SessionError>> + 'a>>;
@@ -44,8 +45,8 @@ fn in_time<T>(future: impl Future<Output = T>) -> T {
     runtime.block_on(async { tokio::time::timeout(WAIT, future).await.expect("no answer") })
 }
 
-fn until(session: &Session, wanted: impl Fn(&Snapshot) -> bool) {
-    let mut snapshots = session.snapshots();
+fn until(session: &Session, wanted: impl Fn(&DeviceSnapshot) -> bool) {
+    let mut snapshots = session.subscribe_snapshots();
     drop(in_time(async { snapshots.wait_for(|snapshot| wanted(snapshot)).await.unwrap().clone() }));
 }
 
@@ -54,10 +55,10 @@ fn board() -> Line {
 }
 
 /// A session with a board that answers, and the line between them.
-fn session(timing: Timing) -> (Session, Line) {
+fn session(timing: LinkTiming) -> (Session, Line) {
     let line = board();
-    let session = Session::start(line.device(timing), Needs::default(), POLICY).unwrap();
-    until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(State::Safe));
+    let session = Session::start(line.device(timing), SceneNeeds::default(), POLICY).unwrap();
+    until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(SafetyState::Safe));
     (session, line)
 }
 
@@ -72,13 +73,20 @@ fn drives() -> Vec<ChannelDrive> {
     vec![drive(0), drive(1)]
 }
 
-fn drive(session: &Session) -> impl Future<Output = Result<era::device::session::Driven, SessionError>> + '_ {
+fn drive(session: &Session) -> impl Future<Output = Result<era::device::session::DriveResult, SessionError>> + '_ {
     let hold = Duration::from_secs(9);
-    session.drive(DriveOrder { id: 1, stops: session.stops(), breaks: None, drives: drives(), hold, from_zero: false })
+    session.drive(DriveOrder {
+        id: 1,
+        stops: session.stop_count(),
+        breaks: None,
+        drives: drives(),
+        hold,
+        from_zero: false,
+    })
 }
 
 /// The same, once the board drives.
-fn driving(timing: Timing) -> (Session, Line) {
+fn driving(timing: LinkTiming) -> (Session, Line) {
     let (session, line) = session(timing);
     in_time(drive(&session)).unwrap();
     (session, line)
@@ -113,7 +121,7 @@ fn an_order_waits_for_one_answer_and_not_for_a_whole_look() {
         &ear.asked[since..]
     );
     drop(ear);
-    until(&session, |snapshot| snapshot.state() == Some(State::Running));
+    until(&session, |snapshot| snapshot.state() == Some(SafetyState::Running));
 }
 
 /// It says that rails have been measured below 60 V: nobody is told so beside rails that were measured before.
@@ -128,8 +136,8 @@ fn nobody_is_told_that_it_is_safe_beside_voltage_on_the_rails() {
         let is_answered = stop.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_ready();
         let deadline = Instant::now() + WAIT;
         loop {
-            let known = session.known();
-            let is_safe = known.state() == Some(State::Safe);
+            let known = session.current_snapshot();
+            let is_safe = known.state() == Some(SafetyState::Safe);
             assert!(!is_safe || rails_mv(&known) < SAFE_MV, "safe, with {} mV", rails_mv(&known));
             if is_safe {
                 break;
@@ -148,7 +156,7 @@ fn a_stop_is_answered_with_what_was_seen_after_it() {
     let (session, line) = session(FOREVER);
     line.set(|ear| ear.holds_at = Some(Request::Status));
     drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
-    let arm = given(session.arm(session.stops(), Instant::now()));
+    let arm = given(session.arm(session.stop_count(), Instant::now()));
     line.set(|ear| (ear.is_held, ear.holds_at) = (false, Some(Request::KeepAlive)));
     let ear = line.wait_for(|ear| ear.is_held && ear.waiting > 0);
     assert!(
@@ -157,7 +165,7 @@ fn a_stop_is_answered_with_what_was_seen_after_it() {
         ear.asked
     );
     drop(ear);
-    assert_eq!(session.known().state(), Some(State::Arming));
+    assert_eq!(session.current_snapshot().state(), Some(SafetyState::Arming));
     let stop = given(session.stop());
     let since = line.mark(|ear| ear.is_held = false);
     in_time(stop).unwrap();
@@ -166,11 +174,11 @@ fn a_stop_is_answered_with_what_was_seen_after_it() {
     assert!(asked[stopped..].contains(&Request::Status), "{asked:?}");
     in_time(arm).unwrap_err();
     assert_eq!(stops_since(&line, since), 1, "{asked:?}");
-    until(&session, |snapshot| snapshot.state() == Some(State::Safe));
+    until(&session, |snapshot| snapshot.state() == Some(SafetyState::Safe));
 }
 
 /// The higher of what is told of the rails.
-fn rails_mv(snapshot: &Snapshot) -> u32 {
+fn rails_mv(snapshot: &DeviceSnapshot) -> u32 {
     let told = snapshot.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());
     told.chain(snapshot.details.iter().flat_map(|details| details.rail_millivolts.iter())).copied().max().unwrap_or(0)
 }
@@ -192,7 +200,7 @@ fn stops_that_come_together_are_one_frame_and_all_are_answered() {
             in_time(stop).unwrap();
         }
         assert_eq!(stops_since(&line, since), 1, "{:?}", &line.ear().asked[since..]);
-        until(&session, |snapshot| snapshot.state() == Some(State::Safe));
+        until(&session, |snapshot| snapshot.state() == Some(SafetyState::Safe));
     }
 }
 
@@ -227,12 +235,12 @@ fn a_stop_is_sent_while_another_answer_is_waited_for() {
 
 /// Everything that would drive or arm, asked for when the board was not known to be in doubt.
 fn stale(session: &Session) -> [Answer<'_, ()>; 3] {
-    let effects = vec![Effect::click(3, 1); 2];
-    let effect = EffectOrder { id: 2, stops: session.stops(), drives: drives(), effects, start: None };
+    let effects = vec![Effect::new_click(3, 1); 2];
+    let effect = EffectOrder { id: 2, stops: session.stop_count(), drives: drives(), effects, start: None };
     [
         given(async move { drive(session).await.map(drop) }),
-        given(async move { session.play(effect).await.map(drop) }),
-        given(session.arm(session.stops(), Instant::now())),
+        given(async move { session.play_effect(effect).await.map(drop) }),
+        given(session.arm(session.stop_count(), Instant::now())),
     ]
 }
 
@@ -299,10 +307,10 @@ fn the_last_stop_is_heard_after_half_a_frame() {
 #[test]
 fn a_stop_that_comes_in_the_last_try_is_sent_after_it() {
     let line = board();
-    let mut client = line.device(tries(1)).client().unwrap();
+    let mut client = line.device(tries(1)).open_client().unwrap();
     line.set(|ear| ear.is_deaf = true);
-    let attention = Attention { in_doubt: &mut |_, _| {}, is_stopped: &|| true };
-    let answer = client.request_told(&Request::KeepAlive, attention);
+    let attention = WaitHooks { in_doubt: &mut |_, _| {}, is_stopped: &|| true };
+    let answer = client.request_or_stop(&Request::KeepAlive, attention);
     assert!(matches!(answer, Err(LinkError::Silent { .. })), "{answer:?}");
     assert_eq!(line.ear().asked, [Request::KeepAlive, Request::Stop]);
 }
@@ -324,25 +332,25 @@ fn the_end_of_a_session_is_a_stop() {
 #[test]
 fn a_board_that_is_live_on_connecting_is_stopped() {
     let line = board();
-    let mut knobs = Knobs::default();
+    let mut knobs = SimKnobs::default();
     knobs.mistakes.deaf_to_silence = true;
     line.sim().set_knobs(knobs);
-    let mut other = line.device(REAL_TIME).client().unwrap();
+    let mut other = line.device(REAL_TIME).open_client().unwrap();
     let until_it_is = |other: &mut Client, wanted| loop {
         match other.request(&Request::KeepAlive).unwrap() {
             Reply::Alive { state } if state == wanted => return,
-            Reply::Alive { state: State::Boot | State::Discharging | State::Arming } => {}
+            Reply::Alive { state: SafetyState::Boot | SafetyState::Discharging | SafetyState::Arming } => {}
             reply => panic!("{reply:?}"),
         }
     };
-    until_it_is(&mut other, State::Safe);
+    until_it_is(&mut other, SafetyState::Safe);
     other.request(&Request::Arm { deadman_ms: None }).unwrap();
-    until_it_is(&mut other, State::Armed);
+    until_it_is(&mut other, SafetyState::Armed);
     drop(other);
     let since = line.mark(|_| {});
-    let session = Session::start(line.device(REAL_TIME), Needs::default(), POLICY).unwrap();
+    let session = Session::start(line.device(REAL_TIME), SceneNeeds::default(), POLICY).unwrap();
     line.is_stopped_within(since, 2);
-    until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(State::Safe));
-    let snapshot = session.snapshots().borrow().clone();
+    until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(SafetyState::Safe));
+    let snapshot = session.subscribe_snapshots().borrow().clone();
     assert!(snapshot.outages == 0 && snapshot.status.unwrap().fault.is_none());
 }

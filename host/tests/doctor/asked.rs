@@ -1,6 +1,6 @@
 //! The command, beside a simulated device on a pseudo-terminal.
 
-use era::device::sim::{Defects, Knobs, Panel, SimControl, SimDevice};
+use era::device::sim::{Defects, SimControl, SimDevice, SimKnobs, SimPanel};
 use era::doctor::facts::Daemon;
 use era::planner::softening::Transducer;
 use era::transient::reduced::ModalSystem;
@@ -12,11 +12,11 @@ use std::time::Duration;
 
 fn device() -> SimDevice {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-    SimDevice::start(Panel::new(&none, vec![Transducer::fixed(0.0); 2]), vec![2000.0; 2]).unwrap()
+    SimDevice::start(SimPanel::new(&none, vec![Transducer::fixed(0.0); 2]), vec![2000.0; 2]).unwrap()
 }
 
 fn spoil(control: &SimControl, defects: Defects) {
-    control.set_knobs(Knobs { defects, ..Knobs::default() });
+    control.set_knobs(SimKnobs { defects, ..SimKnobs::default() });
 }
 
 /// Findings by check, and the exit code; the address is one where nobody listens.
@@ -39,28 +39,28 @@ fn of<'a>(findings: &'a [Value], check: &str) -> &'a Value {
 #[test]
 fn a_device_that_is_well_is_heard_and_not_armed() {
     let device = device();
-    let (findings, code) = doctor(&["--device", device.path()]);
+    let (findings, code) = doctor(&["--device", device.port_path()]);
     assert_eq!(code, Some(0), "{findings:?}");
     for check in ["config", "permission", "port", "firmware", "fault", "interlock", "supply", "clock"] {
         assert_eq!(of(&findings, check)["verdict"], "ok", "{findings:?}");
     }
     assert!(of(&findings, "fault")["found"].as_str().unwrap().contains("safe"), "{findings:?}");
-    assert!(device.control().drives_received().is_none());
+    assert!(device.control().drives_received_at().is_none());
 }
 
 #[test]
 fn open_loops_a_silent_line_and_a_held_port_are_told() {
     let device = device();
     spoil(&device.control(), Defects { interlock_open: true, ..Defects::default() });
-    let (findings, code) = doctor(&["--device", device.path()]);
+    let (findings, code) = doctor(&["--device", device.port_path()]);
     assert!(code == Some(1) && of(&findings, "interlock")["verdict"] == "problem", "{findings:?}");
-    device.control().set_knobs(Knobs { silent: true, ..Knobs::default() });
-    let (findings, code) = doctor(&["--device", device.path()]);
+    device.control().set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
+    let (findings, code) = doctor(&["--device", device.port_path()]);
     assert!(code == Some(1) && of(&findings, "firmware")["verdict"] == "problem", "{findings:?}");
     // Somebody has the port: it is not touched, and it is said who.
-    device.control().set_knobs(Knobs::default());
-    let held = serialport::new(device.path(), 115_200).timeout(Duration::from_millis(10)).open().unwrap();
-    let (findings, code) = doctor(&["--device", device.path()]);
+    device.control().set_knobs(SimKnobs::default());
+    let held = serialport::new(device.port_path(), 115_200).timeout(Duration::from_millis(10)).open().unwrap();
+    let (findings, code) = doctor(&["--device", device.port_path()]);
     let port = of(&findings, "port");
     let told = port["found"].as_str().unwrap();
     assert!(code == Some(1) && told.contains(&format!("process {}", std::process::id())), "{findings:?}");
@@ -100,7 +100,7 @@ impl Drop for Running {
 fn a_daemon_is_asked_in_place_of_its_board() {
     let device = device();
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--device", device.path()]);
+    command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--device", device.port_path()]);
     command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
     let mut daemon = Running(command.spawn().unwrap());
     let mut lines = BufReader::new(daemon.0.stderr.take().unwrap()).lines().map_while(Result::ok);
@@ -117,7 +117,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
         }
     });
     let (heard, port) = found.expect("the daemon tells of its device");
-    assert_eq!((port.as_str(), heard.protocol), (device.path(), Some(era_shared::protocol::CURRENT_VERSION)));
+    assert_eq!((port.as_str(), heard.protocol), (device.port_path(), Some(era_shared::protocol::CURRENT_VERSION)));
     assert!(heard.supply.is_some_and(|supply| supply.interlock_closed && supply.rail_v.len() == 2));
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("era.toml");
@@ -142,10 +142,10 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     };
     let (told, code) = asked(&["arm"]);
     assert!(code == Some(0) && told.contains(": armed"), "{told}");
-    device.control().set_knobs(Knobs { silent: true, ..Knobs::default() });
+    device.control().set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     // The board's dead-man time, four times over.
     std::thread::sleep(Duration::from_secs(1));
-    device.control().set_knobs(Knobs::default());
+    device.control().set_knobs(SimKnobs::default());
     let found = (0..100).any(|_| {
         std::thread::sleep(Duration::from_millis(50));
         let (told, code) = asked(&["doctor", "--device", "sim"]);
@@ -156,7 +156,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     assert_eq!(asked(&["clear"]).1, Some(0));
     assert!(!asked(&["state"]).0.contains("fault 0"));
     // A board that was away waits for a person, unless the daemon was told otherwise; everybody says for whom.
-    device.control().restart();
+    device.control().request_restart();
     let found = (0..100).any(|_| {
         std::thread::sleep(Duration::from_millis(50));
         let (told, code) = asked(&["doctor", "--device", "sim"]);

@@ -2,7 +2,7 @@
 
 use era::device::usb_ids::{BOARD, BOARD_NAME};
 use era::doctor::facts::{
-    Access, Answer, Chosen, Clock, Daemon, Fault, File, Heard, Holder, Port, Rule, Supply, Usb, Wanted,
+    Answer, Chosen, Clock, Daemon, Fault, File, Heard, Port, PortAccess, PortHolder, Rule, Supply, Usb, Wanted,
 };
 use era::doctor::{Facts, Finding, Verdict, judge};
 use era_shared::protocol::{CURRENT_VERSION, FaultCode};
@@ -42,7 +42,7 @@ fn well() -> Facts {
         realtime: Some(20),
         chosen: Some(Chosen {
             path: PATH.into(),
-            access: Access { group: Some("plugdev".into()), is_member: true },
+            access: PortAccess { group: Some("plugdev".into()), is_member: true },
             holders: Vec::new(),
             answer: Answer::Heard(well_heard()),
         }),
@@ -156,7 +156,7 @@ fn the_numbers_alone_make_no_board() {
 fn troubles_of_the_port_are_told() {
     let denied = |facts: &mut Facts| {
         answer(facts, Answer::Denied);
-        facts.chosen.as_mut().unwrap().access = Access { group: Some("dialout".into()), is_member: false };
+        facts.chosen.as_mut().unwrap().access = PortAccess { group: Some("dialout".into()), is_member: false };
     };
     is(
         &after("permission", denied),
@@ -176,7 +176,7 @@ fn troubles_of_the_port_are_told() {
     );
     let held = |facts: &mut Facts| {
         answer(facts, Answer::NotAsked);
-        facts.chosen.as_mut().unwrap().holders = vec![Holder { pid: 4711, name: "minicom".into() }];
+        facts.chosen.as_mut().unwrap().holders = vec![PortHolder { pid: 4711, name: "minicom".into() }];
     };
     is(&after("port", held), Problem, &["minicom (process 4711)"]);
     is(&after("port", |facts| answer(facts, Answer::Busy)), Problem, &["held by another program"]);
@@ -241,7 +241,7 @@ fn troubles_of_the_board_are_told() {
 fn a_running_daemon_answers_for_its_board() {
     let mut facts = well();
     answer(&mut facts, Answer::NotAsked);
-    let holder = Holder { pid: 900, name: "era".into() };
+    let holder = PortHolder { pid: 900, name: "era".into() };
     facts.chosen.as_mut().unwrap().holders = vec![holder];
     let runs = |problem: Option<&str>, fault: Option<Fault>, version: &str| Daemon::Runs {
         version: version.into(),
@@ -257,7 +257,7 @@ fn a_running_daemon_answers_for_its_board() {
     assert!(findings.iter().any(|finding| finding.check == "interlock"));
     // Somebody else reads what the board says to the daemon.
     let mut shared = facts.clone();
-    shared.chosen.as_mut().unwrap().holders.push(Holder { pid: 901, name: "cat".into() });
+    shared.chosen.as_mut().unwrap().holders.push(PortHolder { pid: 901, name: "cat".into() });
     let findings = judge(&shared);
     let port = findings.iter().find(|finding| finding.check == "port").unwrap();
     assert!(port.verdict == Problem && port.found.contains("cat (process 901)"), "{port:?}");

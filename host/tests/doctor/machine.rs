@@ -1,7 +1,7 @@
 //! What is read of a machine: one of a few files, planted.
 #![cfg(target_os = "linux")]
 
-use era::doctor::machine::{access, find_modem_manager, find_rules, holders, read_realtime_limit};
+use era::doctor::machine::{find_modem_manager, find_port_holders, find_rules, read_port_access, read_realtime_limit};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
@@ -37,7 +37,7 @@ fn rules_about_the_board_are_found_wherever_they_are() {
 fn processes_are_found_by_name_and_by_what_they_have_open() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    assert_eq!((find_modem_manager(root), holders(root, "/dev/null")), (None, Vec::new()));
+    assert_eq!((find_modem_manager(root), find_port_holders(root, "/dev/null")), (None, Vec::new()));
     let port = root.join("ttyACM0");
     std::fs::write(&port, "").unwrap();
     for (pid, name, open) in [(12, "ModemManager", "/dev/null"), (345, "minicom", port.to_str().unwrap())] {
@@ -51,7 +51,7 @@ fn processes_are_found_by_name_and_by_what_they_have_open() {
     let other = root.join("by-id");
     symlink(&port, &other).unwrap();
     for path in [&port, &other] {
-        let found = holders(root, path.to_str().unwrap());
+        let found = find_port_holders(root, path.to_str().unwrap());
         assert!(found.len() == 1 && found[0].pid == 345 && found[0].name == "minicom", "{found:?}");
     }
 }
@@ -62,7 +62,7 @@ fn who_asks_does_not_hold() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("port");
     let _open = std::fs::File::create(&path).unwrap();
-    assert!(holders(Path::new("/"), path.to_str().unwrap()).is_empty());
+    assert!(find_port_holders(Path::new("/"), path.to_str().unwrap()).is_empty());
 }
 
 #[test]
@@ -87,15 +87,15 @@ fn limits_and_groups_are_read() {
     let group = std::fs::metadata(&port).unwrap().gid();
     plant(root, "etc/group", &format!("nobody:x:99999:\nhaptics:x:{group}:ann,bob\n"));
     plant(root, "proc/self/status", &format!("Name:\tera\nGid:\t1 1 1 1\nGroups:\t7 {group}\n"));
-    let found = access(root, port.to_str().unwrap());
+    let found = read_port_access(root, port.to_str().unwrap());
     assert!(found.group.as_deref() == Some("haptics") && found.is_member, "{found:?}");
     plant(root, "proc/self/status", "Gid:\t99998 99998\nGroups:\t\n");
-    assert!(!access(root, port.to_str().unwrap()).is_member);
-    assert_eq!(access(root, "/nowhere/port").group, None);
+    assert!(!read_port_access(root, port.to_str().unwrap()).is_member);
+    assert_eq!(read_port_access(root, "/nowhere/port").group, None);
     // A group that may not use the port helps nobody; root's would give much more than a port.
     set_mode(0o600);
-    assert_eq!(access(root, port.to_str().unwrap()).group, None);
+    assert_eq!(read_port_access(root, port.to_str().unwrap()).group, None);
     set_mode(0o660);
     plant(root, "etc/group", &format!("root:x:{group}:\n"));
-    assert_eq!(access(root, port.to_str().unwrap()).group, None);
+    assert_eq!(read_port_access(root, port.to_str().unwrap()).group, None);
 }

@@ -4,7 +4,7 @@ use crate::elf::{flash_contents, version};
 use era::flash::check::{CheckError, OnBoard, check_idle, check_image};
 use era::flash::image::Image;
 use era_shared::protocol::{BoardKind, CURRENT_VERSION};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 
 fn image(protocol: (u8, u8)) -> Image {
     Image::from_flash(flash_contents(version(1, b"0123abcd"), protocol, 5000, 3)).unwrap()
@@ -47,8 +47,8 @@ fn a_step_back_in_the_protocol_needs_force() {
 
 #[test]
 fn a_board_that_is_in_use_is_left_alone() {
-    for state in State::ALL {
-        let off = matches!(state, State::Boot | State::Safe | State::Fault);
+    for state in SafetyState::ALL {
+        let off = matches!(state, SafetyState::Boot | SafetyState::Safe | SafetyState::Fault);
         assert_eq!(check_idle(state).is_ok(), off, "{state:?}");
     }
 }

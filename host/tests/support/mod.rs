@@ -10,8 +10,8 @@ pub mod served;
 pub mod timed_board;
 
 use era::daemon::{Access, App, Background, Recorder};
-use era::device::session::policy::Policy;
-use era::device::sim::{Panel, SimControl};
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::{SimControl, SimPanel};
 use era::device::{OpenDevice, Target};
 use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
@@ -46,27 +46,27 @@ fn served_table(text: &str) -> PlanTable {
 }
 
 /// A scene's simulated panel, and the voltages of its channels.
-pub fn panel_of(table: &PlanTable) -> (Panel, Vec<f64>) {
-    (Panel::of(table), table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect())
+pub fn panel_of(table: &PlanTable) -> (SimPanel, Vec<f64>) {
+    (SimPanel::from_plan_table(table), table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect())
 }
 
 /// Two actuators on a panel that nothing moves: no model has to be made for it.
-pub fn still_panel() -> Panel {
+pub fn still_panel() -> SimPanel {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-    Panel::new(&none, vec![Transducer::fixed(0.0); 2])
+    SimPanel::new(&none, vec![Transducer::fixed(0.0); 2])
 }
 
 impl Daemon {
     /// The daemon on a scene, once its device answers.
     pub fn start(scene: &str) -> Self {
-        Self::start_with(scene, Policy::default(), Access::default())
+        Self::start_with(scene, SessionPolicy::default(), Access::default())
     }
 
     /// The same with what it does without being asked, and who may do what.
-    pub fn start_with(scene: &str, policy: Policy, access: Access) -> Self {
+    pub fn start_with(scene: &str, policy: SessionPolicy, access: Access) -> Self {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim().unwrap();
+        let sim = device.sim_control().unwrap();
         let daemon = Self::of(table, scene, device, sim, policy, access);
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
@@ -90,8 +90,8 @@ impl Daemon {
     fn app_and_sim(scene: &str, access: Access) -> (App, SimControl) {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim().unwrap();
-        (App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap(), sim)
+        let sim = device.sim_control().unwrap();
+        (App::with(table, device, scene.to_owned(), SessionPolicy::default(), access).unwrap(), sim)
     }
 
     /// The same behind tokens, once its device answers.
@@ -108,12 +108,19 @@ impl Daemon {
     }
 
     /// The daemon with a board at a serial port's path, which may be there or not.
-    pub fn at(scene: &str, path: &str, policy: Policy) -> Self {
-        let device = OpenDevice::absent(&Target::Serial(path.into())).unwrap();
+    pub fn at(scene: &str, path: &str, policy: SessionPolicy) -> Self {
+        let device = OpenDevice::new_unconnected(&Target::Serial(path.into())).unwrap();
         Self::of(served_table(scene), scene, device, SimControl::default(), policy, Access::default())
     }
 
-    fn of(table: PlanTable, scene: &str, device: OpenDevice, sim: SimControl, policy: Policy, access: Access) -> Self {
+    fn of(
+        table: PlanTable,
+        scene: &str,
+        device: OpenDevice,
+        sim: SimControl,
+        policy: SessionPolicy,
+        access: Access,
+    ) -> Self {
         let app = App::with(table, device, scene.to_owned(), policy, access).unwrap();
         let background = Background::start(app).unwrap();
         Self { url: format!("http://{}", background.address()), sim, background: Some(background) }

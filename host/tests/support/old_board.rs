@@ -2,8 +2,8 @@
 
 use super::still_panel;
 use era::device::sim::{Clock, SimBoard};
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::device::{Device, LinkReceiver};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{BoardKind, Refusal, Reply};
 use era_shared::safety::LinkId;
 use serialport::{SerialPort, TTYPort};
@@ -17,7 +17,7 @@ pub struct Board {
     current: u8,
     device: Device,
     board: SimBoard,
-    port: Port,
+    port: LinkReceiver,
     decoder: Decoder,
     answers: VecDeque<u8>,
 }
@@ -29,10 +29,10 @@ impl Board {
 
     /// The same, which says that it is such a board.
     pub fn posing_as(kind: BoardKind, min: u8, current: u8) -> Self {
-        let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Wall(Instant::now())).posing_as(kind);
+        let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Wall(Instant::now())).with_board_kind(kind);
         let mut device = Device::new();
-        device.start(&mut board);
-        let (port, decoder) = (Port::new(LinkId(0)), Decoder::new());
+        device.complete_boot(&mut board);
+        let (port, decoder) = (LinkReceiver::new(LinkId(0)), Decoder::new());
         Self { min, current, device, board, port, decoder, answers: VecDeque::new() }
     }
 }
@@ -42,18 +42,19 @@ impl Write for Board {
         let Self { min, current, answers, decoder, .. } = self;
         let (min, current) = (*min, *current);
         let mut refused = false;
-        decoder.feed(bytes, |frame| {
+        decoder.feed_bytes(bytes, |frame| {
             let Ok(frame) = frame else { return };
             if !(min..=current).contains(&frame.version) {
                 refused = true;
                 let refusal = Refusal::Version { got: frame.version, device_min: min, device_current: current };
                 let (mut out, reply) = ([0; MAX_ENCODED], Reply::Refused(refusal));
-                let length = encode(current, Kind::Reply, frame.sequence, &reply, &mut out).expect("it fits");
+                let length =
+                    encode_frame(current, FrameKind::Reply, frame.sequence, &reply, &mut out).expect("it fits");
                 answers.extend(&out[..length]);
             }
         });
         if !refused {
-            self.device.receive(&mut self.board, &mut self.port, bytes, |answer| {
+            self.device.receive_bytes(&mut self.board, &mut self.port, bytes, |answer| {
                 self.answers.extend(of_version(min, current, answer));
             });
         }
@@ -67,7 +68,7 @@ impl Write for Board {
 /// The same answer, with the versions of this board where it names any: the logic behind it is of the newest.
 fn of_version(min: u8, current: u8, answer: &[u8]) -> Vec<u8> {
     let mut changed = None;
-    Decoder::new().feed(answer, |frame| {
+    Decoder::new().feed_bytes(answer, |frame| {
         let Ok(frame) = frame else { return };
         let mut reply = postcard::from_bytes(frame.body);
         match &mut reply {
@@ -76,7 +77,8 @@ fn of_version(min: u8, current: u8, answer: &[u8]) -> Vec<u8> {
             _ => return,
         }
         let mut out = [0; MAX_ENCODED];
-        let length = encode(frame.version, Kind::Reply, frame.sequence, &reply.expect("just seen"), &mut out);
+        let length =
+            encode_frame(frame.version, FrameKind::Reply, frame.sequence, &reply.expect("just seen"), &mut out);
         changed = Some(out[..length.expect("it fits")].to_vec());
     });
     changed.unwrap_or_else(|| answer.to_vec())
@@ -84,7 +86,7 @@ fn of_version(min: u8, current: u8, answer: &[u8]) -> Vec<u8> {
 
 impl Read for Board {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.device.poll(&mut self.board);
+        self.device.poll_next_due_us(&mut self.board);
         if self.answers.is_empty() {
             std::thread::sleep(Duration::from_millis(1));
             return Err(ErrorKind::TimedOut.into());

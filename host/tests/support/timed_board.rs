@@ -4,10 +4,10 @@ use super::old_board::behind_a_terminal;
 use super::still_panel;
 use era::device::Client;
 use era::device::sim::{Clock, SimBoard};
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind};
+use era_shared::device::{Device, LinkReceiver};
+use era_shared::link::{Decoder, FrameKind};
 use era_shared::protocol::Request;
-use era_shared::safety::{LinkId, State};
+use era_shared::safety::{LinkId, SafetyState};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,7 +23,7 @@ pub struct TimedBoard(Arc<Mutex<Inner>>);
 pub struct Inner {
     device: Device,
     board: SimBoard,
-    port: Port,
+    port: LinkReceiver,
     decoder: Decoder,
     answers: VecDeque<u8>,
     now_us: u64,
@@ -45,11 +45,11 @@ impl TimedBoard {
     pub fn new() -> Self {
         let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Manual(0));
         let mut device = Device::new();
-        device.start(&mut board);
+        device.complete_boot(&mut board);
         Self(Arc::new(Mutex::new(Inner {
             device,
             board,
-            port: Port::new(LinkId(0)),
+            port: LinkReceiver::new(LinkId(0)),
             decoder: Decoder::new(),
             answers: VecDeque::new(),
             now_us: 0,
@@ -87,9 +87,9 @@ impl Inner {
             let next_us = self.due_us.clamp(self.now_us + 1, self.now_us + TICK_US);
             self.now_us = until_us.min(next_us);
             self.board.set_time_us(self.now_us);
-            self.due_us = self.device.poll(&mut self.board);
+            self.due_us = self.device.poll_next_due_us(&mut self.board);
         }
-        self.has_run |= self.device.state() == State::Running;
+        self.has_run |= self.device.state() == SafetyState::Running;
     }
 
     pub fn now_us(&self) -> u64 {
@@ -110,8 +110,8 @@ impl Write for TimedBoard {
         let mut inner = self.lock();
         inner.catch_up();
         let mut plays = 0;
-        inner.decoder.feed(bytes, |frame| {
-            let request = frame.ok().filter(|frame| frame.kind == Kind::Request as u8);
+        inner.decoder.feed_bytes(bytes, |frame| {
+            let request = frame.ok().filter(|frame| frame.kind == FrameKind::Request as u8);
             let request = request.and_then(|frame| postcard::from_bytes::<Request>(frame.body).ok());
             plays += u32::from(matches!(request, Some(Request::Play { .. })));
         });
@@ -122,7 +122,7 @@ impl Write for TimedBoard {
         }
         inner.plays += plays;
         let Inner { device, board, port, answers, .. } = &mut *inner;
-        device.receive(board, port, bytes, |answer| answers.extend(answer));
+        device.receive_bytes(board, port, bytes, |answer| answers.extend(answer));
         Ok(bytes.len())
     }
     fn flush(&mut self) -> std::io::Result<()> {

@@ -4,7 +4,7 @@ use crate::preloaded::Preloaded;
 use crate::reader::Reader;
 use crate::{board, drive, touches_are_driven, wait_until};
 use era::device::Target;
-use era::device::sim::{Knobs, SimDevice};
+use era::device::sim::{SimDevice, SimKnobs};
 use era::flash::board::Board;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -19,18 +19,18 @@ fn a_session_is_not_held_by_a_port_that_does_not_open_or_close() {
         let daemon = &serving.daemon;
         preloaded.hold(call);
         // It is given up, and opened anew.
-        board.control().set_knobs(Knobs { silent: true, ..Knobs::default() });
+        board.control().set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
         let state = daemon.wait_for(|state| {
             let problem = state["device"]["problem"].as_str().unwrap_or_default();
             problem.contains("has not returned for")
         });
         let problem = state["device"]["problem"].as_str().unwrap();
-        assert!(problem.contains(board.path()), "{call}: {problem}");
+        assert!(problem.contains(board.port_path()), "{call}: {problem}");
         let begun = Instant::now();
         let (status, _, told) = daemon.post("/v1/stop", "");
         assert!(status == 502 && begun.elapsed() < Duration::from_secs(5), "{call}: {:?} {told}", begun.elapsed());
         assert!(told["detail"].as_str().unwrap().contains("has not returned for"), "{call}: {told}");
-        board.control().set_knobs(Knobs::default());
+        board.control().set_knobs(SimKnobs::default());
         preloaded.let_go(call);
         daemon.wait_for(|state| state["device"]["connected"] == true);
         touches_are_driven(daemon);
@@ -49,7 +49,7 @@ fn whoever_asks_a_session_that_is_held_is_answered() {
         let daemon = &serving.daemon;
         drive(daemon);
         preloaded.hold(call);
-        wait_until("the board is off", || !board.control().watch().energised);
+        wait_until("the board is off", || !board.control().self_observations().energised);
         let begun = Instant::now();
         let (status, _, told) = daemon.post("/v1/stop", "");
         assert!(status >= 500 && begun.elapsed() < Duration::from_secs(15), "{call}: {:?} {told}", begun.elapsed());
@@ -69,10 +69,10 @@ fn a_daemon_ends_though_its_port_does_not_close() {
     let serving = preloaded.serving(&board, &[]);
     drive(&serving.daemon);
     preloaded.hold("close");
-    let (before, begun) = (board.control().stop_received(), Instant::now());
+    let (before, begun) = (board.control().stop_received_at(), Instant::now());
     serving.end();
     assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
-    assert_ne!(board.control().stop_received(), before);
+    assert_ne!(board.control().stop_received_at(), before);
 }
 
 /// A board that may be live is told to stop, and its port is given up, before anything that takes time: here the look at all programs, for the one
@@ -81,13 +81,13 @@ fn a_daemon_ends_though_its_port_does_not_close() {
 fn a_port_is_given_up_before_it_is_looked_who_has_it_open() {
     let board = board();
     let preloaded = Preloaded::new();
-    let mut reader = Reader::with_open(board.path());
+    let mut reader = Reader::with_open(board.port_path());
     let serving = preloaded.serving(&board, &[]);
     let daemon = &serving.daemon;
     drive(daemon);
     preloaded.hold("opendir");
     reader.reads();
-    wait_until("the port is given up", || !serving.has_open(board.path()));
+    wait_until("the port is given up", || !serving.has_open(board.port_path()));
     assert!(!daemon.state().to_string().contains(&reader.name()), "it has looked");
     preloaded.let_go("opendir");
     daemon.wait_for(|state| state["device"]["problem"].to_string().contains(&reader.name()));
@@ -100,8 +100,12 @@ fn the_doctor_ends_though_a_call_does_not_return() {
     let board = board();
     let preloaded = Preloaded::new();
     for call in ["open", "ioctl", "flock", "read", "write", "close"] {
-        let told =
-            told_while_held(&preloaded, &board, call, &[env!("CARGO_BIN_EXE_era"), "doctor", "--device", board.path()]);
+        let told = told_while_held(
+            &preloaded,
+            &board,
+            call,
+            &[env!("CARGO_BIN_EXE_era"), "doctor", "--device", board.port_path()],
+        );
         // It has all its answers when it closes the port.
         assert!(told.contains("PROBLEM") || call == "close", "{call}: {told}");
     }

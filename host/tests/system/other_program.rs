@@ -14,12 +14,12 @@ use std::time::{Duration, Instant};
 #[test]
 fn a_session_survives_a_program_that_takes_its_answers() {
     let board = board();
-    let mut reader = Reader::with_open(board.path());
+    let mut reader = Reader::with_open(board.port_path());
     let serving = Serving::start(&board, &[]);
     let daemon = &serving.daemon;
     drive(daemon);
     reader.reads();
-    wait_until("the board is off", || !board.control().watch().energised);
+    wait_until("the board is off", || !board.control().self_observations().energised);
     let state = daemon.wait_for(|state| state["device"]["outages"] == 1);
     let problem = state["device"]["problem"].as_str().unwrap();
     assert!(problem.contains(&reader.name()) && problem.contains("end it"), "{problem}");
@@ -43,12 +43,12 @@ fn a_session_survives_a_program_that_takes_its_answers() {
 #[test]
 fn the_doctor_and_the_flasher_end_and_name_the_program() {
     let board = board();
-    let mut reader = Reader::with_open(board.path());
+    let mut reader = Reader::with_open(board.port_path());
     reader.reads();
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask_board(board.path()) else { panic!("it answers") };
+    let Answer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
     assert!(told.contains(&reader.name()), "{told}");
-    let Err(error) = Board::open(&Target::Serial(board.path().into())) else { panic!("it answers") };
+    let Err(error) = Board::open(&Target::Serial(board.port_path().into())) else { panic!("it answers") };
     assert!(error.to_string().contains(&reader.name()), "{error}");
     assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
 }
@@ -58,11 +58,11 @@ fn the_doctor_and_the_flasher_end_and_name_the_program() {
 fn a_line_that_takes_nothing_is_told() {
     let board = board();
     let stop = "import sys, termios; termios.tcflow(0, termios.TCOOFF)";
-    let port = std::fs::File::open(board.path()).unwrap();
+    let port = std::fs::File::open(board.port_path()).unwrap();
     assert!(Command::new("python3").args(["-c", stop]).stdin(port).status().unwrap().success());
-    let keeps = Reader::with_open(board.path());
+    let keeps = Reader::with_open(board.port_path());
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask_board(board.path()) else { panic!("it answers") };
+    let Answer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
     assert!(told.contains("took no bytes") && told.contains("sh (process"), "{told}");
     assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
     drop(keeps);
@@ -74,7 +74,7 @@ fn a_port_in_use_is_told_as_one() {
     let board = board();
     let holder = hold(&board);
     let pid = holder.0.id();
-    let path = board.path().to_owned();
+    let path = board.port_path().to_owned();
     let named = format!("(process {pid})");
     let is_told = |text: &str| {
         assert!(text.contains(&named) && text.contains("in use"), "{text}");
@@ -82,8 +82,11 @@ fn a_port_in_use_is_told_as_one() {
     };
     let Err(error) = Board::open(&Target::Serial(path.clone())) else { panic!("it is open twice") };
     is_told(&error.to_string());
-    let daemon =
-        crate::support::Daemon::at(era::scene::EXAMPLE_PLATE, &path, era::device::session::policy::Policy::default());
+    let daemon = crate::support::Daemon::at(
+        era::scene::EXAMPLE_PLATE,
+        &path,
+        era::device::session::policy::SessionPolicy::default(),
+    );
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
     is_told(state["device"]["problem"].as_str().unwrap());
     let (_, _, told) = daemon.post("/v1/touch", TOUCH);
@@ -112,7 +115,8 @@ fn hold(board: &SimDevice) -> Holder {
                   print('held', flush=True)\n\
                   time.sleep(600)";
     let mut command = Command::new("python3");
-    let mut child = command.args(["-c", script, board.path()]).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let mut child =
+        command.args(["-c", script, board.port_path()]).stdout(std::process::Stdio::piped()).spawn().unwrap();
     let mut line = String::new();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.as_mut().unwrap()), &mut line).unwrap();
     assert_eq!(line, "held\n");

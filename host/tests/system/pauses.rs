@@ -40,9 +40,9 @@ fn a_sleep_ends_what_was_driven_and_armed() {
         } else {
             wait_until("it is armed", || serving.daemon.post("/v1/arm", "").0 == 200);
         }
-        let before = board.control().stop_received();
+        let before = board.control().stop_received_at();
         preloaded.set_ahead("boottime", hours * 3600);
-        wait_until("a stop is heard", || board.control().stop_received() != before);
+        wait_until("a stop is heard", || board.control().stop_received_at() != before);
         waits_for_a_person(&serving);
     }
     let log = serving.end();
@@ -60,8 +60,8 @@ fn what_comes_while_the_process_is_held_is_not_driven() {
             drive(&serving.daemon);
         }
         serving.signal("STOP");
-        wait_until("the board is off", || !board.control().watch().energised);
-        let before = board.control().drives_received();
+        wait_until("the board is off", || !board.control().self_observations().energised);
+        let before = board.control().drives_received_at();
         let address = serving.daemon.url.trim_start_matches("http://").to_owned();
         let request = format!(
             "POST /v1/touch HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{TOUCH}",
@@ -77,7 +77,7 @@ fn what_comes_while_the_process_is_held_is_not_driven() {
         sent[0].read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503") || answer.starts_with("HTTP/1.1 409"), "{answer}");
         std::thread::sleep(Duration::from_millis(500));
-        assert_eq!(board.control().drives_received(), before, "{answer}");
+        assert_eq!(board.control().drives_received_at(), before, "{answer}");
         waits_for_a_person(&serving);
         serving.end();
     }
@@ -90,7 +90,7 @@ fn a_board_that_went_meanwhile_is_told() {
     // By a name of its own: what comes to be at the board's path is another's.
     let folder = tempfile::tempdir().unwrap();
     let port = folder.path().join("port");
-    std::os::unix::fs::symlink(board.path(), &port).unwrap();
+    std::os::unix::fs::symlink(board.port_path(), &port).unwrap();
     let serving = Serving::start_at(&[], port.to_str().unwrap(), board.control(), &[]);
     drive(&serving.daemon);
     serving.signal("STOP");

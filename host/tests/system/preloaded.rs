@@ -37,7 +37,7 @@ impl Preloaded {
             "env".into(),
             format!("LD_PRELOAD={}", self.library.display()),
             format!("HELD_DIR={}", self.folder.path().display()),
-            format!("HELD_PORT={}", board.path()),
+            format!("HELD_PORT={}", board.port_path()),
         ]
     }
 

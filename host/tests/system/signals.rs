@@ -22,10 +22,10 @@ fn every_signal_that_ends_the_daemon_stops_the_board() {
     ] {
         let serving = Serving::start_under(&BY, &board, &["--after-outage", "touch"]);
         drive(&serving.daemon);
-        let before = board.control().stop_received();
+        let before = board.control().stop_received_at();
         let log = serving.end_by(signal);
-        assert_ne!(board.control().stop_received(), before, "{signal}: no stop was heard");
-        assert!(!board.control().watch().energised, "{signal}");
+        assert_ne!(board.control().stop_received_at(), before, "{signal}: no stop was heard");
+        assert!(!board.control().self_observations().energised, "{signal}");
         // A real-time signal has a number alone.
         let name = if signal == "40" { "signal 40".into() } else { format!("SIG{signal}") };
         assert!(log.iter().any(|line| line.to_string().contains(&name)), "{signal}: {log:?}");
@@ -38,11 +38,11 @@ fn a_daemon_that_is_suspended_stops_the_board_first() {
     let board = board();
     let serving = Serving::start(&board, &["--after-outage", "touch"]);
     drive(&serving.daemon);
-    let before = board.control().stop_received();
+    let before = board.control().stop_received_at();
     serving.signal("TSTP");
     wait_until("it is suspended", || serving.is_suspended());
-    assert_ne!(board.control().stop_received(), before, "no stop was heard");
-    wait_until("the board is off", || !board.control().watch().energised);
+    assert_ne!(board.control().stop_received_at(), before, "no stop was heard");
+    wait_until("the board is off", || !board.control().self_observations().energised);
     serving.signal("CONT");
     touches_are_driven(&serving.daemon);
     serving.end();
@@ -64,9 +64,9 @@ fn signals_that_end_nothing_do_not() {
     serving.signal("TTIN");
     std::thread::sleep(Duration::from_millis(300));
     assert_eq!(serving.daemon.state()["device"]["state"], "running");
-    let before = board.control().stop_received();
+    let before = board.control().stop_received_at();
     serving.end();
-    assert_ne!(board.control().stop_received(), before);
+    assert_ne!(board.control().stop_received_at(), before);
 }
 
 /// The command that has a daemon drive what was recorded: what it has begun is not driven on.
@@ -102,11 +102,11 @@ fn a_replay_that_is_ended_stops_what_it_has_begun() {
         ]);
         let mut replay = command.spawn().unwrap();
         serving.daemon.wait_for(|state| state["device"]["state"] == "running");
-        let before = board.control().stop_received();
+        let before = board.control().stop_received_at();
         let id = replay.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
         assert_eq!(replay.wait().unwrap().code(), Some(1), "{signal}");
-        assert_ne!(board.control().stop_received(), before, "{signal}");
+        assert_ne!(board.control().stop_received_at(), before, "{signal}");
     }
     serving.end();
 }

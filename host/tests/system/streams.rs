@@ -25,7 +25,7 @@ impl Running {
         let era = format!(
             "{} -v serve --listen {free} --socket none --accuracy fast --after-outage touch --device {}",
             env!("CARGO_BIN_EXE_era"),
-            board.path()
+            board.port_path()
         );
         let mut command = Command::new("sh");
         command.args(["-c", &script.replace("$era", &era)]);
@@ -48,12 +48,12 @@ impl Running {
 
     /// Ends it as a service manager does; the board has heard a stop, and the process has ended as one that was asked to.
     fn stop_and_check(mut self, board: &SimDevice) {
-        let before = board.control().stop_received();
+        let before = board.control().stop_received_at();
         assert!(Command::new("kill").arg(self.process.id().to_string()).status().unwrap().success());
         let begun = Instant::now();
         let status = self.process.wait().unwrap();
         assert!(status.success() && begun.elapsed() < Duration::from_secs(10), "{status} {:?}", begun.elapsed());
-        assert_ne!(board.control().stop_received(), before);
+        assert_ne!(board.control().stop_received_at(), before);
     }
 }
 
@@ -94,7 +94,7 @@ fn a_log_that_is_stuck_holds_nothing_up() {
     let stuck = running.process.stdout.take();
     running.drives();
     // Restarts, refusals and faults are logged, by the thread that keeps the board alive.
-    running.daemon.sim.restart();
+    running.daemon.sim.request_restart();
     assert_eq!(running.daemon.post("/v1/stop", "").0, 200);
     running.drives();
     let begun = Instant::now();
@@ -131,12 +131,12 @@ fn a_closed_terminal_stops_the_board() {
     std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).unwrap();
     let pid = line.trim().to_owned();
     running.drives();
-    let before = board.control().stop_received();
+    let before = board.control().stop_received_at();
     drop(running.process.stdin.take());
     wait_until("the daemon has ended", || {
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
         stat.is_empty() || stat.rsplit(')').next().unwrap().trim_start().starts_with('Z')
     });
-    assert_ne!(board.control().stop_received(), before, "no stop was heard");
-    assert!(!board.control().watch().energised);
+    assert_ne!(board.control().stop_received_at(), before, "no stop was heard");
+    assert!(!board.control().self_observations().energised);
 }

@@ -1,6 +1,6 @@
 //! Random touches on random panels: how often prediction and simulation agree, and why they differ where they do.
 
-use era::device::sim::{Panel, STEP_S};
+use era::device::sim::{STEP_S, SimPanel};
 use era::model::Accuracy;
 use era::model::levels::Levels;
 use era::planner::{PlanTable, TableOptions, Target};
@@ -76,7 +76,7 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
     let options = TableOptions::default();
     let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     let table = PlanTable::with_levels(&scene, levels, options).unwrap();
-    let panel = Panel::of(&table);
+    let panel = SimPanel::from_plan_table(&table);
     let mut random = Random::new(seed, !scene_number);
     let mut try_touch = |touch: u32| {
         let x_m = random.unit() * scene.surface.length_m;
@@ -85,7 +85,8 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
         let target = Target { x_m, y_m, intensity_g: Some(intensity_g) };
         let outcome = match compare(&table, &panel, target) {
             Ok(comparison) => {
-                let finer = || compare(&table, &Panel::of_with_step(&table, STEP_S / FINER), target).ok();
+                let finer =
+                    || compare(&table, &SimPanel::from_plan_table_with_step(&table, STEP_S / FINER), target).ok();
                 let reason = (verdict_on(&comparison) == Verdict::Outside).then(|| find_reason(&comparison, finer));
                 Outcome::Compared { comparison: Box::new(comparison), reason }
             }

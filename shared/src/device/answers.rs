@@ -6,12 +6,12 @@ use crate::board::Board;
 use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
 use crate::protocol::{
     AchievedDrive, BOOTLOADER_KEY, CURRENT_VERSION, ChannelCredit, ChannelDrive, ChannelStatus, ChargeRule,
-    CreditReply, Details, FaultCode, HelloReply, LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply,
-    TelemetryReply, Welcome,
+    CreditReply, DetailsReply, FaultCode, HelloReply, LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply,
+    TelemetryReply, WelcomeReply,
 };
-use crate::safety::{Budget, Event, LinkId};
-use crate::supply::charged;
-use crate::waveform::{DriveError, Effect, Goal, program};
+use crate::safety::{DriveBudget, LinkId, SafetyEvent};
+use crate::supply::charged_rail_fault_detail;
+use crate::waveform::{ChannelGoal, DriveError, Effect, compute_channel_program};
 use heapless::Vec;
 
 /// An effect may be asked for this long after its start, in us: the host's view of the board's clock is never that wrong.
@@ -22,7 +22,7 @@ const EARLIEST_US: u64 = 10_000_000;
 const BURST_MIN_MS: u16 = 1;
 
 impl Device {
-    pub(super) fn answer(
+    pub(super) fn answer_request(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -31,56 +31,60 @@ impl Device {
     ) -> Result<Reply, Refusal> {
         // Silence that has lasted too long is acted on before the frame that ends it: a late keep-alive must not
         // revive a drive.
-        self.poll(board);
+        self.poll_next_due_us(board);
         let now_us = board.now_us();
-        self.safety.heard(link, now_us);
+        self.safety.note_sign_of_life(link, now_us);
         match request {
-            Request::Hello { .. } if version >= 2 => Ok(Reply::Welcome(welcome(board))),
-            Request::Hello { .. } => Ok(Reply::Hello(hello(board))),
+            Request::Hello { .. } if version >= 2 => Ok(Reply::Welcome(build_welcome_reply(board))),
+            Request::Hello { .. } => Ok(Reply::Hello(build_hello_reply(board))),
             Request::Arm { deadman_ms } => {
-                let (deadman_ms, _) = self.arm(board, link, *deadman_ms, None, now_us)?;
+                let (deadman_ms, _) = self.arm_and_open_session(board, link, *deadman_ms, None, now_us)?;
                 Ok(Reply::Armed { deadman_ms })
             }
             Request::ArmWith { deadman_ms, burst_ms } => {
-                let (deadman_ms, burst_ms) = self.arm(board, link, *deadman_ms, *burst_ms, now_us)?;
+                let (deadman_ms, burst_ms) = self.arm_and_open_session(board, link, *deadman_ms, *burst_ms, now_us)?;
                 Ok(Reply::ArmedWith { deadman_ms, burst_ms })
             }
-            Request::Disarm => self.step(board, Event::Disarm, &Goals::default()).map(|()| Reply::Disarmed),
+            Request::Disarm => {
+                self.handle_event(board, SafetyEvent::Disarm, &Goals::default()).map(|()| Reply::Disarmed)
+            }
             Request::SetDrives { drives } => {
                 self.set_drives(board, link, drives, true).map(|achieved| Reply::DrivesSet { achieved })
             }
             Request::Prepare { drives } => {
                 self.set_drives(board, link, drives, false).map(|achieved| Reply::Prepared { achieved })
             }
-            Request::Play { channel, start_us, effect } => self.play(board, link, *channel, *start_us, effect, now_us),
-            Request::Stop => self.step(board, Event::Stop, &Goals::default()).map(|()| Reply::Stopped),
+            Request::Play { channel, start_us, effect } => {
+                self.queue_effect(board, link, *channel, *start_us, effect, now_us)
+            }
+            Request::Stop => self.handle_event(board, SafetyEvent::Stop, &Goals::default()).map(|()| Reply::Stopped),
             Request::KeepAlive => Ok(Reply::Alive { state: self.state() }),
-            Request::Status => Ok(Reply::Status(self.status(board, now_us))),
+            Request::Status => Ok(Reply::Status(self.build_status_reply(board, now_us))),
             Request::Faults => Ok(Reply::Faults { latched: self.safety.fault() }),
-            Request::ClearFaults => self.clear(board),
-            Request::Telemetry => Ok(Reply::Telemetry(self.telemetry(board, now_us))),
+            Request::ClearFaults => self.clear_fault(board),
+            Request::Telemetry => Ok(Reply::Telemetry(self.build_telemetry_reply(board, now_us))),
             Request::Clock => Ok(Reply::Clock { now_us: board.now_us() }),
-            Request::Details => Ok(Reply::Details(self.details(board))),
+            Request::Details => Ok(Reply::Details(self.build_details_reply(board))),
             Request::Log => {
                 let mut chunk = [0; LOG_CHUNK];
-                let count = board.take_log(&mut chunk).min(LOG_CHUNK);
+                let count = board.take_log_bytes(&mut chunk).min(LOG_CHUNK);
                 Ok(Reply::Log { bytes: chunk.iter().take(count).copied().collect() })
             }
             Request::Bootloader { key } if *key == BOOTLOADER_KEY => {
                 // In its bootloader the chip no longer holds what keeps the rails low, nor measures them.
-                if self.state().is_live() || charged(&board.sense()).is_some() {
+                if self.state().is_live() || charged_rail_fault_detail(&board.read_sensors()).is_some() {
                     return Err(Refusal::Live(self.state()));
                 }
-                self.step(board, Event::Stop, &Goals::default())?;
-                board.enter_bootloader();
+                self.handle_event(board, SafetyEvent::Stop, &Goals::default())?;
+                board.request_bootloader_restart();
                 Ok(Reply::Bootloader)
             }
             Request::Bootloader { .. } => Err(Refusal::Malformed),
-            Request::Credit => Ok(Reply::Credit(self.credit(board.info().channels.len()))),
+            Request::Credit => Ok(Reply::Credit(self.build_credit_reply(board.info().channels.len()))),
         }
     }
 
-    fn arm(
+    fn arm_and_open_session(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -88,7 +92,7 @@ impl Device {
         burst_ms: Option<u16>,
         now_us: u64,
     ) -> Result<(u16, u16), Refusal> {
-        if self.safety.held_by_other(link) {
+        if self.safety.is_armed_by_other_link(link) {
             return Err(Refusal::OtherLink);
         }
         let deadman_ms = deadman_ms.unwrap_or(DEADMAN_DEFAULT_MS);
@@ -99,9 +103,9 @@ impl Device {
         if !(BURST_MIN_MS..=BURST_MAX_MS).contains(&burst_ms) {
             return Err(Refusal::Burst { requested_ms: burst_ms, min_ms: BURST_MIN_MS, max_ms: BURST_MAX_MS });
         }
-        self.step(board, Event::Arm, &Goals::default())?;
+        self.handle_event(board, SafetyEvent::Arm, &Goals::default())?;
         self.safety.open_session(link, deadman_ms, now_us);
-        self.budget.limit_bursts(burst_ms);
+        self.budget.set_burst_limit(burst_ms);
         Ok((deadman_ms, burst_ms))
     }
 
@@ -112,7 +116,7 @@ impl Device {
         drives: &[ChannelDrive],
         continuous: bool,
     ) -> Result<Vec<AchievedDrive, MAX_CHANNELS>, Refusal> {
-        if self.safety.held_by_other(link) {
+        if self.safety.is_armed_by_other_link(link) {
             return Err(Refusal::OtherLink);
         }
         // All are computed and checked before any is applied.
@@ -129,20 +133,20 @@ impl Device {
             if place.is_some() {
                 return Err(Refusal::DuplicateChannel { channel: drive.channel });
             }
-            let program = program(limit, drive).map_err(refuse)?;
-            if let Some(wait_ms) = self.budget.wait_ms(index) {
+            let program = compute_channel_program(limit, drive).map_err(refuse)?;
+            if let Some(wait_ms) = self.budget.required_wait_ms(index) {
                 return Err(Refusal::Duty { channel: drive.channel, wait_ms });
             }
-            *place = Some(Goal { program, continuous });
+            *place = Some(ChannelGoal { program, continuous });
             // As long as `drives`, which has the same capacity.
             let _ = achieved.push(program.achieved);
         }
-        let event = if drives.is_empty() { Event::Rest } else { Event::Drive };
-        self.step(board, event, &goals)?;
+        let event = if drives.is_empty() { SafetyEvent::Rest } else { SafetyEvent::Drive };
+        self.handle_event(board, event, &goals)?;
         Ok(achieved)
     }
 
-    fn play(
+    fn queue_effect(
         &mut self,
         board: &mut impl Board,
         link: LinkId,
@@ -151,7 +155,7 @@ impl Device {
         effect: &Effect,
         now_us: u64,
     ) -> Result<Reply, Refusal> {
-        if self.safety.held_by_other(link) {
+        if self.safety.is_armed_by_other_link(link) {
             return Err(Refusal::OtherLink);
         }
         if !effect.is_valid() {
@@ -162,57 +166,57 @@ impl Device {
             return Err(Refusal::Start { start_us, now_us });
         }
         let index = usize::from(channel);
-        if let Some(wait_ms) = self.budget.wait_ms(index) {
+        if let Some(wait_ms) = self.budget.required_wait_ms(index) {
             return Err(Refusal::Duty { channel, wait_ms });
         }
         let state = self.state();
-        let not_now = Refusal::State { state, event: Event::Drive };
+        let not_now = Refusal::State { state, event: SafetyEvent::Drive };
         let sequencer = self.sequencer.as_mut().ok_or(not_now)?;
         if sequencer.goal(index).is_none() {
             return Err(Refusal::NoDrive { channel });
         }
-        if !sequencer.play(index, start_us, effect) {
+        if !sequencer.queue_effect(index, start_us, effect) {
             return Err(Refusal::QueueFull { channel });
         }
-        self.sequence(board).map_err(|(code, detail)| {
-            self.raise(board, code, detail, now_us);
+        self.write_due_preloads(board).map_err(|(code, detail)| {
+            self.raise_fault(board, code, detail, now_us);
             self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
         })?;
         Ok(Reply::Playing)
     }
 
-    fn clear(&mut self, board: &mut impl Board) -> Result<Reply, Refusal> {
+    fn clear_fault(&mut self, board: &mut impl Board) -> Result<Reply, Refusal> {
         if let Some(fault) = self.safety.fault() {
-            let senses = board.sense();
-            if let Some((code, detail)) = senses.trip {
+            let readings = board.read_sensors();
+            if let Some((code, detail)) = readings.trip {
                 // What tripped is told once; it must not be lost to a request.
                 let now_us = board.now_us();
-                self.raise(board, code, detail, now_us);
+                self.raise_fault(board, code, detail, now_us);
                 return Err(Refusal::StillThere(code));
             }
             let still_there = match fault.code {
-                FaultCode::InterlockOpen => !senses.interlock_closed,
-                FaultCode::EmergencyStop => !senses.stop_released,
-                FaultCode::EarthOpen => !senses.earth_bonded,
+                FaultCode::InterlockOpen => !readings.interlock_closed,
+                FaultCode::EmergencyStop => !readings.stop_released,
+                FaultCode::EarthOpen => !readings.earth_bonded,
                 FaultCode::OverCurrent
                 | FaultCode::OverVoltage
                 | FaultCode::RailImplausible
                 | FaultCode::RailCollapsed
                 | FaultCode::DischargeFailed
-                | FaultCode::ShortCircuit => charged(&senses).is_some(),
+                | FaultCode::ShortCircuit => charged_rail_fault_detail(&readings).is_some(),
                 _ => false,
             };
             if still_there {
                 return Err(Refusal::StillThere(fault.code));
             }
-            if self.still_charged && charged(&senses).is_some() {
+            if self.still_charged && charged_rail_fault_detail(&readings).is_some() {
                 return Err(Refusal::StillThere(FaultCode::DischargeFailed));
             }
         }
-        self.step(board, Event::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)
+        self.handle_event(board, SafetyEvent::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)
     }
 
-    fn status(&self, board: &impl Board, uptime_us: u64) -> StatusReply {
+    fn build_status_reply(&self, board: &impl Board, uptime_us: u64) -> StatusReply {
         let info = board.info();
         StatusReply {
             state: self.state(),
@@ -229,49 +233,51 @@ impl Device {
         }
     }
 
-    fn telemetry(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
+    fn build_telemetry_reply(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
         let millivolts = |drive: &Option<AchievedDrive>| drive.map_or(0, |drive| drive.voltage_millivolts);
         TelemetryReply {
             uptime_us,
             state: self.state(),
-            acceleration_peak_mm_per_s2: board.acceleration_peak_mm_per_s2(),
+            acceleration_peak_mm_per_s2: board.take_peak_acceleration_mm_per_s2(),
             rail_millivolts: self.active.iter().take(board.info().channels.len()).map(millivolts).collect(),
         }
     }
 
-    fn credit(&self, channels: usize) -> CreditReply {
+    fn build_credit_reply(&self, channel_count: usize) -> CreditReply {
         let credit = |channel| ChannelCredit {
-            left_ms: self.budget.credit_ms(channel),
-            charge_ppm: self.budget.charge(channel).ppm(),
+            left_ms: self.budget.remaining_credit_ms(channel),
+            charge_ppm: self.budget.last_charge(channel).as_ppm(),
         };
         CreditReply {
             rule: ChargeRule::ForceSquared,
-            earned_ppm: Budget::EARNED_PPM,
-            channels: (0..channels.min(MAX_CHANNELS)).map(credit).collect(),
+            earned_ppm: DriveBudget::EARNED_PPM,
+            channels: (0..channel_count.min(MAX_CHANNELS)).map(credit).collect(),
         }
     }
 
-    fn details(&mut self, board: &mut impl Board) -> Details {
-        let senses = board.sense();
-        if let Some((code, detail)) = senses.trip {
+    fn build_details_reply(&mut self, board: &mut impl Board) -> DetailsReply {
+        let readings = board.read_sensors();
+        if let Some((code, detail)) = readings.trip {
             // What tripped is told once; it must not be lost to a question.
             let now_us = board.now_us();
-            self.raise(board, code, detail, now_us);
+            self.raise_fault(board, code, detail, now_us);
         }
-        Details {
+        DetailsReply {
             state: self.state(),
             set_point_millivolts: self.supply.set_point_millivolts,
-            rail_millivolts: senses.rail_millivolts,
-            average_microamps: senses.average_microamps,
-            interlock_closed: senses.interlock_closed,
-            stop_released: senses.stop_released,
-            earth_bonded: senses.earth_bonded,
-            credit_ms: (0..board.info().channels.len()).map(|channel| self.budget.credit_ms(channel)).collect(),
+            rail_millivolts: readings.rail_millivolts,
+            average_microamps: readings.average_microamps,
+            interlock_closed: readings.interlock_closed,
+            stop_released: readings.stop_released,
+            earth_bonded: readings.earth_bonded,
+            credit_ms: (0..board.info().channels.len())
+                .map(|channel| self.budget.remaining_credit_ms(channel))
+                .collect(),
         }
     }
 }
 
-fn hello(board: &impl Board) -> HelloReply {
+fn build_hello_reply(board: &impl Board) -> HelloReply {
     let info = board.info();
     HelloReply {
         protocol_min: MIN_VERSION,
@@ -286,9 +292,9 @@ fn hello(board: &impl Board) -> HelloReply {
     }
 }
 
-fn welcome(board: &impl Board) -> Welcome {
+fn build_welcome_reply(board: &impl Board) -> WelcomeReply {
     let info = board.info();
-    Welcome {
+    WelcomeReply {
         protocol_min: MIN_VERSION,
         protocol_current: CURRENT_VERSION,
         board: info.board,

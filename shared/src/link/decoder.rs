@@ -38,14 +38,14 @@ impl Decoder {
         Self { buffer: [0; MAX_ENCODED - 1], length: 0, overflowed: false }
     }
 
-    /// Forgets a frame that was begun.
-    pub fn reset(&mut self) {
+    /// Discards the bytes of an incomplete frame.
+    pub fn discard_partial_frame(&mut self) {
         self.length = 0;
         self.overflowed = false;
     }
 
-    /// Takes one byte; at the end of a frame gives it, or why it is none.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, DecodeError>> {
+    /// Takes one byte. The byte that ends a frame returns the frame, or why the bytes are none.
+    pub fn push_byte(&mut self, byte: u8) -> Option<Result<Frame<'_>, DecodeError>> {
         if byte != 0 {
             match self.buffer.get_mut(self.length) {
                 Some(place) => {
@@ -57,26 +57,26 @@ impl Decoder {
             return None;
         }
         let (length, overflowed) = (self.length, self.overflowed);
-        self.reset();
+        self.discard_partial_frame();
         if overflowed {
             return Some(Err(DecodeError::TooLong));
         }
         if length == 0 {
             return None;
         }
-        Some(self.finish(length))
+        Some(self.decode_buffered_frame(length))
     }
 
-    /// Feeds `bytes` and calls `each` for every frame, or broken stretch, that ends in them.
-    pub fn feed(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Frame<'_>, DecodeError>)) {
+    /// Takes `bytes` and calls `on_frame` for every frame, or broken stretch, that ends in them.
+    pub fn feed_bytes(&mut self, bytes: &[u8], mut on_frame: impl FnMut(Result<Frame<'_>, DecodeError>)) {
         for &byte in bytes {
-            if let Some(result) = self.push(byte) {
-                each(result);
+            if let Some(result) = self.push_byte(byte) {
+                on_frame(result);
             }
         }
     }
 
-    fn finish(&mut self, length: usize) -> Result<Frame<'_>, DecodeError> {
+    fn decode_buffered_frame(&mut self, length: usize) -> Result<Frame<'_>, DecodeError> {
         let stuffed = self.buffer.get_mut(..length).ok_or(DecodeError::TooLong)?;
         let raw_length = cobs::decode_in_place(stuffed).map_err(|_| DecodeError::Stuffing)?;
         let raw = self.buffer.get(..raw_length).ok_or(DecodeError::Stuffing)?;

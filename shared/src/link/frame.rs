@@ -22,20 +22,20 @@ pub const MAX_ENCODED: usize = MAX_RAW + MAX_RAW / 254 + 1 + 1;
 /// What a frame's body is. The numbers are wire format: never change or reuse one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Kind {
+pub enum FrameKind {
     /// Host to device: a [`crate::protocol::Request`].
     Request = 1,
     /// Device to host, with the request's sequence number: a [`crate::protocol::Reply`].
     Reply = 2,
 }
 
-impl TryFrom<u8> for Kind {
+impl TryFrom<u8> for FrameKind {
     type Error = u8;
 
     fn try_from(byte: u8) -> Result<Self, u8> {
         match byte {
-            1 => Ok(Kind::Request),
-            2 => Ok(Kind::Reply),
+            1 => Ok(FrameKind::Request),
+            2 => Ok(FrameKind::Reply),
             other => Err(other),
         }
     }
@@ -46,7 +46,7 @@ impl TryFrom<u8> for Kind {
 pub struct Frame<'a> {
     /// Protocol version that the sender encoded the body in.
     pub version: u8,
-    /// A [`Kind`], or a number from a newer peer.
+    /// A [`FrameKind`], or a number from a newer peer.
     pub kind: u8,
     /// The request's number; a reply repeats it.
     pub sequence: u16,
@@ -68,9 +68,9 @@ pub enum EncodeError {
 ///
 /// # Errors
 /// [`EncodeError`] if the body or the buffer does not fit.
-pub fn encode<M: Serialize>(
+pub fn encode_frame<M: Serialize>(
     version: u8,
-    kind: Kind,
+    kind: FrameKind,
     sequence: u16,
     message: &M,
     out: &mut [u8],

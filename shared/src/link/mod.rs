@@ -18,4 +18,4 @@ pub const USB_PRODUCT_NAME: &str = "ERA haptics board";
 pub const UART_BAUD: u32 = 115_200;
 
 pub use decoder::{DecodeError, Decoder};
-pub use frame::{EncodeError, Frame, Kind, MAX_BODY, MAX_ENCODED, encode};
+pub use frame::{EncodeError, Frame, FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};

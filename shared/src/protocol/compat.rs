@@ -1,38 +1,38 @@
 //! What a host of an older version is told: nothing that it does not know, and nothing that sounds safer than it is.
 
 use super::{CURRENT_VERSION, Fault, FaultCode, Refusal, Reply};
-use crate::safety::{Event, State};
+use crate::safety::{SafetyEvent, SafetyState};
 
-/// A reply in the words of `version`.
+/// Replaces what a host of `version` does not know by what it knows.
 #[must_use]
-pub fn for_version(reply: Reply, version: u8) -> Reply {
-    // Not "from 3 on": what a fourth version adds would have to be put into the words of the third.
+pub fn translate_for_version(reply: Reply, version: u8) -> Reply {
+    // Not "from 3 on": what a fourth version adds would have to be translated for the third.
     match version {
         CURRENT_VERSION.. => reply,
-        2 => for_2(reply),
-        _ => for_1(reply),
+        2 => translate_for_version_2(reply),
+        _ => translate_for_version_1(reply),
     }
 }
 
 /// Version 3 adds an answer, to a request that version 2 does not have, and nothing else.
-fn for_2(reply: Reply) -> Reply {
+fn translate_for_version_2(reply: Reply) -> Reply {
     if matches!(reply, Reply::Credit(_)) { Reply::Refused(Refusal::Malformed) } else { reply }
 }
 
-fn for_1(reply: Reply) -> Reply {
+fn translate_for_version_1(reply: Reply) -> Reply {
     match reply {
-        Reply::Alive { state } => Reply::Alive { state: state_of_1(state) },
+        Reply::Alive { state } => Reply::Alive { state: translate_state_for_version_1(state) },
         Reply::Status(mut status) => {
-            status.state = state_of_1(status.state);
-            status.fault = status.fault.map(fault_of_1);
+            status.state = translate_state_for_version_1(status.state);
+            status.fault = status.fault.map(translate_fault_for_version_1);
             Reply::Status(status)
         }
-        Reply::Faults { latched } => Reply::Faults { latched: latched.map(fault_of_1) },
+        Reply::Faults { latched } => Reply::Faults { latched: latched.map(translate_fault_for_version_1) },
         Reply::Telemetry(mut telemetry) => {
-            telemetry.state = state_of_1(telemetry.state);
+            telemetry.state = translate_state_for_version_1(telemetry.state);
             Reply::Telemetry(telemetry)
         }
-        Reply::Refused(refusal) => Reply::Refused(refusal_of_1(refusal)),
+        Reply::Refused(refusal) => Reply::Refused(translate_refusal_for_version_1(refusal)),
         known @ (Reply::Hello(_)
         | Reply::Armed { .. }
         | Reply::Disarmed
@@ -52,28 +52,30 @@ fn for_1(reply: Reply) -> Reply {
     }
 }
 
-/// Version 1 has neither a self-test nor a measured discharge. What is being tested may be live, and what is being
-/// discharged is not called safe.
-const fn state_of_1(state: State) -> State {
+/// Version 1 has neither a self-test nor a measured discharge. A board under self-test may be live, so it is reported as armed; a board
+/// that discharges is not reported as safe.
+const fn translate_state_for_version_1(state: SafetyState) -> SafetyState {
     match state {
-        State::Arming => State::Armed,
-        State::Discharging => State::Boot,
+        SafetyState::Arming => SafetyState::Armed,
+        SafetyState::Discharging => SafetyState::Boot,
         known => known,
     }
 }
 
-fn fault_of_1(fault: Fault) -> Fault {
+fn translate_fault_for_version_1(fault: Fault) -> Fault {
     let known = fault.code.number() <= FaultCode::ReadBack.number();
     Fault { code: if known { fault.code } else { FaultCode::DriveFailed }, ..fault }
 }
 
-fn refusal_of_1(refusal: Refusal) -> Refusal {
+fn translate_refusal_for_version_1(refusal: Refusal) -> Refusal {
     match refusal {
-        Refusal::State { state, event } => Refusal::State { state: state_of_1(state), event },
-        Refusal::Fault(fault) => Refusal::Fault(fault_of_1(fault)),
-        Refusal::Duty { .. } => Refusal::State { state: State::Armed, event: Event::Drive },
-        Refusal::StillThere(_) => Refusal::State { state: State::Fault, event: Event::Clear },
-        Refusal::Live(state) => Refusal::State { state: state_of_1(state), event: Event::Stop },
+        Refusal::State { state, event } => Refusal::State { state: translate_state_for_version_1(state), event },
+        Refusal::Fault(fault) => Refusal::Fault(translate_fault_for_version_1(fault)),
+        Refusal::Duty { .. } => Refusal::State { state: SafetyState::Armed, event: SafetyEvent::Drive },
+        Refusal::StillThere(_) => Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Clear },
+        Refusal::Live(state) => {
+            Refusal::State { state: translate_state_for_version_1(state), event: SafetyEvent::Stop }
+        }
         known @ (Refusal::Version { .. }
         | Refusal::Malformed
         | Refusal::Drive { .. }

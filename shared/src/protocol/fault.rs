@@ -101,7 +101,7 @@ impl FaultCode {
         }
     }
 
-    /// What a person should know and do.
+    /// What a person should know and do about this fault, as one or two sentences.
     #[must_use]
     pub const fn advice(self) -> &'static str {
         match self {

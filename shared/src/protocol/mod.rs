@@ -14,11 +14,11 @@ mod reply2;
 mod reply3;
 mod request;
 
-pub use compat::for_version;
+pub use compat::translate_for_version;
 pub use fault::{Fault, FaultCode};
 pub use identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 pub use reply::{AchievedDrive, ChannelStatus, HelloReply, LinkCounters, Refusal, Reply, StatusReply, TelemetryReply};
-pub use reply2::{Details, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, Welcome};
+pub use reply2::{DetailsReply, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, WelcomeReply};
 pub use reply3::{ChannelCredit, ChargeRule, CreditReply};
 pub use request::{BOOTLOADER_KEY, ChannelDrive, Request};
 
@@ -27,8 +27,8 @@ pub const MIN_VERSION: u8 = 1;
 /// Protocol version that this code speaks by preference.
 pub const CURRENT_VERSION: u8 = 3;
 
-/// Whether a peer's version can be spoken.
+/// Whether this code can talk to a peer of this version.
 #[must_use]
-pub const fn speaks(version: u8) -> bool {
+pub const fn is_version_supported(version: u8) -> bool {
     version >= MIN_VERSION && version <= CURRENT_VERSION
 }

@@ -3,7 +3,7 @@
 use super::Fault;
 use super::identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 use crate::MAX_CHANNELS;
-use crate::safety::{Event, State};
+use crate::safety::{SafetyEvent, SafetyState};
 use crate::waveform::DriveError;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ pub enum Reply {
     /// To `KeepAlive`.
     Alive {
         /// The safety state now.
-        state: State,
+        state: SafetyState,
     },
     /// To `Status`.
     Status(StatusReply),
@@ -50,7 +50,7 @@ pub enum Reply {
     /// The request was not carried out, and nothing changed.
     Refused(Refusal),
     /// To `Hello`, from version 2 on.
-    Welcome(super::Welcome),
+    Welcome(super::WelcomeReply),
     /// To `ArmWith`.
     ArmedWith {
         /// The dead-man time in force, in ms.
@@ -71,7 +71,7 @@ pub enum Reply {
         now_us: u64,
     },
     /// To `Details`.
-    Details(super::Details),
+    Details(super::DetailsReply),
     /// To `Log`: the next bytes of the log, none if there are none.
     Log {
         /// defmt frames, which may be cut anywhere.
@@ -100,9 +100,9 @@ pub enum Refusal {
     /// Not in this state.
     State {
         /// The safety state.
-        state: State,
+        state: SafetyState,
         /// What was asked for.
-        event: Event,
+        event: SafetyEvent,
     },
     /// A drive is out of range.
     Drive {
@@ -167,7 +167,7 @@ pub enum Refusal {
         max_ms: u16,
     },
     /// Not while high voltage may be on.
-    Live(State),
+    Live(SafetyState),
 }
 
 /// Who the device is.
@@ -232,7 +232,7 @@ pub struct LinkCounters {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StatusReply {
     /// The safety state.
-    pub state: State,
+    pub state: SafetyState,
     /// Time since boot in us.
     pub uptime_us: u64,
     /// Differs after every start.
@@ -251,7 +251,7 @@ pub struct TelemetryReply {
     /// Time since boot in us.
     pub uptime_us: u64,
     /// The safety state.
-    pub state: State,
+    pub state: SafetyState,
     /// Largest acceleration of the surface at the accelerometer since telemetry was last asked for, and in the last 50 ms at least, in
     /// 1/1000 m/s^2, where there is one.
     pub acceleration_peak_mm_per_s2: Option<u32>,

@@ -2,12 +2,12 @@
 
 use super::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 use crate::MAX_CHANNELS;
-use crate::safety::State;
+use crate::safety::SafetyState;
 use crate::supply::RAILS;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-/// Most characters of the message that a failed run leaves: with it the longest [`Welcome`] still fits a frame.
+/// Most characters of the message that a failed run leaves: with it the longest [`WelcomeReply`] still fits a frame.
 pub const FAILURE_MESSAGE: usize = 80;
 /// Most characters of an image's name.
 pub const IMAGE_NAME: usize = 16;
@@ -16,7 +16,7 @@ pub const LOG_CHUNK: usize = 200;
 
 /// Who the device is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Welcome {
+pub struct WelcomeReply {
     /// Oldest protocol version spoken.
     pub protocol_min: u8,
     /// Newest protocol version spoken.
@@ -41,9 +41,9 @@ pub struct Welcome {
 
 /// What is measured, and what the board still allows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Details {
+pub struct DetailsReply {
     /// The safety state.
-    pub state: State,
+    pub state: SafetyState,
     /// Set-point of each rail in mV.
     pub set_point_millivolts: [u32; RAILS],
     /// Measured voltage of each rail in mV.

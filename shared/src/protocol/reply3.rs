@@ -39,17 +39,17 @@ pub struct CreditReply {
 /// The credit of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChannelCredit {
-    /// For how long in ms it may still drive at its largest force; the same as in [`super::Details`].
+    /// For how long in ms it may still drive at its largest force; the same as in [`super::DetailsReply`].
     pub left_ms: u32,
     /// What it costs now, in millionths of the time; 0 while it does not drive.
     pub charge_ppm: u32,
 }
 
 impl CreditReply {
-    /// For how long in ms a channel may go on as it drives now, bursts and rests aside: what is left over the difference of what is
-    /// charged and what is earned. `None` if it never runs out, and of a channel that there is not.
+    /// Time in ms for which a channel may go on driving with its present force: its credit divided by what is charged less what is
+    /// earned. Limits of bursts and rests are not counted. `None` if the credit never runs out, or if there is no such channel.
     #[must_use]
-    pub fn lasts_ms(&self, channel: usize) -> Option<u64> {
+    pub fn remaining_drive_time_ms(&self, channel: usize) -> Option<u64> {
         let ChannelCredit { left_ms, charge_ppm } = *self.channels.get(channel)?;
         let net_ppm = u64::from(charge_ppm.saturating_sub(self.earned_ppm));
         (u64::from(left_ms) * 1_000_000).checked_div(net_ppm)

@@ -81,9 +81,9 @@ pub enum Request {
 pub const BOOTLOADER_KEY: u32 = 0x424F_4F54;
 
 impl Request {
-    /// The oldest protocol version that has this request.
+    /// The first protocol version that has this request.
     #[must_use]
-    pub const fn since(&self) -> u8 {
+    pub const fn introduced_in_version(&self) -> u8 {
         match self {
             Request::Hello { .. }
             | Request::Arm { .. }

@@ -1,12 +1,12 @@
 //! How long each channel may drive: without a rest, and in the long run.
 
-use super::charge::Charge;
+use super::charge::CreditCharge;
 use crate::MAX_CHANNELS;
 use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DUTY_CREDIT_MS, DUTY_PERCENT, REST_MS};
 
 /// Credit is counted in millionths of a us at the largest force, so that nothing is rounded while it is earned and spent: us
-/// times [`Charge::ppm`]. A minute is 6e13 of them.
-const CREDIT_PER_US: u64 = Charge::FULL.ppm() as u64;
+/// times [`CreditCharge::as_ppm`]. A minute is 6e13 of them.
+const CREDIT_PER_US: u64 = CreditCharge::FULL.as_ppm() as u64;
 /// Credit that a channel starts with and can have at most.
 const FULL_CREDIT: u64 = DUTY_CREDIT_MS as u64 * 1000 * CREDIT_PER_US;
 /// Credit that a us brings, whether the channel drives or not: a drive of no more force squared than this never runs out.
@@ -14,58 +14,63 @@ const EARNED_PER_US: u64 = DUTY_PERCENT as u64 * CREDIT_PER_US / 100;
 const REST_US: u64 = REST_MS as u64 * 1000;
 
 #[derive(Clone, Copy, Debug)]
-struct Account {
+struct ChannelAccount {
     credit: u64,
-    /// What the channel does, as seen at the last step.
-    charge: Charge,
+    /// What the channel's drive cost when time was last charged.
+    charge: CreditCharge,
     burst_us: u64,
     rested_us: u64,
 }
 
 /// On-times and exposures of all channels.
 #[derive(Clone, Debug)]
-pub struct Budget {
+pub struct DriveBudget {
     burst_limit_us: u64,
     last_us: u64,
-    accounts: [Account; MAX_CHANNELS],
+    accounts: [ChannelAccount; MAX_CHANNELS],
 }
 
-impl Default for Budget {
+impl Default for DriveBudget {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Budget {
+impl DriveBudget {
     /// What a channel earns in the long run, in millionths of the time at the largest force.
-    pub const EARNED_PPM: u32 = DUTY_PERCENT * Charge::FULL.ppm() / 100;
+    pub const EARNED_PPM: u32 = DUTY_PERCENT * CreditCharge::FULL.as_ppm() / 100;
 
-    /// Full credit, the default burst.
+    /// Full credit for all channels, and the default limit of a burst.
     #[must_use]
     pub const fn new() -> Self {
-        let account = Account { credit: FULL_CREDIT, charge: Charge::NONE, burst_us: 0, rested_us: REST_US };
+        let account =
+            ChannelAccount { credit: FULL_CREDIT, charge: CreditCharge::NONE, burst_us: 0, rested_us: REST_US };
         Self { burst_limit_us: BURST_DEFAULT_MS as u64 * 1000, last_us: 0, accounts: [account; MAX_CHANNELS] }
     }
 
     /// Sets the longest burst in ms, at most [`BURST_MAX_MS`] whatever the caller checked.
-    pub fn limit_bursts(&mut self, burst_ms: u16) {
+    pub fn set_burst_limit(&mut self, burst_ms: u16) {
         self.burst_limit_us = u64::from(burst_ms.clamp(1, BURST_MAX_MS)) * 1000;
     }
 
-    /// Takes note of what has driven since the last call, and says who must stop. `driving` is what each channel's drive
-    /// costs, `None` where nothing drives.
+    /// Charges each channel for the time since the last call, and returns for each channel whether it must stop. `charges` has what each
+    /// channel's drive costs, `None` where nothing drives.
     ///
     /// Bursts count time, whatever the force; credit is charged by force. A drive whose force has changed since the last
     /// call is charged at the greater of what was seen then and what is seen now.
-    pub fn step(&mut self, now_us: u64, driving: [Option<Charge>; MAX_CHANNELS]) -> [bool; MAX_CHANNELS] {
+    pub fn account_and_find_spent(
+        &mut self,
+        now_us: u64,
+        charges: [Option<CreditCharge>; MAX_CHANNELS],
+    ) -> [bool; MAX_CHANNELS] {
         let elapsed_us = now_us.saturating_sub(self.last_us);
         self.last_us = now_us;
         let mut spent = [false; MAX_CHANNELS];
-        for ((account, driving), spent) in self.accounts.iter_mut().zip(driving).zip(&mut spent) {
+        for ((account, driving), spent) in self.accounts.iter_mut().zip(charges).zip(&mut spent) {
             let earned = elapsed_us.saturating_mul(EARNED_PER_US);
             account.credit = account.credit.saturating_add(earned).min(FULL_CREDIT);
             if let Some(charge) = driving {
-                let cost = u64::from(charge.max(account.charge).ppm());
+                let cost = u64::from(charge.max(account.charge).as_ppm());
                 account.credit = account.credit.saturating_sub(elapsed_us.saturating_mul(cost));
                 account.burst_us = account.burst_us.saturating_add(elapsed_us);
                 account.rested_us = 0;
@@ -75,15 +80,15 @@ impl Budget {
                     account.burst_us = 0;
                 }
             }
-            account.charge = driving.unwrap_or(Charge::NONE);
+            account.charge = driving.unwrap_or(CreditCharge::NONE);
             *spent = driving.is_some() && (account.burst_us >= self.burst_limit_us || account.credit == 0);
         }
         spent
     }
 
-    /// How long a channel must wait before it may drive, in ms; `None` if it need not.
+    /// Time in ms that a channel must wait before it may drive; `None` if it may drive now.
     #[must_use]
-    pub fn wait_ms(&self, channel: usize) -> Option<u32> {
+    pub fn required_wait_ms(&self, channel: usize) -> Option<u32> {
         let account = self.accounts.get(channel)?;
         // For a burst the time of a rest, for the credit the time until a rest's worth of it is there.
         let rest_us =
@@ -93,16 +98,16 @@ impl Budget {
         (wait_us > 0).then(|| u32::try_from(wait_us.div_ceil(1000)).unwrap_or(u32::MAX))
     }
 
-    /// What a channel may still drive in the long run at its largest force, in ms, rounded down.
+    /// Time in ms for which a channel may still drive at its largest force, by its credit, rounded down.
     #[must_use]
-    pub fn credit_ms(&self, channel: usize) -> u32 {
+    pub fn remaining_credit_ms(&self, channel: usize) -> u32 {
         let credit = self.accounts.get(channel).map_or(0, |account| account.credit);
         u32::try_from(credit / (1000 * CREDIT_PER_US)).unwrap_or(u32::MAX)
     }
 
-    /// What a channel's drive costs, as seen at the last step.
+    /// What a channel's drive cost when time was last charged.
     #[must_use]
-    pub fn charge(&self, channel: usize) -> Charge {
-        self.accounts.get(channel).map_or(Charge::NONE, |account| account.charge)
+    pub fn last_charge(&self, channel: usize) -> CreditCharge {
+        self.accounts.get(channel).map_or(CreditCharge::NONE, |account| account.charge)
     }
 }

@@ -1,9 +1,9 @@
 //! What a drive costs a channel's credit, by its force.
 
-use crate::waveform::Period;
-use crate::waveform::sine::{ONE, at_least};
+use crate::waveform::TimerPeriod;
+use crate::waveform::sine::{ONE, quarter_sine_q30_upper_bound};
 
-/// Parts of [`Charge::FULL`].
+/// Parts of [`CreditCharge::FULL`].
 const PPM: u32 = 1_000_000;
 
 /// What a drive costs: credit per time, in millionths of what driving at the channel's largest force costs, rounded up.
@@ -17,47 +17,50 @@ const PPM: u32 = 1_000_000;
 ///
 /// where F_max is the force at the channel's highest voltage and w = 1, which guard times keep every drive below.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Charge(u32);
+pub struct CreditCharge(u32);
 
-impl Charge {
+impl CreditCharge {
     /// No force.
     pub const NONE: Self = Self(0);
     /// The largest force: as much credit as time. Nothing costs more, a rail above its limit does not either.
     pub const FULL: Self = Self(PPM);
 
-    /// What a period costs while its electrodes are on with `millivolts`, on a channel for `max_millivolts`.
+    /// What a period costs on a rail of `millivolts`, on a channel whose limit is `max_millivolts`.
     ///
-    /// In integers, each step rounded up: never less than it is, and more by less than 3e-5 of the largest. A higher voltage or a wider
-    /// window never costs less.
+    /// In integers, each step rounded up: never below the exact value, and above it by less than 3e-5 of [`Self::FULL`]. A higher voltage
+    /// or a wider window never costs less.
     #[must_use]
-    pub fn of(period: &Period, millivolts: u32, max_millivolts: u32) -> Self {
-        let voltage = part(millivolts, max_millivolts);
-        let sine = at_least(part(2 * u32::from(period.widest()), period.ticks));
-        let force = times(times(voltage, voltage), sine);
+    pub fn from_period(period: &TimerPeriod, millivolts: u32, max_millivolts: u32) -> Self {
+        let voltage = divide_q30_rounding_up(millivolts, max_millivolts);
+        let sine = quarter_sine_q30_upper_bound(divide_q30_rounding_up(
+            2 * u32::from(period.widest_window_ticks()),
+            period.ticks,
+        ));
+        let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), sine);
         // Below 2^51, and no more than PPM.
-        let ppm = (u64::from(times(force, force)) * u64::from(PPM)).div_ceil(u64::from(ONE));
+        let ppm = (u64::from(multiply_q30_rounding_up(force, force)) * u64::from(PPM)).div_ceil(u64::from(ONE));
         Self(u32::try_from(ppm).unwrap_or(PPM).min(PPM))
     }
 
-    /// In millionths.
+    /// In millionths of [`Self::FULL`].
     #[must_use]
-    pub const fn ppm(self) -> u32 {
+    pub const fn as_ppm(self) -> u32 {
         self.0
     }
 }
 
-/// `a / b` with 30 bits behind the point, rounded up; 1 at most, and 1 if `b` is 0 and `a` is not.
-fn part(a: u32, b: u32) -> u32 {
-    if a == 0 {
+/// `numerator / denominator` with 30 bits behind the point, rounded up; 1 at most, also if `denominator` is 0 and `numerator` is not.
+fn divide_q30_rounding_up(numerator: u32, denominator: u32) -> u32 {
+    if numerator == 0 {
         return 0;
     }
-    if a >= b {
+    if numerator >= denominator {
         return ONE;
     }
-    u32::try_from((u64::from(a) << 30).div_ceil(u64::from(b))).unwrap_or(ONE)
+    u32::try_from((u64::from(numerator) << 30).div_ceil(u64::from(denominator))).unwrap_or(ONE)
 }
 
 /// Product of two numbers up to 1 with 30 bits behind the point, rounded up.
-fn times(a: u32, b: u32) -> u32 {
+fn multiply_q30_rounding_up(a: u32, b: u32) -> u32 {
     u32::try_from((u64::from(a) * u64::from(b)).div_ceil(u64::from(ONE))).unwrap_or(ONE)
 }

@@ -1,6 +1,6 @@
 //! State, first fault and dead-man timer in one place.
 
-use super::table::{Action, Event, Outcome, State, transition};
+use super::table::{SafetyAction, SafetyEvent, SafetyState, Transition, look_up_transition};
 use crate::limits::{DEADMAN_MAX_MS, DEADMAN_MIN_MS};
 use crate::protocol::{Fault, FaultCode};
 
@@ -9,7 +9,7 @@ use crate::protocol::{Fault, FaultCode};
 pub struct LinkId(pub u8);
 
 #[derive(Clone, Copy, Debug)]
-struct Session {
+struct ArmedSession {
     link: LinkId,
     deadman_us: u64,
     last_heard_us: u64,
@@ -17,28 +17,28 @@ struct Session {
 
 /// The safety state of the board.
 #[derive(Clone, Debug)]
-pub struct Safety {
-    state: State,
+pub struct SafetyMachine {
+    state: SafetyState,
     fault: Option<Fault>,
-    session: Option<Session>,
+    session: Option<ArmedSession>,
 }
 
-impl Default for Safety {
+impl Default for SafetyMachine {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Safety {
-    /// As at power-on.
+impl SafetyMachine {
+    /// The state at power-on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: State::Boot, fault: None, session: None }
+        Self { state: SafetyState::Boot, fault: None, session: None }
     }
 
     /// The state now.
     #[must_use]
-    pub const fn state(&self) -> State {
+    pub const fn state(&self) -> SafetyState {
         self.state
     }
 
@@ -50,23 +50,23 @@ impl Safety {
 
     /// Whether another link than `link` has armed the board.
     #[must_use]
-    pub fn held_by_other(&self, link: LinkId) -> bool {
+    pub fn is_armed_by_other_link(&self, link: LinkId) -> bool {
         self.session.is_some_and(|session| session.link != link)
     }
 
-    /// Lets `event` happen and says what to do.
+    /// Applies `event` to the state, and returns what the caller has to do.
     ///
     /// # Errors
     /// The state in which the event is refused; nothing has changed.
-    pub fn on(&mut self, event: Event) -> Result<Action, State> {
-        match transition(self.state, event) {
-            Outcome::Refuse => Err(self.state),
-            Outcome::Go(next, action) => {
+    pub fn apply_event(&mut self, event: SafetyEvent) -> Result<SafetyAction, SafetyState> {
+        match look_up_transition(self.state, event) {
+            Transition::Refuse => Err(self.state),
+            Transition::Go(next, action) => {
                 self.state = next;
                 if !next.is_live() {
                     self.session = None;
                 }
-                if event == Event::Clear {
+                if event == SafetyEvent::Clear {
                     self.fault = None;
                 }
                 Ok(action)
@@ -78,20 +78,20 @@ impl Safety {
     /// [`DEADMAN_MIN_MS`]..=[`DEADMAN_MAX_MS`]; it is clamped to that whatever the caller checked.
     pub fn open_session(&mut self, link: LinkId, deadman_ms: u16, now_us: u64) {
         let deadman_us = u64::from(deadman_ms.clamp(DEADMAN_MIN_MS, DEADMAN_MAX_MS)) * 1000;
-        self.session = Some(Session { link, deadman_us, last_heard_us: now_us });
+        self.session = Some(ArmedSession { link, deadman_us, last_heard_us: now_us });
     }
 
-    /// Notes a sign of life; only one from the link that armed counts.
-    pub fn heard(&mut self, link: LinkId, now_us: u64) {
+    /// Notes that the host at `link` is alive. Only the link that has armed the board counts.
+    pub fn note_sign_of_life(&mut self, link: LinkId, now_us: u64) {
         if let Some(session) = self.session.as_mut().filter(|session| session.link == link) {
             session.last_heard_us = now_us;
         }
     }
 
-    /// The silence in us if it has lasted too long. A live state without a session is a contradiction and counts as
-    /// silence without end.
+    /// The host's silence in us if it has exceeded the dead-man time. A live state without a session is a contradiction, and counts as
+    /// endless silence.
     #[must_use]
-    pub fn silent_for_us(&self, now_us: u64) -> Option<u64> {
+    pub fn expired_silence_us(&self, now_us: u64) -> Option<u64> {
         if !self.state.is_live() {
             return None;
         }
@@ -104,15 +104,15 @@ impl Safety {
         }
     }
 
-    /// Latches a fault (the first reason is kept, later ones are counted) and says what to do: always
-    /// [`Action::Off`].
-    pub fn raise(&mut self, code: FaultCode, detail: u32, now_us: u64) -> Action {
+    /// Latches a fault: the first one is kept, later ones are counted. Returns what the caller has to do, which is always
+    /// [`SafetyAction::Off`].
+    pub fn latch_fault(&mut self, code: FaultCode, detail: u32, now_us: u64) -> SafetyAction {
         match &mut self.fault {
             Some(fault) => fault.count = fault.count.saturating_add(1),
             none => *none = Some(Fault { code, at_us: now_us, detail, count: 1 }),
         }
-        let event = if code == FaultCode::HostSilent { Event::HostSilent } else { Event::Fault };
+        let event = if code == FaultCode::HostSilent { SafetyEvent::HostSilent } else { SafetyEvent::Fault };
         // The table refuses neither event in any state (tested), but a doubt must end in "off" all the same.
-        self.on(event).unwrap_or(Action::Off)
+        self.apply_event(event).unwrap_or(SafetyAction::Off)
     }
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Safety states. Wire format: append only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum State {
+pub enum SafetyState {
     /// Starting; outputs are off and nothing is accepted but questions.
     Boot,
     /// Off. High voltage is disabled and every rail is measured to be harmless.
@@ -21,35 +21,42 @@ pub enum State {
     Discharging,
 }
 
-impl State {
+impl SafetyState {
     /// Every state, in order.
-    pub const ALL: [State; 7] =
-        [State::Boot, State::Safe, State::Armed, State::Running, State::Fault, State::Arming, State::Discharging];
+    pub const ALL: [SafetyState; 7] = [
+        SafetyState::Boot,
+        SafetyState::Safe,
+        SafetyState::Armed,
+        SafetyState::Running,
+        SafetyState::Fault,
+        SafetyState::Arming,
+        SafetyState::Discharging,
+    ];
 
     /// Lower-case name, as in logs and JSON.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            State::Boot => "boot",
-            State::Safe => "safe",
-            State::Armed => "armed",
-            State::Running => "running",
-            State::Fault => "fault",
-            State::Arming => "arming",
-            State::Discharging => "discharging",
+            SafetyState::Boot => "boot",
+            SafetyState::Safe => "safe",
+            SafetyState::Armed => "armed",
+            SafetyState::Running => "running",
+            SafetyState::Fault => "fault",
+            SafetyState::Arming => "arming",
+            SafetyState::Discharging => "discharging",
         }
     }
 
     /// Whether high voltage may be on in this state.
     #[must_use]
     pub const fn is_live(self) -> bool {
-        matches!(self, State::Arming | State::Armed | State::Running)
+        matches!(self, SafetyState::Arming | SafetyState::Armed | SafetyState::Running)
     }
 }
 
 /// What can happen. Wire format: append only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Event {
+pub enum SafetyEvent {
     /// Start-up is complete.
     BootComplete,
     /// The host asks to arm.
@@ -74,47 +81,47 @@ pub enum Event {
     TestPassed,
 }
 
-impl Event {
+impl SafetyEvent {
     /// Every event, in order.
-    pub const ALL: [Event; 11] = [
-        Event::BootComplete,
-        Event::Arm,
-        Event::Disarm,
-        Event::Drive,
-        Event::Rest,
-        Event::Stop,
-        Event::HostSilent,
-        Event::Fault,
-        Event::Clear,
-        Event::Discharged,
-        Event::TestPassed,
+    pub const ALL: [SafetyEvent; 11] = [
+        SafetyEvent::BootComplete,
+        SafetyEvent::Arm,
+        SafetyEvent::Disarm,
+        SafetyEvent::Drive,
+        SafetyEvent::Rest,
+        SafetyEvent::Stop,
+        SafetyEvent::HostSilent,
+        SafetyEvent::Fault,
+        SafetyEvent::Clear,
+        SafetyEvent::Discharged,
+        SafetyEvent::TestPassed,
     ];
 
     /// Lower-case name, as in logs and messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Event::BootComplete => "boot-complete",
-            Event::Arm => "arm",
-            Event::Disarm => "disarm",
-            Event::Drive => "drive",
-            Event::Rest => "rest",
-            Event::Stop => "stop",
-            Event::HostSilent => "host-silent",
-            Event::Fault => "fault",
-            Event::Clear => "clear",
-            Event::Discharged => "discharged",
-            Event::TestPassed => "test-passed",
+            SafetyEvent::BootComplete => "boot-complete",
+            SafetyEvent::Arm => "arm",
+            SafetyEvent::Disarm => "disarm",
+            SafetyEvent::Drive => "drive",
+            SafetyEvent::Rest => "rest",
+            SafetyEvent::Stop => "stop",
+            SafetyEvent::HostSilent => "host-silent",
+            SafetyEvent::Fault => "fault",
+            SafetyEvent::Clear => "clear",
+            SafetyEvent::Discharged => "discharged",
+            SafetyEvent::TestPassed => "test-passed",
         }
     }
 }
 
 /// What the device must do on a transition, before anything else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
+pub enum SafetyAction {
     /// Leave the outputs as they are.
     Keep,
-    /// Everything off: [`crate::board::Board::outputs_off`].
+    /// Everything off: [`crate::board::Board::switch_outputs_off`].
     Off,
     /// Begin the self-test.
     Test,
@@ -126,48 +133,50 @@ pub enum Action {
 
 /// An entry of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum Transition {
     /// Go to the state and carry out the action.
-    Go(State, Action),
+    Go(SafetyState, SafetyAction),
     /// Not in this state: nothing changes.
     Refuse,
 }
 
-use Action::{Apply, Enable, Keep, Off, Test};
-use Outcome::{Go, Refuse};
-use State::{Armed, Arming, Boot, Discharging, Fault, Running, Safe};
+use SafetyAction::{Apply, Enable, Keep, Off, Test};
+use SafetyState::{Armed, Arming, Boot, Discharging, Fault, Running, Safe};
+use Transition::{Go, Refuse};
 
-/// What `event` does in `state`. Every pair is written out or falls under a rule that is; whatever ends in a state that is
-/// not live switches everything off, even where it already is: an order to be off is never answered by doing nothing.
+/// What `event` does in `state`. Every pair is written out, or falls under a rule that is written out. Every transition to a state that
+/// is not live switches everything off, even if it is off already: an order to be off is never answered by doing nothing.
 #[must_use]
-pub const fn transition(state: State, event: Event) -> Outcome {
+pub const fn look_up_transition(state: SafetyState, event: SafetyEvent) -> Transition {
     match (state, event) {
         // From every state.
-        (_, Event::Fault) => Go(Fault, Off),
-        (Armed | Running | Arming, Event::HostSilent) => Go(Fault, Off),
-        (Armed | Running | Arming, Event::Stop | Event::Disarm) => Go(Discharging, Off),
-        (Boot | Safe | Fault | Discharging, Event::Stop | Event::Disarm | Event::HostSilent) => Go(state, Off),
+        (_, SafetyEvent::Fault) => Go(Fault, Off),
+        (Armed | Running | Arming, SafetyEvent::HostSilent) => Go(Fault, Off),
+        (Armed | Running | Arming, SafetyEvent::Stop | SafetyEvent::Disarm) => Go(Discharging, Off),
+        (Boot | Safe | Fault | Discharging, SafetyEvent::Stop | SafetyEvent::Disarm | SafetyEvent::HostSilent) => {
+            Go(state, Off)
+        }
 
-        (Boot, Event::BootComplete) => Go(Discharging, Off),
-        (Discharging, Event::Discharged) => Go(Safe, Off),
+        (Boot, SafetyEvent::BootComplete) => Go(Discharging, Off),
+        (Discharging, SafetyEvent::Discharged) => Go(Safe, Off),
         // While the rails still fall the self-test waits for them.
-        (Safe | Discharging, Event::Arm) => Go(Arming, Test),
-        (Safe | Discharging, Event::Clear) => Go(state, Off),
+        (Safe | Discharging, SafetyEvent::Arm) => Go(Arming, Test),
+        (Safe | Discharging, SafetyEvent::Clear) => Go(state, Off),
         // Only an explicit Clear leads out of a fault.
-        (Fault, Event::Clear) => Go(Discharging, Off),
+        (Fault, SafetyEvent::Clear) => Go(Discharging, Off),
 
-        (Arming, Event::TestPassed) => Go(Armed, Enable),
-        (Arming, Event::Drive | Event::Rest) => Go(Arming, Apply),
+        (Arming, SafetyEvent::TestPassed) => Go(Armed, Enable),
+        (Arming, SafetyEvent::Drive | SafetyEvent::Rest) => Go(Arming, Apply),
         // Arming again renews the dead-man time and nothing else.
-        (Arming | Armed | Running, Event::Arm) => Go(state, Keep),
-        (Armed | Running, Event::Drive) => Go(Running, Apply),
-        (Armed | Running, Event::Rest) => Go(Armed, Apply),
+        (Arming | Armed | Running, SafetyEvent::Arm) => Go(state, Keep),
+        (Armed | Running, SafetyEvent::Drive) => Go(Running, Apply),
+        (Armed | Running, SafetyEvent::Rest) => Go(Armed, Apply),
 
-        (Boot | Fault, Event::Arm) => Refuse,
-        (Boot | Safe | Fault | Discharging, Event::Drive | Event::Rest) => Refuse,
-        (Boot | Arming | Armed | Running, Event::Clear) => Refuse,
-        (Boot | Safe | Fault | Arming | Armed | Running, Event::Discharged) => Refuse,
-        (Boot | Safe | Fault | Discharging | Armed | Running, Event::TestPassed) => Refuse,
-        (Safe | Fault | Discharging | Arming | Armed | Running, Event::BootComplete) => Refuse,
+        (Boot | Fault, SafetyEvent::Arm) => Refuse,
+        (Boot | Safe | Fault | Discharging, SafetyEvent::Drive | SafetyEvent::Rest) => Refuse,
+        (Boot | Arming | Armed | Running, SafetyEvent::Clear) => Refuse,
+        (Boot | Safe | Fault | Arming | Armed | Running, SafetyEvent::Discharged) => Refuse,
+        (Boot | Safe | Fault | Discharging | Armed | Running, SafetyEvent::TestPassed) => Refuse,
+        (Safe | Fault | Discharging | Arming | Armed | Running, SafetyEvent::BootComplete) => Refuse,
     }
 }

@@ -9,30 +9,31 @@ mod watch;
 
 use crate::limits::DISCHARGED_MILLIVOLTS;
 
-pub use rails::{RailControl, quantised, rail_code};
-pub use watch::{Finding, Watch};
+pub use rails::{RailControl, quantise_rail_millivolts, rail_dac_code};
+pub use watch::{FaultFinding, SupplyMonitor};
 
 /// Rails of a board.
 pub const RAILS: usize = 2;
 
-/// The rail that feeds a channel.
+/// Index of the rail that feeds a channel.
 #[must_use]
-pub const fn rail_of(channel: usize) -> usize {
+pub const fn rail_index_of_channel(channel: usize) -> usize {
     channel % RAILS
 }
 
-/// The first rail that is not harmless: 10 000 x rail, counted from 1, + volts.
+/// The first rail that is not harmless, as the detail of a fault: 10 000 x the rail's number, from 1, + its volts. `None` if all rails are
+/// discharged.
 #[must_use]
-pub fn charged(senses: &Senses) -> Option<u32> {
-    let mut rails = (1_u32..).zip(senses.rail_millivolts);
+pub fn charged_rail_fault_detail(readings: &SensorReadings) -> Option<u32> {
+    let mut rails = (1_u32..).zip(readings.rail_millivolts);
     rails
         .find(|(_, millivolts)| *millivolts >= DISCHARGED_MILLIVOLTS)
         .map(|(rail, millivolts)| rail * 10_000 + millivolts / 1000)
 }
 
-/// What the supply is told.
+/// What the supply has to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Supply {
+pub struct SupplyCommand {
     /// Whether it may deliver.
     pub enabled: bool,
     /// Whether the discharge switch of each rail is closed.
@@ -43,7 +44,7 @@ pub struct Supply {
 
 /// What is measured of the supply and seen of the loops that must be closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Senses {
+pub struct SensorReadings {
     /// Voltage of each rail in mV.
     pub rail_millivolts: [u32; RAILS],
     /// What the supply delivers on average, in uA.
@@ -54,6 +55,6 @@ pub struct Senses {
     pub stop_released: bool,
     /// Panel and moving masses are bonded to protective earth.
     pub earth_bonded: bool,
-    /// What the hardware, or an interrupt, switched everything off for since this was last asked.
+    /// Why the hardware, or an interrupt, has switched everything off since the last reading.
     pub trip: Option<(crate::protocol::FaultCode, u32)>,
 }

@@ -1,6 +1,6 @@
 //! Set-points in time.
 
-use super::{RAILS, Senses, Supply};
+use super::{RAILS, SensorReadings, SupplyCommand};
 use crate::limits::{
     DISCHARGED_MILLIVOLTS, MAX_RAIL_MILLIVOLTS, RAIL_SLOPE_MILLIVOLTS_PER_MS, RAIL_TOLERANCE_MILLIVOLTS,
 };
@@ -10,22 +10,22 @@ const RAIL_STEPS: u64 = 4095;
 /// Longest step in time that a set-point's rise is worked out for, in us: after a pause it goes on slowly.
 const LONGEST_STEP_US: u64 = 5_000;
 
-/// The converter's code for a set-point: rounded down, so never more than was asked for.
+/// The converter's code for a set-point, rounded down, so that a rail never gets more than was asked for.
 #[must_use]
-pub fn rail_code(millivolts: u32) -> u16 {
+pub fn rail_dac_code(millivolts: u32) -> u16 {
     let code = u64::from(millivolts.min(MAX_RAIL_MILLIVOLTS)) * RAIL_STEPS / u64::from(MAX_RAIL_MILLIVOLTS);
     u16::try_from(code).unwrap_or(0)
 }
 
-/// The voltage that the converter's step below `millivolts` stands for.
+/// The voltage in mV of the converter's step at or below `millivolts`.
 #[must_use]
-pub fn quantised(millivolts: u32) -> u32 {
-    let exact = u64::from(rail_code(millivolts)) * u64::from(MAX_RAIL_MILLIVOLTS);
+pub fn quantise_rail_millivolts(millivolts: u32) -> u32 {
+    let exact = u64::from(rail_dac_code(millivolts)) * u64::from(MAX_RAIL_MILLIVOLTS);
     // Rounded up, so that the code of the result is the code it came from.
     u32::try_from(exact.div_ceil(RAIL_STEPS)).unwrap_or(0).min(millivolts)
 }
 
-/// Brings the rails from where they are to where they are wanted.
+/// Brings the set-points of the rails to their targets: they rise by a slope, and fall at once.
 #[derive(Clone, Debug, Default)]
 pub struct RailControl {
     wanted: [u32; RAILS],
@@ -40,36 +40,36 @@ impl RailControl {
         Self { wanted: [0; RAILS], now: [0; RAILS], last_us: 0 }
     }
 
-    /// Sets where to go, in mV; above the limit is the limit.
-    pub fn aim(&mut self, wanted: [u32; RAILS]) {
-        self.wanted = wanted.map(|millivolts| millivolts.min(MAX_RAIL_MILLIVOLTS));
+    /// Sets the targets in mV, cut off at the limit.
+    pub fn set_targets(&mut self, target_millivolts: [u32; RAILS]) {
+        self.wanted = target_millivolts.map(|millivolts| millivolts.min(MAX_RAIL_MILLIVOLTS));
     }
 
-    /// Goes on from set-points that are already in force.
-    pub const fn begin(&mut self, set_points: [u32; RAILS], now_us: u64) {
-        (self.now, self.last_us) = (set_points, now_us);
+    /// Continues from set-points that are already in force.
+    pub const fn resume_from_set_points(&mut self, set_point_millivolts: [u32; RAILS], now_us: u64) {
+        (self.now, self.last_us) = (set_point_millivolts, now_us);
     }
 
-    /// Where the rails are to go, in mV.
+    /// Targets of the rails in mV.
     #[must_use]
-    pub const fn aims(&self) -> [u32; RAILS] {
+    pub const fn target_millivolts(&self) -> [u32; RAILS] {
         self.wanted
     }
 
     /// Set-points in force, in mV.
     #[must_use]
-    pub const fn set_points(&self) -> [u32; RAILS] {
+    pub const fn set_point_millivolts(&self) -> [u32; RAILS] {
         self.now
     }
 
-    /// Forgets everything: both rails at zero, at once.
-    pub fn reset(&mut self) {
+    /// Sets targets and set-points of both rails to zero at once.
+    pub fn zero_set_points(&mut self) {
         (self.wanted, self.now) = ([0; RAILS], [0; RAILS]);
     }
 
-    /// What to tell the supply now. Set-points rise by the slope and fall at once; a rail that stands clearly above its
-    /// set-point is let down by its discharge switch.
-    pub fn step(&mut self, now_us: u64, senses: &Senses) -> Supply {
+    /// Moves the set-points towards their targets, and returns the command for the supply. Set-points rise by the slope and fall at once. A
+    /// rail whose voltage is clearly above its set-point gets its discharge switch closed.
+    pub fn advance_set_points(&mut self, now_us: u64, readings: &SensorReadings) -> SupplyCommand {
         let elapsed_us = now_us.saturating_sub(self.last_us).min(LONGEST_STEP_US);
         self.last_us = now_us;
         let rise = u64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS) * elapsed_us / 1000;
@@ -78,12 +78,12 @@ impl RailControl {
         for (rail, now) in self.now.iter_mut().enumerate() {
             let wanted = self.wanted.get(rail).copied().unwrap_or(0);
             *now = wanted.min(now.saturating_add(rise));
-            let measured = senses.rail_millivolts.get(rail).copied().unwrap_or(u32::MAX);
+            let measured = readings.rail_millivolts.get(rail).copied().unwrap_or(u32::MAX);
             let above = measured > now.saturating_add((*now / 20).max(RAIL_TOLERANCE_MILLIVOLTS / 2));
             if let Some(switch) = discharge.get_mut(rail) {
                 *switch = above && measured > DISCHARGED_MILLIVOLTS;
             }
         }
-        Supply { enabled: true, discharge, set_point_millivolts: self.now }
+        SupplyCommand { enabled: true, discharge, set_point_millivolts: self.now }
     }
 }

@@ -1,6 +1,6 @@
-//! Whether what is measured can be believed and borne.
+//! Whether the readings are plausible and within the limits.
 
-use super::{RAILS, Senses, Supply};
+use super::{RAILS, SensorReadings, SupplyCommand};
 use crate::limits::{
     COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS, MAX_AVERAGE_MICROAMPS,
     OVER_CURRENT_AFTER_MS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS, RAIL_TOLERANCE_PERCENT,
@@ -8,12 +8,12 @@ use crate::limits::{
 };
 use crate::protocol::FaultCode;
 
-/// What was found, and the number that goes with it.
-pub type Finding = (FaultCode, u32);
+/// A fault that was found, and its detail.
+pub type FaultFinding = (FaultCode, u32);
 
-/// Looks at the senses once a ms while the board is live.
+/// Checks the readings once a ms while the board is live.
 #[derive(Clone, Debug, Default)]
-pub struct Watch {
+pub struct SupplyMonitor {
     last: Option<[u32; RAILS]>,
     last_set: [u32; RAILS],
     implausible_since_us: [Option<u64>; RAILS],
@@ -21,8 +21,8 @@ pub struct Watch {
     current_since_us: Option<u64>,
 }
 
-impl Watch {
-    /// Has seen nothing.
+impl SupplyMonitor {
+    /// A monitor that has not seen any readings.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -34,27 +34,32 @@ impl Watch {
         }
     }
 
-    /// Forgets what it has seen: for the next session.
-    pub fn reset(&mut self) {
+    /// Forgets earlier readings, for the next session.
+    pub fn forget_history(&mut self) {
         *self = Self::new();
     }
 
-    /// The first thing that is wrong, if any. `supply` is what the supply was told before these senses were measured.
-    pub fn look(&mut self, now_us: u64, senses: &Senses, supply: &Supply) -> Option<Finding> {
-        if !senses.interlock_closed {
+    /// The first fault in the readings, if there is one. `supply` is the command that was in force when they were measured.
+    pub fn check_readings(
+        &mut self,
+        now_us: u64,
+        readings: &SensorReadings,
+        supply: &SupplyCommand,
+    ) -> Option<FaultFinding> {
+        if !readings.interlock_closed {
             return Some((FaultCode::InterlockOpen, 0));
         }
-        if !senses.stop_released {
+        if !readings.stop_released {
             return Some((FaultCode::EmergencyStop, 0));
         }
-        if !senses.earth_bonded {
+        if !readings.earth_bonded {
             return Some((FaultCode::EarthOpen, 0));
         }
-        let last = self.last.replace(senses.rail_millivolts);
+        let last = self.last.replace(readings.rail_millivolts);
         let last_set = core::mem::replace(&mut self.last_set, supply.set_point_millivolts);
         for rail in 0..RAILS {
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(0);
-            let (measured, set) = (number(&senses.rail_millivolts), number(&supply.set_point_millivolts));
+            let (measured, set) = (number(&readings.rail_millivolts), number(&supply.set_point_millivolts));
             // The rail in thousands, the voltage in the rest.
             let detail = u32::try_from(rail + 1).unwrap_or(0) * 10_000 + measured / 1000;
             if measured > OVER_VOLTAGE_MILLIVOLTS {
@@ -71,7 +76,7 @@ impl Watch {
                 return Some((FaultCode::RailCollapsed, detail));
             }
             let Some(since) = self.discharging_since_us.get_mut(rail) else { continue };
-            if lasts(since, discharging, now_us, DISCHARGE_LIMIT_MS) {
+            if condition_has_lasted(since, discharging, now_us, DISCHARGE_LIMIT_MS) {
                 return Some((FaultCode::DischargeFailed, detail));
             }
             // A rising rail is behind by the supply's own lag.
@@ -80,21 +85,21 @@ impl Watch {
             let Some(since) = self.implausible_since_us.get_mut(rail) else { continue };
             // On its way down a rail may be above its set-point for as long as its discharge takes.
             let plausible = measured.abs_diff(set) <= tolerance || discharging;
-            if lasts(since, !plausible, now_us, IMPLAUSIBLE_AFTER_MS) {
+            if condition_has_lasted(since, !plausible, now_us, IMPLAUSIBLE_AFTER_MS) {
                 return Some((FaultCode::RailImplausible, detail));
             }
         }
-        let too_much = senses.average_microamps > MAX_AVERAGE_MICROAMPS;
-        if lasts(&mut self.current_since_us, too_much, now_us, OVER_CURRENT_AFTER_MS) {
-            return Some((FaultCode::OverCurrent, senses.average_microamps));
+        let too_much = readings.average_microamps > MAX_AVERAGE_MICROAMPS;
+        if condition_has_lasted(&mut self.current_since_us, too_much, now_us, OVER_CURRENT_AFTER_MS) {
+            return Some((FaultCode::OverCurrent, readings.average_microamps));
         }
         None
     }
 }
 
-/// Whether something is so and has been for `limit_ms`.
-fn lasts(since_us: &mut Option<u64>, is_so: bool, now_us: u64, limit_ms: u32) -> bool {
-    if !is_so {
+/// Whether `condition` is true and has been true for `limit_ms`; `since_us` remembers since when.
+fn condition_has_lasted(since_us: &mut Option<u64>, condition: bool, now_us: u64, limit_ms: u32) -> bool {
+    if !condition {
         *since_us = None;
         return false;
     }

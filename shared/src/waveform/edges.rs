@@ -16,7 +16,7 @@ pub enum Electrode {
 /// The stretch of one period in which an electrode is on, in ticks from the counter's zero; `start < period`, and the
 /// stretch may run over the period's end into the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
+pub struct TickWindow {
     /// First tick.
     pub start: u32,
     /// Number of ticks; 0 means never on.
@@ -25,15 +25,15 @@ pub struct Window {
 
 /// The windows of both electrodes in one period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Windows {
+pub struct ElectrodeWindows {
     /// Ticks in a period: ARR + 1.
     pub period: u32,
     /// Clocks in a tick: PSC + 1.
     pub divider: u32,
     /// Electrode A.
-    pub a: Window,
+    pub a: TickWindow,
     /// Electrode B.
-    pub b: Window,
+    pub b: TickWindow,
 }
 
 /// Why registers do not describe alternating windows.
@@ -53,53 +53,55 @@ pub enum WindowsError {
     Stopped,
 }
 
-impl Windows {
-    /// What the registers make the electrodes do. A timer that is not driving has windows of length 0.
+impl ElectrodeWindows {
+    /// The windows that these registers make. A timer that is not driving has windows of length 0.
     ///
     /// # Errors
-    /// [`WindowsError`] if the timer drives but not in the way that this project uses it.
+    /// [`WindowsError`] if the timer drives in another way than this project uses.
     pub fn from_registers(registers: &TimerRegisters) -> Result<Self, WindowsError> {
         let (reload, divider) = (registers.arr & 0xFFFF, (registers.psc & 0xFFFF) + 1);
         let period = reload + 1;
-        let never = Window { start: 0, length: 0 };
+        let never = TickWindow { start: 0, length: 0 };
         if !registers.is_driving() {
             return Ok(Self { period, divider, a: never, b: never });
         }
         if !registers.counts_up() {
             return Err(WindowsError::NotUpwards);
         }
-        if !registers.is_plain() {
+        if !registers.has_only_active_high_outputs() {
             return Err(WindowsError::Polarity);
         }
-        if !registers.is_preloaded() {
+        if !registers.is_preload_enabled() {
             return Err(WindowsError::NotPreloaded);
         }
         if reload == 0 {
             return Err(WindowsError::Stopped);
         }
         let window = |first: u8, electrode: Electrode| {
-            let (with_output, other) = match (registers.enabled(first), registers.enabled(first + 1)) {
-                (true, false) => (first, first + 1),
-                (false, true) => (first + 1, first),
-                _ => return Err(WindowsError::Outputs(electrode)),
-            };
-            let ((opening, on), (closing, off)) = (registers.channel(with_output), registers.channel(other));
-            if !TimerRegisters::opens(opening) || !TimerRegisters::closes(closing) {
+            let (with_output, other) =
+                match (registers.is_channel_output_enabled(first), registers.is_channel_output_enabled(first + 1)) {
+                    (true, false) => (first, first + 1),
+                    (false, true) => (first + 1, first),
+                    _ => return Err(WindowsError::Outputs(electrode)),
+                };
+            let ((opening, on), (closing, off)) =
+                (registers.channel_mode_and_compare(with_output), registers.channel_mode_and_compare(other));
+            if !TimerRegisters::mode_opens_window(opening) || !TimerRegisters::mode_closes_window(closing) {
                 return Err(WindowsError::Mode(electrode));
             }
             // On while on <= CNT < off, and CNT never exceeds ARR.
             let end = off.min(period);
-            Ok(if on < end { Window { start: on, length: end - on } } else { never })
+            Ok(if on < end { TickWindow { start: on, length: end - on } } else { never })
         };
         Ok(Self { period, divider, a: window(1, Electrode::A)?, b: window(3, Electrode::B)? })
     }
 
-    /// Which electrode is on at tick `tick` of the period; `Err` if both are.
+    /// Which electrode is on at tick `tick` of the period, if any.
     ///
     /// # Errors
-    /// `()` would be lost information: the tick is returned at which both are on.
-    pub fn on_at(&self, tick: u32) -> Result<Option<Electrode>, u32> {
-        match (self.a.contains(tick, self.period), self.b.contains(tick, self.period)) {
+    /// The tick, if both electrodes are on at it.
+    pub fn electrode_on_at(&self, tick: u32) -> Result<Option<Electrode>, u32> {
+        match (self.a.contains_tick(tick, self.period), self.b.contains_tick(tick, self.period)) {
             (true, true) => Err(tick),
             (true, false) => Ok(Some(Electrode::A)),
             (false, true) => Ok(Some(Electrode::B)),
@@ -109,23 +111,23 @@ impl Windows {
 
     /// Ticks of a period in which both electrodes are on.
     #[must_use]
-    pub fn overlap(&self) -> u32 {
+    pub fn overlap_ticks(&self) -> u32 {
         if self.a.length == 0 || self.b.length == 0 {
             return 0;
         }
-        self.a.length + self.b.length - self.union_length()
+        self.a.length + self.b.length - self.union_length_ticks()
     }
 
     /// The shorter of the two gaps between the windows in ticks; `None` if an electrode is never on.
     #[must_use]
-    pub fn guard(&self) -> Option<u32> {
+    pub fn shortest_guard_ticks(&self) -> Option<u32> {
         if self.a.length == 0 || self.b.length == 0 {
             return None;
         }
-        if self.overlap() > 0 {
+        if self.overlap_ticks() > 0 {
             return Some(0);
         }
-        let gap = |from: Window, to: Window| {
+        let gap = |from: TickWindow, to: TickWindow| {
             let end = (from.start + from.length) % self.period;
             (to.start + self.period - end) % self.period
         };
@@ -134,11 +136,11 @@ impl Windows {
 
     /// Length of a tick in s for a timer clock in Hz.
     #[must_use]
-    pub fn tick_s(&self, clock_hz: u32) -> f64 {
+    pub fn tick_length_s(&self, clock_hz: u32) -> f64 {
         f64::from(self.divider) / f64::from(clock_hz)
     }
 
-    fn union_length(&self) -> u32 {
+    fn union_length_ticks(&self) -> u32 {
         // Seen from A's start, A is [0, a) and B starts at `offset`; what of B lies in A, or wraps around into it, is
         // shared.
         let offset = (self.b.start + self.period - self.a.start) % self.period;
@@ -148,8 +150,8 @@ impl Windows {
     }
 }
 
-impl Window {
-    fn contains(self, tick: u32, period: u32) -> bool {
-        (tick % period.max(1) + period - self.start) % period.max(1) < self.length
+impl TickWindow {
+    fn contains_tick(self, tick: u32, period_ticks: u32) -> bool {
+        (tick % period_ticks.max(1) + period_ticks - self.start) % period_ticks.max(1) < self.length
     }
 }

@@ -1,13 +1,13 @@
 //! How strong a drive is in time: envelopes that the board plays by its own clock, so that a host's jitter does not reach
 //! the skin.
 
-use super::sine::{ONE, quarter_sine};
+use super::sine::{ONE, quarter_sine_q30};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Level of the full force, in thousandths.
 pub const FULL_LEVEL: i16 = 1000;
-/// The whole of what [`super::Sequencer::set_strength`] takes.
+/// The whole of what [`super::Sequencer::set_window_strength`] takes.
 pub const FULL_STRENGTH: u32 = 1 << 16;
 /// Most segments of an effect: two clicks with their brakes and pauses, and the whole still fits a frame.
 pub const SEGMENTS: usize = 8;
@@ -53,34 +53,36 @@ pub struct Effect {
 }
 
 impl Effect {
-    /// `cycles` at full force and `brake` reversed.
+    /// `drive_cycles` at full force, then `brake_cycles` with the force reversed.
     #[must_use]
-    pub fn click(cycles: u16, brake: u16) -> Self {
-        let push = Segment::Cycles { level: FULL_LEVEL, count: cycles };
-        let stop = Segment::Cycles { level: -FULL_LEVEL, count: brake };
-        Self::of(&[push, stop], 1)
+    pub fn new_click(drive_cycles: u16, brake_cycles: u16) -> Self {
+        let push = Segment::Cycles { level: FULL_LEVEL, count: drive_cycles };
+        let stop = Segment::Cycles { level: -FULL_LEVEL, count: brake_cycles };
+        Self::from_segments(&[push, stop], 1)
     }
 
-    /// From nothing to full force within `rise` ms, held for `hold` ms, and back within `fall` ms.
+    /// From no force to full force within `rise_ms`, held for `hold_ms`, and back to no force within `fall_ms`.
     #[must_use]
-    pub fn swell(rise: u16, hold: u16, fall: u16) -> Self {
+    pub fn new_swell(rise_ms: u16, hold_ms: u16, fall_ms: u16) -> Self {
         let segments = [
-            Segment::Ramp { from: 0, to: FULL_LEVEL, milliseconds: rise },
-            Segment::Hold { level: FULL_LEVEL, milliseconds: hold },
-            Segment::Ramp { from: FULL_LEVEL, to: 0, milliseconds: fall },
+            Segment::Ramp { from: 0, to: FULL_LEVEL, milliseconds: rise_ms },
+            Segment::Hold { level: FULL_LEVEL, milliseconds: hold_ms },
+            Segment::Ramp { from: FULL_LEVEL, to: 0, milliseconds: fall_ms },
         ];
-        Self::of(&segments, 1)
+        Self::from_segments(&segments, 1)
     }
 
-    /// `count` pulses of `on` ms with pauses of `off` ms.
+    /// `count` pulses of `on_ms`, with pauses of `off_ms` after each.
     #[must_use]
-    pub fn pulse_train(on: u16, off: u16, count: u16) -> Self {
-        let segments =
-            [Segment::Hold { level: FULL_LEVEL, milliseconds: on }, Segment::Hold { level: 0, milliseconds: off }];
-        Self::of(&segments, count)
+    pub fn new_pulse_train(on_ms: u16, off_ms: u16, count: u16) -> Self {
+        let segments = [
+            Segment::Hold { level: FULL_LEVEL, milliseconds: on_ms },
+            Segment::Hold { level: 0, milliseconds: off_ms },
+        ];
+        Self::from_segments(&segments, count)
     }
 
-    fn of(segments: &[Segment], times: u16) -> Self {
+    fn from_segments(segments: &[Segment], times: u16) -> Self {
         Self { segments: segments.iter().copied().collect(), times }
     }
 
@@ -109,7 +111,7 @@ pub struct Envelope {
 
 /// What an envelope says about a period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Playing {
+pub(super) enum EnvelopeLevel {
     /// Not begun.
     Waiting,
     /// This level, in thousandths.
@@ -119,13 +121,12 @@ pub(super) enum Playing {
 }
 
 impl Envelope {
-    /// The level of the period of `period` clocks that begins at `boundary`; `clocks_per_ms` is the timers' clock. The first
-    /// boundary at or after the start that this is asked for is the beginning: one that could not be used any more costs no
-    /// cycle.
-    pub(super) fn at(&mut self, boundary: u64, period: u64, clocks_per_ms: u64) -> Playing {
+    /// The level for the period of `period_clocks` that begins at `boundary`; `clocks_per_ms` is the timers' clock. The envelope begins at the
+    /// first boundary at or after its start for which this is called, so that a boundary that came too late to be used costs no cycle.
+    pub(super) fn level_at_boundary(&mut self, boundary: u64, period_clocks: u64, clocks_per_ms: u64) -> EnvelopeLevel {
         if !self.begun {
             if boundary < self.start {
-                return Playing::Waiting;
+                return EnvelopeLevel::Waiting;
             }
             (self.start, self.begun) = (boundary, true);
         }
@@ -134,52 +135,55 @@ impl Envelope {
             Segment::Hold { milliseconds, .. } | Segment::Ramp { milliseconds, .. } => {
                 u64::from(milliseconds) * clocks_per_ms
             }
-            Segment::Cycles { count, .. } => u64::from(count) * period,
+            Segment::Cycles { count, .. } => u64::from(count) * period_clocks,
         };
         let once: u64 = self.effect.segments.iter().map(length).sum();
         if once == 0 || rest >= once * u64::from(self.effect.times) {
-            return Playing::Ended;
+            return EnvelopeLevel::Ended;
         }
         rest %= once;
         for segment in &self.effect.segments {
             let length = length(segment);
             if rest < length {
-                return Playing::Level(match *segment {
+                return EnvelopeLevel::Level(match *segment {
                     Segment::Hold { level, .. } | Segment::Cycles { level, .. } => level,
                     // The middle of the period stands for all of it.
-                    Segment::Ramp { from, to, .. } => between(from, to, (rest + period / 2).min(length), length),
+                    Segment::Ramp { from, to, .. } => {
+                        interpolate_level(from, to, (rest + period_clocks / 2).min(length), length)
+                    }
                 });
             }
             rest -= length;
         }
-        Playing::Ended
+        EnvelopeLevel::Ended
     }
 }
 
-fn between(from: i16, to: i16, part: u64, whole: u64) -> i16 {
-    let (part, whole) = (i64::try_from(part).unwrap_or(i64::MAX), i64::try_from(whole.max(1)).unwrap_or(i64::MAX));
+fn interpolate_level(from: i16, to: i16, elapsed: u64, duration: u64) -> i16 {
+    let (part, whole) =
+        (i64::try_from(elapsed).unwrap_or(i64::MAX), i64::try_from(duration.max(1)).unwrap_or(i64::MAX));
     let change = (i64::from(to) - i64::from(from)).saturating_mul(part) / whole;
     i16::try_from(i64::from(from) + change).unwrap_or(to)
 }
 
-/// Ticks of a window that makes `level` thousandths of the force of one of `width` ticks, times `strength` parts of
-/// [`FULL_STRENGTH`]: the fundamental of the force goes with sin(pi w / 2), w the part of a half period that the window takes.
+/// Ticks of the window whose force is that of a window of `full_width` ticks times `level` thousandths times `strength` parts of
+/// [`FULL_STRENGTH`]. The fundamental of the force goes with sin(pi w / 2), where w is the fraction of the half period that the window takes.
 ///
-/// The widest that makes no more than that is searched for, in integers: the same on every processor, and within 10 us on the
-/// board's.
+/// The widest window that makes no more force is searched for in integers: with the same result on every processor, and within 10 us on
+/// the board's.
 #[must_use]
-pub(super) fn width_for(ticks: u32, width: u32, level: i16, strength: u32) -> u32 {
+pub(super) fn window_ticks_for_level(period_ticks: u32, full_width: u32, level: i16, strength: u32) -> u32 {
     let level = u64::from(level.unsigned_abs().min(FULL_LEVEL.unsigned_abs()));
     let part = level * u64::from(strength.min(FULL_STRENGTH));
     let full = u64::from(FULL_LEVEL.unsigned_abs()) * u64::from(FULL_STRENGTH);
     if part >= full {
-        return width;
+        return full_width;
     }
     // Twice 1/ticks, with 46 bits behind the point.
-    let step = (1 << 47) / u64::from(ticks.max(2));
-    let force = |width: u32| quarter_sine(u32::try_from((u64::from(width) * step) >> 16).unwrap_or(ONE));
-    let wanted = u64::from(force(width)) * part / full;
-    let (mut narrower, mut wider) = (0, width);
+    let step = (1 << 47) / u64::from(period_ticks.max(2));
+    let force = |width: u32| quarter_sine_q30(u32::try_from((u64::from(width) * step) >> 16).unwrap_or(ONE));
+    let wanted = u64::from(force(full_width)) * part / full;
+    let (mut narrower, mut wider) = (0, full_width);
     while narrower + 1 < wider {
         let middle = u32::midpoint(narrower, wider);
         *(if u64::from(force(middle)) <= wanted { &mut narrower } else { &mut wider }) = middle;

@@ -17,8 +17,8 @@
 //! which lies in the middle of a guard: no window is ever cut short, and a guard that spans a change is the mean of two
 //! that are long enough.
 //!
-//! [`program()`] turns a drive into numbers for the timer, [`Sequencer`] brings running timers from one drive to the next
-//! at their boundaries, in phase where frequencies are equal, [`Envelope`] shapes the force in time, [`Windows`] reads
+//! [`compute_channel_program()`] turns a drive into numbers for the timer, [`Sequencer`] brings running timers from one drive to the next
+//! at their boundaries, in phase where frequencies are equal, [`Envelope`] shapes the force in time, [`ElectrodeWindows`] reads
 //! registers as edges.
 
 mod drive_error;
@@ -32,10 +32,10 @@ mod sequencer;
 pub(crate) mod sine;
 
 pub use drive_error::DriveError;
-pub use edges::{Electrode, Window, Windows, WindowsError};
+pub use edges::{Electrode, ElectrodeWindows, TickWindow, WindowsError};
 pub use envelope::{Effect, Envelope, FULL_LEVEL, FULL_STRENGTH, SEGMENTS, Segment};
 pub use model::{ModelError, ModelTimers, Pulse, PulseCheck, TimerModel};
-pub use period::{CompareWindow, IDLE, Period};
-pub use program::{ChannelProgram, program};
+pub use period::{CompareWindow, IDLE, TimerPeriod};
+pub use program::{ChannelProgram, compute_channel_program};
 pub use registers::{OutputPair, TimerRegisters};
-pub use sequencer::{Goal, Preload, Sequencer};
+pub use sequencer::{ChannelGoal, Sequencer, TimerPreload};

@@ -4,7 +4,7 @@
 //! Modelled: counting up with prescaler (28.3.2), update events and preload (28.3.1, 28.3.4), combined PWM (28.3.13), break
 //! and idle state with OSSI set (28.3.17: outputs low while MOE is 0, MOE cleared by hardware and set by software alone).
 
-use super::edges::{Electrode, Window, Windows, WindowsError};
+use super::edges::{Electrode, ElectrodeWindows, TickWindow, WindowsError};
 use super::period::IDLE;
 use super::registers::{OutputPair, TimerRegisters};
 use super::sequencer::Sequencer;
@@ -28,7 +28,7 @@ pub struct TimerModel {
     preload: TimerRegisters,
     /// When the running period began, in clocks.
     began: u64,
-    /// Up to when pulses have been told.
+    /// Up to which clock pulses have been reported.
     told: u64,
     broken: bool,
 }
@@ -41,48 +41,48 @@ impl TimerModel {
     }
 
     /// Writes the preload registers. The caller has run the model up to the time of the write.
-    pub const fn write(&mut self, registers: TimerRegisters) {
+    pub const fn write_preload_registers(&mut self, registers: TimerRegisters) {
         self.preload = registers;
     }
 
-    /// A break: MOE is cleared, at once.
-    pub const fn trip(&mut self) {
+    /// A break clears MOE at once.
+    pub const fn trip_break(&mut self) {
         self.broken = true;
     }
 
     /// Software sets MOE again.
-    pub const fn release(&mut self) {
+    pub const fn enable_main_output_again(&mut self) {
         self.broken = false;
     }
 
-    /// When the running period ends.
+    /// Clock at which the running period ends.
     #[must_use]
-    pub const fn next_update(&self) -> u64 {
+    pub const fn next_update_clock(&self) -> u64 {
         self.began + ((self.active.psc & 0xFFFF) as u64 + 1) * ((self.active.arr & 0xFFFF) as u64 + 1)
     }
 
-    /// Runs up to `until` and tells every pulse, or the part of it that lies before `until`: a pulse that goes on is told in
-    /// two parts that touch.
+    /// Runs up to `until_clock` and reports every pulse, or the part of it before `until_clock`: a pulse that goes on is reported in two
+    /// parts that touch.
     ///
     /// # Errors
-    /// [`WindowsError`] if the registers make something else than windows.
-    pub fn run(&mut self, until: u64, mut pulse: impl FnMut(Pulse)) -> Result<(), WindowsError> {
-        while self.told < until {
-            let end = self.next_update().min(until);
+    /// [`WindowsError`] if the registers make anything but windows.
+    pub fn run_until(&mut self, until_clock: u64, mut on_pulse: impl FnMut(Pulse)) -> Result<(), WindowsError> {
+        while self.told < until_clock {
+            let end = self.next_update_clock().min(until_clock);
             if !self.broken {
-                let windows = Windows::from_registers(&self.active)?;
+                let windows = ElectrodeWindows::from_registers(&self.active)?;
                 let mut told = [(Electrode::A, windows.a), (Electrode::B, windows.b)];
                 told.sort_unstable_by_key(|(_, window)| window.start);
-                for (electrode, Window { start, length }) in told {
+                for (electrode, TickWindow { start, length }) in told {
                     let at = |tick: u32| self.began + u64::from(tick) * u64::from(windows.divider);
                     let (from, to) = (at(start).max(self.told), at(start + length).min(end));
                     if from < to {
-                        pulse(Pulse { electrode, from, to });
+                        on_pulse(Pulse { electrode, from, to });
                     }
                 }
             }
             self.told = end;
-            if end == self.next_update() {
+            if end == self.next_update_clock() {
                 (self.began, self.active) = (end, self.preload);
             }
         }
@@ -90,7 +90,7 @@ impl TimerModel {
     }
 }
 
-/// Looks at the pulses of one ERA as they come.
+/// Checks the pulses of one ERA as they come.
 #[derive(Clone, Debug, Default)]
 pub struct PulseCheck {
     last: Option<Pulse>,
@@ -105,8 +105,8 @@ pub struct PulseCheck {
 }
 
 impl PulseCheck {
-    /// Takes note of the next pulse.
-    pub fn pulse(&mut self, next: Pulse) {
+    /// Adds the next pulse to the statistics.
+    pub fn note_pulse(&mut self, next: Pulse) {
         if let Some(last) = &mut self.last {
             if last.electrode == next.electrode && last.to == next.from {
                 last.to = next.to;
@@ -121,9 +121,9 @@ impl PulseCheck {
         self.last = Some(next);
     }
 
-    /// The pulse that was told last.
+    /// The last pulse that was added.
     #[must_use]
-    pub const fn last(&self) -> Option<Pulse> {
+    pub const fn last_pulse(&self) -> Option<Pulse> {
         self.last
     }
 }
@@ -131,9 +131,9 @@ impl PulseCheck {
 /// All timers of a board, their pins watched, under a [`Sequencer`].
 #[derive(Clone, Debug)]
 pub struct ModelTimers {
-    /// What says what they do.
+    /// Decides what the timers do.
     pub sequencer: Sequencer,
-    /// What their pins did.
+    /// Statistics of the pulses at each channel's pins.
     pub checks: [PulseCheck; MAX_CHANNELS],
     timers: [TimerModel; MAX_CHANNELS],
     outputs: OutputPair,
@@ -159,7 +159,7 @@ impl ModelTimers {
     /// Timers that start together at `started_us`, with a clock of `clocks_per_us` MHz.
     #[must_use]
     pub fn new(clocks_per_us: u32, started_us: u64, outputs: OutputPair) -> Self {
-        let timer = TimerModel::new(TimerRegisters::running(&IDLE, outputs), 0);
+        let timer = TimerModel::new(TimerRegisters::for_running_timer(&IDLE, outputs), 0);
         Self {
             sequencer: Sequencer::new(clocks_per_us, started_us),
             checks: Default::default(),
@@ -168,26 +168,26 @@ impl ModelTimers {
         }
     }
 
-    /// Lets the pins move up to `now_us`, telling every pulse with its channel, then carries out what the sequencer wants.
+    /// Runs the timers up to `now_us`, reports every pulse with its channel, then writes the preloads that the sequencer asks for.
     ///
     /// # Errors
     /// [`ModelError`].
-    pub fn poll(&mut self, now_us: u64, mut pulse: impl FnMut(usize, Pulse)) -> Result<(), ModelError> {
-        let now = self.sequencer.clocks_at(now_us);
+    pub fn run_and_preload(&mut self, now_us: u64, mut on_pulse: impl FnMut(usize, Pulse)) -> Result<(), ModelError> {
+        let now = self.sequencer.clocks_since_start(now_us);
         for (channel, (timer, check)) in self.timers.iter_mut().zip(&mut self.checks).enumerate() {
-            let told = timer.run(now, |told| {
-                check.pulse(told);
-                pulse(channel, told);
+            let told = timer.run_until(now, |told| {
+                check.note_pulse(told);
+                on_pulse(channel, told);
             });
             told.map_err(ModelError::Windows)?;
         }
-        for preload in self.sequencer.poll(now_us) {
+        for preload in self.sequencer.take_due_preloads(now_us) {
             let Some(timer) = self.timers.get_mut(preload.channel) else { continue };
-            let next = timer.next_update();
+            let next = timer.next_update_clock();
             if preload.at != next || next <= now {
                 return Err(ModelError::Boundary { channel: preload.channel, meant: preload.at, next });
             }
-            timer.write(TimerRegisters::running(&preload.period, self.outputs));
+            timer.write_preload_registers(TimerRegisters::for_running_timer(&preload.period, self.outputs));
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ impl CompareWindow {
 
 /// Rhythm and windows of one period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Period {
+pub struct TimerPeriod {
     /// Clocks in a tick, PSC + 1: 1 to 65 536.
     pub divider: u32,
     /// Ticks in a period, ARR + 1: 2 to 65 535.
@@ -29,9 +29,9 @@ pub struct Period {
 
 /// A period of exactly 1 ms at 170 MHz in which nothing is on: what a timer does while its channel is off, so that a drive
 /// begins within a ms.
-pub const IDLE: Period = Period::blank(4, 42_500);
+pub const IDLE: TimerPeriod = TimerPeriod::blank(4, 42_500);
 
-impl Period {
+impl TimerPeriod {
     /// Most ticks in a period: ARR must stay below 0xFFFF, see [`CompareWindow::NEVER`].
     pub const MOST_TICKS: u32 = 65_535;
     /// Most clocks in a tick: a 16-bit prescaler plus one.
@@ -43,16 +43,16 @@ impl Period {
         Self { divider, ticks, a: CompareWindow::NEVER, b: CompareWindow::NEVER }
     }
 
-    /// A period with windows of `width` ticks, each in the middle of its half; blank if `width` is 0. `reversed` exchanges
-    /// the electrodes, which turns the force round. `width` must be below half of `ticks` by the guard time;
-    /// [`super::program()`] sees to it.
+    /// A period with windows of `width_ticks` ticks, each in the middle of its half; blank if `width_ticks` is 0. `reversed` exchanges
+    /// the electrodes, which turns the force round. `width_ticks` must be below half of `ticks` by the guard time;
+    /// [`super::compute_channel_program()`] sees to it.
     #[must_use]
-    pub fn driving(divider: u32, ticks: u32, width: u32, reversed: bool) -> Self {
-        if width == 0 || 2 * width >= ticks {
+    pub fn with_windows(divider: u32, ticks: u32, width_ticks: u32, reversed: bool) -> Self {
+        if width_ticks == 0 || 2 * width_ticks >= ticks {
             return Self::blank(divider, ticks);
         }
-        let first = first_on(ticks, width);
-        let window = |on: u32| CompareWindow { on: to_u16(on), off: to_u16(on + width) };
+        let first = first_window_start(ticks, width_ticks);
+        let window = |on: u32| CompareWindow { on: saturate_to_u16(on), off: saturate_to_u16(on + width_ticks) };
         let (early, late) = (window(first), window(first + ticks / 2));
         let (a, b) = if reversed { (late, early) } else { (early, late) };
         Self { divider, ticks, a, b }
@@ -60,30 +60,30 @@ impl Period {
 
     /// Clocks in the period.
     #[must_use]
-    pub const fn clocks(&self) -> u64 {
+    pub const fn length_clocks(&self) -> u64 {
         self.divider as u64 * self.ticks as u64
     }
 
-    /// Ticks for which the electrode that is on for longer is on.
+    /// Ticks of the wider of the two windows.
     #[must_use]
-    pub const fn widest(&self) -> u16 {
+    pub const fn widest_window_ticks(&self) -> u16 {
         let (a, b) = (self.a.off.saturating_sub(self.a.on), self.b.off.saturating_sub(self.b.on));
         if a > b { a } else { b }
     }
 
-    /// Whether nothing is on in it.
+    /// Whether no electrode is on in it.
     #[must_use]
     pub fn is_blank(&self) -> bool {
         self.a == CompareWindow::NEVER && self.b == CompareWindow::NEVER
     }
 }
 
-/// First tick of the earlier window: half of what a half period has left.
-pub(super) const fn first_on(ticks: u32, width: u32) -> u32 {
-    (ticks - 2 * width) / 4
+/// First tick of the earlier window: half of the half period's ticks that the window leaves.
+pub(super) const fn first_window_start(ticks: u32, width_ticks: u32) -> u32 {
+    (ticks - 2 * width_ticks) / 4
 }
 
 // Callers keep the values in range; saturating keeps a mistake from becoming a short period.
-pub(super) fn to_u16(value: u32) -> u16 {
+pub(super) fn saturate_to_u16(value: u32) -> u16 {
     u16::try_from(value).unwrap_or(u16::MAX)
 }

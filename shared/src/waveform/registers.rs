@@ -1,7 +1,7 @@
 //! The bits of the timer registers, in one place for the firmware that writes them, the emulator's report and the tests that
 //! read them back (RM0440, sections 28.6 and 29.5: TIM1/TIM8/TIM20 and TIM2 to TIM5 have them in common but for BDTR).
 
-use super::period::{CompareWindow, Period};
+use super::period::{CompareWindow, TimerPeriod};
 
 /// CR1.CEN: the counter counts.
 const CR1_CEN: u32 = 1;
@@ -57,14 +57,14 @@ pub struct TimerRegisters {
 impl TimerRegisters {
     /// The registers of a running timer that carries out `period`, main output enabled.
     #[must_use]
-    pub const fn running(period: &Period, outputs: OutputPair) -> Self {
-        let [first, second] = compare_values(period.a, outputs.a == 2);
-        let [third, fourth] = compare_values(period.b, outputs.b == 4);
+    pub const fn for_running_timer(period: &TimerPeriod, outputs: OutputPair) -> Self {
+        let [first, second] = pair_compare_values(period.a, outputs.a == 2);
+        let [third, fourth] = pair_compare_values(period.b, outputs.b == 4);
         Self {
             cr1: CR1_CEN | CR1_ARPE,
-            ccmr1: pair_mode(outputs.a == 2),
-            ccmr2: pair_mode(outputs.b == 4),
-            ccer: ccer_bit(outputs.a) | ccer_bit(outputs.b),
+            ccmr1: ccmr_bits_for_pair(outputs.a == 2),
+            ccmr2: ccmr_bits_for_pair(outputs.b == 4),
+            ccer: ccer_output_enable_bit(outputs.a) | ccer_output_enable_bit(outputs.b),
             psc: period.divider - 1,
             arr: period.ticks - 1,
             ccr: [first, second, third, fourth],
@@ -72,16 +72,16 @@ impl TimerRegisters {
         }
     }
 
-    /// The same, counting not yet begun.
+    /// The same registers, with the counter stopped.
     #[must_use]
-    pub const fn stopped(mut self) -> Self {
+    pub const fn with_counter_stopped(mut self) -> Self {
         self.cr1 &= !CR1_CEN;
         self
     }
 
-    /// The same for a timer without break, whose outputs a trip clears until the next update event.
+    /// The same registers for a timer without break input: a trip clears its outputs until the next update event.
     #[must_use]
-    pub const fn with_clear(mut self) -> Self {
+    pub const fn with_clear_on_trip(mut self) -> Self {
         self.ccmr1 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
         self.ccmr2 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
         self
@@ -96,7 +96,7 @@ impl TimerRegisters {
 
     /// Whether the main output is enabled.
     #[must_use]
-    pub const fn main_output(&self) -> bool {
+    pub const fn is_main_output_enabled(&self) -> bool {
         self.bdtr & BDTR_MOE != 0
     }
 
@@ -104,23 +104,23 @@ impl TimerRegisters {
         self.cr1 & (CR1_CMS | CR1_DIR) == 0
     }
 
-    pub(super) const fn is_preloaded(&self) -> bool {
+    pub(super) const fn is_preload_enabled(&self) -> bool {
         let both = PRELOAD | PRELOAD << 8;
         self.cr1 & CR1_ARPE != 0 && self.ccmr1 & both == both && self.ccmr2 & both == both
     }
 
     /// CCER.CCxE of a channel, counted from 1.
-    pub(super) const fn enabled(&self, channel: u8) -> bool {
-        self.ccer & ccer_bit(channel) != 0
+    pub(super) const fn is_channel_output_enabled(&self, channel: u8) -> bool {
+        self.ccer & ccer_output_enable_bit(channel) != 0
     }
 
     /// CCER.CCxP and CCxNE: anything but a plain, active-high output.
-    pub(super) const fn is_plain(&self) -> bool {
+    pub(super) const fn has_only_active_high_outputs(&self) -> bool {
         self.ccer & !0x1111 == 0
     }
 
     /// OCxM, whose fourth bit lies apart, and the compare value of a channel, counted from 1.
-    pub(super) fn channel(&self, channel: u8) -> (u32, u32) {
+    pub(super) fn channel_mode_and_compare(&self, channel: u8) -> (u32, u32) {
         let register = if channel <= 2 { self.ccmr1 } else { self.ccmr2 };
         let shift = if channel % 2 == 1 { 0 } else { 8 };
         let mode = (register >> (4 + shift)) & 0b111 | ((register >> (16 + shift)) & 1) << 3;
@@ -128,34 +128,35 @@ impl TimerRegisters {
         (mode, compare)
     }
 
-    /// Whether `mode` opens a window, as [`Self::running`] sets it, and closes it on the pair's other channel.
-    pub(super) const fn opens(mode: u32) -> bool {
+    /// Whether `mode` opens a window, as [`Self::for_running_timer`] sets it, and closes it on the pair's other channel.
+    pub(super) const fn mode_opens_window(mode: u32) -> bool {
         mode == COMBINED_PWM_MODE_2
     }
 
     /// Whether `mode` closes a window.
-    pub(super) const fn closes(mode: u32) -> bool {
+    pub(super) const fn mode_closes_window(mode: u32) -> bool {
         mode == PWM_MODE_1
     }
 }
 
-const fn ccer_bit(channel: u8) -> u32 {
+const fn ccer_output_enable_bit(channel: u8) -> u32 {
     1 << (4 * (channel - 1))
 }
 
-/// Modes of a pair of channels; `second` if its second channel carries the output.
-const fn pair_mode(second: bool) -> u32 {
-    let (one, two) = if second { (PWM_MODE_1, COMBINED_PWM_MODE_2) } else { (COMBINED_PWM_MODE_2, PWM_MODE_1) };
-    channel_mode(one) | channel_mode(two) << 8
+/// Modes of a pair of channels; `output_on_second` if its second channel carries the output.
+const fn ccmr_bits_for_pair(output_on_second: bool) -> u32 {
+    let (one, two) =
+        if output_on_second { (PWM_MODE_1, COMBINED_PWM_MODE_2) } else { (COMBINED_PWM_MODE_2, PWM_MODE_1) };
+    ccmr_bits_for_channel(one) | ccmr_bits_for_channel(two) << 8
 }
 
 /// OCxM and OCxPE of the lower channel of a register.
-const fn channel_mode(mode: u32) -> u32 {
+const fn ccmr_bits_for_channel(mode: u32) -> u32 {
     PRELOAD | (mode & 0b111) << 4 | (mode >> 3) << 16
 }
 
 /// Compare values of a pair: the channel with the output opens the window, the other closes it.
-const fn compare_values(window: CompareWindow, second: bool) -> [u32; 2] {
+const fn pair_compare_values(window: CompareWindow, output_on_second: bool) -> [u32; 2] {
     let (on, off) = (window.on as u32, window.off as u32);
-    if second { [off, on] } else { [on, off] }
+    if output_on_second { [off, on] } else { [on, off] }
 }

@@ -7,8 +7,8 @@
 //! Channels with one frequency (equal divider and ticks) have a common origin of phase. A channel whose next boundary is
 //! not where its phase wants it goes through a blank period of the length that is missing.
 
-use super::envelope::{Envelope, FULL_STRENGTH, Playing, width_for};
-use super::period::{IDLE, Period};
+use super::envelope::{Envelope, EnvelopeLevel, FULL_STRENGTH, window_ticks_for_level};
+use super::period::{IDLE, TimerPeriod};
 use super::program::ChannelProgram;
 use crate::MAX_CHANNELS;
 use heapless::Vec;
@@ -26,23 +26,23 @@ const LEAST_GAP_US: u64 = 1_500;
 const DIVIDERS_TRIED: u32 = 16;
 /// Later chances of the lattice that are tried, if none of the dividers fits the first.
 const CHANCES: u64 = 3;
-/// Envelopes that wait for one channel, the one that plays included.
+/// Most envelopes that wait for one channel, with the one that plays.
 const QUEUE: usize = 4;
 
 /// What is to be written to a timer's preload registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Preload {
+pub struct TimerPreload {
     /// 0-based.
     pub channel: usize,
     /// Rhythm and windows.
-    pub period: Period,
+    pub period: TimerPeriod,
     /// When it takes effect, in clocks since the timers' start.
     pub at: u64,
 }
 
 /// What a channel is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Goal {
+pub struct ChannelGoal {
     /// Rhythm and greatest windows.
     pub program: ChannelProgram,
     /// Whether it drives when no envelope says otherwise.
@@ -50,14 +50,14 @@ pub struct Goal {
 }
 
 #[derive(Clone, Debug)]
-struct Track {
+struct ChannelTrack {
     /// What the timer does from `boundary` on.
-    active: Period,
+    active: TimerPeriod,
     /// A boundary that has passed, or 0.
     boundary: u64,
     /// What the preload registers hold, if it is something else, and when it takes effect.
-    pending: Option<(Period, u64)>,
-    goal: Option<Goal>,
+    pending: Option<(TimerPeriod, u64)>,
+    goal: Option<ChannelGoal>,
     /// One of the boundaries at which the goal's phase is kept.
     lattice: u64,
     /// Part of the full force that the rail's voltage leaves to the window's width.
@@ -67,7 +67,7 @@ struct Track {
     passing: bool,
 }
 
-impl Track {
+impl ChannelTrack {
     const fn new() -> Self {
         Self {
             active: IDLE,
@@ -81,58 +81,58 @@ impl Track {
         }
     }
 
-    /// Takes note of what has happened up to `now`.
-    fn settle(&mut self, now: u64) {
+    /// Updates the running period for all boundaries up to `now`.
+    fn apply_passed_boundaries(&mut self, now: u64) {
         if let Some((period, at)) = self.pending
             && at <= now
         {
             (self.active, self.boundary, self.pending) = (period, at, None);
         }
-        let period = self.active.clocks();
+        let period = self.active.length_clocks();
         self.boundary += now.saturating_sub(self.boundary) / period * period;
     }
 
     /// The boundary after `now`.
     const fn next_boundary(&self) -> u64 {
-        self.boundary + self.active.clocks()
+        self.boundary + self.active.length_clocks()
     }
 
     /// The first boundary, not before `earliest`, for which something can still be preloaded.
-    const fn next_change(&self, earliest: u64) -> u64 {
+    const fn next_changeable_boundary(&self, earliest: u64) -> u64 {
         let next = self.next_boundary();
-        if next >= earliest { next } else { next + self.preloaded().clocks() }
+        if next >= earliest { next } else { next + self.preloaded_period().length_clocks() }
     }
 
-    const fn preloaded(&self) -> Period {
+    const fn preloaded_period(&self) -> TimerPeriod {
         match self.pending {
             Some((period, _)) => period,
             None => self.active,
         }
     }
 
-    /// What the period from the boundary `at` on should be.
-    fn wanted(&mut self, at: u64, clocks_per_us: u64) -> Period {
+    /// The period that should begin at `boundary`.
+    fn choose_period_from(&mut self, boundary: u64, clocks_per_us: u64) -> TimerPeriod {
         let Some(goal) = self.goal else { return IDLE };
         let program = goal.program;
-        let clocks = program.clocks();
-        let late = (at + clocks - self.lattice % clocks) % clocks;
+        let clocks = program.period_clocks();
+        let late = (boundary + clocks - self.lattice % clocks) % clocks;
         if late > 0 {
-            let (gap, reached) = gap(clocks - late, clocks, LEAST_GAP_US * clocks_per_us);
-            // Where that ends is on time: a clock or two from where it should be if no divider fits exactly.
-            self.lattice = at + reached;
+            let (gap, reached) = make_blank_gap(clocks - late, clocks, LEAST_GAP_US * clocks_per_us);
+            // The phase is right where the gap ends, or a clock or two off if no divider fits exactly.
+            self.lattice = boundary + reached;
             return gap;
         }
-        let level = self.level(goal, at, clocks_per_us);
-        let width = width_for(program.ticks, program.width, level, self.strength);
-        Period::driving(program.divider, program.ticks, width, level < 0)
+        let level = self.envelope_level_at(goal, boundary, clocks_per_us);
+        let width = window_ticks_for_level(program.ticks, program.width, level, self.strength);
+        TimerPeriod::with_windows(program.divider, program.ticks, width, level < 0)
     }
 
-    fn level(&mut self, goal: Goal, at: u64, clocks_per_us: u64) -> i16 {
+    fn envelope_level_at(&mut self, goal: ChannelGoal, boundary: u64, clocks_per_us: u64) -> i16 {
         while let Some(envelope) = self.queue.first_mut() {
-            match envelope.at(at, goal.program.clocks(), 1000 * clocks_per_us) {
-                Playing::Waiting => break,
-                Playing::Level(level) => return level,
-                Playing::Ended => {
+            match envelope.level_at_boundary(boundary, goal.program.period_clocks(), 1000 * clocks_per_us) {
+                EnvelopeLevel::Waiting => break,
+                EnvelopeLevel::Level(level) => return level,
+                EnvelopeLevel::Ended => {
                     self.queue.remove(0);
                 }
             }
@@ -141,19 +141,19 @@ impl Track {
     }
 }
 
-/// A blank period of `missing` clocks, or that and whole periods of `clocks` more, that is at least `least` long, and how
+/// A blank period of `missing_clocks` plus as many whole periods of `period_clocks` as make it `least_clocks` or longer. Returns the period and how
 /// many clocks it really has.
-fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
-    let first = missing + least.saturating_sub(missing).div_ceil(clocks) * clocks;
+fn make_blank_gap(missing_clocks: u64, period_clocks: u64, least_clocks: u64) -> (TimerPeriod, u64) {
+    let first = missing_clocks + least_clocks.saturating_sub(missing_clocks).div_ceil(period_clocks) * period_clocks;
     // In 32 bits, which hold 25 s: the processor of the board divides them in hardware.
     let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX / 2);
     let mut best = (u32::MAX, 1, 2);
-    for length in (0..CHANCES).map(|chance| number(first + chance * clocks)) {
-        let coarsest = length.div_ceil(Period::MOST_TICKS).max(1);
+    for length in (0..CHANCES).map(|chance| number(first + chance * period_clocks)) {
+        let coarsest = length.div_ceil(TimerPeriod::MOST_TICKS).max(1);
         for divider in coarsest..coarsest + DIVIDERS_TRIED {
             let ticks = (length + divider / 2) / divider;
             let error = (ticks * divider).abs_diff(length);
-            if error < best.0 && ticks <= Period::MOST_TICKS {
+            if error < best.0 && ticks <= TimerPeriod::MOST_TICKS {
                 best = (error, divider, ticks);
             }
             if error == 0 {
@@ -165,7 +165,7 @@ fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
         }
     }
     let (_, divider, ticks) = best;
-    (Period::blank(divider, ticks), u64::from(divider) * u64::from(ticks))
+    (TimerPeriod::blank(divider, ticks), u64::from(divider) * u64::from(ticks))
 }
 
 /// All channels of a board.
@@ -173,7 +173,7 @@ fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
 pub struct Sequencer {
     clocks_per_us: u64,
     started_us: u64,
-    tracks: [Track; MAX_CHANNELS],
+    tracks: [ChannelTrack; MAX_CHANNELS],
 }
 
 impl Sequencer {
@@ -181,25 +181,25 @@ impl Sequencer {
     /// `clocks_per_us` MHz.
     #[must_use]
     pub const fn new(clocks_per_us: u32, started_us: u64) -> Self {
-        Self { clocks_per_us: clocks_per_us as u64, started_us, tracks: [const { Track::new() }; MAX_CHANNELS] }
+        Self { clocks_per_us: clocks_per_us as u64, started_us, tracks: [const { ChannelTrack::new() }; MAX_CHANNELS] }
     }
 
     /// The board's time in clocks since the start.
     #[must_use]
-    pub const fn clocks_at(&self, time_us: u64) -> u64 {
+    pub const fn clocks_since_start(&self, time_us: u64) -> u64 {
         time_us.saturating_sub(self.started_us) * self.clocks_per_us
     }
 
-    /// Gives every channel its goal; `None` lets it fall silent at its next boundary. A channel whose goal does not change
-    /// goes on undisturbed. Envelopes that wait are forgotten.
-    pub fn set_goals(&mut self, goals: &[Option<Goal>; MAX_CHANNELS], now_us: u64) {
-        let (now, margin) = (self.clocks_at(now_us), MARGIN_US * self.clocks_per_us);
-        let passed = self.certainly_passed(now);
+    /// Sets the goal of every channel; a channel with `None` ends its drive at its next boundary. A channel whose goal does not change is not
+    /// disturbed. Envelopes that wait are dropped.
+    pub fn set_goals(&mut self, goals: &[Option<ChannelGoal>; MAX_CHANNELS], now_us: u64) {
+        let (now, margin) = (self.clocks_since_start(now_us), MARGIN_US * self.clocks_per_us);
+        let passed = self.latest_passed_clock(now);
         for track in &mut self.tracks {
-            track.settle(passed);
+            track.apply_passed_boundaries(passed);
             track.queue.clear();
         }
-        let before: [Option<(Goal, u64)>; MAX_CHANNELS] =
+        let before: [Option<(ChannelGoal, u64)>; MAX_CHANNELS] =
             core::array::from_fn(|i| self.tracks.get(i).and_then(|track| track.goal.map(|goal| (goal, track.lattice))));
         let mut origins: [Option<u64>; MAX_CHANNELS] = [None; MAX_CHANNELS];
         let rhythm = |program: &ChannelProgram| (program.divider, program.ticks);
@@ -215,9 +215,9 @@ impl Sequencer {
                 (same(j) && rhythm(&old.program) == rhythm(program)).then(|| lattice + old.program.origin_clocks)
             });
             let given = (0..i).find_map(|j| if same(j) { origins.get(j).copied().flatten() } else { None });
-            let next = self.tracks.get(i).map_or(0, |track| track.next_change(now + margin));
+            let next = self.tracks.get(i).map_or(0, |track| track.next_changeable_boundary(now + margin));
             let origin = kept.or(given).unwrap_or(next + program.origin_clocks);
-            let clocks = program.clocks();
+            let clocks = program.period_clocks();
             // Brought forward by a period where it would be before the start: only its place in a period counts.
             let lattice = origin + clocks - program.origin_clocks;
             let own = before.get(i).copied().flatten().filter(|(old, _)| rhythm(&old.program) == rhythm(program));
@@ -238,23 +238,23 @@ impl Sequencer {
 
     /// Adds an envelope that starts at `start_us` of the board's time; `false` if the channel has no goal or as many wait
     /// as can.
-    pub fn play(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
-        let start = self.clocks_at(start_us);
+    pub fn queue_effect(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
+        let start = self.clocks_since_start(start_us);
         let Some(track) = self.tracks.get_mut(channel).filter(|track| track.goal.is_some()) else { return false };
         let place = track.queue.iter().position(|other| other.start > start).unwrap_or(track.queue.len());
         track.queue.insert(place, Envelope { effect: effect.clone(), start, begun: false }).is_ok()
     }
 
-    /// Part of the full force, in parts of [`FULL_STRENGTH`], that the rail's voltage leaves to the window's width: the square of the voltage
-    /// wanted over the one there is.
-    pub fn set_strength(&mut self, channel: usize, strength: u32) {
+    /// Sets the fraction of the full force, in parts of [`FULL_STRENGTH`], that the window's width has to make: the square of the wanted voltage
+    /// over the rail's.
+    pub fn set_window_strength(&mut self, channel: usize, strength: u32) {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.strength = strength;
         }
     }
 
     /// Ends the drive of one channel at its next boundary.
-    pub fn end(&mut self, channel: usize) {
+    pub fn end_drive(&mut self, channel: usize) {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.goal = None;
             track.queue.clear();
@@ -263,69 +263,70 @@ impl Sequencer {
 
     /// The goal of a channel.
     #[must_use]
-    pub fn goal(&self, channel: usize) -> Option<Goal> {
+    pub fn goal(&self, channel: usize) -> Option<ChannelGoal> {
         self.tracks.get(channel).and_then(|track| track.goal)
     }
 
     /// Whether a channel's electrodes are in use, now or from the next boundary on.
     #[must_use]
-    pub fn drives(&self, channel: usize) -> bool {
-        self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded().is_blank())
+    pub fn is_channel_driving(&self, channel: usize) -> bool {
+        self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded_period().is_blank())
     }
 
     /// The stronger of the two periods that a channel's timer goes through now and from its next boundary on: that with the
     /// wider windows for its length; `None` if both are blank.
     #[must_use]
-    pub fn strongest(&self, channel: usize) -> Option<Period> {
+    pub fn strongest_period(&self, channel: usize) -> Option<TimerPeriod> {
         let track = self.tracks.get(channel)?;
-        let (now, next) = (track.active, track.preloaded());
+        let (now, next) = (track.active, track.preloaded_period());
         // Of 16 bits each, so that the products fit.
-        let share = |of: &Period, other: &Period| u32::from(of.widest()).saturating_mul(other.ticks);
+        let share =
+            |of: &TimerPeriod, other: &TimerPeriod| u32::from(of.widest_window_ticks()).saturating_mul(other.ticks);
         let strongest = if share(&now, &next) >= share(&next, &now) { now } else { next };
         (!strongest.is_blank()).then_some(strongest)
     }
 
-    /// What must be written to a channel's preload registers now, if anything. To be asked of every channel at least every
-    /// ms, and again at [`Self::due_us`].
-    pub fn next(&mut self, channel: usize, now_us: u64) -> Option<Preload> {
-        let (now, clocks_per_us) = (self.clocks_at(now_us), self.clocks_per_us);
-        let passed = self.certainly_passed(now);
+    /// What must be written to a channel's preload registers now, if anything. To be called for every channel at least every
+    /// ms, and again at [`Self::next_due_us`].
+    pub fn take_due_preload(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
+        let (now, clocks_per_us) = (self.clocks_since_start(now_us), self.clocks_per_us);
+        let passed = self.latest_passed_clock(now);
         let track = self.tracks.get_mut(channel)?;
-        track.settle(passed);
+        track.apply_passed_boundaries(passed);
         let at = track.next_boundary();
         track.passing = at < now + MARGIN_US * clocks_per_us;
         if track.passing {
             return None;
         }
-        let period = track.wanted(at, clocks_per_us);
-        if period == track.preloaded() {
+        let period = track.choose_period_from(at, clocks_per_us);
+        if period == track.preloaded_period() {
             return None;
         }
         track.pending = Some((period, at));
-        Some(Preload { channel, period, at })
+        Some(TimerPreload { channel, period, at })
     }
 
     /// What must be written to all channels' preload registers now.
-    pub fn poll(&mut self, now_us: u64) -> Vec<Preload, MAX_CHANNELS> {
-        (0..MAX_CHANNELS).filter_map(|channel| self.next(channel, now_us)).collect()
+    pub fn take_due_preloads(&mut self, now_us: u64) -> Vec<TimerPreload, MAX_CHANNELS> {
+        (0..MAX_CHANNELS).filter_map(|channel| self.take_due_preload(channel, now_us)).collect()
     }
 
-    const fn certainly_passed(&self, now: u64) -> u64 {
+    const fn latest_passed_clock(&self, now: u64) -> u64 {
         now.saturating_sub(CERTAIN_US * self.clocks_per_us)
     }
 
-    /// When the sequencer wants to be asked again, if that is before the next ms: right after the next boundary of a
-    /// channel that plays an envelope, so that none of its periods is missed, or of one whose boundary was too near. (Periods
+    /// Time in us at which the sequencer must be asked again, if that is before the next ms: right after the next boundary of a
+    /// channel that plays an envelope, so that none of its periods is missed, or of a channel whose boundary was too near. (Periods
     /// of 1 ms would otherwise be too near every time.)
     #[must_use]
-    pub fn due_us(&self) -> Option<u64> {
+    pub fn next_due_us(&self) -> Option<u64> {
         // An envelope that begins only later is none yet.
-        let plays = |track: &Track| {
-            let soon = track.next_boundary() + track.active.clocks();
+        let plays = |track: &ChannelTrack| {
+            let soon = track.next_boundary() + track.active.length_clocks();
             track.goal.is_some() && track.queue.first().is_some_and(|first| first.begun || first.start <= soon)
         };
-        let waits = |track: &&Track| track.passing || plays(track);
-        let next = self.tracks.iter().filter(waits).map(Track::next_boundary).min()?;
+        let waits = |track: &&ChannelTrack| track.passing || plays(track);
+        let next = self.tracks.iter().filter(waits).map(ChannelTrack::next_boundary).min()?;
         Some(self.started_us + next / self.clocks_per_us + CERTAIN_US + 1)
     }
 }

@@ -1,6 +1,6 @@
 //! Messages and their bytes, for the golden tests of each protocol version.
 
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
 
@@ -9,12 +9,17 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 /// The message has exactly these bytes, and they decode to it again.
-pub fn check<M: Serialize + DeserializeOwned + PartialEq + Debug>(version: u8, kind: Kind, message: M, expected: &str) {
+pub fn check<M: Serialize + DeserializeOwned + PartialEq + Debug>(
+    version: u8,
+    kind: FrameKind,
+    message: M,
+    expected: &str,
+) {
     let mut out = [0; MAX_ENCODED];
-    let length = encode(version, kind, 0x1234, &message, &mut out).unwrap();
+    let length = encode_frame(version, kind, 0x1234, &message, &mut out).unwrap();
     assert_eq!(hex(&out[..length]), expected, "{message:?}");
     let mut decoded = None;
-    Decoder::new().feed(&out[..length], |frame| {
+    Decoder::new().feed_bytes(&out[..length], |frame| {
         let frame = frame.unwrap();
         assert_eq!((frame.version, frame.kind, frame.sequence), (version, kind as u8, 0x1234));
         decoded = Some(postcard::from_bytes::<M>(frame.body).unwrap());

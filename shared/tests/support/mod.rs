@@ -4,12 +4,12 @@
 pub mod golden;
 
 use era_shared::board::{Board, BoardInfo};
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::device::{Device, LinkReceiver};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{LinkId, State};
-use era_shared::supply::{RAILS, Senses, Supply};
-use era_shared::waveform::{IDLE, Period, Preload};
+use era_shared::safety::{LinkId, SafetyState};
+use era_shared::supply::{RAILS, SensorReadings, SupplyCommand};
+use era_shared::waveform::{IDLE, TimerPeriod, TimerPreload};
 
 /// Limits as the STM32G474 board reports them.
 pub fn limits() -> ChannelLimits {
@@ -60,12 +60,12 @@ pub struct FakeBoard {
     pub info: BoardInfo,
     pub now_us: u64,
     pub log: Vec<Did>,
-    pub supply: Supply,
+    pub supply: SupplyCommand,
     /// The timers run since this time.
     pub started_us: Option<u64>,
     pub connected: bool,
     /// Everything that was preloaded since the timers started, in order.
-    pub preloads: Vec<Preload>,
+    pub preloads: Vec<TimerPreload>,
     pub fail_trips: bool,
     pub fail_start: bool,
     pub fail_preload: bool,
@@ -97,7 +97,7 @@ impl FakeBoard {
             },
             now_us: 1_000,
             log: Vec::new(),
-            supply: Supply { enabled: true, ..Supply::default() },
+            supply: SupplyCommand { enabled: true, ..SupplyCommand::default() },
             started_us: None,
             connected: false,
             preloads: Vec::new(),
@@ -121,7 +121,7 @@ impl FakeBoard {
     }
 
     /// What a channel's timer does from now on, as far as it is known.
-    pub fn latest(&self, channel: usize) -> Period {
+    pub fn latest(&self, channel: usize) -> TimerPeriod {
         self.preloads.iter().rev().find(|preload| preload.channel == channel).map_or(IDLE, |preload| preload.period)
     }
 
@@ -137,19 +137,19 @@ impl Board for FakeBoard {
     fn now_us(&mut self) -> u64 {
         self.now_us
     }
-    fn outputs_off(&mut self) {
+    fn switch_outputs_off(&mut self) {
         self.log.push(Did::Off);
         self.started_us = None;
         self.connected = false;
         self.preloads.clear();
-        self.supply = Supply { discharge: [true; RAILS], ..Supply::default() };
+        self.supply = SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() };
     }
-    fn sense(&mut self) -> Senses {
+    fn read_sensors(&mut self) -> SensorReadings {
         let rail = |rail: usize| {
             let driven = self.supply.enabled && !self.supply.discharge[rail];
             self.rails_show[rail].unwrap_or(if driven { self.supply.set_point_millivolts[rail] } else { 0 })
         };
-        Senses {
+        SensorReadings {
             rail_millivolts: [rail(0), rail(1)],
             average_microamps: self.average_microamps,
             interlock_closed: self.interlock_closed,
@@ -158,12 +158,12 @@ impl Board for FakeBoard {
             trip: self.trip.take(),
         }
     }
-    fn test_trips(&mut self) -> Result<(), (FaultCode, u32)> {
+    fn test_trip_circuits(&mut self) -> Result<(), (FaultCode, u32)> {
         self.log.push(Did::TestTrips);
         assert!(!self.connected && !self.supply.enabled, "tripped with something live");
         if self.fail_trips { Err((FaultCode::SelfTest, 3)) } else { Ok(()) }
     }
-    fn set_supply(&mut self, supply: &Supply) {
+    fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         self.supply = *supply;
     }
     fn start_timers(&mut self) -> Result<(), FaultCode> {
@@ -175,13 +175,13 @@ impl Board for FakeBoard {
         self.started_us = Some(self.now_us);
         Ok(())
     }
-    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
         self.log.push(Did::Connect(connected));
         assert!(self.started_us.is_some(), "electrodes connected to timers that do not run");
         self.connected = connected;
         Ok(())
     }
-    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.expect("preloaded a timer that does not run");
         assert!(preload.at >= (self.now_us - started_us + 50) * 170, "preloaded too near to its boundary");
         assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
@@ -197,14 +197,14 @@ impl Board for FakeBoard {
             None => Ok(()),
         }
     }
-    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
         None
     }
-    fn take_log(&mut self, out: &mut [u8]) -> usize {
+    fn take_log_bytes(&mut self, out: &mut [u8]) -> usize {
         out[..3].copy_from_slice(b"log");
         3
     }
-    fn enter_bootloader(&mut self) {
+    fn request_bootloader_restart(&mut self) {
         assert!(!self.live(), "left for the bootloader while live");
         self.bootloader = true;
     }
@@ -214,7 +214,7 @@ impl Board for FakeBoard {
 pub struct Bench {
     pub device: Device,
     pub board: FakeBoard,
-    pub ports: [Port; 2],
+    pub ports: [LinkReceiver; 2],
     sequence: u16,
 }
 
@@ -223,10 +223,10 @@ impl Bench {
         let mut bench = Self {
             device: Device::new(),
             board: FakeBoard::new(),
-            ports: [Port::new(LinkId(0)), Port::new(LinkId(1))],
+            ports: [LinkReceiver::new(LinkId(0)), LinkReceiver::new(LinkId(1))],
             sequence: 0,
         };
-        bench.device.start(&mut bench.board);
+        bench.device.complete_boot(&mut bench.board);
         // Rails are seen to be discharged.
         bench.wait_ms(2);
         bench
@@ -236,7 +236,7 @@ impl Bench {
     pub fn arm(&mut self) {
         assert_eq!(self.ask(&Request::Arm { deadman_ms: None }), Reply::Armed { deadman_ms: 250 });
         self.wait_ms(10);
-        assert_eq!(self.state(), State::Armed);
+        assert_eq!(self.state(), SafetyState::Armed);
     }
 
     pub fn ask(&mut self, request: &Request) -> Reply {
@@ -246,7 +246,7 @@ impl Bench {
     pub fn ask_on(&mut self, link: usize, request: &Request) -> Reply {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame).unwrap();
+        let length = encode_frame(CURRENT_VERSION, FrameKind::Request, self.sequence, request, &mut frame).unwrap();
         let answers = self.raw(link, &frame[..length]);
         let (version, sequence, reply) = decode_reply(&answers);
         assert_eq!((version, sequence), (CURRENT_VERSION, self.sequence));
@@ -256,7 +256,8 @@ impl Bench {
     /// Everything that the device sends back.
     pub fn raw(&mut self, link: usize, bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
-        self.device.receive(&mut self.board, &mut self.ports[link], bytes, |answer| answers.extend_from_slice(answer));
+        self.device
+            .receive_bytes(&mut self.board, &mut self.ports[link], bytes, |answer| answers.extend_from_slice(answer));
         answers
     }
 
@@ -265,14 +266,14 @@ impl Bench {
             let end_us = self.board.now_us + 1_000;
             // As the firmware does: whenever the device wants, and every ms.
             while self.board.now_us < end_us {
-                let due_us = self.device.poll(&mut self.board);
+                let due_us = self.device.poll_next_due_us(&mut self.board);
                 self.board.now_us = due_us.clamp(self.board.now_us + 1, end_us);
             }
-            self.device.poll(&mut self.board);
+            self.device.poll_next_due_us(&mut self.board);
         }
     }
 
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> SafetyState {
         self.device.state()
     }
 }
@@ -280,9 +281,9 @@ impl Bench {
 /// The one reply in `bytes`.
 pub fn decode_reply(bytes: &[u8]) -> (u8, u16, Reply) {
     let mut found = Vec::new();
-    Decoder::new().feed(bytes, |result| {
+    Decoder::new().feed_bytes(bytes, |result| {
         let frame = result.expect("a good frame");
-        assert_eq!(frame.kind, Kind::Reply as u8);
+        assert_eq!(frame.kind, FrameKind::Reply as u8);
         found.push((frame.version, frame.sequence, postcard::from_bytes::<Reply>(frame.body).unwrap()));
     });
     assert_eq!(found.len(), 1, "exactly one answer");

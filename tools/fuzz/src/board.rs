@@ -4,8 +4,8 @@ use era_shared::MAX_CHANNELS;
 use era_shared::board::{Board, BoardInfo};
 use era_shared::limits::{GUARD_NANOSECONDS, MAX_RAIL_MILLIVOLTS};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
-use era_shared::supply::{Finding, RAILS, Senses, Supply};
-use era_shared::waveform::{IDLE, OutputPair, Preload, PulseCheck, TimerModel, TimerRegisters};
+use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
+use era_shared::waveform::{IDLE, OutputPair, PulseCheck, TimerModel, TimerPreload, TimerRegisters};
 
 /// Clock of the timers in MHz.
 const CLOCK_MHZ: u32 = 170;
@@ -58,7 +58,7 @@ pub struct WatchedBoard {
     /// Time since boot.
     pub now_us: u64,
     /// As at power-on it counts as on until it was switched off.
-    pub supply: Supply,
+    pub supply: SupplyCommand,
     timers: Option<Timers>,
     /// Whether the timers reach the electrodes.
     pub connected: bool,
@@ -67,7 +67,7 @@ pub struct WatchedBoard {
     /// Bits of [`outside`].
     pub wrong: u8,
     /// What the hardware switched off for, until it is asked.
-    pub trip: Option<Finding>,
+    pub trip: Option<FaultFinding>,
 }
 
 impl Default for WatchedBoard {
@@ -93,7 +93,7 @@ impl Default for WatchedBoard {
                 failure: heapless::String::new(),
             },
             now_us: 0,
-            supply: Supply { enabled: true, ..Supply::default() },
+            supply: SupplyCommand { enabled: true, ..SupplyCommand::default() },
             timers: None,
             connected: false,
             refused: 0,
@@ -106,7 +106,7 @@ impl Default for WatchedBoard {
 impl WatchedBoard {
     /// Whether nothing is energised, nothing is driven, and what was charged is being discharged.
     pub fn is_off(&self) -> bool {
-        let Supply { enabled, discharge, set_point_millivolts } = self.supply;
+        let SupplyCommand { enabled, discharge, set_point_millivolts } = self.supply;
         !enabled && discharge == [true; RAILS] && set_point_millivolts == [0; RAILS] && !self.drives()
     }
 
@@ -135,7 +135,7 @@ impl WatchedBoard {
         let Some(timers) = &mut self.timers else { return };
         let now = (self.now_us - timers.started_us) * u64::from(CLOCK_MHZ);
         for (model, check) in timers.models.iter_mut().zip(&mut timers.checks) {
-            model.run(now, |pulse| check.pulse(pulse)).expect("registers that make windows");
+            model.run_until(now, |pulse| check.note_pulse(pulse)).expect("registers that make windows");
             assert_eq!(check.overlap, 0, "both electrodes on");
             assert!(check.least_guard.is_none_or(|guard| guard >= GUARD_CLOCKS), "guard of {:?}", check.least_guard);
         }
@@ -151,15 +151,15 @@ impl Board for WatchedBoard {
         self.now_us
     }
 
-    fn outputs_off(&mut self) {
+    fn switch_outputs_off(&mut self) {
         self.run();
         self.timers = None;
         self.connected = false;
-        self.supply = Supply { discharge: [true; RAILS], ..Supply::default() };
+        self.supply = SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() };
     }
 
-    fn sense(&mut self) -> Senses {
-        Senses {
+    fn read_sensors(&mut self) -> SensorReadings {
+        SensorReadings {
             rail_millivolts: self.rails(),
             average_microamps: if self.wrong & outside::CURRENT != 0 { 5_000 } else { 0 },
             interlock_closed: self.wrong & outside::INTERLOCK == 0,
@@ -169,12 +169,12 @@ impl Board for WatchedBoard {
         }
     }
 
-    fn test_trips(&mut self) -> Result<(), Finding> {
+    fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         assert!(self.is_off(), "comparators tried while something was on");
         if self.refuses(refuses::TRIPS) { Err((FaultCode::SelfTest, 1)) } else { Ok(()) }
     }
 
-    fn set_supply(&mut self, supply: &Supply) {
+    fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         let highest = supply.set_point_millivolts.into_iter().max();
         assert!(highest <= Some(MAX_RAIL_MILLIVOLTS), "set to {highest:?} mV");
         self.supply = *supply;
@@ -185,7 +185,7 @@ impl Board for WatchedBoard {
         if self.refuses(refuses::START) {
             return Err(FaultCode::ArmFailed);
         }
-        let model = TimerModel::new(TimerRegisters::running(&IDLE, OUTPUTS), 0);
+        let model = TimerModel::new(TimerRegisters::for_running_timer(&IDLE, OUTPUTS), 0);
         self.timers = Some(Timers {
             started_us: self.now_us,
             models: std::array::from_fn(|_| model.clone()),
@@ -194,7 +194,7 @@ impl Board for WatchedBoard {
         Ok(())
     }
 
-    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
         assert!(self.timers.is_some() && self.supply.enabled, "electrodes connected without being armed");
         if self.refuses(refuses::CONNECT) {
             return Err(FaultCode::DriveFailed);
@@ -203,36 +203,36 @@ impl Board for WatchedBoard {
         Ok(())
     }
 
-    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
         self.run();
         let timers = self.timers.as_mut().expect("timers that run");
         let model = timers.models.get_mut(preload.channel).expect("a channel that is there");
         let earliest = (self.now_us - timers.started_us + MARGIN_US) * u64::from(CLOCK_MHZ);
         assert!(preload.at >= earliest, "preloaded too near to the boundary");
-        assert_eq!(preload.at, model.next_update(), "preloaded for another boundary than the next");
+        assert_eq!(preload.at, model.next_update_clock(), "preloaded for another boundary than the next");
         if self.refused & refuses::PRELOAD != 0 {
             return Err(FaultCode::ReadBack);
         }
-        model.write(TimerRegisters::running(&preload.period, OUTPUTS));
+        model.write_preload_registers(TimerRegisters::for_running_timer(&preload.period, OUTPUTS));
         Ok(())
     }
 
-    fn check_timers(&mut self) -> Result<(), Finding> {
+    fn check_timers(&mut self) -> Result<(), FaultFinding> {
         assert!(self.timers.is_some(), "timers looked at that do not run");
         if self.refuses(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
     }
 
-    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
         None
     }
 
-    fn take_log(&mut self, out: &mut [u8]) -> usize {
+    fn take_log_bytes(&mut self, out: &mut [u8]) -> usize {
         out.fill(0xA5);
         out.len()
     }
 
-    fn enter_bootloader(&mut self) {
+    fn request_bootloader_restart(&mut self) {
         assert!(self.is_off(), "left for the bootloader while something was on");
     }
 }

@@ -16,7 +16,7 @@ pub fn run(input: &[u8]) {
     let mut decoder = Decoder::new();
     let mut found = Vec::new();
     for part in bytes.chunks(piece) {
-        decoder.feed(part, |result| found.push(owned(result)));
+        decoder.feed_bytes(part, |result| found.push(owned(result)));
     }
     assert_eq!(found, expected, "in pieces of {piece} bytes");
     assert!(found.iter().flatten().all(|(.., body)| body.len() <= MAX_BODY), "a body longer than any may be");
@@ -24,7 +24,7 @@ pub fn run(input: &[u8]) {
     // Whatever came before, a zero ends it, and the frame after that arrives whole.
     let closing = [&[0][..], &KEEP_ALIVE].concat();
     expected = reference(&[bytes, &closing].concat());
-    decoder.feed(&closing, |result| found.push(owned(result)));
+    decoder.feed_bytes(&closing, |result| found.push(owned(result)));
     assert_eq!(found, expected, "with a frame after it");
     assert_eq!(found.last(), Some(&Ok((1, 1, 0x1234, vec![5]))), "the frame after it");
 }

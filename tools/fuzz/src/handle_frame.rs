@@ -4,11 +4,13 @@
 use crate::board::{WatchedBoard, outside};
 use crate::decoder::encoded;
 use crate::step::{LINKS, Step};
-use era_shared::device::{Device, Port};
+use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::{DEADMAN_MAX_MS, DISCHARGED_MILLIVOLTS};
-use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED};
-use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, Fault, FaultCode, Refusal, Reply, Request, speaks};
-use era_shared::safety::{Event, LinkId, State};
+use era_shared::link::{Decoder, Frame, FrameKind, MAX_ENCODED};
+use era_shared::protocol::{
+    BOOTLOADER_KEY, CURRENT_VERSION, Fault, FaultCode, Refusal, Reply, Request, is_version_supported,
+};
+use era_shared::safety::{LinkId, SafetyEvent, SafetyState};
 
 /// The watcher's own link: its questions keep nobody's session alive, as only the link that armed does.
 const WATCHER: LinkId = LinkId(0xFE);
@@ -38,7 +40,7 @@ struct Order {
 struct Bench {
     device: Device,
     board: WatchedBoard,
-    ports: [Port; LINKS],
+    ports: [LinkReceiver; LINKS],
     sequence: u16,
     fault: Option<Fault>,
     /// When any link last carried anything.
@@ -52,13 +54,13 @@ impl Bench {
         let mut bench = Self {
             device: Device::new(),
             board: WatchedBoard::default(),
-            ports: std::array::from_fn(|index| Port::new(LinkId(index as u8))),
+            ports: std::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8))),
             sequence: 0,
             fault: None,
             heard_at_us: 0,
             deadman_ms: DEADMAN_MAX_MS,
         };
-        bench.device.start(&mut bench.board);
+        bench.device.complete_boot(&mut bench.board);
         assert!(bench.board.is_off(), "off at the start");
         bench
     }
@@ -67,7 +69,7 @@ impl Bench {
         let before = self.device.state();
         let mut order = Order::default();
         match step {
-            Step::Request { link, body } => order = self.frame(*link, CURRENT_VERSION, Kind::Request as u8, body),
+            Step::Request { link, body } => order = self.frame(*link, CURRENT_VERSION, FrameKind::Request as u8, body),
             Step::Frame { link, version, kind, body } => order = self.frame(*link, *version, *kind, body),
             Step::Bytes { link, bytes } => {
                 self.anything(*link, bytes);
@@ -79,7 +81,10 @@ impl Bench {
                 let open = self.board.wrong & outside::LOOPS != 0;
                 assert!(*ms < 2 || !open || self.board.is_off(), "live with an open loop");
                 let charged = self.board.rails().iter().any(|millivolts| *millivolts >= DISCHARGED_MILLIVOLTS);
-                assert!(*ms < 2 || !charged || self.device.state() != State::Safe, "called safe with charged rails");
+                assert!(
+                    *ms < 2 || !charged || self.device.state() != SafetyState::Safe,
+                    "called safe with charged rails"
+                );
             }
             Step::Late { ms } => {
                 self.board.now_us += u64::from(*ms) * 1_000;
@@ -88,15 +93,15 @@ impl Bench {
             }
             Step::Fault { code, detail } => {
                 let (code, now_us) = (found_by_boards(*code), self.board.now_us);
-                self.device.raise(&mut self.board, code, u32::from(*detail), now_us);
-                assert_eq!(self.device.state(), State::Fault, "{code:?} is a fault in every state");
+                self.device.raise_fault(&mut self.board, code, u32::from(*detail), now_us);
+                assert_eq!(self.device.state(), SafetyState::Fault, "{code:?} is a fault in every state");
             }
             Step::Hardware { refuses } => self.board.refused = *refuses,
             Step::Outside { wrong } => self.board.wrong = *wrong,
             Step::Trip { code } => self.board.trip = Some((found_by_boards(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
-                    port.reset();
+                    port.discard_partial_frame();
                 }
             }
         }
@@ -107,10 +112,10 @@ impl Bench {
     }
 
     /// What holds after every step.
-    fn check(&mut self, before: State, order: &Order) {
+    fn check(&mut self, before: SafetyState, order: &Order) {
         let state = self.device.state();
         assert!(state.is_live() || self.board.is_off(), "energised in state {state:?}");
-        assert!(state != State::Running || self.board.connected, "running with the electrodes disconnected");
+        assert!(state != SafetyState::Running || self.board.connected, "running with the electrodes disconnected");
         assert!(
             order.heard || before.is_live() || !state.is_live(),
             "from {before:?} to {state:?} without being asked"
@@ -118,7 +123,7 @@ impl Bench {
         let fault = self.latched();
         // The question is a poll too: silence after a late step may have come to light by it.
         let state = self.device.state();
-        assert_eq!(state == State::Fault, fault.is_some(), "state {state:?} with {fault:?}");
+        assert_eq!(state == SafetyState::Fault, fault.is_some(), "state {state:?} with {fault:?}");
         let may_clear = order.anything || matches!(order.request, Some(Request::ClearFaults));
         if let (Some(first), false) = (self.fault, may_clear) {
             let kept = fault.is_some_and(|now| {
@@ -133,9 +138,9 @@ impl Bench {
     fn latched(&mut self) -> Option<Fault> {
         let mut body = [0; 8];
         let body = postcard::to_slice(&Request::Faults, &mut body).expect("one byte");
-        let frame = Frame { version: CURRENT_VERSION, kind: Kind::Request as u8, sequence: 0, body };
+        let frame = Frame { version: CURRENT_VERSION, kind: FrameKind::Request as u8, sequence: 0, body };
         let mut out = [0; MAX_ENCODED];
-        let length = self.device.handle_frame(&mut self.board, WATCHER, &frame, &mut out).expect("an answer");
+        let length = self.device.answer_frame(&mut self.board, WATCHER, &frame, &mut out).expect("an answer");
         match decoded(&out[..length]).2 {
             Reply::Faults { latched } => latched,
             other => panic!("{other:?} to a question for faults"),
@@ -159,22 +164,28 @@ impl Bench {
     fn frame(&mut self, link: usize, version: u8, kind: u8, body: &[u8]) -> Order {
         let body = body.get(..body.len().min(era_shared::link::MAX_BODY)).unwrap_or(body);
         let request = postcard::from_bytes::<Request>(body).ok();
-        let request =
-            request.filter(|request| speaks(version) && kind == Kind::Request as u8 && request.since() <= version);
+        let request = request.filter(|request| {
+            is_version_supported(version)
+                && kind == FrameKind::Request as u8
+                && request.introduced_in_version() <= version
+        });
         self.sequence = self.sequence.wrapping_add(1);
         // A zero first ends whatever the line held, which may have been a whole frame but for its end: any request.
         let anything = self.anything(link, &[0]);
         let state = self.device.state();
         let too_late = state.is_live() && self.is_silent_too_long();
         let answers = self.send(link, &encoded(version, kind, self.sequence, body));
-        if kind == Kind::Reply as u8 {
+        if kind == FrameKind::Reply as u8 {
             assert!(answers.is_empty(), "an answer was answered");
             return Order { heard: true, anything, ..Order::default() };
         }
         assert_eq!(answers.len(), 1, "answers to one frame");
         let (said, sequence, reply) = decoded(&answers[0]);
         assert_eq!(sequence, self.sequence, "the answer's number");
-        assert!(speaks(said) && (said == version || !speaks(version)), "answered in version {said}");
+        assert!(
+            is_version_supported(said) && (said == version || !is_version_supported(version)),
+            "answered in version {said}"
+        );
         let refused = matches!(reply, Reply::Refused(_));
         assert!(!too_late || request.is_none() || self.board.is_off(), "revived by {request:?}");
         assert!(request.is_some() || refused, "{reply:?} to what is no request");
@@ -224,7 +235,7 @@ impl Bench {
                 assert!(state.is_live(), "drives set, but {state:?}");
             }
             (Request::Play { .. }, Reply::Playing) => assert!(state.is_live(), "playing, but {state:?}"),
-            (Request::ClearFaults, Reply::FaultsCleared) => assert_ne!(state, State::Fault),
+            (Request::ClearFaults, Reply::FaultsCleared) => assert_ne!(state, SafetyState::Fault),
             (request, reply) => panic!("{reply:?} to {request:?}"),
         }
     }
@@ -233,7 +244,7 @@ impl Bench {
     fn wait(&mut self, us: u64) {
         let end_us = self.board.now_us + us;
         loop {
-            let due_us = self.device.poll(&mut self.board);
+            let due_us = self.device.poll_next_due_us(&mut self.board);
             if self.board.now_us >= end_us {
                 return;
             }
@@ -251,7 +262,7 @@ impl Bench {
     fn send(&mut self, link: usize, bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut answers = Vec::new();
         if let Some(port) = self.ports.get_mut(link) {
-            self.device.receive(&mut self.board, port, bytes, |answer| answers.push(answer.to_vec()));
+            self.device.receive_bytes(&mut self.board, port, bytes, |answer| answers.push(answer.to_vec()));
         }
         answers
     }
@@ -265,7 +276,7 @@ fn found_by_boards(code: u8) -> FaultCode {
 
 /// Whether a host of version 1 has every word of this reply: its last variants were these.
 fn known_to_1(reply: &Reply) -> bool {
-    let state = |state: State| !matches!(state, State::Arming | State::Discharging);
+    let state = |state: SafetyState| !matches!(state, SafetyState::Arming | SafetyState::Discharging);
     let fault = |fault: &Fault| fault.code.number() <= FaultCode::ReadBack.number();
     match reply {
         Reply::Alive { state: now } => state(*now),
@@ -274,7 +285,7 @@ fn known_to_1(reply: &Reply) -> bool {
         Reply::Faults { latched } => latched.iter().all(fault),
         Reply::Refused(Refusal::Fault(latched)) => fault(latched),
         Reply::Refused(Refusal::State { state: now, event }) => {
-            state(*now) && !matches!(event, Event::Discharged | Event::TestPassed)
+            state(*now) && !matches!(event, SafetyEvent::Discharged | SafetyEvent::TestPassed)
         }
         Reply::Refused(
             Refusal::Version { .. }
@@ -297,9 +308,9 @@ fn known_to_1(reply: &Reply) -> bool {
 /// The one reply that `bytes` hold.
 fn decoded(bytes: &[u8]) -> (u8, u16, Reply) {
     let mut found = Vec::new();
-    Decoder::new().feed(bytes, |result| {
+    Decoder::new().feed_bytes(bytes, |result| {
         let frame = result.expect("the device sends good frames");
-        assert_eq!(frame.kind, Kind::Reply as u8);
+        assert_eq!(frame.kind, FrameKind::Reply as u8);
         let (reply, rest) = postcard::take_from_bytes::<Reply>(frame.body).expect("the device sends known replies");
         assert!(rest.is_empty(), "{} bytes behind {reply:?}", rest.len());
         found.push((frame.version, frame.sequence, reply));

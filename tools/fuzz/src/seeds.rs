@@ -3,7 +3,7 @@
 use crate::board::outside;
 use crate::decoder::encoded;
 use crate::step::Step;
-use era_shared::link::{Kind, MAX_BODY, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request};
 use era_shared::waveform::{Effect, Segment};
 
@@ -18,8 +18,8 @@ pub fn decoder() -> Vec<Seed> {
     let two = [&hello[..], &drives].concat();
     let mut broken = drives.clone();
     broken[5] ^= 0x10;
-    let longest = encoded(CURRENT_VERSION, Kind::Request as u8, 1, &[0x5A; MAX_BODY]);
-    let too_long = encoded(CURRENT_VERSION, Kind::Request as u8, 1, &[0x5A; MAX_BODY + 1]);
+    let longest = encoded(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY]);
+    let too_long = encoded(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY + 1]);
     vec![
         ("frames_at_once", [&[0], &two[..]].concat()),
         ("frames_byte_by_byte", [&[1], &two[..]].concat()),
@@ -60,7 +60,7 @@ pub fn handle_frame() -> Vec<Seed> {
         ask(0, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(500) }),
         ARMING,
         ask(0, &Request::Prepare { drives: [drive(0, 200_000), drive(1, 90_000)].into_iter().collect() }),
-        ask(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::click(3, 2) }),
+        ask(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::new_click(3, 2) }),
         ask(0, &Request::Play { channel: 1, start_us: 50_000, effect: every_segment() }),
         Step::Wait { ms: 200 },
         ask(0, &Request::Play { channel: 0, start_us: 0, effect: every_segment() }),
@@ -163,7 +163,7 @@ pub fn handle_frame() -> Vec<Seed> {
     // Every version that is spoken gets the same session.
     let versions = (MIN_VERSION..=CURRENT_VERSION).flat_map(|version| {
         let say = move |request: Request| {
-            [Step::Frame { link: 0, version, kind: Kind::Request as u8, body: body(&request) }, ARMING]
+            [Step::Frame { link: 0, version, kind: FrameKind::Request as u8, body: body(&request) }, ARMING]
         };
         let hello = Request::Hello { host_min: version, host_current: version };
         let arm = Request::Arm { deadman_ms: None };
@@ -215,7 +215,7 @@ fn body(request: &Request) -> Vec<u8> {
 
 fn wire(request: &Request) -> Vec<u8> {
     let mut bytes = [0; MAX_ENCODED];
-    let length = encode(CURRENT_VERSION, Kind::Request, 1, request, &mut bytes).unwrap_or(0);
+    let length = encode_frame(CURRENT_VERSION, FrameKind::Request, 1, request, &mut bytes).unwrap_or(0);
     bytes[..length].to_vec()
 }
 

@@ -1,7 +1,7 @@
 //! A simulated board in this process, and the cable to it: a line that can be pulled, cut and disturbed.
 
 use crate::error::Error;
-use era::device::sim::{Panel, SimBoard, SimControl, SimDevice};
+use era::device::sim::{SimBoard, SimControl, SimDevice, SimPanel};
 use era::model::{Accuracy, PanelModel};
 use era::planner::{PlanTable, TableOptions};
 use era::scene::{EXAMPLE_PLATE, Scene};
@@ -70,7 +70,7 @@ impl Bench {
     /// As [`Self::new`].
     pub fn without_cable(link: PathBuf) -> Result<Self, Error> {
         let bench = Self { device: start_device()?, link, cable: None };
-        bench.create_link_to(bench.device.path())?;
+        bench.create_link_to(bench.device.port_path())?;
         Ok(bench)
     }
 
@@ -89,7 +89,7 @@ impl Bench {
     /// # Errors
     /// [`Error::Line`], [`Error::System`].
     pub fn plug_in(&mut self) -> Result<(), Error> {
-        let cable = Cable::new(self.device.path())?;
+        let cable = Cable::new(self.device.port_path())?;
         self.create_link_to(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
@@ -134,7 +134,8 @@ impl Bench {
 fn start_device() -> Result<SimDevice, Error> {
     let table = build_plan_table()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID).map_err(Error::system("no pseudo-terminal"))
+    SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID)
+        .map_err(Error::system("no pseudo-terminal"))
 }
 
 /// What is planned with for the example plate.

@@ -216,7 +216,7 @@ pub fn measure_pace(options: &Options) -> Result<(), Error> {
         count("era_device_outages_total"),
         count("era_device_faults_total")
     );
-    let (table, missed) = aims::judge_rows(&rows, measurement.control.watch().silence);
+    let (table, missed) = aims::judge_rows(&rows, measurement.control.self_observations().silence);
     println!("\n{table}");
     if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join("; "))) }
 }
@@ -264,12 +264,12 @@ impl Measurement {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
-        self.control.keep_frames(most);
+        self.control.record_drive_frames(most);
         let (begun, worked_s) = (Instant::now(), self.daemon.processor_time_s());
         let (touches, echo) = self.measure_with_echo(entry, rate, seconds)?;
         let worked_s = worked_s.zip(self.daemon.processor_time_s()).map(|(before, after)| after - before);
         let worked = worked_s.map(|worked_s| worked_s / begun.elapsed().as_secs_f64());
-        let measured = Measured::from_touches(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
+        let measured = Measured::from_touches(&touches, &self.control.take_recorded_frames()).map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
@@ -304,10 +304,11 @@ impl Measurement {
         let mut times = Times::default();
         for first in 0..FRESH {
             std::thread::sleep(BETWEEN_FRESH);
-            self.control.keep_frames(FRAMES_PER_TOUCH);
+            self.control.record_drive_frames(FRAMES_PER_TOUCH);
             let touches =
                 self.send_touches(entry, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
-            let measured = Measured::from_touches(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
+            let measured =
+                Measured::from_touches(&touches, &self.control.take_recorded_frames()).map_err(Error::Answer)?;
             for what in measured.describe_missing() {
                 println!("  {what}");
             }
@@ -330,7 +331,7 @@ impl Measurement {
         for number in 1..=STOPS {
             let due = begun + BETWEEN_STOPS * number;
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            let received = || self.control.stop_received().filter(|at| *at >= due);
+            let received = || self.control.stop_received_at().filter(|at| *at >= due);
             let answer = http.post("/v1/stop", "").map_err(Error::system("a stop was not answered"))?;
             while received().is_none() && due.elapsed() < STOP {
                 std::thread::sleep(LOOK);

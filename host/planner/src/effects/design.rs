@@ -214,7 +214,7 @@ fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
                 push
             })
             .collect();
-        let effects: Vec<Effect> = pushes.iter().map(|push| Effect::click(*push, 0)).collect();
+        let effects: Vec<Effect> = pushes.iter().map(|push| Effect::new_click(*push, 0)).collect();
         let signals: Vec<Vec<Vec<f64>>> =
             (0..wanted.len()).map(|target| signals(parts, &effects, target, 2.0 / highest_hz)).collect();
         // Least over the targets of what is reached of the wish, with drives raised by `raise`, each up to its limit.

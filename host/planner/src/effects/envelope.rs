@@ -113,29 +113,29 @@ mod tests {
 
     #[test]
     fn cycle_by_cycle() {
-        assert_eq!(levels(&Effect::click(3, 2), 1.0 / 150.0), [1.0, 1.0, 1.0, -1.0, -1.0]);
+        assert_eq!(levels(&Effect::new_click(3, 2), 1.0 / 150.0), [1.0, 1.0, 1.0, -1.0, -1.0]);
         // 10 ms on and 5 ms off at 200 Hz, twice.
-        assert_eq!(levels(&Effect::pulse_train(10, 5, 2), 5e-3), [1.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
-        let swell = levels(&Effect::swell(10, 5, 10), 5e-3);
+        assert_eq!(levels(&Effect::new_pulse_train(10, 5, 2), 5e-3), [1.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+        let swell = levels(&Effect::new_swell(10, 5, 10), 5e-3);
         assert_eq!(swell.len(), 5);
         assert!((swell[0] - 0.25).abs() < 1e-6 && (swell[1] - 0.75).abs() < 1e-6 && swell[2] == 1.0);
-        assert!((length_s(&Effect::swell(10, 5, 10), 5e-3) - 25e-3).abs() < 1e-12);
+        assert!((length_s(&Effect::new_swell(10, 5, 10), 5e-3) - 25e-3).abs() < 1e-12);
     }
 
     #[test]
     fn what_is_cut_comes_back_as_time() {
-        let cut = Cut::new(&Effect::swell(800, 400, 800), 5e-3, 0.25);
+        let cut = Cut::new(&Effect::new_swell(800, 400, 800), 5e-3, 0.25);
         assert!((length_s(&cut.effect, 5e-3) - 0.75).abs() < 1e-9, "{cut:?}");
         // In the middle of the rise; early in the hold; in the middle of the fall; after the end.
         for (short_s, whole_s) in [(0.125, 0.4), (0.3, 0.85), (0.625, 1.6), (0.8, 2.05)] {
             assert!((cut.whole_s(short_s) - whole_s).abs() < 1e-9, "{short_s}: {}", cut.whole_s(short_s));
         }
-        let cut = Cut::new(&Effect::pulse_train(25, 25, 100), 5e-3, 0.25);
+        let cut = Cut::new(&Effect::new_pulse_train(25, 25, 100), 5e-3, 0.25);
         assert_eq!(cut.effect.times, 6);
         for (short_s, whole_s) in [(0.06, 0.06), (0.26, 4.96), (0.31, 5.01)] {
             assert!((cut.whole_s(short_s) - whole_s).abs() < 1e-9, "{short_s}: {}", cut.whole_s(short_s));
         }
-        let few = Effect::pulse_train(25, 25, 3);
+        let few = Effect::new_pulse_train(25, 25, 3);
         let cut = Cut::new(&few, 5e-3, 0.25);
         assert!(cut.effect == few && (cut.whole_s(0.17) - 0.17).abs() < 1e-12);
     }

@@ -190,7 +190,7 @@ impl EffectRequest {
             times: whole(times.max(1.0)),
         };
         Ok(match self.effect {
-            NamedEffect::Click | NamedEffect::DoubleClick => Effect::click(1, 0),
+            NamedEffect::Click | NamedEffect::DoubleClick => Effect::new_click(1, 0),
             NamedEffect::Buzz => of(&[hold(FULL_LEVEL, duration_ms)], 1.0),
             NamedEffect::Swell => of(
                 &[

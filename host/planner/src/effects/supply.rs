@@ -3,7 +3,7 @@
 use super::effect_drive::Part;
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit, most_mean_current_a};
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 
 /// Lowers all drives until together they draw no more than the supply delivers for long: pushes of some cycles last longer than
 /// the 10 ms after which the board switches off. Says what made that necessary.
@@ -27,7 +27,8 @@ pub fn keep_within_supply(table: &PlanTable, parts: &mut [Part]) -> Option<(usiz
 
 /// Voltage across an actuator's gap, forces times `scale`: the highest that is asked of its rail.
 pub fn rail_v(electrodes: &[Electrodes], parts: &[Part], actuator: usize, scale: f64) -> f64 {
-    let on_its_rail = parts.iter().filter(|part| rail_of(part.drive.actuator) == rail_of(actuator));
+    let on_its_rail =
+        parts.iter().filter(|part| rail_index_of_channel(part.drive.actuator) == rail_index_of_channel(actuator));
     let volts = |part: &Part| {
         let electrodes = electrodes.get(part.drive.actuator)?;
         Some(electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width))

@@ -5,7 +5,7 @@ use crate::physics::limits::Limit;
 use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, settle};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{HARMONICS, PlanTable, harmonics_m_per_n};
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 use num_complex::Complex64;
 
 /// Simulated travel over the averaged motion's, at most: 1.002 was seen on random panels.
@@ -90,7 +90,7 @@ pub(crate) fn check_limits(
     let applied = &settled.applied;
     let harmonics = harmonics_m(drives, applied, settled.scale, &HARMONICS);
     for (i, electrodes) in table.electrodes.iter().enumerate().take(drives.len().min(MAX_ACTUATORS)) {
-        let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_of(*j) == rail_of(i));
+        let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_index_of_channel(*j) == rail_index_of_channel(i));
         let rail_v = rail_v.map(|(_, applied)| applied.voltage_v).fold(0.0, f64::max);
         // To the last digits the voltage is the limit's own.
         let rail_v = rail_v * (1.0 - 1e-12);

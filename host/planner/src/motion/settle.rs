@@ -12,7 +12,7 @@ use crate::physics::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_P
 use crate::physics::softening::{MAX_LINES, follow};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, travel_m_per_n};
-use era_shared::supply::{RAILS, rail_of};
+use era_shared::supply::{RAILS, rail_index_of_channel};
 use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::FRAC_PI_2;
@@ -207,12 +207,12 @@ fn compute_applied(table: &PlanTable, drives: &[Chosen], scale: f64) -> [Applied
         let pulse_width = drive.width.pulse_width;
         let voltage_v = electrodes.voltage_for(drive.force_n * scale, pulse_width).min(electrodes.max_voltage_v);
         applied[i] = Applied { voltage_v, pulse_width };
-        if let Some(rail_v) = rails_v.get_mut(rail_of(i)) {
+        if let Some(rail_v) = rails_v.get_mut(rail_index_of_channel(i)) {
             *rail_v = rail_v.max(voltage_v);
         }
     }
     for (i, applied) in applied.iter_mut().enumerate().take(drives.len()) {
-        let rail_v = rails_v.get(rail_of(i)).copied().unwrap_or(applied.voltage_v);
+        let rail_v = rails_v.get(rail_index_of_channel(i)).copied().unwrap_or(applied.voltage_v);
         if applied.voltage_v > 0.0 && rail_v > applied.voltage_v {
             let part = (applied.voltage_v / rail_v).powi(2) * (FRAC_PI_2 * applied.pulse_width).sin();
             *applied = Applied { voltage_v: rail_v, pulse_width: part.asin() / FRAC_PI_2 };

@@ -10,7 +10,7 @@ use crate::reach::setting::{command, part};
 use crate::table::Part;
 use crate::table::PlanTable;
 use crate::table::View;
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 use nalgebra::DMatrix;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -193,7 +193,8 @@ impl<'a> At<'a> {
             let steady = self.travel[i].iter().zip(&forces).map(|(travel, force)| travel * force).sum::<Complex64>();
             let added: f64 = self.added[i].iter().zip(&forces).map(|(travel, force)| travel * force.norm()).sum();
             let travel = steady.norm() + added;
-            let on_its_rail = (0..forces.len()).filter(|j| rail_of(*j) == rail_of(i)).map(own_square_v);
+            let on_its_rail =
+                (0..forces.len()).filter(|j| rail_index_of_channel(*j) == rail_index_of_channel(i)).map(own_square_v);
             let (slope, allowed) = electrodes.breakdown_line();
             used = used
                 .max(own_square_v(i) / electrodes.max_voltage_v.powi(2))

@@ -16,7 +16,7 @@ use crate::response::{ResponseError, Solver};
 use crate::scene::{MAX_ACTUATORS, Scene};
 use crate::table::press::{Pressed, pressed};
 use crate::{HIGHEST_FELT_HZ, perception};
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -189,10 +189,11 @@ fn electrodes_of(
 /// No actuator asks for more voltage than every one on its rail may have.
 fn on_rails(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
     let least = |rail: usize| {
-        let own = electrodes.iter().enumerate().filter(|(i, _)| rail_of(*i) == rail);
+        let own = electrodes.iter().enumerate().filter(|(i, _)| rail_index_of_channel(*i) == rail);
         own.map(|(_, electrodes)| electrodes.max_voltage_v).fold(f64::INFINITY, f64::min)
     };
-    let limited = |(i, own): (usize, &Electrodes)| Electrodes { max_voltage_v: least(rail_of(i)), ..*own };
+    let limited =
+        |(i, own): (usize, &Electrodes)| Electrodes { max_voltage_v: least(rail_index_of_channel(i)), ..*own };
     electrodes.iter().enumerate().map(limited).collect()
 }
 

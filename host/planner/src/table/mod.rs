@@ -35,7 +35,7 @@ use crate::physics::rise::{DecayingMode, Onset, RiseTimes};
 use crate::physics::softening::{Transducer, static_receptance};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use press::Pressed;
@@ -174,7 +174,11 @@ impl PlanTable {
     pub fn ready_v(&self) -> Vec<f64> {
         let holds_v = |electrodes: &Electrodes| electrodes.max_voltage_v.min(electrodes.holds_v(0.0)).max(0.0);
         let of_rail = |i: usize| {
-            let fed = self.electrodes.iter().enumerate().filter(|(other, _)| rail_of(*other) == rail_of(i));
+            let fed = self
+                .electrodes
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| rail_index_of_channel(*other) == rail_index_of_channel(i));
             fed.map(|(_, electrodes)| holds_v(electrodes)).fold(f64::INFINITY, f64::min)
         };
         (0..self.electrodes.len()).map(of_rail).collect()

@@ -13,7 +13,7 @@ use crate::physics::limits::{Electrodes, HELD, Limit};
 use crate::physics::softening::Transducer;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{Entry, Width};
-use era_shared::supply::rail_of;
+use era_shared::supply::rail_index_of_channel;
 
 /// One row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +76,7 @@ impl SharedLimits {
                 (Row { actuator, kind: Kind::Travel }, electrodes[actuator].most_travel_m()),
                 (Row { actuator, kind: Kind::PullIn }, HELD + counted.sum::<f64>()),
             ];
-            let on_its_rail = (0..p).filter(|driver| rail_of(*driver) == rail_of(actuator));
+            let on_its_rail = (0..p).filter(|driver| rail_index_of_channel(*driver) == rail_index_of_channel(actuator));
             rows.extend(
                 on_its_rail.map(|driver| (Row { actuator, kind: Kind::Breakdown { driver } }, lines[actuator].1)),
             );

@@ -125,9 +125,12 @@ pub async fn do_aside<T: Send + 'static>(
 
 /// Does work on threads of its own, half as many as there are processors, which are to be late rather than others.
 fn on_half_of_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    priority::lower();
+    priority::lower_thread_priority();
     let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(|_| priority::lower()).build();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .start_handler(|_| priority::lower_thread_priority())
+        .build();
     match pool {
         Ok(pool) => pool.install(work),
         // Threads that cannot be had are done without.

@@ -94,7 +94,7 @@ impl Touched {
 pub struct AskedAt {
     /// `Session::stops` at its arrival.
     pub stops: u64,
-    /// `Snapshot::breaks` then, for what begins later or is driven again.
+    /// `DeviceSnapshot::breaks` then, for what begins later or is driven again.
     pub breaks: Option<u64>,
 }
 

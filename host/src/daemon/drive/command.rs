@@ -53,7 +53,7 @@ pub struct Published {
 
 /// Whether it is still driven: neither is its time over, nor has everything been stopped since it was asked for.
 pub fn is_current(current: &Current, equipment: &Equipment, now: Instant) -> bool {
-    now < current.until && current.stops == equipment.session.stops()
+    now < current.until && current.stops == equipment.session.stop_count()
 }
 
 /// That a newer touch stands in this one's place.

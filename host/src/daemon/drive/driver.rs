@@ -10,7 +10,7 @@ use crate::daemon::touch::admission::Admission;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
 use crate::device::sim::TouchPeak;
-use crate::device::{SessionError, Snapshot};
+use crate::device::{DeviceSnapshot, SessionError};
 use crate::planner::residual::Board;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use std::sync::Arc;
@@ -109,32 +109,32 @@ impl Driver {
 
     /// What is known of the device, kept up to date.
     #[must_use]
-    pub fn device(&self) -> watch::Receiver<Snapshot> {
-        self.equipment.session.snapshots()
+    pub fn device(&self) -> watch::Receiver<DeviceSnapshot> {
+        self.equipment.session.subscribe_snapshots()
     }
 
     /// What is known of the device now.
     #[must_use]
-    pub fn known(&self) -> Snapshot {
-        self.equipment.session.known()
+    pub fn known(&self) -> DeviceSnapshot {
+        self.equipment.session.current_snapshot()
     }
 
     /// How long ago the device last answered; `None` if it never did.
     #[must_use]
     pub fn heard_ago(&self) -> Option<Duration> {
-        let is_known = self.equipment.session.snapshots().borrow().identity.is_some();
-        is_known.then(|| self.equipment.session.heard_ago())
+        let is_known = self.equipment.session.subscribe_snapshots().borrow().identity.is_some();
+        is_known.then(|| self.equipment.session.time_since_last_answer())
     }
 
     /// Whether the thread that looks after the device does its work.
     #[must_use]
     pub fn is_alive(&self) -> bool {
-        self.equipment.session.is_alive()
+        self.equipment.session.is_thread_working()
     }
 
     /// Resolves when the thread that looks after the device has ended.
     pub async fn session_ended(&self) {
-        let mut device = self.equipment.session.snapshots();
+        let mut device = self.equipment.session.subscribe_snapshots();
         while device.changed().await.is_ok() {}
     }
 
@@ -147,10 +147,10 @@ impl Driver {
     /// How often everything was stopped so far: what was asked for before a stop is not driven after it.
     #[must_use]
     pub fn stops(&self) -> u64 {
-        self.equipment.session.stops()
+        self.equipment.session.stop_count()
     }
 
-    /// [`Snapshot::breaks`].
+    /// [`DeviceSnapshot::breaks`].
     #[must_use]
     pub fn breaks(&self) -> u64 {
         self.equipment.count_breaks()

@@ -3,15 +3,15 @@
 use super::active::AskedAt;
 use super::order::{Drivable, Mode};
 use crate::daemon::touch::answer::Achieved;
-use crate::device::convert::to_wire;
+use crate::device::convert::drive_to_wire;
 use crate::device::sim::SimControl;
-use crate::device::{DriveOrder, EffectOrder, LinkError, Session, SessionError, Snapshot};
+use crate::device::{DeviceSnapshot, DriveOrder, EffectOrder, LinkError, Session, SessionError};
 use crate::planner::drive::on_channels;
 use crate::planner::residual::Board;
 use crate::planner::{Plan, PlanTable};
 use era_shared::limits::REST_MS;
 use era_shared::protocol::Refusal;
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -51,13 +51,13 @@ impl Equipment {
     /// What the board does, as far as its state is known.
     #[must_use]
     pub fn read_board(&self) -> Board {
-        find_board(&self.session.snapshots().borrow())
+        find_board(&self.session.subscribe_snapshots().borrow())
     }
 
-    /// [`Snapshot::breaks`].
+    /// [`DeviceSnapshot::breaks`].
     #[must_use]
     pub fn count_breaks(&self) -> u64 {
-        self.session.snapshots().borrow().breaks
+        self.session.subscribe_snapshots().borrow().breaks
     }
 
     /// Waits for the session's answer, and no longer than its thread shows that it lives.
@@ -72,7 +72,7 @@ impl Equipment {
         loop {
             match tokio::time::timeout(LOOK, &mut answer).await {
                 Ok(answer) => return answer,
-                Err(_) if self.session.hangs() => return Err(SessionError::Hangs),
+                Err(_) if self.session.is_thread_hung() => return Err(SessionError::Hangs),
                 Err(_) => {}
             }
         }
@@ -81,7 +81,7 @@ impl Equipment {
     /// Puts the simulated sensor under the first target of plan `id`.
     pub fn place_sensor(&self, id: u64, plan: &Plan) {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.set_probe(id, self.table.model.shape_at(target.x_m, target.y_m));
+            sim.place_accelerometer(id, self.table.model.shape_at(target.x_m, target.y_m));
         }
     }
 
@@ -99,7 +99,7 @@ impl Equipment {
         let (plan, AskedAt { stops, breaks }) = (&drivable.plan, since);
         let begun = match &drivable.mode {
             Mode::Hold(hold) => {
-                let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
+                let drives = on_channels(&plan.drives).iter().map(drive_to_wire).collect();
                 let order = DriveOrder { id, stops, breaks, drives, hold: *hold, from_zero: is_soft };
                 let mut driven = self.wait_for_answer(self.session.drive(order.clone())).await;
                 // A burst of before this daemon's time, or of drives that it does not look after.
@@ -115,10 +115,10 @@ impl Equipment {
                 })
             }
             Mode::Effect(design) => {
-                let drives = design.wire_drives().iter().map(to_wire).collect();
+                let drives = design.wire_drives().iter().map(drive_to_wire).collect();
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 let order = EffectOrder { id, stops, drives, effects, start: None };
-                let played = self.wait_for_answer(self.session.play(order)).await;
+                let played = self.wait_for_answer(self.session.play_effect(order)).await;
                 played.map(|played| Begun {
                     achieved: Achieved::played(plan, design, &played),
                     until: played.start + played.length,
@@ -133,10 +133,10 @@ impl Equipment {
     }
 }
 
-fn find_board(device: &Snapshot) -> Board {
+fn find_board(device: &DeviceSnapshot) -> Board {
     match device.state() {
-        Some(State::Running) => Board::Driving,
-        Some(State::Armed | State::Arming) | None => Board::Up,
-        Some(State::Boot | State::Safe | State::Fault | State::Discharging) => Board::Down,
+        Some(SafetyState::Running) => Board::Driving,
+        Some(SafetyState::Armed | SafetyState::Arming) | None => Board::Up,
+        Some(SafetyState::Boot | SafetyState::Safe | SafetyState::Fault | SafetyState::Discharging) => Board::Down,
     }
 }

@@ -34,7 +34,7 @@ impl Equipment {
     /// The fraction of a plan's forces that the channels' credit allows ([`credit::part`]), as far as the credit is known.
     #[must_use]
     pub fn find_credit_fraction(&self, plan: &Plan) -> f64 {
-        let snapshots = self.session.snapshots();
+        let snapshots = self.session.subscribe_snapshots();
         let snapshot = snapshots.borrow();
         let (Some(credit), Some(identity)) = (&snapshot.credit, &snapshot.identity) else { return 1.0 };
         let most_v: Vec<f64> =

@@ -78,7 +78,7 @@ impl Task {
         let (id, now) = (held.active.id, Instant::now());
         self.state.end_all(Ending::AtItsBoundary, now);
         let Some(until) = self.state.find_rest_end() else { return };
-        equipment.session.end_at(id, now);
+        equipment.session.end_drive_at(id, now);
         let plan = held.active.plan.clone().thinned(Some(Thinned::RESTS));
         let resting = Arc::new(held.active.shown_as(plan));
         if let Some(current) = &mut self.state.current {
@@ -182,6 +182,6 @@ impl Task {
     fn find_hold(&self, equipment: &Equipment, held: &Sustained) -> Option<Duration> {
         let now = Instant::now();
         let until = self.state.find_end(&held.active, now)?;
-        (held.since.stops == equipment.session.stops()).then(|| until.saturating_duration_since(now))
+        (held.since.stops == equipment.session.stop_count()).then(|| until.saturating_duration_since(now))
     }
 }

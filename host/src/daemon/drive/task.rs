@@ -177,7 +177,7 @@ impl Task {
         match std::mem::replace(&mut self.lane, Lane::Free) {
             Lane::Free => self.look_after(equipment),
             Lane::Settling { request, since, .. } => {
-                if request.order.since.stops == equipment.session.stops() {
+                if request.order.since.stops == equipment.session.stop_count() {
                     self.drive_touch(equipment, request, Some(since));
                 } else {
                     request.refuse(SessionError::Stopped);
@@ -218,7 +218,7 @@ impl Task {
                 if matches!(self.lane, Lane::Resting { .. }) {
                     self.lane = Lane::Free;
                 }
-                self.state.current.take_if(|current| current.stops != equipment.session.stops());
+                self.state.current.take_if(|current| current.stops != equipment.session.stop_count());
             }
         }
     }
@@ -268,7 +268,7 @@ impl Task {
     /// Has a touch wait for as long as that makes its drives much stronger on top of what is left of the touches before, which end then;
     /// or drives it.
     fn take_turn(&mut self, equipment: &Arc<Equipment>, request: Box<Request>) {
-        if request.order.since.stops != equipment.session.stops() {
+        if request.order.since.stops != equipment.session.stop_count() {
             return request.refuse(SessionError::Stopped);
         }
         let (id, now, first) = (request.order.id, Instant::now(), &request.order.first);
@@ -395,7 +395,7 @@ impl Task {
     ) -> Result<Touched, Problem> {
         let Order { id, since, touches, manner, whole, thin, .. } = order;
         let stops = since.stops;
-        if equipment.session.stops() != stops {
+        if equipment.session.stop_count() != stops {
             // The stop came after the board's answer: what was entered since then is not driven.
             self.state.end_plan(id, Instant::now());
             return Err(SessionError::Stopped.into());
@@ -424,7 +424,7 @@ impl Task {
 
     /// Ends the drive of touch `id` at `when`.
     pub(super) fn release(&mut self, equipment: &Equipment, id: u64, when: Instant) {
-        equipment.session.end_at(id, when);
+        equipment.session.end_drive_at(id, when);
         if self.state.end_plan(id, when) {
             self.tell_pages(Update::Ends);
         }
@@ -440,7 +440,7 @@ impl Task {
         if board == Board::Driving || current.active.plan.rests() {
             current.until = until.max(current.until);
             let until = current.until;
-            equipment.session.hold_until(id, until);
+            equipment.session.extend_drive_until(id, until);
             self.state.prolong_plan(id, now, until);
         }
         true

@@ -10,12 +10,12 @@ use crate::daemon::access::client::Peer;
 use crate::daemon::access::permissions::Owner;
 use crate::daemon::app::App;
 use crate::daemon::drive::closed;
-use crate::device::Snapshot;
+use crate::device::DeviceSnapshot;
 use crate::planner::Target;
 use axum::Router;
 use axum::body::Body;
 use axum::http::{Request, header};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
@@ -43,8 +43,8 @@ pub async fn keep(app: Arc<App>) {
 }
 
 /// Whether somebody may touch next: the board is there, and armed.
-fn is_on(device: &Snapshot) -> bool {
-    device.connected && device.state().is_some_and(State::is_live)
+fn is_on(device: &DeviceSnapshot) -> bool {
+    device.connected && device.state().is_some_and(SafetyState::is_live)
 }
 
 /// A request that changes nothing, by the way that all take.

@@ -15,7 +15,7 @@ use crate::daemon::api::problem::{Kind, Problem};
 use crate::daemon::app::App;
 use crate::daemon::drive::closed;
 use crate::daemon::observe::measurements::record_measurements;
-use crate::device::{SessionError, Snapshot};
+use crate::device::{DeviceSnapshot, SessionError};
 use axum::Router;
 use axum::response::{IntoResponse, Response};
 use hyper::server::conn::http1;
@@ -85,7 +85,7 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
 
 async fn record_device(app: Arc<App>) {
     let Some(recorder) = &app.record else { return };
-    let view = |device: &Snapshot| app.view_measured(device);
+    let view = |device: &DeviceSnapshot| app.view_measured(device);
     record_measurements(app.driver.device(), app.driver.closing(), recorder, view).await;
 }
 

@@ -2,9 +2,9 @@
 
 use crate::daemon::api::schema::{ms, one_of};
 use crate::device::session::LinkAtFault;
-use crate::device::{ClockQuality, Identity, Snapshot, TARGET_KINDS};
+use crate::device::{ClockQuality, DeviceIdentity, DeviceSnapshot, TARGET_KINDS};
 use era_shared::protocol::{ChargeRule, Fault};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde::Serialize;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Object;
@@ -157,7 +157,7 @@ fn kinds() -> Object {
 
 fn states() -> Object {
     let text = "Its safety state; null while it is not connected, or if it has not told any.";
-    one_of(State::ALL.map(State::name), true, text)
+    one_of(SafetyState::ALL.map(SafetyState::name), true, text)
 }
 
 fn actions() -> Object {
@@ -172,7 +172,7 @@ fn rules() -> Object {
 impl DeviceView {
     /// What is known of a device.
     #[must_use]
-    pub fn new(device: &Snapshot) -> Self {
+    pub fn new(device: &DeviceSnapshot) -> Self {
         let status = device.status.as_ref();
         let identity = device.identity.as_ref();
         Self {
@@ -184,10 +184,10 @@ impl DeviceView {
             // Of a board that is gone, or may be, nobody knows.
             state: status.filter(|_| device.connected).map(|status| status.state.name()),
             fault: status.and_then(|status| status.fault).zip(device.link_at_fault).map(FaultView::new),
-            firmware: identity.map(Identity::firmware_text),
+            firmware: identity.map(DeviceIdentity::firmware_version_text),
             image: identity.map(|known| known.image.clone()),
             protocol: device.protocol,
-            board_id: identity.map(|known| Identity::hex(known.board_id)),
+            board_id: identity.map(|known| DeviceIdentity::board_id_hex(known.board_id)),
             boot_id: identity.map(|known| known.boot_id),
             reset_cause: identity.map(|known| format!("{:?}", known.reset_cause)),
             failure: identity.map(|known| known.failure.clone()).filter(|failure| !failure.is_empty()),
@@ -235,7 +235,7 @@ impl FaultLinkView {
 }
 
 impl SupplyView {
-    fn new(device: &Snapshot) -> Option<Self> {
+    fn new(device: &DeviceSnapshot) -> Option<Self> {
         let details = device.details.as_ref()?;
         let volts = |values: &[u32]| values.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect();
         Some(Self {
@@ -249,7 +249,9 @@ impl SupplyView {
             // A board that does not tell charges by time.
             credit_rule: device.credit.as_ref().map_or(ChargeRule::Time, |credit| credit.rule).name(),
             credit_lasts_s: device.credit.as_ref().map(|credit| {
-                (0..credit.channels.len()).map(|i| credit.lasts_ms(i).map(|ms| ms as f64 / 1e3)).collect()
+                (0..credit.channels.len())
+                    .map(|i| credit.remaining_drive_time_ms(i).map(|ms| ms as f64 / 1e3))
+                    .collect()
             }),
         })
     }

@@ -2,10 +2,10 @@
 
 use super::recording::Recorder;
 use super::state::MeasuredView;
-use crate::device::Snapshot;
+use crate::device::DeviceSnapshot;
 use era_shared::limits::DISCHARGED_MILLIVOLTS;
 use era_shared::protocol::FaultCode;
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde_json::json;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -18,13 +18,13 @@ const BETWEEN: Duration = Duration::from_millis(100);
 struct Condition {
     connected: bool,
     in_doubt: bool,
-    state: Option<State>,
+    state: Option<SafetyState>,
     fault: Option<FaultCode>,
     boot_id: Option<u32>,
 }
 
 impl Condition {
-    fn of(device: &Snapshot) -> Self {
+    fn of(device: &DeviceSnapshot) -> Self {
         let fault = device.status.as_ref().and_then(|status| status.fault);
         Self {
             connected: device.connected,
@@ -37,22 +37,22 @@ impl Condition {
 
     /// Whether its rails may be up.
     fn is_on(&self) -> bool {
-        self.state.is_some_and(|state| state.is_live() || state == State::Discharging)
+        self.state.is_some_and(|state| state.is_live() || state == SafetyState::Discharging)
     }
 }
 
 /// Whether its rails were above what is safe to touch when they were last measured, as they are after a fault, too.
-fn is_charged(device: &Snapshot) -> bool {
+fn is_charged(device: &DeviceSnapshot) -> bool {
     let rails = device.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());
     device.connected && rails.copied().any(|volts| volts >= DISCHARGED_MILLIVOLTS)
 }
 
 /// Records what the device measures until the daemon ends, which `closing` tells.
 pub async fn record_measurements(
-    mut snapshots: watch::Receiver<Snapshot>,
+    mut snapshots: watch::Receiver<DeviceSnapshot>,
     mut closing: watch::Receiver<bool>,
     recorder: &Recorder,
-    view: impl Fn(&Snapshot) -> MeasuredView,
+    view: impl Fn(&DeviceSnapshot) -> MeasuredView,
 ) {
     let mut last: Option<(Condition, Instant)> = None;
     loop {

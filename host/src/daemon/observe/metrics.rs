@@ -1,8 +1,8 @@
 //! Counters in the Prometheus text format.
 
 use crate::daemon::touch::admission::Admission;
-use crate::device::Snapshot;
-use era_shared::safety::State;
+use crate::device::DeviceSnapshot;
+use era_shared::safety::SafetyState;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -42,7 +42,7 @@ impl Metrics {
     #[must_use]
     pub fn text(
         &self,
-        device: &Snapshot,
+        device: &DeviceSnapshot,
         heard_ago: Option<Duration>,
         admission: &Admission,
         peak_g: Option<f64>,
@@ -110,7 +110,7 @@ impl Metrics {
         }
         let _ =
             writeln!(out, "# HELP era_device_state 1 for the state the device is in.\n# TYPE era_device_state gauge");
-        for state in State::ALL {
+        for state in SafetyState::ALL {
             let here = u8::from(device.connected && device.state() == Some(state));
             let _ = writeln!(out, "era_device_state{{state=\"{}\"}} {here}", state.name());
         }

@@ -4,13 +4,13 @@ use super::device::DeviceView;
 use crate::daemon::api::schema::ms;
 use crate::daemon::touch::plan_view::PlanView;
 use crate::daemon::touch::request::Finger;
-use crate::device::Snapshot;
-use crate::device::convert::from_wire;
+use crate::device::DeviceSnapshot;
+use crate::device::convert::achieved_drive_from_wire;
 use crate::device::sim::TouchPeak;
 use crate::planner::STANDARD_GRAVITY;
 use crate::scene::Actuator;
 use era_shared::protocol::{ChannelStatus, StatusReply};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde::Serialize;
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -133,7 +133,7 @@ struct DaemonView {
 #[derive(Debug)]
 pub struct Sources<'a> {
     /// The device as last seen.
-    pub device: &'a Snapshot,
+    pub device: &'a DeviceSnapshot,
     /// The scene's actuators, in the order of the board's channels.
     pub actuators: &'a [Actuator],
     /// The largest accelerations under the last [`MOST_PEAKS`] touches, the newest first.
@@ -187,7 +187,7 @@ impl MeasuredView {
         Self {
             connected: here,
             in_doubt: device.in_doubt,
-            state: device.state().filter(|_| here).map(State::name),
+            state: device.state().filter(|_| here).map(SafetyState::name),
             fault: device.status.as_ref().and_then(|status| status.fault).map(|fault| fault.code.name()),
             outages: device.outages,
             restarts: device.restarts,
@@ -207,7 +207,7 @@ impl TelemetryView {
         let telemetry = device.telemetry.as_ref()?;
         let names = sources.actuators;
         let channel = |(i, channel): (usize, &ChannelStatus)| {
-            let si = channel.drive.as_ref().map(from_wire);
+            let si = channel.drive.as_ref().map(achieved_drive_from_wire);
             ChannelView {
                 actuator: names.get(i).map(|actuator| actuator.id.clone()),
                 active: si.is_some(),
@@ -232,7 +232,7 @@ impl TelemetryView {
 }
 
 impl LinkView {
-    fn new(device: &Snapshot, heard_ago: Option<Duration>) -> Self {
+    fn new(device: &DeviceSnapshot, heard_ago: Option<Duration>) -> Self {
         let trips = device.round_trips;
         Self {
             round_trip_ms_median: trips.median.map(ms),

@@ -2,8 +2,8 @@
 
 use super::plan_view::PlanView;
 use crate::daemon::api::schema::ms;
-use crate::device::convert::from_wire;
-use crate::device::session::Played;
+use crate::device::convert::achieved_drive_from_wire;
+use crate::device::session::EffectResult;
 use crate::effects::Design;
 use crate::effects::view::EffectView;
 use crate::planner::Plan;
@@ -100,7 +100,7 @@ impl Achieved {
     #[must_use]
     pub fn new(plan: &Plan, achieved: &[AchievedDrive]) -> Self {
         let view = |drive: &AchievedDrive| {
-            let si = from_wire(drive);
+            let si = achieved_drive_from_wire(drive);
             AchievedView {
                 actuator: plan.drives.get(usize::from(drive.channel)).map(|drive| drive.actuator.clone()),
                 channel: drive.channel,
@@ -116,7 +116,7 @@ impl Achieved {
 
     /// The same for an effect, with its design, when it begins and how long it lasts.
     #[must_use]
-    pub fn played(plan: &Plan, design: &Design, played: &Played) -> Self {
+    pub fn played(plan: &Plan, design: &Design, played: &EffectResult) -> Self {
         let ahead = played.start.saturating_duration_since(std::time::Instant::now());
         let effect = PlayedEffect {
             effect: EffectView::new(design),

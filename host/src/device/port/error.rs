@@ -1,6 +1,6 @@
 //! Why a port cannot be used, and what to do about it.
 
-use super::users::{Permission, Users};
+use super::users::{PortPermission, PortUsers};
 use std::io;
 use std::time::Duration;
 
@@ -20,23 +20,23 @@ pub enum PortError {
         path: String,
     },
     /// Another program has the port for itself.
-    #[error("the port {path} is in use{}", .users.as_advice())]
+    #[error("the port {path} is in use{}", .users.in_use_by_clause())]
     Busy {
         /// The port.
         path: String,
         /// Who has it open.
-        users: Users,
+        users: PortUsers,
     },
     /// The system does not let this user open it.
-    #[error("{}", .permission.as_advice(.path))]
+    #[error("{}", .permission.advice_sentence(.path))]
     Denied {
         /// The port.
         path: String,
         /// Who may.
-        permission: Permission,
+        permission: PortPermission,
     },
     /// A call has not returned.
-    #[error("the call {call} on the port {path} has not returned for {waited:.1?}{}", .users.as_cause())]
+    #[error("the call {call} on the port {path} has not returned for {waited:.1?}{}", .users.shared_port_sentence())]
     Late {
         /// The port.
         path: String,
@@ -45,7 +45,7 @@ pub enum PortError {
         /// How long was waited.
         waited: Duration,
         /// Who else has it open.
-        users: Users,
+        users: PortUsers,
     },
     /// A file of another kind.
     #[error("{path} is not a serial port: name the board's serial port, or auto")]
@@ -54,7 +54,7 @@ pub enum PortError {
         path: String,
     },
     /// Anything else.
-    #[error("the call {call} on the port {path} failed: {source}{}", advise_on(.source))]
+    #[error("the call {call} on the port {path} failed: {source}{}", advice_for_error(.source))]
     Failed {
         /// The port.
         path: String,
@@ -66,19 +66,19 @@ pub enum PortError {
 }
 
 impl PortError {
-    /// What a call's error means.
+    /// The error of a call of the system on the port at `path`.
     #[must_use]
-    pub fn of_call(path: &str, call: &'static str, source: io::Error) -> Self {
+    pub fn from_call_error(path: &str, call: &'static str, source: io::Error) -> Self {
         let path = path.to_owned();
         match source.kind() {
             io::ErrorKind::NotFound => Self::Missing { path },
             io::ErrorKind::PermissionDenied => {
-                let permission = Permission::of(&path);
+                let permission = PortPermission::find_for_port(&path);
                 Self::Denied { path, permission }
             }
             // TIOCEXCL of whoever has it open, or its lock.
             io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock => {
-                let users = Users::of(&path);
+                let users = PortUsers::find_for_port(&path);
                 Self::Busy { path, users }
             }
             io::ErrorKind::IsADirectory => Self::NoPort { path },
@@ -89,7 +89,7 @@ impl PortError {
 }
 
 /// The sentence after an error of a call: what the system says of a board that has gone is about its cable, and nothing else is.
-fn advise_on(error: &io::Error) -> &'static str {
+fn advice_for_error(error: &io::Error) -> &'static str {
     let is_gone = |errno: rustix::io::Errno| error.raw_os_error() == Some(errno.raw_os_error());
     if [rustix::io::Errno::IO, rustix::io::Errno::NXIO, rustix::io::Errno::NODEV].into_iter().any(is_gone) {
         ". Check the cable and the power of the board"
@@ -108,7 +108,7 @@ mod tests {
         for (error, is_gone) in
             [(Errno::IO, true), (Errno::NXIO, true), (Errno::NODEV, true), (Errno::MFILE, false), (Errno::NOMEM, false)]
         {
-            let told = PortError::of_call("/dev/ttyACM0", "open", error.into()).to_string();
+            let told = PortError::from_call_error("/dev/ttyACM0", "open", error.into()).to_string();
             assert_eq!(told.contains("cable"), is_gone, "{told}");
         }
     }

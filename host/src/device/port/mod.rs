@@ -1,34 +1,34 @@
 //! Serial ports: which of them are boards, and one whose calls have limits.
 
+mod call_limit;
 mod error;
-mod limit;
 mod open;
 pub mod users;
 
+pub use call_limit::run_calls_within;
 pub use error::PortError;
-pub use limit::call_within;
-pub use open::{Port, open_pseudo_terminal};
-pub use users::Users;
+pub use open::{SerialPort, open_pseudo_terminal};
+pub use users::PortUsers;
 
-use super::usb_ids::is_board;
+use super::usb_ids::is_era_board;
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::fmt;
 
 /// What USB says of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UsbName {
+pub struct UsbIdentity {
     vendor: u16,
     product: u16,
     serial_number: Option<String>,
 }
 
-impl UsbName {
-    fn of(info: &UsbPortInfo) -> Self {
+impl UsbIdentity {
+    fn from_port_info(info: &UsbPortInfo) -> Self {
         Self { vendor: info.vid, product: info.pid, serial_number: info.serial_number.clone() }
     }
 }
 
-impl fmt::Display for UsbName {
+impl fmt::Display for UsbIdentity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:04x}:{:04x}", self.vendor, self.product)?;
         self.serial_number.as_ref().map_or(Ok(()), |number| write!(f, " with serial number {number}"))
@@ -37,7 +37,7 @@ impl fmt::Display for UsbName {
 
 /// All ports of this computer.
 #[must_use]
-pub fn ports() -> Vec<SerialPortInfo> {
+pub fn list_serial_ports() -> Vec<SerialPortInfo> {
     // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
     if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
@@ -45,23 +45,23 @@ pub fn ports() -> Vec<SerialPortInfo> {
     serialport::available_ports().unwrap_or_default()
 }
 
-/// Their names, for messages.
+/// The names of all ports, for messages.
 #[must_use]
-pub fn list() -> String {
-    let names: Vec<String> = ports().into_iter().map(|port| port.port_name).collect();
+pub fn describe_port_names() -> String {
+    let names: Vec<String> = list_serial_ports().into_iter().map(|port| port.port_name).collect();
     if names.is_empty() { "there is none".into() } else { names.join(", ") }
 }
 
-/// The path of that board, or of the first one.
+/// The path of the port with this USB identity; without one, of the first ERA board.
 #[must_use]
-pub fn find(wanted: Option<&UsbName>) -> Option<String> {
-    among(ports(), wanted)
+pub fn find_board_port(wanted: Option<&UsbIdentity>) -> Option<String> {
+    find_board_among(list_serial_ports(), wanted)
 }
 
-fn among(ports: Vec<SerialPortInfo>, wanted: Option<&UsbName>) -> Option<String> {
+fn find_board_among(ports: Vec<SerialPortInfo>, wanted: Option<&UsbIdentity>) -> Option<String> {
     let is_it = |port: &SerialPortInfo| match (&port.port_type, wanted) {
-        (SerialPortType::UsbPort(info), Some(wanted)) => UsbName::of(info) == *wanted,
-        (SerialPortType::UsbPort(info), None) => is_board(info.vid, info.pid, info.product.as_deref()),
+        (SerialPortType::UsbPort(info), Some(wanted)) => UsbIdentity::from_port_info(info) == *wanted,
+        (SerialPortType::UsbPort(info), None) => is_era_board(info.vid, info.pid, info.product.as_deref()),
         _ => false,
     };
     ports.into_iter().find(is_it).map(|port| port.port_name)
@@ -69,11 +69,11 @@ fn among(ports: Vec<SerialPortInfo>, wanted: Option<&UsbName>) -> Option<String>
 
 /// What USB says of the port at this path, if it is one of USB's.
 #[must_use]
-pub fn usb_of(path: &str) -> Option<UsbName> {
+pub fn find_usb_identity_of_port(path: &str) -> Option<UsbIdentity> {
     // Links (/dev/serial/by-id/...) are listed by what they lead to.
     let real = std::fs::canonicalize(path).map_or_else(|_| path.to_owned(), |real| real.to_string_lossy().into_owned());
-    ports().into_iter().find(|port| port.port_name == real).and_then(|port| match port.port_type {
-        SerialPortType::UsbPort(info) => Some(UsbName::of(&info)),
+    list_serial_ports().into_iter().find(|port| port.port_name == real).and_then(|port| match port.port_type {
+        SerialPortType::UsbPort(info) => Some(UsbIdentity::from_port_info(&info)),
         _ => None,
     })
 }
@@ -107,12 +107,12 @@ mod tests {
                 usb("/dev/ttyACM3", USB_VENDOR, USB_PRODUCT, Some("ERA haptics board"), "B"),
             ]
         };
-        assert_eq!(among(all(), None).as_deref(), Some("/dev/ttyACM2"));
+        assert_eq!(find_board_among(all(), None).as_deref(), Some("/dev/ttyACM2"));
         let name =
-            |number: &str| UsbName { vendor: USB_VENDOR, product: USB_PRODUCT, serial_number: Some(number.into()) };
-        assert_eq!(among(all(), Some(&name("B"))).as_deref(), Some("/dev/ttyACM3"));
-        assert_eq!(among(all(), Some(&name("C"))), None);
-        assert_eq!(among(all().into_iter().take(4).collect(), None), None);
+            |number: &str| UsbIdentity { vendor: USB_VENDOR, product: USB_PRODUCT, serial_number: Some(number.into()) };
+        assert_eq!(find_board_among(all(), Some(&name("B"))).as_deref(), Some("/dev/ttyACM3"));
+        assert_eq!(find_board_among(all(), Some(&name("C"))), None);
+        assert_eq!(find_board_among(all().into_iter().take(4).collect(), None), None);
         assert_eq!(name("C").to_string(), "1209:0001 with serial number C");
     }
 }

@@ -1,8 +1,8 @@
 //! An open port. No call on it waits without a limit: reading and writing never block, and what else there is has a thread of its own that is
 //! left behind where it does not return.
 
+use super::call_limit::{CurrentCall, await_calls_on_port, run_calls_within};
 use super::error::PortError;
-use super::limit::{Step, await_calls, call_within};
 use era_shared::link::UART_BAUD;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, fcntl_setfl, flock, open};
@@ -35,25 +35,25 @@ const CLOSE_LIMIT: Duration = Duration::from_millis(250);
 /// An open port that this program has for itself. What its device has not taken 20 ms after it is closed is dropped: the system would wait
 /// for that, up to 30 s.
 #[derive(Debug)]
-pub struct Port {
+pub struct SerialPort {
     path: String,
-    /// There until it is closed.
+    /// `Some` until the port is closed.
     line: Option<OwnedFd>,
     wait: Duration,
 }
 
-impl Port {
+impl SerialPort {
     /// Opens the port at a path: 115 200 baud, 8 bits, no parity, bytes as they are.
     ///
     /// # Errors
     /// [`PortError`]; [`PortError::Late`] where the system does not return within 1 s.
     pub fn open(path: &str) -> Result<Self, PortError> {
-        await_calls(path, OPEN_LIMIT)?;
+        await_calls_on_port(path, OPEN_LIMIT)?;
         let own = path.to_owned();
-        let line = call_within(path, OPEN_LIMIT, move |step| {
+        let line = run_calls_within(path, OPEN_LIMIT, move |step| {
             let mut tries = 1;
             loop {
-                match open_once(&own, step) {
+                match try_open_exclusively(&own, step) {
                     // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
                     // meanwhile keeps it until it runs its program.
                     Err((_, Errno::BUSY | Errno::WOULDBLOCK)) if tries < OPEN_TRIES => {
@@ -66,22 +66,22 @@ impl Port {
         })?;
         match line {
             Ok(line) => Ok(Self { path: path.to_owned(), line: Some(line), wait: WAIT }),
-            Err((call, error)) => Err(PortError::of_call(path, call, error.into())),
+            Err((call, error)) => Err(PortError::from_call_error(path, call, error.into())),
         }
     }
 
     /// From now on a read waits this long for its first byte, and a write for room.
-    pub const fn set_wait(&mut self, wait: Duration) {
-        self.wait = wait;
+    pub const fn set_io_timeout(&mut self, timeout: Duration) {
+        self.wait = timeout;
     }
 
-    fn line(&self) -> std::io::Result<&OwnedFd> {
+    fn require_open_fd(&self) -> std::io::Result<&OwnedFd> {
         self.line.as_ref().ok_or_else(|| ErrorKind::NotConnected.into())
     }
 
-    /// Waits until the port is ready for this, and says whether it is.
-    fn is_ready(&self, wanted: PollFlags) -> std::io::Result<bool> {
-        let mut lines = [PollFd::new(self.line()?, wanted)];
+    /// Waits until the port is ready to be read or written, and returns whether it is.
+    fn wait_until_ready(&self, wanted: PollFlags) -> std::io::Result<bool> {
+        let mut lines = [PollFd::new(self.require_open_fd()?, wanted)];
         let wait = Timespec::try_from(self.wait).map_err(std::io::Error::other)?;
         Ok(poll(&mut lines, Some(&wait))? > 0)
     }
@@ -91,7 +91,7 @@ impl Port {
 ///
 /// # Errors
 /// If the system has none.
-pub fn open_pseudo_terminal() -> std::io::Result<(Port, String)> {
+pub fn open_pseudo_terminal() -> std::io::Result<(SerialPort, String)> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     grantpt(&master)?;
     unlockpt(&master)?;
@@ -100,27 +100,28 @@ pub fn open_pseudo_terminal() -> std::io::Result<(Port, String)> {
     // Bytes as they are from the first one on; the other end is for its host to open.
     let line = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK, Mode::empty())?;
     let mut settings = tcgetattr(&line)?;
-    set_raw(&mut settings)?;
+    set_raw_mode(&mut settings)?;
     tcsetattr(&line, OptionalActions::Now, &settings)?;
-    Ok((Port { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
+    Ok((SerialPort { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
 }
 
-fn open_once(path: &str, step: &Step) -> Result<OwnedFd, (&'static str, Errno)> {
+fn try_open_exclusively(path: &str, current_call: &CurrentCall) -> Result<OwnedFd, (&'static str, Errno)> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let line = step.call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
+    let line = current_call.run_call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
     // For others that open it, and for those that ask for the lock as programs for serial ports do.
-    step.call("ioctl", || ioctl_tiocexcl(&line)).map_err(|error| ("ioctl", error))?;
+    current_call.run_call("ioctl", || ioctl_tiocexcl(&line)).map_err(|error| ("ioctl", error))?;
     let lock = FlockOperation::NonBlockingLockExclusive;
-    step.call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
-    let mut settings = step.call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
-    set_raw(&mut settings).map_err(|error| ("tcsetattr", error))?;
-    step.call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
+    current_call.run_call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
+    let mut settings = current_call.run_call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
+    set_raw_mode(&mut settings).map_err(|error| ("tcsetattr", error))?;
+    current_call
+        .run_call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
         .map_err(|error| ("tcsetattr", error))?;
     Ok(line)
 }
 
-/// Bytes as they are, at the board's speed, and no modem's lines.
-fn set_raw(settings: &mut Termios) -> Result<(), Errno> {
+/// Sets raw bytes at the board's speed, without modem control.
+fn set_raw_mode(settings: &mut Termios) -> Result<(), Errno> {
     settings.make_raw();
     settings.input_modes.remove(InputModes::IXOFF | InputModes::IXANY);
     settings.control_modes.remove(ControlModes::CSTOPB | ControlModes::CRTSCTS | ControlModes::PARODD);
@@ -129,7 +130,7 @@ fn set_raw(settings: &mut Termios) -> Result<(), Errno> {
 }
 
 /// Waits until the device has taken what was written to it, and drops what it has not taken within 20 ms.
-fn send_or_drop_output(line: &OwnedFd, step: &Step) {
+fn send_or_drop_output(line: &OwnedFd, current_call: &CurrentCall) {
     std::thread::scope(|scope| {
         let (ended, ends) = sync_channel(1);
         let drain = move || {
@@ -137,20 +138,20 @@ fn send_or_drop_output(line: &OwnedFd, step: &Step) {
         };
         // Once there is nothing more to be sent that returns, and so this thread ends.
         let thread = std::thread::Builder::new().name("drain".into()).spawn_scoped(scope, drain);
-        let sent = step.call("tcdrain", || thread.is_ok() && matches!(ends.recv_timeout(SENT), Ok(Ok(()))));
+        let sent = current_call.run_call("tcdrain", || thread.is_ok() && matches!(ends.recv_timeout(SENT), Ok(Ok(()))));
         if !sent {
             // A port that is gone has nothing to drop.
-            let _ = step.call("tcflush", || tcflush(line, QueueSelector::OFlush));
+            let _ = current_call.run_call("tcflush", || tcflush(line, QueueSelector::OFlush));
         }
     });
 }
 
-impl Read for Port {
+impl Read for SerialPort {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if !self.is_ready(PollFlags::IN)? {
+        if !self.wait_until_ready(PollFlags::IN)? {
             return Err(ErrorKind::TimedOut.into());
         }
-        match rustix::io::read(self.line()?, buffer) {
+        match rustix::io::read(self.require_open_fd()?, buffer) {
             Err(Errno::AGAIN) => {
                 std::thread::sleep(TAKEN);
                 Err(ErrorKind::WouldBlock.into())
@@ -160,12 +161,12 @@ impl Read for Port {
     }
 }
 
-impl Write for Port {
+impl Write for SerialPort {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if !self.is_ready(PollFlags::OUT)? {
+        if !self.wait_until_ready(PollFlags::OUT)? {
             return Err(ErrorKind::TimedOut.into());
         }
-        match rustix::io::write(self.line()?, bytes) {
+        match rustix::io::write(self.require_open_fd()?, bytes) {
             Err(Errno::AGAIN) => {
                 std::thread::sleep(TAKEN);
                 Err(ErrorKind::WouldBlock.into())
@@ -180,14 +181,14 @@ impl Write for Port {
     }
 }
 
-impl Drop for Port {
+impl Drop for SerialPort {
     fn drop(&mut self) {
         let Some(line) = self.line.take() else { return };
-        let closed = call_within(&self.path, CLOSE_LIMIT, move |step| {
+        let closed = run_calls_within(&self.path, CLOSE_LIMIT, move |step| {
             send_or_drop_output(&line, step);
             // A port that is gone has nobody to keep away.
-            let _ = step.call("ioctl", || ioctl_tiocnxcl(&line));
-            step.call("close", || drop(line));
+            let _ = step.run_call("ioctl", || ioctl_tiocnxcl(&line));
+            step.run_call("close", || drop(line));
         });
         if let Err(error) = closed {
             tracing::warn!(%error, "a port is left behind");
@@ -204,10 +205,10 @@ mod tests {
     fn what_was_written_last_is_sent_before_the_port_is_closed() {
         for _ in 0..100 {
             let (mut device, path) = open_pseudo_terminal().unwrap();
-            let mut port = Port::open(&path).unwrap();
+            let mut port = SerialPort::open(&path).unwrap();
             assert_eq!(port.write(b"stop").unwrap(), 4);
             drop(port);
-            device.set_wait(Duration::from_secs(1));
+            device.set_io_timeout(Duration::from_secs(1));
             let mut heard = [0; 8];
             let length = device.read(&mut heard).unwrap();
             assert_eq!(&heard[..length], b"stop");

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// A program that has a port open.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Holder {
+pub struct PortHolder {
     /// The process's number.
     pub pid: u32,
     /// Its name.
@@ -15,48 +15,48 @@ pub struct Holder {
 
 /// Who else has a port open, as far as this user can see.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Users {
-    holders: Vec<Holder>,
+pub struct PortUsers {
+    holders: Vec<PortHolder>,
     /// Whether there are processes that this one may not see, or whose files it may not see.
     are_some_hidden: bool,
 }
 
-impl Users {
+impl PortUsers {
     /// Looks through all processes but this one.
     #[must_use]
-    pub fn of(port: &str) -> Self {
+    pub fn find_for_port(port: &str) -> Self {
         let root = Path::new("/");
-        Self { holders: holders(root, port), are_some_hidden: hides_some(root) }
+        Self { holders: find_port_holders(root, port), are_some_hidden: are_processes_hidden(root) }
     }
 
-    /// Whether any can be seen.
+    /// Whether any program that has the port open can be seen.
     #[must_use]
-    pub const fn are_known(&self) -> bool {
+    pub const fn are_any_visible(&self) -> bool {
         !self.holders.is_empty()
     }
 
-    /// Their names, if there are any that can be seen.
+    /// The names of the programs, if any can be seen.
     #[must_use]
-    pub fn names(&self) -> Option<String> {
+    pub fn joined_names(&self) -> Option<String> {
         let names: Vec<String> = self.holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
         (!names.is_empty()).then(|| names.join(", "))
     }
 
     /// The end of a sentence that says that the port is in use.
-    pub(super) fn as_advice(&self) -> String {
-        match self.names() {
-            Some(names) => format!(" by {names}: end this program{}", self.of_modem_manager()),
-            None => format!(" by another program{}: end that program", self.of_hidden()),
+    pub(super) fn in_use_by_clause(&self) -> String {
+        match self.joined_names() {
+            Some(names) => format!(" by {names}: end this program{}", self.modem_manager_hint()),
+            None => format!(" by another program{}: end that program", self.hidden_users_hint()),
         }
     }
 
     /// The sentence after one that says that the port does not do as it should. Nothing where nobody has the port open.
     #[must_use]
-    pub fn as_cause(&self) -> String {
-        match self.names() {
+    pub fn shared_port_sentence(&self) -> String {
+        match self.joined_names() {
             Some(names) => format!(
                 ". {names} has this port open as well and takes bytes from this program: end {names}{}",
-                self.of_modem_manager()
+                self.modem_manager_hint()
             ),
             None if self.are_some_hidden => {
                 ". Another program may have this port open, and this process may not see it: `sudo era doctor` \
@@ -67,7 +67,7 @@ impl Users {
         }
     }
 
-    fn of_modem_manager(&self) -> &'static str {
+    fn modem_manager_hint(&self) -> &'static str {
         if self.holders.iter().any(|holder| holder.name == "ModemManager") {
             " (`sudo era install --only rule` makes ModemManager ignore boards)"
         } else {
@@ -75,30 +75,30 @@ impl Users {
         }
     }
 
-    const fn of_hidden(&self) -> &'static str {
+    const fn hidden_users_hint(&self) -> &'static str {
         if self.are_some_hidden { " of another user, which `sudo era doctor` names" } else { "" }
     }
 }
 
 /// Who has a port open, as far as this user can see; this process is left out. Paths are looked up below `root`, `/` but in tests.
 #[must_use]
-pub fn holders(root: &Path, port: &str) -> Vec<Holder> {
+pub fn find_port_holders(root: &Path, port: &str) -> Vec<PortHolder> {
     let port = fs::canonicalize(port).unwrap_or_else(|_| port.into());
     let has_open = |folder: &Path| {
         let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
         files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
     };
-    processes(root)
+    list_processes(root)
         .into_iter()
         .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
-        .map(|(pid, folder)| Holder { pid, name: name_of(&folder) })
+        .map(|(pid, folder)| PortHolder { pid, name: read_process_name(&folder) })
         .collect()
 }
 
 /// Whether there are processes that this one may not see (`hidepid` of /proc, as by systemd's `ProtectProc=invisible`: the first process is not
 /// listed then), or whose files it may not see (those of other users, where this is not root's).
-fn hides_some(root: &Path) -> bool {
-    let all = processes(root);
+fn are_processes_hidden(root: &Path) -> bool {
+    let all = list_processes(root);
     let is_closed = |folder: &Path| {
         fs::read_dir(folder.join("fd")).is_err_and(|error| error.kind() == std::io::ErrorKind::PermissionDenied)
     };
@@ -107,7 +107,7 @@ fn hides_some(root: &Path) -> bool {
 
 /// All processes by number, with their folders.
 #[must_use]
-pub fn processes(root: &Path) -> Vec<(u32, PathBuf)> {
+pub fn list_processes(root: &Path) -> Vec<(u32, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
     let mut all: Vec<(u32, PathBuf)> = fs::read_dir(root.join("proc"))
         .into_iter()
@@ -121,13 +121,13 @@ pub fn processes(root: &Path) -> Vec<(u32, PathBuf)> {
 
 /// The name of the process with this folder.
 #[must_use]
-pub fn name_of(process: &Path) -> String {
-    fs::read_to_string(process.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
+pub fn read_process_name(process_folder: &Path) -> String {
+    fs::read_to_string(process_folder.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
 }
 
 /// Who may use a port, by its file's group.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Access {
+pub struct PortAccess {
     /// The group of its file, if its name is known, it may read and write, and it is not root's, which opens much more.
     pub group: Option<String>,
     /// Whether this process is in it.
@@ -137,9 +137,9 @@ pub struct Access {
 /// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening. Paths are looked up below `root`, `/`
 /// but in tests, save the port's.
 #[must_use]
-pub fn access(root: &Path, port: &str) -> Access {
-    let Ok(metadata) = fs::metadata(port) else { return Access::default() };
-    let name = find_name_of_number(root, "etc/group", metadata.gid());
+pub fn read_port_access(root: &Path, port: &str) -> PortAccess {
+    let Ok(metadata) = fs::metadata(port) else { return PortAccess::default() };
+    let name = find_name_of_id(root, "etc/group", metadata.gid());
     let group = name.filter(|name| metadata.mode() & 0o060 == 0o060 && name != "root");
     let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
     let is_member = status
@@ -147,49 +147,49 @@ pub fn access(root: &Path, port: &str) -> Access {
         .filter_map(|line| line.strip_prefix("Gid:").or_else(|| line.strip_prefix("Groups:")))
         .flat_map(str::split_whitespace)
         .any(|number| number.parse() == Ok(metadata.gid()));
-    Access { group, is_member }
+    PortAccess { group, is_member }
 }
 
 /// The name of a number in a file of users or groups.
-fn find_name_of_number(root: &Path, file: &str, wanted: u32) -> Option<String> {
+fn find_name_of_id(root: &Path, file: &str, id: u32) -> Option<String> {
     let all = fs::read_to_string(root.join(file)).ok()?;
     all.lines().find_map(|line| {
         let mut parts = line.split(':');
         let (name, number) = (parts.next()?, parts.nth(1)?);
-        (number.parse() == Ok(wanted)).then(|| name.to_owned())
+        (number.parse() == Ok(id)).then(|| name.to_owned())
     })
 }
 
 /// Why this process may not open a port.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Permission {
-    access: Access,
+pub struct PortPermission {
+    access: PortAccess,
     user: Option<String>,
 }
 
-impl Permission {
-    /// For the port at this path.
+impl PortPermission {
+    /// Looks up who may open the port at this path.
     #[must_use]
-    pub fn of(port: &str) -> Self {
+    pub fn find_for_port(port: &str) -> Self {
         let root = Path::new("/");
-        let user = find_name_of_number(root, "etc/passwd", rustix::process::geteuid().as_raw());
-        Self { access: access(root, port), user }
+        let user = find_name_of_id(root, "etc/passwd", rustix::process::geteuid().as_raw());
+        Self { access: read_port_access(root, port), user }
     }
 
-    pub(super) fn as_advice(&self, path: &str) -> String {
+    pub(super) fn advice_sentence(&self, path: &str) -> String {
         let user = self.user.as_deref().unwrap_or("$USER");
         let rule = "run `sudo era install --only rule` and connect the board again";
         match &self.access {
-            Access { group: Some(group), is_member: false } => format!(
+            PortAccess { group: Some(group), is_member: false } => format!(
                 "the user {user} may not open the port {path}, because {user} is not in the group {group}: run \
                  `sudo usermod -aG {group} {user}`, then sign in again (or restart the service); or {rule}"
             ),
-            Access { group: Some(group), is_member: true } => format!(
+            PortAccess { group: Some(group), is_member: true } => format!(
                 "the user {user} may not open the port {path}, although {user} is in its group {group}: check \
                  the port's mode with `ls -l {path}` (in a container, check that the container has the device); \
                  or {rule}"
             ),
-            Access { group: None, .. } => {
+            PortAccess { group: None, .. } => {
                 format!("the user {user} may not open the port {path}, and no group may: {rule}")
             }
         }
@@ -202,36 +202,37 @@ mod tests {
 
     #[test]
     fn what_to_do_about_a_missing_permission_names_user_and_group() {
-        let permission = |is_member| Permission {
-            access: Access { group: Some("dialout".into()), is_member },
+        let permission = |is_member| PortPermission {
+            access: PortAccess { group: Some("dialout".into()), is_member },
             user: Some("kai".into()),
         };
-        let told = permission(false).as_advice("/dev/ttyACM0");
+        let told = permission(false).advice_sentence("/dev/ttyACM0");
         assert!(told.contains("`sudo usermod -aG dialout kai`") && told.contains("not in the group dialout"), "{told}");
         assert!(!told.contains("cable"), "{told}");
         // Nobody is advised to join a group that may not use the port, nor root's.
-        let alone = Permission { access: Access::default(), user: Some("kai".into()) }.as_advice("/dev/ttyACM0");
+        let alone =
+            PortPermission { access: PortAccess::default(), user: Some("kai".into()) }.advice_sentence("/dev/ttyACM0");
         assert!(!alone.contains("usermod") && alone.contains("era install"), "{alone}");
-        let told = permission(true).as_advice("/dev/ttyACM0");
+        let told = permission(true).advice_sentence("/dev/ttyACM0");
         assert!(told.contains("although kai is in its group dialout") && !told.contains("usermod"), "{told}");
     }
 
     #[test]
     fn whoever_has_a_port_open_is_named() {
-        let users = |names: &[&str], are_some_hidden| Users {
-            holders: (7..).zip(names).map(|(pid, name)| Holder { pid, name: (*name).into() }).collect(),
+        let users = |names: &[&str], are_some_hidden| PortUsers {
+            holders: (7..).zip(names).map(|(pid, name)| PortHolder { pid, name: (*name).into() }).collect(),
             are_some_hidden,
         };
-        assert!(users(&["cat"], false).as_advice().contains("by cat (process 7): end this program"));
-        assert!(users(&["ModemManager"], true).as_cause().contains("era install --only rule"));
-        assert!(users(&[], true).as_advice().contains("of another user"));
-        assert_eq!(users(&[], false).as_cause(), "");
-        let told = users(&[], true).as_cause();
+        assert!(users(&["cat"], false).in_use_by_clause().contains("by cat (process 7): end this program"));
+        assert!(users(&["ModemManager"], true).shared_port_sentence().contains("era install --only rule"));
+        assert!(users(&[], true).in_use_by_clause().contains("of another user"));
+        assert_eq!(users(&[], false).shared_port_sentence(), "");
+        let told = users(&[], true).shared_port_sentence();
         assert!(
             told.contains("`sudo era doctor` names that program") && told.contains("era install --only rule"),
             "{told}"
         );
-        assert!(!users(&["cat"], true).as_cause().contains("era doctor"));
+        assert!(!users(&["cat"], true).shared_port_sentence().contains("era doctor"));
     }
 
     /// As systemd's `ProtectProc=invisible` has it for a service that is not root's: only its own processes are listed.
@@ -239,8 +240,8 @@ mod tests {
     fn a_folder_of_processes_without_the_first_hides_some() {
         let root = tempfile::tempdir().unwrap();
         fs::create_dir_all(root.path().join("proc/4711/fd")).unwrap();
-        assert!(hides_some(root.path()));
+        assert!(are_processes_hidden(root.path()));
         fs::create_dir_all(root.path().join("proc/1/fd")).unwrap();
-        assert!(!hides_some(root.path()));
+        assert!(!are_processes_hidden(root.path()));
     }
 }

@@ -5,29 +5,29 @@
 //! switches off by itself.
 
 mod guard;
-mod look;
-mod part;
 mod play;
 pub mod policy;
+mod refresh;
+mod snapshot_part;
 mod worker;
 
 use super::client::{LinkError, LinkStatistics};
 use super::clock::ClockQuality;
-use super::identity::Identity;
+use super::identity::DeviceIdentity;
 use super::priority;
-use super::round_trips::RoundTrips;
+use super::round_trips::RoundTripSummary;
 use super::target::OpenDevice;
-use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, Details, StatusReply, TelemetryReply};
-use era_shared::safety::State;
+use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, DetailsReply, StatusReply, TelemetryReply};
+use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
-use policy::{Needs, Policy};
+use policy::{SceneNeeds, SessionPolicy};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
-use worker::Worker;
+use worker::SessionWorker;
 
 /// Why a command was not carried out.
 #[derive(Debug, thiserror::Error)]
@@ -119,7 +119,7 @@ const LEAVE: Duration = Duration::from_millis(300);
 
 /// What a drive command did.
 #[derive(Clone, Debug)]
-pub struct Driven {
+pub struct DriveResult {
     /// What the device achieves.
     pub achieved: Vec<AchievedDrive>,
     /// When the last byte of the drive's frame was handed to the port.
@@ -128,7 +128,7 @@ pub struct Driven {
 
 /// What an effect command did.
 #[derive(Clone, Debug)]
-pub struct Played {
+pub struct EffectResult {
     /// The drives that the effect shapes, as the device achieves them.
     pub achieved: Vec<AchievedDrive>,
     /// When it begins, in us of the board's time.
@@ -141,7 +141,7 @@ pub struct Played {
 
 /// What is known of the device.
 #[derive(Clone, Debug, Default)]
-pub struct Snapshot {
+pub struct DeviceSnapshot {
     /// `sim`, `emulated` or `serial`.
     pub kind: &'static str,
     /// The serial port.
@@ -153,7 +153,7 @@ pub struct Snapshot {
     /// Why it does not.
     pub problem: Option<String>,
     /// Who it is.
-    pub identity: Option<Identity>,
+    pub identity: Option<DeviceIdentity>,
     /// Protocol version spoken with it.
     pub protocol: Option<u8>,
     /// Its state as last seen.
@@ -161,13 +161,13 @@ pub struct Snapshot {
     /// Its measurements as last seen.
     pub telemetry: Option<TelemetryReply>,
     /// Supply, loops and budgets as last seen; a device of version 1 does not tell.
-    pub details: Option<Details>,
+    pub details: Option<DetailsReply>,
     /// What the channels' drives cost; a device of version 1 or 2 does not tell, and charges by time.
     pub credit: Option<CreditReply>,
     /// How well its clock is known.
     pub clock: Option<ClockQuality>,
     /// The last round trips.
-    pub round_trips: RoundTrips,
+    pub round_trips: RoundTripSummary,
     /// Frames and errors since the session began.
     pub link: LinkStatistics,
     /// What was known of the link when the latched fault was seen.
@@ -198,19 +198,19 @@ pub struct LinkAtFault {
     /// Longest time without an answer since the board was last seen without this fault.
     pub silence: Duration,
     /// The last round trips.
-    pub round_trips: RoundTrips,
+    pub round_trips: RoundTripSummary,
     /// Frames and errors.
     pub link: LinkStatistics,
-    /// [`Snapshot::longest_gap`].
+    /// [`DeviceSnapshot::longest_gap`].
     pub longest_gap: Duration,
-    /// [`Snapshot::outages`].
+    /// [`DeviceSnapshot::outages`].
     pub outages: u32,
 }
 
-impl Snapshot {
+impl DeviceSnapshot {
     /// The safety state as last seen.
     #[must_use]
-    pub fn state(&self) -> Option<State> {
+    pub fn state(&self) -> Option<SafetyState> {
         self.status.as_ref().map(|status| status.state)
     }
 }
@@ -218,11 +218,11 @@ impl Snapshot {
 /// What to drive, and until when.
 #[derive(Clone, Debug)]
 pub struct DriveOrder {
-    /// Names the drive for [`Session::end_at`].
+    /// Names the drive for [`Session::end_drive_at`].
     pub id: u64,
-    /// [`Session::stops`] as it was when the drive was asked for: a stop since then refuses it.
+    /// [`Session::stop_count`] as it was when the drive was asked for: a stop since then refuses it.
     pub stops: u64,
-    /// [`Snapshot::breaks`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
+    /// [`DeviceSnapshot::breaks`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
     pub breaks: Option<u64>,
     /// What every channel does.
     pub drives: Vec<ChannelDrive>,
@@ -235,7 +235,7 @@ pub struct DriveOrder {
 /// What to play on which drives, and when.
 #[derive(Clone, Debug)]
 pub struct EffectOrder {
-    /// Names the effect for [`Session::end_at`].
+    /// Names the effect for [`Session::end_drive_at`].
     pub id: u64,
     /// As [`DriveOrder::stops`].
     pub stops: u64,
@@ -248,8 +248,8 @@ pub struct EffectOrder {
 }
 
 enum Command {
-    Play { order: EffectOrder, asked: Instant, answer: oneshot::Sender<Result<Played, SessionError>> },
-    Drive { order: DriveOrder, asked: Instant, answer: oneshot::Sender<Result<Driven, SessionError>> },
+    Play { order: EffectOrder, asked: Instant, answer: oneshot::Sender<Result<EffectResult, SessionError>> },
+    Drive { order: DriveOrder, asked: Instant, answer: oneshot::Sender<Result<DriveResult, SessionError>> },
     Stop { number: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
     HoldUntil { id: u64, until: Instant },
@@ -262,10 +262,10 @@ enum Command {
 #[derive(Debug)]
 pub struct Session {
     commands: Sender<Command>,
-    snapshot: watch::Receiver<Snapshot>,
+    snapshot: watch::Receiver<DeviceSnapshot>,
     stops: Arc<AtomicU64>,
-    beat: Arc<Beat>,
-    heard: Arc<Beat>,
+    beat: Arc<ActivityClock>,
+    heard: Arc<ActivityClock>,
     /// Longest time without a sign of life of the thread.
     longest: Duration,
     /// The same for its end.
@@ -275,27 +275,27 @@ pub struct Session {
 
 /// When the session's thread was last seen at work, or the device was last heard.
 #[derive(Debug)]
-struct Beat {
+struct ActivityClock {
     origin: Instant,
     last_ms: AtomicU64,
 }
 
-impl Beat {
+impl ActivityClock {
     fn new() -> Self {
         Self { origin: Instant::now(), last_ms: AtomicU64::new(0) }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "the age of a process in ms")]
-    fn now_ms(&self) -> u64 {
+    fn elapsed_ms(&self) -> u64 {
         self.origin.elapsed().as_millis() as u64
     }
 
-    fn beat(&self) {
-        self.last_ms.store(self.now_ms(), Ordering::Relaxed);
+    fn note_activity(&self) {
+        self.last_ms.store(self.elapsed_ms(), Ordering::Relaxed);
     }
 
-    fn age(&self) -> Duration {
-        Duration::from_millis(self.now_ms().saturating_sub(self.last_ms.load(Ordering::Relaxed)))
+    fn time_since_activity(&self) -> Duration {
+        Duration::from_millis(self.elapsed_ms().saturating_sub(self.last_ms.load(Ordering::Relaxed)))
     }
 }
 
@@ -304,47 +304,49 @@ impl Session {
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(device: OpenDevice, needs: Needs, policy: Policy) -> std::io::Result<Self> {
+    pub fn start(device: OpenDevice, needs: SceneNeeds, policy: SessionPolicy) -> std::io::Result<Self> {
         let (commands, inbox) = channel();
-        let first = Snapshot { kind: device.kind(), path: device.path().to_owned(), ..Snapshot::default() };
+        let first =
+            DeviceSnapshot { kind: device.kind(), path: device.port_path().to_owned(), ..DeviceSnapshot::default() };
         let (publish, snapshot) = watch::channel(first);
         let stops = Arc::new(AtomicU64::new(0));
-        let beat = Arc::new(Beat::new());
-        let longest = Duration::from_secs(5) + device.timing().patience.longest() * 2;
-        let leaves = device.timing().patience.longest().saturating_add(LEAVE);
-        let heard = Arc::new(Beat::new());
+        let beat = Arc::new(ActivityClock::new());
+        let longest = Duration::from_secs(5) + device.timing().retry_policy.longest_total_wait() * 2;
+        let leaves = device.timing().retry_policy.longest_total_wait().saturating_add(LEAVE);
+        let heard = Arc::new(ActivityClock::new());
         let clocks = [Arc::clone(&beat), Arc::clone(&heard)];
-        let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), clocks);
+        let worker = SessionWorker::new(device, needs, policy, publish, Arc::clone(&stops), clocks);
         let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || {
-            priority::raise();
-            worker.run(&inbox);
+            priority::raise_thread_priority();
+            worker.run_until_closed(&inbox);
         })?;
         Ok(Self { commands, snapshot, stops, beat, heard, longest, leaves, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
     #[must_use]
-    pub fn snapshots(&self) -> watch::Receiver<Snapshot> {
+    pub fn subscribe_snapshots(&self) -> watch::Receiver<DeviceSnapshot> {
         self.snapshot.clone()
     }
 
     /// Whether the session's thread does its work: it shows life before every request to the device, and
     /// no request takes as long as this: all its tries, twice where another version is spoken, and 5 s for the port and the computer.
     #[must_use]
-    pub fn is_alive(&self) -> bool {
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < self.longest
+    pub fn is_thread_working(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+            && self.beat.time_since_activity() < self.longest
     }
 
-    /// Whether it does nothing any more though it has not ended.
+    /// Whether the session's thread does nothing any more though it has not ended.
     #[must_use]
-    pub fn hangs(&self) -> bool {
-        !self.is_alive() && self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    pub fn is_thread_hung(&self) -> bool {
+        !self.is_thread_working() && self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// What is known of the device now: of one whose session hangs, that nobody hears it.
+    /// The latest snapshot. Where the session's thread hangs the device is shown as not connected.
     #[must_use]
-    pub fn known(&self) -> Snapshot {
-        let hangs = self.hangs();
+    pub fn current_snapshot(&self) -> DeviceSnapshot {
+        let hangs = self.is_thread_hung();
         let mut snapshot = self.snapshot.borrow().clone();
         if hangs {
             (snapshot.connected, snapshot.in_doubt) = (false, false);
@@ -353,15 +355,15 @@ impl Session {
         snapshot
     }
 
-    /// How long ago the device last answered, to a sign of life if to nothing else; or the session began, if it never did.
+    /// Time since the device last answered anything, or since the session began if it never did.
     #[must_use]
-    pub fn heard_ago(&self) -> Duration {
-        self.heard.age()
+    pub fn time_since_last_answer(&self) -> Duration {
+        self.heard.time_since_activity()
     }
 
     /// How often everything was stopped so far.
     #[must_use]
-    pub fn stops(&self) -> u64 {
+    pub fn stop_count(&self) -> u64 {
         self.stops.load(Ordering::SeqCst)
     }
 
@@ -371,10 +373,10 @@ impl Session {
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
     /// driven then.
-    pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
-        self.not_in_doubt()?;
+    pub async fn drive(&self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+        self.check_device_answers()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Drive { order, asked: Instant::now(), answer })?;
+        self.send_command(Command::Drive { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -384,10 +386,10 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::drive`], and [`LinkError::TooOld`] with a device that cannot play effects.
-    pub async fn play(&self, order: EffectOrder) -> Result<Played, SessionError> {
-        self.not_in_doubt()?;
+    pub async fn play_effect(&self, order: EffectOrder) -> Result<EffectResult, SessionError> {
+        self.check_device_answers()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Play { order, asked: Instant::now(), answer })?;
+        self.send_command(Command::Play { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -401,30 +403,30 @@ impl Session {
         // requests and while it waits for an answer. The command only wakes it and brings the answer.
         let number = self.stops.fetch_add(1, Ordering::SeqCst) + 1;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Stop { number, answer })?;
+        self.send_command(Command::Stop { number, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
-    /// Ends the drive named `id` at `when`, if it does not end before; another one goes on.
-    pub fn end_at(&self, id: u64, when: Instant) {
+    /// Ends the drive named `drive_id` at `when`, if it does not end before; another drive is not changed.
+    pub fn end_drive_at(&self, drive_id: u64, when: Instant) {
         // A session that has ended has ended its drives.
-        let _ = self.send(Command::EndAt { id, when });
+        let _ = self.send_command(Command::EndAt { id: drive_id, when });
     }
 
-    /// The even drive named `id` goes on until `until`, whatever its end was; one that has ended, or another, does not.
-    pub fn hold_until(&self, id: u64, until: Instant) {
-        let _ = self.send(Command::HoldUntil { id, until });
+    /// Moves the end of the drive named `drive_id` to `until`; another drive, or one that has ended, is not changed.
+    pub fn extend_drive_until(&self, drive_id: u64, until: Instant) {
+        let _ = self.send_command(Command::HoldUntil { id: drive_id, until });
     }
 
-    /// Arms, unless that has been done, and waits for the self-test to end. It was asked for at `asked`, when [`Session::stops`] said
-    /// `stops`.
+    /// Arms, unless that has been done, and waits for the self-test to end. It was asked for at `asked_at`, when [`Session::stop_count`] said
+    /// `stop_count`.
     ///
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
-    pub async fn arm(&self, stops: u64, asked: Instant) -> Result<(), SessionError> {
-        self.not_in_doubt()?;
+    pub async fn arm(&self, stop_count: u64, asked_at: Instant) -> Result<(), SessionError> {
+        self.check_device_answers()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Arm { stops, asked, answer })?;
+        self.send_command(Command::Arm { stops: stop_count, asked: asked_at, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -434,13 +436,13 @@ impl Session {
     /// [`SessionError`].
     pub async fn clear_faults(&self) -> Result<(), SessionError> {
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Clear { answer })?;
+        self.send_command(Command::Clear { answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
-    /// What would wait for a device that may be gone is refused at once, as it may be driven when nobody expects it any more. Stops are not.
-    fn not_in_doubt(&self) -> Result<(), SessionError> {
-        if self.hangs() {
+    /// Refuses an order at once while the device may be gone: it might otherwise be driven when nobody expects it any more. Stops are not refused.
+    fn check_device_answers(&self) -> Result<(), SessionError> {
+        if self.is_thread_hung() {
             return Err(SessionError::Hangs);
         }
         let snapshot = self.snapshot.borrow();
@@ -451,7 +453,7 @@ impl Session {
         Ok(())
     }
 
-    fn send(&self, command: Command) -> Result<(), SessionError> {
+    fn send_command(&self, command: Command) -> Result<(), SessionError> {
         self.commands.send(command).map_err(|_| SessionError::Ended)
     }
 }
@@ -461,7 +463,7 @@ impl Drop for Session {
         let _ = self.commands.send(Command::Close);
         let Some(thread) = self.thread.take() else { return };
         // One that hangs is left behind: with the process it ends anyway, and the board goes off by its dead-man timer.
-        while !thread.is_finished() && self.beat.age() < self.leaves {
+        while !thread.is_finished() && self.beat.time_since_activity() < self.leaves {
             std::thread::sleep(Duration::from_millis(1));
         }
         if thread.is_finished() {

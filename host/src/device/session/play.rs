@@ -1,12 +1,12 @@
 //! Effects: given to the board with a start in its own time, early enough that all of it has arrived by then.
 
-use super::worker::{Worker, unexpected};
-use super::{EffectOrder, Played, SessionError};
+use super::worker::{SessionWorker, unexpected_reply_error};
+use super::{EffectOrder, EffectResult, SessionError};
 use crate::device::client::{Client, LinkError};
 use crate::effects::envelope::length_s;
-use era_shared::protocol::{AchievedDrive, Details, Refusal, Reply, Request};
-use era_shared::safety::State;
-use era_shared::supply::rail_of;
+use era_shared::protocol::{AchievedDrive, DetailsReply, Refusal, Reply, Request};
+use era_shared::safety::SafetyState;
+use era_shared::supply::rail_index_of_channel;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -21,54 +21,56 @@ const AFTER: Duration = Duration::from_millis(50);
 /// Most of the clock's error that is waited for, in s: a clock known worse than that is taken from its last answer.
 const CLOCK_ERROR_S: f64 = 0.01;
 
-impl Worker {
-    pub(super) fn play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
-        let mut result = self.try_play(order.clone());
+impl SessionWorker {
+    pub(super) fn play_effect(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
+        let mut result = self.try_play_effect(order.clone());
         // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
         if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
             tracing::info!(plan = order.id, "the start of the effect had passed: sending the effect again");
-            result = self.try_play(order);
+            result = self.try_play_effect(order);
         }
         if let Err(SessionError::Link(error)) = &result {
-            self.note_trouble(error);
+            self.handle_link_error(error);
         }
         result
     }
 
-    fn try_play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
+    fn try_play_effect(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
         let EffectOrder { id, stops, drives, effects, start } = order;
         let channels: Vec<u8> = drives.iter().map(|drive| drive.channel).collect();
-        self.check_stops(stops)?;
-        self.connected()?;
+        self.check_not_stopped_since(stops)?;
+        self.check_connected()?;
         let prepare = Request::Prepare { drives: drives.into_iter().take(era_shared::MAX_CHANNELS).collect() };
-        if !self.is_modern() {
-            let spoken = self.client.as_ref().map_or(0, Client::version);
-            return Err(LinkError::TooOld { request: "play", needed: prepare.since(), spoken }.into());
+        if !self.speaks_version_2() {
+            let spoken = self.client.as_ref().map_or(0, Client::protocol_version);
+            return Err(LinkError::TooOld { request: "play", needed: prepare.introduced_in_version(), spoken }.into());
         }
-        self.check_fit()?;
-        if self.arm()? {
+        self.check_board_is_drivable()?;
+        if self.begin_arming_if_needed()? {
             self.await_armed(stops)?;
         }
-        let Reply::Prepared { achieved } = self.ask(&prepare)? else { return Err(unexpected("prepare").into()) };
+        let Reply::Prepared { achieved } = self.request_from_device(&prepare)? else {
+            return Err(unexpected_reply_error("prepare").into());
+        };
         self.drive_id = id;
-        self.show(State::Running);
+        self.publish_state(SafetyState::Running);
         // Whatever comes in between, these drives end.
         self.drive_until = Some(Instant::now() + self.device.timing().arming);
         self.await_rails(&achieved, stops)?;
         // Fresh, so that the start is right to a round trip even with a clock that cannot be followed.
         self.sample_clock()?;
-        let soonest = Instant::now() + self.lead(achieved.len());
+        let soonest = Instant::now() + self.lead_time_for_frames(achieved.len());
         let start = start.map_or(soonest, |start| start.max(soonest));
-        let start_us = self.clock.board_us_at(start).ok_or_else(|| unexpected("clock"))?;
+        let start_us = self.clock.board_time_us_at(start).ok_or_else(|| unexpected_reply_error("clock"))?;
         let mut length = Duration::ZERO;
         for (channel, effect) in channels.into_iter().zip(effects) {
             let period_s = achieved.iter().find(|drive| drive.channel == channel).map_or(0.0, period_s);
             length = length.max(Duration::try_from_secs_f64(length_s(&effect, period_s)).unwrap_or(Duration::MAX));
             let play = Request::Play { channel, start_us, effect };
-            if let Err(error) = self.ask(&play) {
+            if let Err(error) = self.request_from_device(&play) {
                 // None or all: what waits already is forgotten.
                 if matches!(error, LinkError::Refused(_)) {
-                    self.rest()?;
+                    self.end_drives()?;
                 }
                 return Err(error.into());
             }
@@ -76,42 +78,48 @@ impl Worker {
         let end = start + length + AFTER;
         self.drive_until = Some(end);
         self.idle_since = end;
-        Ok(Played { achieved: achieved.to_vec(), start_us, start, length })
+        Ok(EffectResult { achieved: achieved.to_vec(), start_us, start, length })
     }
 
-    /// Has the rails rise to where they stand ready, so that a first effect does not wait for their soft start. Silent drives bring them up,
+    /// Charges the rails to the voltage at which they stand ready, so that a first effect does not wait for their soft start. Silent drives bring them up,
     /// and a rail that feeds nobody stays charged: no electrode is on meanwhile, and they come down when the idle time ends. Rails that
     /// drives are on are left alone.
-    pub(super) fn raise_rails(&mut self) -> Result<(), SessionError> {
-        if !self.is_modern() || self.drive_until.is_some() {
+    pub(super) fn precharge_rails(&mut self) -> Result<(), SessionError> {
+        if !self.speaks_version_2() || self.drive_until.is_some() {
             return Ok(());
         }
-        let drives = self.publish.borrow().identity.as_ref().map(|board| self.needs.silent(board)).unwrap_or_default();
-        match self.ask(&Request::Prepare { drives }).and_then(|_| self.rest()) {
+        let drives = self
+            .publish
+            .borrow()
+            .identity
+            .as_ref()
+            .map(|board| self.needs.make_rail_precharge_drives(board))
+            .unwrap_or_default();
+        match self.request_from_device(&Request::Prepare { drives }).and_then(|_| self.end_drives()) {
             // Channels have to rest: they rise with the first touch.
             Err(LinkError::Refused(Refusal::Duty { .. })) => Ok(()),
             raised => Ok(raised?),
         }
     }
 
-    pub(super) fn check_stops(&self, stops: u64) -> Result<(), SessionError> {
-        if stops == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
+    pub(super) fn check_not_stopped_since(&self, stop_count: u64) -> Result<(), SessionError> {
+        if stop_count == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
     }
 
     /// Waits until the rails have the voltages of the drives, as an effect does not wait for them: the soft start to 2 kV takes
     /// 100 ms. The board itself sees to rails that do not come.
-    fn await_rails(&mut self, drives: &[AchievedDrive], stops: u64) -> Result<(), SessionError> {
+    fn await_rails(&mut self, drives: &[AchievedDrive], stop_count: u64) -> Result<(), SessionError> {
         let begun = Instant::now();
         while begun.elapsed() < self.device.timing().arming {
-            self.check_stops(stops)?;
-            let Details { state, rail_millivolts: measured, .. } = self.details()?;
+            self.check_not_stopped_since(stop_count)?;
+            let DetailsReply { state, rail_millivolts: measured, .. } = self.request_details()?;
             if !state.is_live() {
-                self.look()?;
-                self.check_fault()?;
+                self.refresh_snapshot()?;
+                self.check_no_fault_latched()?;
                 return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
             }
             let is_up = |drive: &AchievedDrive| {
-                let rail = measured.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(0);
+                let rail = measured.get(rail_index_of_channel(usize::from(drive.channel))).copied().unwrap_or(0);
                 u64::from(rail) * 100 >= u64::from(drive.voltage_millivolts) * RAIL_UP_PERCENT
             };
             if drives.iter().all(is_up) {
@@ -122,13 +130,14 @@ impl Worker {
         Ok(())
     }
 
-    /// How far ahead a start must be so that `frames` requests have arrived by then, one after the other and the last as
-    /// late as any of late was.
-    fn lead(&self, frames: usize) -> Duration {
-        let trips = self.client.as_ref().map(Client::round_trips).and_then(|trips| trips.median.zip(trips.worst));
+    /// How far ahead a start must be so that `frame_count` requests, one after the other, have arrived by then, the last one with the longest
+    /// recent round trip.
+    fn lead_time_for_frames(&self, frame_count: usize) -> Duration {
+        let trips =
+            self.client.as_ref().map(Client::summarise_round_trips).and_then(|trips| trips.median.zip(trips.worst));
         let (median, worst) = trips.unwrap_or_default();
         let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s.min(CLOCK_ERROR_S));
-        let frames = u32::try_from(frames).unwrap_or(u32::MAX);
+        let frames = u32::try_from(frame_count).unwrap_or(u32::MAX);
         median * frames + worst + Duration::from_secs_f64(clock) + LEAD
     }
 }

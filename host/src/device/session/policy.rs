@@ -1,7 +1,7 @@
 //! What a session does without being asked, and what a scene needs of a board.
 
-use crate::device::convert::to_wire;
-use crate::device::identity::Identity;
+use crate::device::convert::drive_to_wire;
+use crate::device::identity::DeviceIdentity;
 use crate::planner::drive::SiDrive;
 use era_shared::MAX_CHANNELS;
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// What a session does without being asked.
 #[derive(Clone, Copy, Debug)]
-pub struct Policy {
+pub struct SessionPolicy {
     /// Time without a drive after which it disarms: high voltage is not kept ready for a touch that may never come.
     pub idle: Duration,
     /// Whether a latched silence of this host is cleared by the next touch. The board has gone off, and nothing is wrong with
@@ -20,12 +20,12 @@ pub struct Policy {
     pub arms_after_outage: bool,
 }
 
-impl Policy {
+impl SessionPolicy {
     /// Idle time unless told otherwise.
     pub const IDLE: Duration = Duration::from_secs(5);
 }
 
-impl Default for Policy {
+impl Default for SessionPolicy {
     fn default() -> Self {
         Self { idle: Self::IDLE, clears_silence: false, arms_after_outage: false }
     }
@@ -33,7 +33,7 @@ impl Default for Policy {
 
 /// What a scene needs of a board.
 #[derive(Clone, Debug, Default)]
-pub struct Needs {
+pub struct SceneNeeds {
     /// Most voltage of every actuator in V: actuator i is on channel i.
     pub max_voltages_v: Vec<f64>,
     /// Voltage in V at which the rail of every actuator may stand before a touch: what the gaps on it hold under a press, which no plan goes beyond.
@@ -43,9 +43,9 @@ pub struct Needs {
 /// In the middle of what boards do, in Hz.
 const SILENT_HZ: f64 = 100.0;
 
-/// How a board goes with a scene.
+/// How a board fits a scene.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Fit {
+pub enum BoardFit {
     /// It has what is needed.
     Good,
     /// It drives less than the scene allows.
@@ -54,25 +54,25 @@ pub enum Fit {
     Unfit(String),
 }
 
-impl Needs {
-    /// Drives at the voltages at which rails stand ready, to be prepared and not played.
+impl SceneNeeds {
+    /// Drives at the voltages at which the rails stand ready. They are prepared and never played, so that only the rails rise.
     #[must_use]
-    pub fn silent(&self, board: &Identity) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
+    pub fn make_rail_precharge_drives(&self, board: &DeviceIdentity) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
         let drive = |((channel, limits), volts): ((u8, &ChannelLimits), &f64)| {
             let silent =
                 SiDrive { channel, frequency_hz: SILENT_HZ, pulse_width: 0.5, phase_rad: 0.0, voltage_v: *volts };
-            let wire = to_wire(&silent);
+            let wire = drive_to_wire(&silent);
             ChannelDrive { voltage_millivolts: wire.voltage_millivolts.min(limits.max_voltage_millivolts), ..wire }
         };
         (0..).zip(&board.channels).zip(&self.ready_v).map(drive).take(MAX_CHANNELS).collect()
     }
 
-    /// How a board goes with these.
+    /// How a board fits these needs.
     #[must_use]
-    pub fn fit(&self, board: &Identity) -> Fit {
+    pub fn judge_board_fit(&self, board: &DeviceIdentity) -> BoardFit {
         let (wanted, there) = (self.max_voltages_v.len(), board.channels.len());
         if there < wanted {
-            return Fit::Unfit(format!("the scene has {wanted} actuators, but the board has {there} channels"));
+            return BoardFit::Unfit(format!("the scene has {wanted} actuators, but the board has {there} channels"));
         }
         let less = self.max_voltages_v.iter().zip(&board.channels).zip(1..).find_map(|((volts, channel), number)| {
             let most_v = f64::from(channel.max_voltage_millivolts) / 1e3;
@@ -82,6 +82,6 @@ impl Needs {
                 )
             })
         });
-        less.map_or(Fit::Good, Fit::Weaker)
+        less.map_or(BoardFit::Good, BoardFit::Weaker)
     }
 }

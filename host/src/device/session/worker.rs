@@ -1,16 +1,16 @@
 //! The session's thread.
 
-use super::part::Part;
-use super::policy::{Needs, Policy};
-use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
-use crate::device::awake::Awake;
-use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
+use super::policy::{SceneNeeds, SessionPolicy};
+use super::snapshot_part::SnapshotPart;
+use super::{ActivityClock, Command, DeviceSnapshot, DriveOrder, DriveResult, SessionError};
+use crate::device::client::{Client, LinkError, LinkStatistics, WaitHooks, request_name};
 use crate::device::clock::ClockSync;
+use crate::device::pause_detector::PauseDetector;
 use crate::device::port::PortError;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -33,14 +33,14 @@ const LOOK_FOR_DRIVE: Duration = Duration::from_millis(20);
 const AWAKE: Duration = Duration::from_secs(1);
 /// Longest burst that is asked for in ms: the longest touch that the daemon takes.
 const BURST_MS: u16 = BURST_MAX_MS;
-pub(super) struct Worker {
+pub(super) struct SessionWorker {
     pub(super) device: OpenDevice,
     pub(super) client: Option<Client>,
-    pub(super) publish: watch::Sender<Snapshot>,
-    pub(super) needs: Needs,
-    pub(super) policy: Policy,
-    beat: Arc<Beat>,
-    heard: Arc<Beat>,
+    pub(super) publish: watch::Sender<DeviceSnapshot>,
+    pub(super) needs: SceneNeeds,
+    pub(super) policy: SessionPolicy,
+    beat: Arc<ActivityClock>,
+    heard: Arc<ActivityClock>,
     /// Longest time without an answer since the device was last looked at.
     pub(super) silence: Duration,
     /// Of links that were given up.
@@ -72,25 +72,25 @@ pub(super) struct Worker {
     /// When the state was last looked at.
     pub(super) last_look: Instant,
     /// What is asked for next in a look that is under way.
-    pub(super) look_next: Option<Part>,
+    pub(super) look_next: Option<SnapshotPart>,
     /// Whether the state has been looked at since the last stop.
     pub(super) stop_is_seen: bool,
     next_open: Instant,
-    pub(super) awake: Awake,
+    pub(super) awake: PauseDetector,
 }
 
-impl Worker {
+impl SessionWorker {
     pub(super) fn new(
         device: OpenDevice,
-        needs: Needs,
-        policy: Policy,
-        publish: watch::Sender<Snapshot>,
+        needs: SceneNeeds,
+        policy: SessionPolicy,
+        publish: watch::Sender<DeviceSnapshot>,
         stops: Arc<AtomicU64>,
-        [beat, heard]: [Arc<Beat>; 2],
+        [beat, heard]: [Arc<ActivityClock>; 2],
     ) -> Self {
         let now = Instant::now();
         // It asks before and after every request.
-        let awake = Awake::new(device.timing().patience.longest().saturating_mul(2).saturating_add(AWAKE));
+        let longest = device.timing().retry_policy.longest_total_wait().saturating_mul(2).saturating_add(AWAKE);
         Self {
             device,
             client: None,
@@ -122,30 +122,30 @@ impl Worker {
             look_next: None,
             stop_is_seen: true,
             next_open: now,
-            awake,
+            awake: PauseDetector::new(longest),
         }
     }
 
-    pub(super) fn run(mut self, inbox: &Receiver<Command>) {
+    pub(super) fn run_until_closed(mut self, inbox: &Receiver<Command>) {
         loop {
-            self.beat.beat();
-            self.obey();
-            self.attend();
-            let command = inbox.recv_timeout(self.until_next_duty());
+            self.beat.note_activity();
+            self.send_requested_stops();
+            self.do_due_duty();
+            let command = inbox.recv_timeout(self.time_until_next_duty());
             // A stop goes before whatever came before it, and so does what has happened meanwhile.
-            self.obey();
-            self.note_pause();
+            self.send_requested_stops();
+            self.stop_if_paused();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
-                    let _ = answer
-                        .send(self.in_time(asked).and_then(|()| self.drive(order)).map_err(|error| self.late(error)));
+                    let result = self.check_order_age(asked).and_then(|()| self.set_drives(order));
+                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
                 }
                 Ok(Command::Play { order, asked, answer }) => {
-                    let _ = answer
-                        .send(self.in_time(asked).and_then(|()| self.play(order)).map_err(|error| self.late(error)));
+                    let result = self.check_order_age(asked).and_then(|()| self.play_effect(order));
+                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
                 }
                 Ok(Command::Stop { number, answer }) => {
-                    let _ = answer.send(self.stop(number));
+                    let _ = answer.send(self.complete_stop(number));
                 }
                 Ok(Command::EndAt { id, when }) => {
                     if id == self.drive_id {
@@ -158,16 +158,15 @@ impl Worker {
                     }
                 }
                 Ok(Command::Clear { answer }) => {
-                    let _ = answer.send(self.clear());
+                    let _ = answer.send(self.clear_faults());
                 }
                 Ok(Command::Arm { stops, asked, answer }) => {
-                    let _ = answer.send(
-                        self.in_time(asked).and_then(|()| self.arm_by_hand(stops)).map_err(|error| self.late(error)),
-                    );
+                    let result = self.check_order_age(asked).and_then(|()| self.arm_manually(stops));
+                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
                     if self.client.is_some()
-                        && let Err(error) = self.stop(u64::MAX)
+                        && let Err(error) = self.complete_stop(u64::MAX)
                     {
                         tracing::warn!(%error, "could not stop the device at the end of the session; its dead-man timer stops it");
                     }
@@ -178,7 +177,7 @@ impl Worker {
         }
     }
 
-    fn until_next_duty(&self) -> Duration {
+    fn time_until_next_duty(&self) -> Duration {
         if self.look_next.is_some() {
             return Duration::ZERO;
         }
@@ -192,90 +191,90 @@ impl Worker {
         next.saturating_duration_since(Instant::now())
     }
 
-    /// What has to be done by now: open, keep alive, end a drive, look at the state.
-    fn attend(&mut self) {
+    /// Does one of the things that are due by now: open the port, send a sign of life, end a drive, refresh the state.
+    fn do_due_duty(&mut self) {
         let now = Instant::now();
         if self.client.is_none() {
             if now >= self.next_open {
-                self.open();
+                self.open_device();
                 self.next_open = Instant::now() + self.reopen;
             }
             return;
         }
         let result = if self.drive_until.is_some_and(|until| now >= until) {
-            self.rest()
+            self.end_drives()
         } else if self.armed && self.drive_until.is_none() && now >= self.idle_since + self.policy.idle {
-            self.ask(&Request::Disarm).map(|_| self.armed = false)
+            self.request_from_device(&Request::Disarm).map(|_| self.armed = false)
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
-            self.keep_alive()
+            self.send_keep_alive()
         } else if self.look_next.is_some() || now >= self.next_status {
-            self.look_on()
+            self.refresh_next_part()
         } else if now >= self.next_clock {
             self.sample_clock()
         } else {
             Ok(())
         };
         if let Err(error) = result {
-            self.note_trouble(&error);
+            self.handle_link_error(&error);
         }
     }
 
-    fn open(&mut self) {
+    fn open_device(&mut self) {
         // On coming in, whatever is live is stopped anyway.
         self.obeyed = self.stops.load(Ordering::SeqCst);
         let opened = self
             .device
-            .revive()
+            .restart_ended_emulator()
             .map_err(|error| LinkError::Emulator(error.to_string()))
-            .and_then(|()| Ok(self.device.locate()?))
-            .and_then(|()| Ok(self.device.client()?))
+            .and_then(|()| Ok(self.device.update_port_path()?))
+            .and_then(|()| Ok(self.device.open_client()?))
             .and_then(|client| {
                 self.client = Some(client);
-                self.greet()
+                self.exchange_hello()
             });
         match opened {
             Ok(()) => {
-                tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected");
+                tracing::info!(path = self.device.port_path(), kind = self.device.kind(), "device connected");
                 self.reopen = REOPEN;
             }
             Err(error) => {
-                self.note_trouble(&error);
+                self.handle_link_error(&error);
                 // A hello that a stop came between is begun anew.
-                self.hang_up();
+                self.close_link();
                 self.reopen = (self.reopen * 2).min(REOPEN_MOST);
             }
         }
     }
 
-    fn drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
-        let result = self.try_drive(order);
+    fn set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+        let result = self.try_set_drives(order);
         if let Err(SessionError::Link(error)) = &result {
-            self.note_trouble(error);
+            self.handle_link_error(error);
         }
         result
     }
 
-    fn try_drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
+    fn try_set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
         let DriveOrder { id, stops, breaks, drives, hold, from_zero } = order;
-        self.check_stops(stops)?;
-        self.connected()?;
+        self.check_not_stopped_since(stops)?;
+        self.check_connected()?;
         if breaks.is_some_and(|breaks| breaks != self.publish.borrow().breaks) {
             return Err(SessionError::Broken);
         }
         if from_zero && self.armed {
-            self.ask(&Request::Disarm)?;
+            self.request_from_device(&Request::Disarm)?;
             self.armed = false;
             self.drive_until = None;
         }
-        self.check_fit()?;
-        let fresh = self.arm()?;
+        self.check_board_is_drivable()?;
+        let fresh = self.begin_arming_if_needed()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
-        let state = if drives.is_empty() { State::Armed } else { State::Running };
-        let Reply::DrivesSet { achieved } = self.ask(&Request::SetDrives { drives })? else {
-            return Err(unexpected("set-drives").into());
+        let state = if drives.is_empty() { SafetyState::Armed } else { SafetyState::Running };
+        let Reply::DrivesSet { achieved } = self.request_from_device(&Request::SetDrives { drives })? else {
+            return Err(unexpected_reply_error("set-drives").into());
         };
-        let frame_written = self.client.as_ref().and_then(Client::last_frame_written);
+        let frame_written = self.client.as_ref().and_then(Client::last_frame_written_at);
         if fresh {
             // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
             // is not, later than that either.
@@ -285,13 +284,13 @@ impl Worker {
         self.drive_id = id;
         self.drive_until = Some(now + hold);
         self.idle_since = now + hold;
-        self.show(state);
-        Ok(Driven { achieved: achieved.to_vec(), frame_written })
+        self.publish_state(state);
+        Ok(DriveResult { achieved: achieved.to_vec(), frame_written })
     }
 
-    /// The acknowledgement tells the state; who asks right after its answer must not read an older one. The rest of the
+    /// Publishes the state that an acknowledgement implies, so that whoever asks right after it does not read an older one. The rest of the
     /// status follows soon.
-    pub(super) fn show(&mut self, state: State) {
+    pub(super) fn publish_state(&mut self, state: SafetyState) {
         self.publish.send_modify(|snapshot| {
             if let Some(status) = &mut snapshot.status {
                 status.state = state;
@@ -300,95 +299,95 @@ impl Worker {
         self.next_status = self.next_status.min(self.last_look + LOOK_FOR_DRIVE);
     }
 
-    /// Arms, unless that has been done; says whether it has only begun to.
-    pub(super) fn arm(&mut self) -> Result<bool, SessionError> {
+    /// Begins to arm, unless the device is armed; returns whether the self-test has still to end.
+    pub(super) fn begin_arming_if_needed(&mut self) -> Result<bool, SessionError> {
         if self.armed {
             return Ok(false);
         }
-        self.clear_silence()?;
-        self.check_fault()?;
-        let arm = match self.is_modern() {
+        self.clear_silence_fault_by_policy()?;
+        self.check_no_fault_latched()?;
+        let arm = match self.speaks_version_2() {
             // A touch may be held for longer than the board's default burst.
             true => Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MS) },
             false => Request::Arm { deadman_ms: None },
         };
-        self.ask(&arm)?;
+        self.request_from_device(&arm)?;
         self.armed = true;
-        self.show(State::Arming);
+        self.publish_state(SafetyState::Arming);
         Ok(true)
     }
 
     /// Waits until the self-test has ended. A device whose self-test does not end in time is not left to get through it later.
-    pub(super) fn await_armed(&mut self, stops: u64) -> Result<(), SessionError> {
-        let ended = self.try_await_armed(stops);
+    pub(super) fn await_armed(&mut self, stop_count: u64) -> Result<(), SessionError> {
+        let ended = self.try_await_armed(stop_count);
         // Else it has been stopped, or is off.
         if ended.is_err() && self.armed {
-            self.take_back();
+            self.stop_failed_drives();
         }
         ended
     }
 
-    fn try_await_armed(&mut self, stops: u64) -> Result<(), SessionError> {
+    fn try_await_armed(&mut self, stop_count: u64) -> Result<(), SessionError> {
         let begun = Instant::now();
         loop {
-            if stops != self.stops.load(Ordering::SeqCst) {
+            if stop_count != self.stops.load(Ordering::SeqCst) {
                 return Err(SessionError::Stopped);
             }
-            let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else {
-                return Err(unexpected("keep-alive").into());
+            let Reply::Alive { state } = self.request_from_device(&Request::KeepAlive)? else {
+                return Err(unexpected_reply_error("keep-alive").into());
             };
-            if matches!(state, State::Armed | State::Running) {
-                self.show(state);
+            if matches!(state, SafetyState::Armed | SafetyState::Running) {
+                self.publish_state(state);
                 return Ok(());
             }
-            if state != State::Arming || begun.elapsed() > self.device.timing().arming {
-                self.look()?;
-                self.check_fault()?;
+            if state != SafetyState::Arming || begun.elapsed() > self.device.timing().arming {
+                self.refresh_snapshot()?;
+                self.check_no_fault_latched()?;
                 return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
             }
             std::thread::sleep(ARMING_POLL);
         }
     }
 
-    pub(super) fn rest(&mut self) -> Result<(), LinkError> {
+    pub(super) fn end_drives(&mut self) -> Result<(), LinkError> {
         self.drive_until = None;
         self.idle_since = Instant::now();
-        self.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
+        self.request_from_device(&Request::SetDrives { drives: heapless::Vec::new() })?;
         // Soon, as the state has changed; a drive that comes now goes first.
-        self.look_next = Some(Part::Status);
+        self.look_next = Some(SnapshotPart::Status);
         Ok(())
     }
 
-    fn clear(&mut self) -> Result<(), SessionError> {
-        self.connected()?;
-        self.ask(&Request::ClearFaults)?;
+    fn clear_faults(&mut self) -> Result<(), SessionError> {
+        self.check_connected()?;
+        self.request_from_device(&Request::ClearFaults)?;
         // Before a fault that came and went unseen.
-        self.broke();
-        Ok(self.look()?)
+        self.invalidate_earlier_orders();
+        Ok(self.refresh_snapshot()?)
     }
 
-    pub(super) fn connected(&self) -> Result<(), SessionError> {
+    pub(super) fn check_connected(&self) -> Result<(), SessionError> {
         if self.client.is_some() {
             return Ok(());
         }
         let reason = self.publish.borrow().problem.clone().unwrap_or_else(|| "it has not answered yet".into());
-        Err(SessionError::Disconnected { path: self.device.path().to_owned(), reason })
+        Err(SessionError::Disconnected { path: self.device.port_path().to_owned(), reason })
     }
 
-    /// Asks the device. While its answer is late that is told; the answer is waited for, so that a computer that is busy for a
-    /// moment does not lose its board for it.
-    pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
-        self.beat.beat();
+    /// Sends a request to the device and returns its reply. A late answer is published as a doubt and still waited for, so that a computer
+    /// that is busy for a moment does not lose its board.
+    pub(super) fn request_from_device(&mut self, request: &Request) -> Result<Reply, LinkError> {
+        self.beat.note_activity();
         if !matches!(request, Request::Stop)
-            && let Some(waited) = self.end_for_pause()
+            && let Some(waited) = self.stop_after_pause()
         {
-            return Err(LinkError::Halted { request: name(request), waited, by_order: false });
+            return Err(LinkError::Halted { request: request_name(request), waited, by_order: false });
         }
         if !matches!(request, Request::Stop) && self.stops.load(Ordering::SeqCst) != self.obeyed {
             // Between any two requests a stop goes first.
             let begun = Instant::now();
-            self.halt()?;
-            return Err(LinkError::Halted { request: name(request), waited: begun.elapsed(), by_order: true });
+            self.send_stop()?;
+            return Err(LinkError::Halted { request: request_name(request), waited: begun.elapsed(), by_order: true });
         }
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
         let (publish, stops, obeyed, was_armed) = (&self.publish, &self.stops, self.obeyed, self.armed);
@@ -397,19 +396,19 @@ impl Worker {
             seen.set(stops.load(Ordering::SeqCst));
             seen.get() != obeyed
         };
-        let mut in_doubt = |request, waited| Self::doubt(publish, request, waited);
-        let reply = client.request_told(request, Attention { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
+        let mut in_doubt = |request, waited| Self::publish_late_answer(publish, request, waited);
+        let reply = client.request_or_stop(request, WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
-            self.note_stop();
-            self.broke();
+            self.reset_for_stop();
+            self.invalidate_earlier_orders();
         } else if let Err(error) = reply {
             return Err(error);
         }
         let now = Instant::now();
         let gap = now - self.last_heard;
         self.last_heard = now;
-        self.heard.beat();
+        self.heard.note_activity();
         self.silence = self.silence.max(gap);
         let (in_doubt, is_back) = {
             let snapshot = self.publish.borrow();
@@ -432,8 +431,9 @@ impl Worker {
         reply
     }
 
-    /// A refusal leaves the link as it is, after a look at the device's state; anything else closes it, to be opened anew.
-    pub(super) fn note_trouble(&mut self, error: &LinkError) {
+    /// Acts on an error of the link. After a refusal the link stays open and the state is refreshed soon; any other error closes the link, which is
+    /// opened again later.
+    pub(super) fn handle_link_error(&mut self, error: &LinkError) {
         if matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) {
             self.next_status = Instant::now();
             tracing::warn!(%error, "refused");
@@ -444,22 +444,22 @@ impl Worker {
             return;
         }
         // Before anything that takes time, as a look at all programs does: the board may be live.
-        if let Some(mut client) = self.hang_up() {
-            client.stop_blindly();
+        if let Some(mut client) = self.close_link() {
+            client.send_stop_without_reply();
         }
-        let mut text = self.device.trouble(error);
+        let mut text = self.device.describe_link_error(error);
         if matches!(error, LinkError::Port(PortError::Busy { .. })) {
             text += ". The port is tried again until it is free";
         }
         if self.publish.borrow().problem.as_deref() != Some(&text) {
-            tracing::error!(path = self.device.path(), error = text, "device lost");
+            tracing::error!(path = self.device.port_path(), error = text, "device lost");
         }
-        let link = self.link();
+        let link = self.total_link_statistics();
         self.armed = false;
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;
-        self.was_away(&text);
-        self.broke();
+        self.require_manual_arming(&text);
+        self.invalidate_earlier_orders();
         self.publish.send_modify(|snapshot| {
             snapshot.outages += u32::from(snapshot.connected || snapshot.in_doubt);
             (snapshot.connected, snapshot.in_doubt) = (false, false);
@@ -468,23 +468,23 @@ impl Worker {
         });
     }
 
-    /// Gives the link up; what it did is counted on.
-    fn hang_up(&mut self) -> Option<Client> {
+    /// Closes the link, and adds its statistics to those of earlier links.
+    fn close_link(&mut self) -> Option<Client> {
         let client = self.client.take();
         self.look_next = None;
         self.past += client.as_ref().map(Client::statistics).unwrap_or_default();
         client
     }
 
-    /// What all links have done, this one included.
-    pub(super) fn link(&self) -> LinkStatistics {
+    /// Statistics of all links of this session, the present one included.
+    pub(super) fn total_link_statistics(&self) -> LinkStatistics {
         let mut all = self.past;
         all += self.client.as_ref().map(Client::statistics).unwrap_or_default();
         all
     }
 }
 
-impl Drop for Worker {
+impl Drop for SessionWorker {
     /// However the thread ends, nobody takes its device for connected.
     fn drop(&mut self) {
         self.publish.send_modify(|snapshot| {
@@ -494,6 +494,6 @@ impl Drop for Worker {
     }
 }
 
-pub(super) fn unexpected(request: &'static str) -> LinkError {
+pub(super) fn unexpected_reply_error(request: &'static str) -> LinkError {
     LinkError::Unexpected { request, reply: "another kind of answer".into() }
 }

@@ -12,25 +12,29 @@ const HOLD_S: f64 = 0.05;
 
 /// One second-order section of a Butterworth low-pass (bilinear transform, direct form 2 transposed).
 #[derive(Clone, Copy, Debug)]
-struct Section {
+struct FilterSection {
     b: [f64; 3],
     a: [f64; 2],
     state: [f64; 2],
 }
 
-impl Section {
-    /// `q` is 1/(2 cos theta) of the pole pair.
-    fn low_pass(corner_hz: f64, q: f64, step_s: f64) -> Self {
+impl FilterSection {
+    /// `quality_factor` is 1/(2 cos theta) of the pole pair.
+    fn new_low_pass(corner_hz: f64, quality_factor: f64, step_s: f64) -> Self {
         let w = (std::f64::consts::PI * corner_hz * step_s).tan();
-        let norm = 1.0 / (1.0 + w / q + w * w);
+        let norm = 1.0 / (1.0 + w / quality_factor + w * w);
         let b0 = w * w * norm;
-        Self { b: [b0, 2.0 * b0, b0], a: [2.0 * (w * w - 1.0) * norm, (1.0 - w / q + w * w) * norm], state: [0.0; 2] }
+        Self {
+            b: [b0, 2.0 * b0, b0],
+            a: [2.0 * (w * w - 1.0) * norm, (1.0 - w / quality_factor + w * w) * norm],
+            state: [0.0; 2],
+        }
     }
 
-    fn step(&mut self, x: f64) -> f64 {
-        let y = self.b[0] * x + self.state[0];
-        self.state[0] = self.b[1] * x - self.a[0] * y + self.state[1];
-        self.state[1] = self.b[2] * x - self.a[1] * y;
+    fn filter_sample(&mut self, input: f64) -> f64 {
+        let y = self.b[0] * input + self.state[0];
+        self.state[0] = self.b[1] * input - self.a[0] * y + self.state[1];
+        self.state[1] = self.b[2] * input - self.a[1] * y;
         y
     }
 }
@@ -38,7 +42,7 @@ impl Section {
 /// Fourth-order Butterworth low-pass at [`BANDWIDTH_HZ`], a peak hold and, if wanted, a record.
 #[derive(Clone, Debug)]
 pub struct Accelerometer {
-    sections: [Section; 2],
+    sections: [FilterSection; 2],
     held: VecDeque<f64>,
     hold_length: usize,
     /// Largest magnitude since the peak was last taken.
@@ -57,8 +61,8 @@ impl Accelerometer {
         let q = |degrees: f64| 0.5 / degrees.to_radians().cos();
         Self {
             sections: [
-                Section::low_pass(BANDWIDTH_HZ, q(22.5), step_s),
-                Section::low_pass(BANDWIDTH_HZ, q(67.5), step_s),
+                FilterSection::new_low_pass(BANDWIDTH_HZ, q(22.5), step_s),
+                FilterSection::new_low_pass(BANDWIDTH_HZ, q(67.5), step_s),
             ],
             held: VecDeque::new(),
             hold_length: ((HOLD_S / step_s) as usize).max(1),
@@ -68,8 +72,8 @@ impl Accelerometer {
         }
     }
 
-    /// Forgets all that was measured, as the sensor has been put elsewhere. The record goes on.
-    pub fn begin_anew(&mut self) {
+    /// Forgets what was measured, because the sensor has been moved. A record goes on.
+    pub fn forget_measurements(&mut self) {
         self.sections.iter_mut().for_each(|section| section.state = [0.0; 2]);
         self.held.clear();
         (self.unread, self.here) = (0.0, 0.0);
@@ -85,10 +89,10 @@ impl Accelerometer {
         self.record.take().unwrap_or_default()
     }
 
-    /// Takes the surface's acceleration in m/s^2.
-    pub fn sample(&mut self, acceleration_m_per_s2: f64) {
+    /// Takes the next sample of the surface's acceleration in m/s^2.
+    pub fn add_sample(&mut self, acceleration_m_per_s2: f64) {
         let [first, second] = &mut self.sections;
-        let filtered = second.step(first.step(acceleration_m_per_s2));
+        let filtered = second.filter_sample(first.filter_sample(acceleration_m_per_s2));
         if self.held.len() == self.hold_length {
             self.held.pop_front();
         }
@@ -102,36 +106,36 @@ impl Accelerometer {
 
     /// Largest magnitude in the last 50 ms, in m/s^2.
     #[must_use]
-    pub fn peak_m_per_s2(&self) -> f64 {
+    pub fn held_peak_m_per_s2(&self) -> f64 {
         self.held.iter().copied().fold(0.0, f64::max)
     }
 }
 
 impl Accelerometer {
-    /// Largest magnitude in m/s^2 since this was last asked, and in the last 50 ms at least: who asks again and again misses nothing, and an
-    /// answer that is lost does not lose a peak that has just been.
+    /// Largest magnitude in m/s^2 since the last call, or of the last 50 ms if that is longer: repeated calls miss no peak, and an answer that is lost
+    /// does not lose a recent one.
     pub fn take_peak_m_per_s2(&mut self) -> f64 {
-        std::mem::take(&mut self.unread).max(self.peak_m_per_s2())
+        std::mem::take(&mut self.unread).max(self.held_peak_m_per_s2())
     }
 
     /// Largest magnitude in m/s^2 since the sensor was put where it is; reading it changes nothing.
     #[must_use]
-    pub const fn peak_here_m_per_s2(&self) -> f64 {
+    pub const fn peak_since_placed_m_per_s2(&self) -> f64 {
         self.here
     }
 }
 
-/// What the sensor's low-pass makes of a sine at `frequency_hz`: an analogue fourth-order Butterworth.
+/// Complex response of the sensor's low-pass at `frequency_hz`: an analogue fourth-order Butterworth.
 #[must_use]
-pub fn low_pass(frequency_hz: f64) -> Complex64 {
+pub fn low_pass_response(frequency_hz: f64) -> Complex64 {
     let s = Complex64::new(0.0, frequency_hz / BANDWIDTH_HZ);
     [22.5_f64, 67.5].iter().map(|degrees| 1.0 / (s * s + s * 2.0 * degrees.to_radians().cos() + 1.0)).product()
 }
 
-/// The magnitude of [`low_pass`].
+/// The magnitude of [`low_pass_response`].
 #[must_use]
-pub fn attenuation(frequency_hz: f64) -> f64 {
-    low_pass(frequency_hz).norm()
+pub fn low_pass_gain(frequency_hz: f64) -> f64 {
+    low_pass_response(frequency_hz).norm()
 }
 
 #[cfg(test)]
@@ -142,20 +146,20 @@ mod tests {
     #[test]
     fn a_short_peak_is_held_until_it_is_read() {
         let mut sensor = Accelerometer::new(1e-4);
-        let rest = |sensor: &mut Accelerometer, steps: u32| (0..steps).for_each(|_| sensor.sample(0.0));
-        (0..20).for_each(|_| sensor.sample(3.0));
+        let rest = |sensor: &mut Accelerometer, steps: u32| (0..steps).for_each(|_| sensor.add_sample(0.0));
+        (0..20).for_each(|_| sensor.add_sample(3.0));
         rest(&mut sensor, 10_000);
         // What is left of the filter's motion may be the least number that there is.
-        assert!(sensor.peak_m_per_s2() < f64::MIN_POSITIVE);
+        assert!(sensor.held_peak_m_per_s2() < f64::MIN_POSITIVE);
         let peak = sensor.take_peak_m_per_s2();
         assert!((3.0..3.5).contains(&peak), "{peak}");
-        assert!(sensor.take_peak_m_per_s2() < f64::MIN_POSITIVE && sensor.peak_here_m_per_s2() == peak);
+        assert!(sensor.take_peak_m_per_s2() < f64::MIN_POSITIVE && sensor.peak_since_placed_m_per_s2() == peak);
         // An answer that is lost at once is given again.
-        (0..20).for_each(|_| sensor.sample(3.0));
+        (0..20).for_each(|_| sensor.add_sample(3.0));
         assert_eq!([sensor.take_peak_m_per_s2(), sensor.take_peak_m_per_s2()], [peak; 2]);
-        sensor.begin_anew();
+        sensor.forget_measurements();
         rest(&mut sensor, 1);
-        assert_eq!((sensor.take_peak_m_per_s2(), sensor.peak_here_m_per_s2()), (0.0, 0.0));
+        assert_eq!((sensor.take_peak_m_per_s2(), sensor.peak_since_placed_m_per_s2()), (0.0, 0.0));
     }
 
     #[test]
@@ -164,9 +168,9 @@ mod tests {
         for frequency_hz in [50.0, 400.0, 1000.0, 1500.0] {
             let mut sensor = Accelerometer::new(step_s);
             for i in 0..20_000 {
-                sensor.sample((std::f64::consts::TAU * frequency_hz * f64::from(i) * step_s).sin());
+                sensor.add_sample((std::f64::consts::TAU * frequency_hz * f64::from(i) * step_s).sin());
             }
-            let (found, expected) = (sensor.peak_m_per_s2(), attenuation(frequency_hz));
+            let (found, expected) = (sensor.held_peak_m_per_s2(), low_pass_gain(frequency_hz));
             assert!((found - expected).abs() < 0.02 * expected, "{frequency_hz}: {found} {expected}");
         }
     }

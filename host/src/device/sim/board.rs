@@ -1,12 +1,12 @@
 //! The simulated board: timers, rails and loops as numbers, the panel in the electrodes' place.
 
-use super::panel::Panel;
-use super::rails::Rail;
-use super::source::Source;
+use super::panel::SimPanel;
+use super::rails::SimRail;
+use super::timer::SimTimer;
 use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
-use era_shared::supply::{Finding, RAILS, Senses, Supply};
-use era_shared::waveform::Preload;
+use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
+use era_shared::waveform::TimerPreload;
 use std::time::{Duration, Instant};
 
 /// What a longer time between two readings of its clock is counted as: the tick of the device's loop.
@@ -44,7 +44,7 @@ pub struct Defects {
 }
 
 /// Mistakes of a board that nothing in it notices, which no board may make: with them it is seen that whoever judges a board from outside
-/// ([`super::Watch`]) would notice.
+/// ([`super::SimObservations`]) would notice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mistakes {
     /// The timers of drives that are set from now on have B's windows where A's are.
@@ -62,8 +62,8 @@ pub struct Mistakes {
 pub struct SimBoard {
     info: BoardInfo,
     clock: Clock,
-    panel: Panel,
-    supply: Supply,
+    panel: SimPanel,
+    supply: SupplyCommand,
     defects: Defects,
     mistakes: Mistakes,
     /// The timers run since this time in us.
@@ -85,7 +85,7 @@ impl SimBoard {
         clippy::cast_sign_loss,
         reason = "`as` saturates; rounded down on purpose"
     )]
-    pub fn new(panel: Panel, max_voltages_v: &[f64], clock: Clock) -> Self {
+    pub fn new(panel: SimPanel, max_voltages_v: &[f64], clock: Clock) -> Self {
         let channels = max_voltages_v
             .iter()
             .map(|volts| ChannelLimits { max_voltage_millivolts: (volts * 1e3) as u32, ..ChannelLimits::BOARD })
@@ -100,9 +100,9 @@ impl SimBoard {
                 // Shorter than the longest name there can be.
                 image: "simulated".try_into().unwrap_or_default(),
                 firmware: FirmwareVersion {
-                    major: number(env!("CARGO_PKG_VERSION_MAJOR")),
-                    minor: number(env!("CARGO_PKG_VERSION_MINOR")),
-                    patch: number(env!("CARGO_PKG_VERSION_PATCH")),
+                    major: parse_version_number(env!("CARGO_PKG_VERSION_MAJOR")),
+                    minor: parse_version_number(env!("CARGO_PKG_VERSION_MINOR")),
+                    patch: parse_version_number(env!("CARGO_PKG_VERSION_PATCH")),
                     commit: *b"00000000",
                 },
                 channels,
@@ -111,7 +111,7 @@ impl SimBoard {
             },
             clock,
             panel,
-            supply: Supply { discharge: [true; RAILS], ..Supply::default() },
+            supply: SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() },
             defects: Defects::default(),
             mistakes: Mistakes::default(),
             started_us: None,
@@ -121,29 +121,29 @@ impl SimBoard {
         }
     }
 
-    /// The same as another one of its kind.
+    /// The same board with another identifier.
     #[must_use]
-    pub fn named(mut self, board_id: [u8; 12]) -> Self {
+    pub fn with_board_id(mut self, board_id: [u8; 12]) -> Self {
         self.info.board_id = board_id;
         self
     }
 
-    /// The same as something else than a simulation, for whoever asks it.
+    /// The same board that reports another kind of board.
     #[must_use]
-    pub const fn posing_as(mut self, board: BoardKind) -> Self {
+    pub const fn with_board_kind(mut self, board: BoardKind) -> Self {
         self.info.board = board;
         self
     }
 
     /// The panel, for its accelerometer.
-    pub const fn panel_mut(&mut self) -> &mut Panel {
+    pub const fn panel_mut(&mut self) -> &mut SimPanel {
         &mut self.panel
     }
 
     /// What the reset pin does: drives end and everything but the panel's motion and the rails' charge is forgotten.
     pub fn restart(&mut self) {
-        self.outputs_off();
-        let now_s = self.time_s();
+        self.switch_outputs_off();
+        let now_s = self.board_time_s();
         let volts: [f64; RAILS] = std::array::from_fn(|rail| self.panel.rail(rail).volts_at(now_s));
         self.info.boot_id = self.info.boot_id.wrapping_add(1);
         self.info.reset_cause = ResetCause::Pin;
@@ -154,7 +154,7 @@ impl SimBoard {
         };
         self.panel.restart_clock();
         for (rail, volts) in volts.into_iter().enumerate() {
-            self.panel.set_rail(rail, Rail::discharging(volts, 0.0));
+            self.panel.set_rail(rail, SimRail::new_discharging(volts, 0.0));
         }
     }
 
@@ -163,8 +163,8 @@ impl SimBoard {
         self.clock = Clock::Manual(time_us);
     }
 
-    /// How long the computer that simulates the board has stood still since this was last asked, and the board with it.
-    pub const fn take_stood(&mut self) -> Duration {
+    /// How long the computer, and the simulated board with it, has stood still since the last call.
+    pub const fn take_stalled_time(&mut self) -> Duration {
         std::mem::replace(&mut self.stood, Duration::ZERO)
     }
 
@@ -172,61 +172,63 @@ impl SimBoard {
     pub fn set_defects(&mut self, defects: Defects) {
         if defects != self.defects {
             self.defects = defects;
-            self.follow_supply();
+            self.apply_supply_to_rails();
         }
     }
 
     /// Makes the board do something wrong that it does not notice.
     pub fn set_mistakes(&mut self, mistakes: Mistakes) {
         if mistakes != self.mistakes {
-            self.advance();
+            self.advance_panel_to_now();
             self.mistakes = mistakes;
-            self.panel.set_at_electrodes(mistakes.rails_percent.map_or(1.0, |percent| f64::from(percent) / 100.0));
+            self.panel.set_electrode_voltage_fraction(
+                mistakes.rails_percent.map_or(1.0, |percent| f64::from(percent) / 100.0),
+            );
         }
     }
 
-    /// Whether the board has left for its bootloader; it has none, so its owner restarts it.
+    /// Whether the board has entered its bootloader. The simulation has none, so that its owner restarts it.
     #[must_use]
-    pub const fn is_leaving(&self) -> bool {
+    pub const fn is_entering_bootloader(&self) -> bool {
         self.leaving
     }
 
     /// Whether its high voltage is enabled.
     #[must_use]
-    pub const fn is_energised(&self) -> bool {
+    pub const fn is_high_voltage_enabled(&self) -> bool {
         self.supply.enabled
     }
 
-    /// Lets the panel move up to now.
-    pub fn advance(&mut self) {
-        let now_s = self.time_s();
+    /// Integrates the panel's motion up to the board's present time.
+    pub fn advance_panel_to_now(&mut self) {
+        let now_s = self.board_time_s();
         self.panel.advance_to(now_s);
     }
 
     #[expect(clippy::cast_precision_loss, reason = "microseconds in an f64 are exact for 285 years")]
-    fn time_s(&mut self) -> f64 {
+    fn board_time_s(&mut self) -> f64 {
         self.now_us() as f64 / 1e6
     }
 
-    /// Brings the rails onto their way to what the supply was told. The panel has felt them as they were up to now.
-    fn follow_supply(&mut self) {
-        self.advance();
-        let now_s = self.time_s();
+    /// Has the rails follow the last command to the supply from now on. The panel is integrated up to now first, with the rails as they were.
+    fn apply_supply_to_rails(&mut self) {
+        self.advance_panel_to_now();
+        let now_s = self.board_time_s();
         for rail in 0..RAILS {
             let mut state = self.panel.rail(rail);
-            state.follow(now_s, &self.supply, rail, self.defects.shorted_rail == Some(rail));
+            state.apply_supply_command(now_s, &self.supply, rail, self.defects.shorted_rail == Some(rail));
             self.panel.set_rail(rail, state);
         }
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn rail_millivolts(&mut self) -> [u32; RAILS] {
-        let now_s = self.time_s();
+    fn measure_rail_millivolts(&mut self) -> [u32; RAILS] {
+        let now_s = self.board_time_s();
         std::array::from_fn(|rail| (self.panel.rail(rail).volts_at(now_s) * 1e3).round() as u32)
     }
 }
 
-fn number(text: &str) -> u8 {
+fn parse_version_number(text: &str) -> u8 {
     text.parse().unwrap_or(0)
 }
 
@@ -250,21 +252,21 @@ impl Board for SimBoard {
         }
     }
 
-    fn outputs_off(&mut self) {
+    fn switch_outputs_off(&mut self) {
         // The panel has felt the old drives up to now.
-        self.advance();
+        self.advance_panel_to_now();
         self.started_us = None;
-        self.panel.connect(false);
+        self.panel.set_electrodes_connected(false);
         for channel in 0..era_shared::MAX_CHANNELS {
-            self.panel.set_source(channel, None);
+            self.panel.set_channel_timer(channel, None);
         }
-        self.set_supply(&Supply { discharge: [true; RAILS], ..Supply::default() });
+        self.apply_supply_command(&SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() });
     }
 
-    fn sense(&mut self) -> Senses {
-        self.advance();
-        Senses {
-            rail_millivolts: self.rail_millivolts(),
+    fn read_sensors(&mut self) -> SensorReadings {
+        self.advance_panel_to_now();
+        SensorReadings {
+            rail_millivolts: self.measure_rail_millivolts(),
             average_microamps: self.defects.leakage_microamps,
             interlock_closed: !self.defects.interlock_open,
             stop_released: !self.defects.stop_pressed,
@@ -273,60 +275,60 @@ impl Board for SimBoard {
         }
     }
 
-    fn test_trips(&mut self) -> Result<(), Finding> {
+    fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         self.defects.dead_trip.map_or(Ok(()), |which| Err((FaultCode::SelfTest, which)))
     }
 
-    fn set_supply(&mut self, supply: &Supply) {
+    fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         self.supply = *supply;
-        self.follow_supply();
+        self.apply_supply_to_rails();
     }
 
     fn start_timers(&mut self) -> Result<(), FaultCode> {
         self.started_us = Some(self.now_us());
-        let now_s = self.time_s();
+        let now_s = self.board_time_s();
         for channel in 0..self.info.channels.len() {
-            let source = Source::new(now_s).map_err(|_| FaultCode::ArmFailed)?;
-            self.panel.set_source(channel, Some(source));
+            let source = SimTimer::new(now_s).map_err(|_| FaultCode::ArmFailed)?;
+            self.panel.set_channel_timer(channel, Some(source));
         }
         Ok(())
     }
 
-    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
-        self.advance();
-        self.panel.connect(connected);
+    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+        self.advance_panel_to_now();
+        self.panel.set_electrodes_connected(connected);
         Ok(())
     }
 
     #[expect(clippy::cast_precision_loss, reason = "clocks in an f64 are exact for 600 days")]
-    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.ok_or(FaultCode::DriveFailed)?;
         let clocks_per_s = f64::from(ChannelLimits::BOARD.timer_clock_hz);
         let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s;
         let done_s = self.panel.time_s();
-        let source = self.panel.source_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
-        source.preload(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)?;
+        let source = self.panel.channel_timer_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
+        source.preload_period(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)?;
         if self.mistakes.both_electrodes {
-            source.put_b_over_a();
+            source.make_b_overlap_a();
         }
         Ok(())
     }
 
-    fn check_timers(&mut self) -> Result<(), Finding> {
+    fn check_timers(&mut self) -> Result<(), FaultFinding> {
         self.defects.stopped_timer.map_or(Ok(()), |channel| Err((FaultCode::TimerStopped, channel)))
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
-        self.advance();
+    fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
+        self.advance_panel_to_now();
         Some((self.panel.accelerometer.take_peak_m_per_s2() * 1e3).round() as u32)
     }
 
-    fn take_log(&mut self, _out: &mut [u8]) -> usize {
+    fn take_log_bytes(&mut self, _out: &mut [u8]) -> usize {
         0
     }
 
-    fn enter_bootloader(&mut self) {
+    fn request_bootloader_restart(&mut self) {
         self.leaving = true;
     }
 }

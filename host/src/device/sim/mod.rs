@@ -7,18 +7,18 @@
 
 mod accelerometer;
 mod board;
-mod heard;
+mod drive_frames;
 mod panel;
 mod peaks;
 mod rails;
-mod source;
 mod terminal;
+mod timer;
 
-pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
+pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, low_pass_gain, low_pass_response};
 pub use board::{Clock, Defects, Mistakes, SimBoard};
-pub use heard::SetFrame;
-pub use panel::{Extreme, Panel, STEP_S};
+pub use drive_frames::DriveFrame;
+pub use panel::{STEP_S, SimPanel, TravelExtreme};
 pub use peaks::TouchPeak;
-pub use rails::Rail;
-pub use source::Source;
-pub use terminal::{Knobs, SimControl, SimDevice, Watch};
+pub use rails::SimRail;
+pub use terminal::{SimControl, SimDevice, SimKnobs, SimObservations};
+pub use timer::SimTimer;

@@ -22,7 +22,7 @@ pub struct TouchPeaks {
 }
 
 impl TouchPeaks {
-    /// What is noted from here on is of this touch; one that has been there before goes on.
+    /// Peaks that are noted from here on belong to this touch; a touch that has been there before is continued.
     pub fn begin_touch(&mut self, plan_id: u64) {
         let known = self.kept.iter().position(|peak| peak.plan_id == plan_id).and_then(|place| self.kept.remove(place));
         self.kept.push_back(known.unwrap_or(TouchPeak { plan_id, peak_m_per_s2: 0.0 }));
@@ -31,20 +31,20 @@ impl TouchPeaks {
         }
     }
 
-    /// The touch that began last has reached this.
+    /// Notes an acceleration of the touch that began last.
     pub fn note_peak(&mut self, peak_m_per_s2: f64) {
         if let Some(newest) = self.kept.back_mut() {
             newest.peak_m_per_s2 = newest.peak_m_per_s2.max(peak_m_per_s2);
         }
     }
 
-    /// The last `most` of them, the newest first.
+    /// The peaks of the last `most` touches, the newest first.
     #[must_use]
-    pub fn newest_first(&self, most: usize) -> Vec<TouchPeak> {
+    pub fn newest_peaks(&self, most: usize) -> Vec<TouchPeak> {
         self.kept.iter().rev().take(most).copied().collect()
     }
 
-    /// That of one touch; `None` if it never began, or is not kept any more.
+    /// The peak of one touch; `None` if the touch never began, or is not kept any more.
     #[must_use]
     pub fn find_peak(&self, plan_id: u64) -> Option<TouchPeak> {
         self.kept.iter().find(|peak| peak.plan_id == plan_id).copied()
@@ -59,7 +59,7 @@ mod tests {
     fn each_touch_keeps_its_own_peak() {
         let mut peaks = TouchPeaks::default();
         peaks.note_peak(9.0);
-        assert_eq!(peaks.newest_first(5), [], "of no touch");
+        assert_eq!(peaks.newest_peaks(5), [], "of no touch");
         peaks.begin_touch(1);
         peaks.note_peak(3.0);
         peaks.note_peak(2.0);
@@ -71,10 +71,10 @@ mod tests {
         peaks.begin_touch(1);
         peaks.note_peak(2.5);
         assert_eq!(of(&peaks, 1), Some(3.0));
-        assert_eq!(peaks.newest_first(1)[0].plan_id, 1);
+        assert_eq!(peaks.newest_peaks(1)[0].plan_id, 1);
         for id in 10..1000 {
             peaks.begin_touch(id);
         }
-        assert_eq!((peaks.newest_first(usize::MAX).len(), of(&peaks, 1)), (MOST_KEPT, None));
+        assert_eq!((peaks.newest_peaks(usize::MAX).len(), of(&peaks, 1)), (MOST_KEPT, None));
     }
 }

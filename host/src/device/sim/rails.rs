@@ -1,6 +1,6 @@
 //! The simulated high-voltage rails: first-order, exact in time.
 
-use era_shared::supply::{RAILS, Supply};
+use era_shared::supply::{RAILS, SupplyCommand};
 
 /// Time constant in s with which the supply brings a rail up to its set-point: a common module's rise time of 5 ms.
 const RISE_S: f64 = 2e-3;
@@ -13,17 +13,17 @@ const SHORT_S: f64 = 1e-5;
 
 /// A voltage on its way, exponentially, to where it is drawn.
 #[derive(Clone, Copy, Debug)]
-pub struct Rail {
+pub struct SimRail {
     from_s: f64,
     from_v: f64,
     target_v: f64,
     tau_s: f64,
 }
 
-impl Rail {
+impl SimRail {
     /// A rail that stands at `volts` from `time_s` on and discharges.
     #[must_use]
-    pub const fn discharging(volts: f64, time_s: f64) -> Self {
+    pub const fn new_discharging(volts: f64, time_s: f64) -> Self {
         Self { from_s: time_s, from_v: volts, target_v: 0.0, tau_s: DISCHARGE_S }
     }
 
@@ -35,14 +35,14 @@ impl Rail {
     }
 
     /// From `time_s` on the rail follows what the supply was told; a short takes it to zero whatever that is.
-    pub fn follow(&mut self, time_s: f64, supply: &Supply, rail: usize, shorted: bool) {
+    pub fn apply_supply_command(&mut self, time_s: f64, command: &SupplyCommand, rail_index: usize, shorted: bool) {
         let volts = self.volts_at(time_s);
-        let of = |values: &[bool; RAILS]| values.get(rail).copied().unwrap_or(true);
-        let set_v = f64::from(supply.set_point_millivolts.get(rail).copied().unwrap_or(0)) / 1e3;
+        let of = |values: &[bool; RAILS]| values.get(rail_index).copied().unwrap_or(true);
+        let set_v = f64::from(command.set_point_millivolts.get(rail_index).copied().unwrap_or(0)) / 1e3;
         let (target_v, tau_s) = match () {
             () if shorted => (0.0, SHORT_S),
-            () if of(&supply.discharge) => (0.0, DISCHARGE_S),
-            () if !supply.enabled => (0.0, BLEED_S),
+            () if of(&command.discharge) => (0.0, DISCHARGE_S),
+            () if !command.enabled => (0.0, BLEED_S),
             // A supply can only push: downwards the bleeder has to do it.
             () if set_v < volts => (set_v, BLEED_S),
             () => (set_v, RISE_S),
@@ -57,23 +57,23 @@ impl Rail {
 mod tests {
     use super::*;
 
-    fn supply(enabled: bool, discharge: bool, volts: u32) -> Supply {
-        Supply { enabled, discharge: [discharge; RAILS], set_point_millivolts: [volts * 1000; RAILS] }
+    fn supply(enabled: bool, discharge: bool, volts: u32) -> SupplyCommand {
+        SupplyCommand { enabled, discharge: [discharge; RAILS], set_point_millivolts: [volts * 1000; RAILS] }
     }
 
     #[test]
     fn rails_rise_bleed_and_discharge() {
-        let mut rail = Rail::discharging(0.0, 0.0);
-        rail.follow(0.0, &supply(true, false, 1000), 0, false);
+        let mut rail = SimRail::new_discharging(0.0, 0.0);
+        rail.apply_supply_command(0.0, &supply(true, false, 1000), 0, false);
         assert!((rail.volts_at(RISE_S) - 1000.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
         // Told the same again, it goes on as before.
-        rail.follow(RISE_S, &supply(true, false, 1000), 0, false);
+        rail.apply_supply_command(RISE_S, &supply(true, false, 1000), 0, false);
         assert!((rail.volts_at(2.0 * RISE_S) - 1000.0 * (1.0 - (-2.0_f64).exp())).abs() < 1e-9);
-        rail.follow(1.0, &supply(true, false, 500), 0, false);
+        rail.apply_supply_command(1.0, &supply(true, false, 500), 0, false);
         assert!((rail.volts_at(1.0 + BLEED_S) - (500.0 + 500.0 * (-1.0_f64).exp())).abs() < 1e-6);
-        rail.follow(2.0, &supply(false, true, 0), 0, false);
+        rail.apply_supply_command(2.0, &supply(false, true, 0), 0, false);
         assert!(rail.volts_at(2.0 + 0.0175) < 60.0);
-        rail.follow(3.0, &supply(true, false, 1000), 0, true);
+        rail.apply_supply_command(3.0, &supply(true, false, 1000), 0, true);
         assert!(rail.volts_at(3.1) < 1e-3);
     }
 }

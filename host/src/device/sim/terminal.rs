@@ -1,15 +1,15 @@
 //! The simulated device behind a pseudo-terminal, with the knobs that tests turn.
 
 use super::board::{Clock, Defects, Mistakes, SimBoard};
-use super::heard::{Frames, SetFrame};
-use super::panel::Panel;
+use super::drive_frames::{DriveFrame, DriveFrameRecord};
+use super::panel::SimPanel;
 use super::peaks::{TouchPeak, TouchPeaks};
-use crate::device::port::{Port as Line, open_pseudo_terminal};
+use crate::device::port::{SerialPort as Line, open_pseudo_terminal};
 use crate::device::priority;
 use era_shared::board::Board;
-use era_shared::device::{Device, Port};
+use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::DEADMAN_DEFAULT_MS;
-use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
+use era_shared::link::{Decoder, Frame, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Request};
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
@@ -23,7 +23,7 @@ const TICK: Duration = Duration::from_millis(1);
 
 /// Ways in which the simulated device can misbehave.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Knobs {
+pub struct SimKnobs {
     /// Answers nothing (and hears nothing), but keeps running: a dead line.
     pub silent: bool,
     /// Answers nothing, but hears and does everything: a line that is dead one way.
@@ -43,7 +43,7 @@ const LATE: Duration = Duration::from_millis(2);
 
 /// What the simulated device has seen of itself since it was started, whatever its own checks say.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Watch {
+pub struct SimObservations {
     /// Greatest travel of a mass, as a part of its gap.
     pub travel_part: f64,
     /// Steps of the simulation in which both electrodes of an actuator had voltage.
@@ -60,82 +60,82 @@ pub struct Watch {
 const DEADMAN_DEFAULT: Duration = Duration::from_millis(DEADMAN_DEFAULT_MS as u64);
 
 #[derive(Debug, Default)]
-struct Wishes {
-    knobs: Knobs,
+struct SimRequests {
+    knobs: SimKnobs,
     restart: bool,
     /// Where the accelerometer is to be, for which touch.
     probe: Option<(u64, DVector<f64>)>,
     peaks: TouchPeaks,
     drives_received: Option<Instant>,
     stop_received: Option<Instant>,
-    frames: Frames,
-    watch: Watch,
+    frames: DriveFrameRecord,
+    watch: SimObservations,
     quit: bool,
 }
 
 /// Turns the simulated device's knobs, from any thread.
 #[derive(Clone, Debug, Default)]
-pub struct SimControl(Arc<Mutex<Wishes>>);
+pub struct SimControl(Arc<Mutex<SimRequests>>);
 
 impl SimControl {
     /// Sets the knobs.
-    pub fn set_knobs(&self, knobs: Knobs) {
-        self.lock().knobs = knobs;
+    pub fn set_knobs(&self, knobs: SimKnobs) {
+        self.lock_requests().knobs = knobs;
     }
 
     /// Resets the device as its reset pin would: drives end, the session is forgotten, the boot identifier changes.
-    pub fn restart(&self) {
-        self.lock().restart = true;
+    pub fn request_restart(&self) {
+        self.lock_requests().restart = true;
     }
 
     /// Puts the accelerometer where the mode shapes have these values, under the finger of touch `plan_id`: what it shows from then on is that
     /// touch's, until another one's place is set.
-    pub fn set_probe(&self, plan_id: u64, shape: DVector<f64>) {
-        self.lock().probe = Some((plan_id, shape));
+    pub fn place_accelerometer(&self, plan_id: u64, shape: DVector<f64>) {
+        self.lock_requests().probe = Some((plan_id, shape));
     }
 
     /// What the accelerometer has shown under each of the last `most` touches, the newest first. Reading it changes nothing.
     #[must_use]
     pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
-        self.lock().peaks.newest_first(most)
+        self.lock_requests().peaks.newest_peaks(most)
     }
 
-    /// The same of one of the last 256 touches.
+    /// The peak of one of the last 256 touches.
     #[must_use]
     pub fn touch_peak(&self, plan_id: u64) -> Option<TouchPeak> {
-        self.lock().peaks.find_peak(plan_id)
+        self.lock_requests().peaks.find_peak(plan_id)
     }
 
     /// When the last byte of the last frame that set drives was received.
     #[must_use]
-    pub fn drives_received(&self) -> Option<Instant> {
-        self.lock().drives_received
+    pub fn drives_received_at(&self) -> Option<Instant> {
+        self.lock_requests().drives_received
     }
 
     /// When the last byte of the last frame that stops everything was received.
     #[must_use]
-    pub fn stop_received(&self) -> Option<Instant> {
-        self.lock().stop_received
+    pub fn stop_received_at(&self) -> Option<Instant> {
+        self.lock_requests().stop_received
     }
 
-    /// Keeps every frame that sets drives from now on, but no more than the last `most`, for [`Self::take_frames`].
-    pub fn keep_frames(&self, most: usize) {
-        self.lock().frames = Frames::new(most);
+    /// Keeps every frame that sets drives from now on, but no more than the last `most`, for [`Self::take_recorded_frames`].
+    pub fn record_drive_frames(&self, most: usize) {
+        self.lock_requests().frames = DriveFrameRecord::new(most);
     }
 
     /// The frames that were kept, in their order; they are kept no more.
     #[must_use]
-    pub fn take_frames(&self) -> Vec<SetFrame> {
-        self.lock().frames.take()
+    pub fn take_recorded_frames(&self) -> Vec<DriveFrame> {
+        self.lock_requests().frames.take_frames()
     }
 
-    /// What the device has seen of itself.
+    /// What the simulation has observed of the device.
     #[must_use]
-    pub fn watch(&self) -> Watch {
-        self.lock().watch
+    pub fn self_observations(&self) -> SimObservations {
+        self.lock_requests().watch
     }
 
-    fn lock(&self) -> MutexGuard<'_, Wishes> {
+    fn lock_requests(&self) -> MutexGuard<'_, SimRequests> {
         // Wishes stay whole whatever thread panicked while it held them: every change is one assignment.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -154,29 +154,29 @@ impl SimDevice {
     ///
     /// # Errors
     /// If the system gives no pseudo-terminal.
-    pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> std::io::Result<Self> {
-        Self::start_named(panel, max_voltages_v, SimBoard::ID)
+    pub fn start(panel: SimPanel, max_voltages_v: Vec<f64>) -> std::io::Result<Self> {
+        Self::start_with_board_id(panel, max_voltages_v, SimBoard::ID)
     }
 
     /// The same with an identifier of its own: another board of its kind.
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn start_named(panel: Panel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> std::io::Result<Self> {
+    pub fn start_with_board_id(panel: SimPanel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> std::io::Result<Self> {
         let (mut terminal, path) = open_pseudo_terminal()?;
         let control = SimControl::default();
         let wishes = control.clone();
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
             // A board keeps its time whatever else the computer does.
-            priority::raise();
-            Loop::new(panel, &max_voltages_v, board_id, wishes).run(&mut terminal);
+            priority::raise_thread_priority();
+            DeviceLoop::new(panel, &max_voltages_v, board_id, wishes).run_until_quit(&mut terminal);
         })?;
         Ok(Self { path, control, thread: Some(thread) })
     }
 
     /// Path of the serial port to open.
     #[must_use]
-    pub fn path(&self) -> &str {
+    pub fn port_path(&self) -> &str {
         &self.path
     }
 
@@ -189,17 +189,17 @@ impl SimDevice {
 
 impl Drop for SimDevice {
     fn drop(&mut self) {
-        self.control.lock().quit = true;
+        self.control.lock_requests().quit = true;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
     }
 }
 
-struct Loop {
+struct DeviceLoop {
     device: Device,
     board: SimBoard,
-    port: Port,
+    port: LinkReceiver,
     /// Listens along for frames that ask for drives.
     listener: Decoder,
     /// Takes stops out of what the device hears, where it is made to miss them.
@@ -209,34 +209,34 @@ struct Loop {
     /// When the last whole frame came in, and after how much silence the host is given up.
     heard: Instant,
     deadman: Duration,
-    watch: Watch,
+    watch: SimObservations,
 }
 
-impl Loop {
-    fn new(panel: Panel, max_voltages_v: &[f64], board_id: [u8; 12], control: SimControl) -> Self {
-        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).named(board_id);
+impl DeviceLoop {
+    fn new(panel: SimPanel, max_voltages_v: &[f64], board_id: [u8; 12], control: SimControl) -> Self {
+        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).with_board_id(board_id);
         let mut device = Device::new();
-        device.start(&mut board);
+        device.complete_boot(&mut board);
         Self {
             device,
             board,
-            port: Port::new(LinkId(0)),
+            port: LinkReceiver::new(LinkId(0)),
             listener: Decoder::new(),
             filter: Decoder::new(),
             control,
             answers: 0,
             heard: Instant::now(),
             deadman: DEADMAN_DEFAULT,
-            watch: Watch::default(),
+            watch: SimObservations::default(),
         }
     }
 
-    fn run(mut self, terminal: &mut Line) {
+    fn run_until_quit(mut self, terminal: &mut Line) {
         let mut buffer = [0_u8; 512];
         let mut due_us = 0_u64;
         loop {
             // While an envelope plays the board wants to be asked before the next tick.
-            terminal.set_wait(TICK.min(Duration::from_micros(due_us.saturating_sub(self.board.now_us()))));
+            terminal.set_io_timeout(TICK.min(Duration::from_micros(due_us.saturating_sub(self.board.now_us()))));
             let length = match terminal.read(&mut buffer) {
                 Ok(length) => length,
                 Err(error)
@@ -252,22 +252,22 @@ impl Loop {
             };
             // After the wait for bytes: a knob that was turned before they were sent counts for them.
             let knobs = {
-                let mut wishes = self.control.lock();
+                let mut wishes = self.control.lock_requests();
                 if wishes.quit {
                     return;
                 }
                 if let Some((plan_id, shape)) = wishes.probe.take() {
                     // What has been until now is of the touch before.
-                    self.board.advance();
-                    wishes.peaks.note_peak(self.board.panel_mut().accelerometer.peak_here_m_per_s2());
+                    self.board.advance_panel_to_now();
+                    wishes.peaks.note_peak(self.board.panel_mut().accelerometer.peak_since_placed_m_per_s2());
                     wishes.peaks.begin_touch(plan_id);
-                    self.board.panel_mut().set_probe(&shape);
+                    self.board.panel_mut().place_accelerometer(&shape);
                 }
                 let restart = std::mem::take(&mut wishes.restart);
                 let knobs = wishes.knobs;
                 drop(wishes);
                 if restart {
-                    self.restart();
+                    self.restart_board();
                 }
                 knobs
             };
@@ -275,34 +275,35 @@ impl Loop {
             self.board.set_defects(knobs.defects);
             self.board.set_mistakes(knobs.mistakes);
             if knobs.mistakes.deaf_to_silence {
-                self.pretend_life();
+                self.feed_keep_alive();
             }
             // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
-                due_us = self.device.poll(&mut self.board);
-                self.board.advance();
-                self.look(received_at);
+                due_us = self.device.poll_next_due_us(&mut self.board);
+                self.board.advance_panel_to_now();
+                self.update_observations(received_at);
                 continue;
             }
             let mut answers: Vec<Vec<u8>> = Vec::new();
             let received = buffer.get(..length).unwrap_or_default();
-            let missed = knobs.mistakes.deaf_to_stops.then(|| without_stops(&mut self.filter, received));
+            let missed =
+                knobs.mistakes.deaf_to_stops.then(|| replace_stops_with_keep_alives(&mut self.filter, received));
             let heard = missed.as_deref().unwrap_or(received);
-            self.device.receive(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
-            due_us = self.device.poll(&mut self.board);
-            self.board.advance();
-            if self.board.is_leaving() {
-                self.restart();
+            self.device.receive_bytes(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
+            due_us = self.device.poll_next_due_us(&mut self.board);
+            self.board.advance_panel_to_now();
+            if self.board.is_entering_bootloader() {
+                self.restart_board();
             }
-            self.listen(received, received_at);
-            self.look(received_at);
+            self.note_request_times(received, received_at);
+            self.update_observations(received_at);
             for answer in answers.into_iter().filter(|_| !knobs.mute) {
-                self.answer(terminal, answer, knobs);
+                self.send_answer(terminal, answer, knobs);
             }
         }
     }
 
-    fn answer(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: Knobs) {
+    fn send_answer(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: SimKnobs) {
         self.answers = self.answers.wrapping_add(1);
         let until = Instant::now() + knobs.reply_delay;
         while Instant::now() < until {
@@ -321,21 +322,21 @@ impl Loop {
     }
 
     /// Notes when frames that set drives, or stop everything, have become complete.
-    fn listen(&mut self, bytes: &[u8], at: Instant) {
+    fn note_request_times(&mut self, bytes: &[u8], received_at: Instant) {
         let (mut sets, mut stops) = (Vec::new(), false);
-        self.heard += self.board.take_stood();
+        self.heard += self.board.take_stalled_time();
         let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
         // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
         let now = Instant::now();
-        self.listener.feed(bytes, |result| {
-            let Some(frame) = result.ok().filter(|frame| frame.kind == Kind::Request as u8) else { return };
+        self.listener.feed_bytes(bytes, |result| {
+            let Some(frame) = result.ok().filter(|frame| frame.kind == FrameKind::Request as u8) else { return };
             if watch.energised {
                 watch.silence = watch.silence.max(now.saturating_duration_since(*heard));
             }
             *heard = now;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) if !drives.is_empty() => {
-                    sets.push(SetFrame { at, drives: drives.to_vec() });
+                    sets.push(DriveFrame { at: received_at, drives: drives.to_vec() });
                 }
                 Ok(Request::Stop) => stops = true,
                 Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
@@ -345,55 +346,55 @@ impl Loop {
             }
         });
         if !sets.is_empty() || stops {
-            let mut wishes = self.control.lock();
-            wishes.drives_received = if sets.is_empty() { wishes.drives_received } else { Some(at) };
-            wishes.stop_received = if stops { Some(at) } else { wishes.stop_received };
-            wishes.frames.keep(sets);
+            let mut wishes = self.control.lock_requests();
+            wishes.drives_received = if sets.is_empty() { wishes.drives_received } else { Some(received_at) };
+            wishes.stop_received = if stops { Some(received_at) } else { wishes.stop_received };
+            wishes.frames.add_frames(sets);
         }
     }
 
-    /// Tells the device's logic that its host lives, which [`Self::listen`] does not hear.
-    fn pretend_life(&mut self) {
+    /// Gives the device's logic a sign of life that [`Self::note_request_times`] does not count.
+    fn feed_keep_alive(&mut self) {
         let mut frame = [0; MAX_ENCODED];
-        if let Ok(length) = encode(CURRENT_VERSION, Kind::Request, 0, &Request::KeepAlive, &mut frame) {
+        if let Ok(length) = encode_frame(CURRENT_VERSION, FrameKind::Request, 0, &Request::KeepAlive, &mut frame) {
             let frame = frame.get(..length).unwrap_or_default();
-            self.device.receive(&mut self.board, &mut self.port, frame, |_| {});
+            self.device.receive_bytes(&mut self.board, &mut self.port, frame, |_| {});
         }
     }
 
-    /// Looks at what the board does, after the device's logic had its turn at `at`.
-    fn look(&mut self, at: Instant) {
+    /// Updates the observations of the board, after the device's logic was polled at `at`.
+    fn update_observations(&mut self, polled_at: Instant) {
         // What the board stood still was no silence of its host.
-        self.heard += self.board.take_stood();
-        let energised = self.board.is_energised();
-        let silent = at.saturating_duration_since(self.heard);
+        self.heard += self.board.take_stalled_time();
+        let energised = self.board.is_high_voltage_enabled();
+        let silent = polled_at.saturating_duration_since(self.heard);
         let panel = self.board.panel_mut();
-        self.watch = Watch {
-            travel_part: self.watch.travel_part.max(panel.take_travel_part()),
-            overlaps: panel.overlaps(),
+        self.watch = SimObservations {
+            travel_part: self.watch.travel_part.max(panel.take_largest_travel_fraction()),
+            overlaps: panel.overlap_step_count(),
             late: self.watch.late + u64::from(energised && silent > self.deadman + LATE),
             energised,
             silence: self.watch.silence,
         };
-        let here_m_per_s2 = panel.accelerometer.peak_here_m_per_s2();
-        let mut wishes = self.control.lock();
+        let here_m_per_s2 = panel.accelerometer.peak_since_placed_m_per_s2();
+        let mut wishes = self.control.lock_requests();
         wishes.watch = self.watch;
         wishes.peaks.note_peak(here_m_per_s2);
     }
 
     /// The same panel under a board that has just started.
-    fn restart(&mut self) {
+    fn restart_board(&mut self) {
         self.board.restart();
         self.device = Device::new();
-        self.device.start(&mut self.board);
-        self.port.reset();
+        self.device.complete_boot(&mut self.board);
+        self.port.discard_partial_frame();
     }
 }
 
-/// The whole requests in these bytes, with signs of life in the place of stops.
-fn without_stops(filter: &mut Decoder, bytes: &[u8]) -> Vec<u8> {
+/// The complete requests in these bytes, with every stop replaced by a sign of life.
+fn replace_stops_with_keep_alives(decoder: &mut Decoder, bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
-    filter.feed(bytes, |result| {
+    decoder.feed_bytes(bytes, |result| {
         let Ok(Frame { version, sequence, body, .. }) = result else { return };
         let request = match postcard::from_bytes(body) {
             Ok(Request::Stop) => Request::KeepAlive,
@@ -401,7 +402,7 @@ fn without_stops(filter: &mut Decoder, bytes: &[u8]) -> Vec<u8> {
             Err(_) => return,
         };
         let mut frame = [0; MAX_ENCODED];
-        if let Ok(length) = encode(version, Kind::Request, sequence, &request, &mut frame) {
+        if let Ok(length) = encode_frame(version, FrameKind::Request, sequence, &request, &mut frame) {
             out.extend_from_slice(frame.get(..length).unwrap_or_default());
         }
     });

@@ -1,7 +1,7 @@
 //! Which frame on the board's line is which touch's: by what it drives, and never by when it came alone.
 
 use super::touches::{Drive, End, Touch};
-use era::device::sim::SetFrame;
+use era::device::sim::DriveFrame;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ const NARROWEST: f64 = 50e-6;
 ///
 /// # Errors
 /// For people: one frame is as two touches want it, so that nobody knows whose it is.
-pub fn find_arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Instant>>, String> {
+pub fn find_arrivals(touches: &[Touch], frames: &[DriveFrame]) -> Result<Vec<Option<Instant>>, String> {
     let mut owners = BTreeMap::new();
     let mut all = Vec::with_capacity(touches.len());
     for (number, touch) in touches.iter().enumerate() {
@@ -40,7 +40,7 @@ pub fn find_arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Optio
 }
 
 /// Whether a frame asks for these drives, which are those of channels 0, 1, 2 and so on.
-fn carries_drives(frame: &SetFrame, drives: &[Drive]) -> bool {
+fn carries_drives(frame: &DriveFrame, drives: &[Drive]) -> bool {
     frame.drives.len() == drives.len()
         && frame.drives.iter().zip(drives).zip(0_u8..).all(|((asked, drive), channel)| {
             let near = |wire: u32, said: f64| (f64::from(wire) - said).abs() <= UNIT;
@@ -63,7 +63,7 @@ mod tests {
     use era_shared::protocol::ChannelDrive;
     use std::time::Duration;
 
-    fn frame(at: Instant, frequency_millihertz: u32) -> SetFrame {
+    fn frame(at: Instant, frequency_millihertz: u32) -> DriveFrame {
         let drive = ChannelDrive {
             channel: 0,
             frequency_millihertz,
@@ -71,7 +71,7 @@ mod tests {
             phase_microturns: 0,
             voltage_millivolts: 900_000,
         };
-        SetFrame { at, drives: vec![drive] }
+        DriveFrame { at, drives: vec![drive] }
     }
 
     fn touch(due: Instant, ended: Instant, frequency_hz: f64) -> Touch {

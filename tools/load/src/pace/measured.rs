@@ -3,7 +3,7 @@
 use super::frames::find_arrivals;
 use super::touches::{End, Touch};
 use crate::times::Times;
-use era::device::sim::SetFrame;
+use era::device::sim::DriveFrame;
 use std::collections::BTreeMap;
 
 /// What one load came to. All times run from when a touch was due.
@@ -30,7 +30,7 @@ impl Measured {
     ///
     /// # Errors
     /// As [`find_arrivals`].
-    pub fn from_touches(touches: &[Touch], frames: &[SetFrame]) -> Result<Self, String> {
+    pub fn from_touches(touches: &[Touch], frames: &[DriveFrame]) -> Result<Self, String> {
         let mut all = Self { sent: touches.len(), ..Self::default() };
         for (number, (touch, arrived)) in touches.iter().zip(find_arrivals(touches, frames)?).enumerate() {
             let ended = touch.ended.saturating_duration_since(touch.due);
@@ -124,7 +124,7 @@ mod tests {
         let due = Instant::now();
         let at = due + Duration::from_millis(40);
         let touch = Touch { due, ended: due + Duration::from_millis(41), end: End::Driven(Vec::new()) };
-        let frame = SetFrame { at, drives: Vec::new() };
+        let frame = DriveFrame { at, drives: Vec::new() };
         let measured = Measured::from_touches(&[touch], &[frame]).unwrap();
         assert_eq!((measured.frame.longest_ms(), measured.answer.longest_ms()), (Some(40.0), Some(41.0)));
     }

@@ -127,7 +127,7 @@ impl Faults<'_> {
         let mut last = String::new();
         for _ in 0..TRIES {
             match http.post("/v1/touch", LONG_TOUCH) {
-                Ok(answer) if answer.status == 200 && self.control().watch().energised => return Ok(()),
+                Ok(answer) if answer.status == 200 && self.control().self_observations().energised => return Ok(()),
                 Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
                 Err(error) => last = error.to_string(),
             }
@@ -153,7 +153,7 @@ impl Faults<'_> {
 
     /// Waits until the board has switched high voltage off.
     fn await_high_voltage_off(&self) -> Seen {
-        wait_until(OFF, || !self.control().watch().energised)
+        wait_until(OFF, || !self.control().self_observations().energised)
             .ok_or_else(|| format!("the board's high voltage was still on after {} ms", OFF.as_millis()))
     }
 
@@ -232,7 +232,7 @@ impl Faults<'_> {
             Ok(())
         })?;
         let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
-        let stays_off = check_stays_off(lasts, || self.control().watch().energised);
+        let stays_off = check_stays_off(lasts, || self.control().self_observations().energised);
         // One that did not go off is named for that.
         let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
         let off = driven.and(later_of(seen, stays_off));

@@ -12,8 +12,8 @@ use super::{Options, clients, make_report, run_load};
 use crate::board::{Bench, Direction, build_plan_table};
 use crate::daemon::{Daemon, Plan, Usage};
 use era::daemon::{Access, App, Background};
-use era::device::session::policy::Policy;
-use era::device::sim::{Knobs, Mistakes};
+use era::device::session::policy::SessionPolicy;
+use era::device::sim::{Mistakes, SimKnobs};
 use era::device::{OpenDevice, Target};
 use era::scene::EXAMPLE_PLATE;
 use fastrand::Rng;
@@ -51,13 +51,13 @@ fn verdict_on_board(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Op
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
     let bench = Bench::new(path.clone()).unwrap();
-    let device = OpenDevice::absent(&Target::Serial(path.to_str().unwrap().into())).unwrap();
-    let policy = Policy { clears_silence: true, arms_after_outage: true, ..Policy::default() };
+    let device = OpenDevice::new_unconnected(&Target::Serial(path.to_str().unwrap().into())).unwrap();
+    let policy = SessionPolicy { clears_silence: true, arms_after_outage: true, ..SessionPolicy::default() };
     let app = App::with(build_plan_table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
     let background = Background::start(app).unwrap();
     judge(folder.path(), bench, background.address(), |faults| {
         faults.daemon.await_device().unwrap();
-        faults.control().set_knobs(Knobs { mistakes, ..Knobs::default() });
+        faults.control().set_knobs(SimKnobs { mistakes, ..SimKnobs::default() });
         act(faults);
     })
 }
@@ -93,7 +93,7 @@ fn a_sound_board_at_full_strength_is_no_reason_for_a_verdict() {
     let sound = verdict_on_board(Mistakes::default(), |faults| {
         drive_strongly(faults);
         std::thread::sleep(Duration::from_secs(1));
-        let travel = faults.control().watch().travel_part;
+        let travel = faults.control().self_observations().travel_part;
         assert!(travel > 0.02, "it was not driven: {travel}");
     });
     assert_eq!(sound, None);
@@ -104,7 +104,7 @@ fn both_electrodes_on_together_are_named() {
     let mistakes = Mistakes { both_electrodes: true, ..Mistakes::default() };
     let found = verdict_on_board(mistakes, |faults| {
         faults.drive_touch().unwrap();
-        wait_until(WAIT, || faults.control().watch().overlaps > 0).expect("they are on together");
+        wait_until(WAIT, || faults.control().self_observations().overlaps > 0).expect("they are on together");
     });
     assert!(found.as_ref().is_some_and(|found| found.contains("both electrodes of an ERA were on")), "{found:?}");
 }
@@ -114,7 +114,7 @@ fn travel_beyond_the_limit_is_named() {
     let mistakes = Mistakes { rails_percent: Some(300), ..Mistakes::default() };
     let found = verdict_on_board(mistakes, |faults| {
         drive_strongly(faults);
-        wait_until(WAIT, || faults.control().watch().travel_part > 0.5).expect("it is pulled in");
+        wait_until(WAIT, || faults.control().self_observations().travel_part > 0.5).expect("it is pulled in");
     });
     assert!(found.as_ref().is_some_and(|found| found.contains("a mass travelled")), "{found:?}");
 }

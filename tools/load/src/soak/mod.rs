@@ -135,7 +135,7 @@ fn make_report(options: &Options, begun: Instant, at_start: Usage, tally: Tally,
         at_start,
         before_kill,
         at_end: daemon.read_usage(),
-        watch: bench.control().watch(),
+        watch: bench.control().self_observations(),
         ended: daemon.has_ended().then(|| daemon.recent_log()),
     }
 }

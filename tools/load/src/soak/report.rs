@@ -4,7 +4,7 @@ use super::growth::describe_growth;
 use super::ledger::Ledger;
 use super::tally::Tally;
 use crate::daemon::Usage;
-use era::device::sim::Watch;
+use era::device::sim::SimObservations;
 use std::fmt::Write;
 use std::time::Duration;
 
@@ -39,7 +39,7 @@ pub struct Report {
     /// What the last one took after its last client.
     pub at_end: Usage,
     /// What the board has seen.
-    pub watch: Watch,
+    pub watch: SimObservations,
     /// The log of a daemon that has ended by itself.
     pub ended: Option<String>,
 }
@@ -47,7 +47,7 @@ pub struct Report {
 impl Report {
     /// Unsafe states that the board was in, in words.
     fn describe_unsafe_states(&self) -> Vec<String> {
-        let Watch { travel_part, overlaps, late, .. } = self.watch;
+        let SimObservations { travel_part, overlaps, late, .. } = self.watch;
         let mut found = Vec::new();
         if travel_part > PULL_IN {
             found.push(format!("a mass travelled {travel_part:.3} of its gap"));
@@ -213,7 +213,7 @@ pub mod tests {
             at_start: TAKES,
             before_kill: None,
             at_end: TAKES,
-            watch: Watch::default(),
+            watch: SimObservations::default(),
             ended: None,
         }
     }
@@ -232,9 +232,9 @@ pub mod tests {
         lost.tally.record_loss("one".into());
         let mut missed = report();
         missed.ledger.misses.push("one".into());
-        let far = Report { watch: Watch { travel_part: 0.34, ..Watch::default() }, ..report() };
-        let both = Report { watch: Watch { overlaps: 1, ..Watch::default() }, ..report() };
-        let late = Report { watch: Watch { late: 1, ..Watch::default() }, ..report() };
+        let far = Report { watch: SimObservations { travel_part: 0.34, ..SimObservations::default() }, ..report() };
+        let both = Report { watch: SimObservations { overlaps: 1, ..SimObservations::default() }, ..report() };
+        let late = Report { watch: SimObservations { late: 1, ..SimObservations::default() }, ..report() };
         let leaking = Report { at_end: Usage { handles: 90, ..TAKES }, ..report() };
         let leaked = Report { before_kill: Some(Usage { memory_kb: 90_000, ..TAKES }), ..report() };
         let mut untold = report();

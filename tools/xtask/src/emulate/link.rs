@@ -3,7 +3,7 @@
 
 use super::bridge::Bridge;
 use crate::error::Error;
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use serde_json::json;
 
@@ -31,7 +31,7 @@ impl Link {
     /// As [`Self::request`].
     pub fn request_as(&mut self, bridge: &mut Bridge, version: u8, request: &Request) -> Result<Reply, Error> {
         self.sequence = self.sequence.wrapping_add(1);
-        let answer = exchange_bytes(bridge, &encode_frame(version, self.sequence, request)?, ANSWER_LIMIT_S)?;
+        let answer = exchange_bytes(bridge, &encode_request_frame(version, self.sequence, request)?, ANSWER_LIMIT_S)?;
         decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("{request:?}")))
     }
 }
@@ -40,18 +40,18 @@ impl Link {
 ///
 /// # Errors
 /// [`Error::Encode`].
-pub fn encode_frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, Error> {
+pub fn encode_request_frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, Error> {
     let mut frame = [0; MAX_ENCODED];
-    let length = encode(version, Kind::Request, sequence, request, &mut frame).map_err(Error::Encode)?;
+    let length = encode_frame(version, FrameKind::Request, sequence, request, &mut frame).map_err(Error::Encode)?;
     Ok(frame.iter().take(length).copied().collect())
 }
 
 /// The reply with this number among the frames in `bytes`.
 pub fn decode_reply(bytes: &[u8], sequence: u16) -> Option<Reply> {
     let mut reply = None;
-    Decoder::new().feed(bytes, |frame| {
+    Decoder::new().feed_bytes(bytes, |frame| {
         if let Ok(frame) = frame
-            && frame.kind == Kind::Reply as u8
+            && frame.kind == FrameKind::Reply as u8
             && frame.sequence == sequence
         {
             reply = postcard::from_bytes(frame.body).ok();

@@ -1,9 +1,9 @@
 //! The serial link to the board as a host has it: through the pseudo-terminal, in time with the clock on the wall.
 
-use super::link::{decode_reply, encode_frame};
+use super::link::{decode_reply, encode_request_frame};
 use crate::error::Error;
 use era_shared::link::MAX_ENCODED;
-use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request, Welcome};
+use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request, WelcomeReply};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -47,10 +47,10 @@ impl Terminal {
     ///
     /// # Errors
     /// [`Error::Silent`] without an answer, [`Error::Bridge`] if the terminal is gone.
-    pub fn hello(&mut self) -> Result<Welcome, Error> {
+    pub fn hello(&mut self) -> Result<WelcomeReply, Error> {
         self.sequence = self.sequence.wrapping_add(1);
         let request = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let frame = encode_frame(CURRENT_VERSION, self.sequence, &request)?;
+        let frame = encode_request_frame(CURRENT_VERSION, self.sequence, &request)?;
         self.port.write_all(&frame).map_err(|error| Error::Bridge(error.to_string()))?;
         let end = Instant::now() + ANSWER_LIMIT;
         let mut answer = Vec::new();

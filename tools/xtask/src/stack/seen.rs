@@ -3,7 +3,7 @@
 
 use super::{Program, StackError};
 use crate::emulate::bridge::{Bridge, Pace};
-use crate::emulate::link::{Link, encode_frame, exchange_bytes};
+use crate::emulate::link::{Link, encode_request_frame, exchange_bytes};
 use crate::error::Error;
 use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Reply, Request};
 use era_shared::waveform::Effect;
@@ -59,7 +59,7 @@ fn run_session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     let drives = |frequency_millihertz| Request::SetDrives {
         drives: (0..4).map(|channel| make_drive(channel, frequency_millihertz)).collect(),
     };
-    let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::swell(20, 20, 20) };
+    let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::new_swell(20, 20, 20) };
     let questions = [
         Request::Status,
         Request::Telemetry,
@@ -97,7 +97,7 @@ fn run_session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
         ask(bridge, question)?;
     }
     exchange_bytes(bridge, &[0xA5; 600], 0.05)?;
-    exchange_bytes(bridge, &encode_frame(u8::MAX, 1, &Request::Status)?, 0.05)?;
+    exchange_bytes(bridge, &encode_request_frame(u8::MAX, 1, &Request::Status)?, 0.05)?;
     run_for(bridge, 0.1)?;
     ask(bridge, &Request::Prepare { drives: prepared })?;
     for channel in 0..4 {

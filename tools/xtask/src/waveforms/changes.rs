@@ -2,7 +2,9 @@
 
 use era_shared::MAX_CHANNELS;
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
-use era_shared::waveform::{ChannelProgram, Effect, Electrode, Goal, ModelTimers, OutputPair, Pulse, program};
+use era_shared::waveform::{
+    ChannelGoal, ChannelProgram, Effect, Electrode, ModelTimers, OutputPair, Pulse, compute_channel_program,
+};
 use fastrand::Rng;
 
 const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
@@ -70,7 +72,7 @@ struct Run<'a> {
 impl Run<'_> {
     fn poll(&mut self) {
         let last_a = &mut self.last_a;
-        let polled = self.timers.poll(self.now_us, |channel, pulse| {
+        let polled = self.timers.run_and_preload(self.now_us, |channel, pulse| {
             let Some([before, last]) = last_a.get_mut(channel) else { return };
             match last {
                 _ if pulse.electrode != Electrode::A => {}
@@ -86,7 +88,7 @@ impl Run<'_> {
         let end_us = self.now_us + 1000 * milliseconds;
         while self.now_us < end_us {
             let late_us = if self.random.u32(0..20) == 0 { self.random.u64(0..2_500) } else { self.random.u64(0..30) };
-            let due_us = self.timers.sequencer.due_us().unwrap_or(u64::MAX).max(self.now_us + 1);
+            let due_us = self.timers.sequencer.next_due_us().unwrap_or(u64::MAX).max(self.now_us + 1);
             self.now_us = (self.now_us + 1000).min(due_us) + late_us;
             self.poll();
         }
@@ -100,7 +102,7 @@ impl Run<'_> {
             phase_microturns: self.random.u32(0..1_000_000),
             voltage_millivolts: 1_000_000,
         };
-        program(self.limits, &drive).ok()
+        compute_channel_program(self.limits, &drive).ok()
     }
 
     fn any_frequency(&mut self) -> u32 {
@@ -153,7 +155,7 @@ fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
             if let Some(program) = run.any_drive(channel, frequency) {
                 narrowest = narrowest.min(u64::from(program.width) * u64::from(program.divider));
                 set += 1;
-                *goal = Some(Goal { program, continuous });
+                *goal = Some(ChannelGoal { program, continuous });
             }
         }
         run.timers.sequencer.set_goals(&goals, run.now_us);
@@ -162,7 +164,7 @@ fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
             // Played, reversed and all, at a start that falls anywhere.
             for channel in 0..MAX_CHANNELS {
                 let start_us = run.now_us + run.random.u64(0..20_000);
-                let _ = run.timers.sequencer.play(channel, start_us, &Effect::click(3, 2));
+                let _ = run.timers.sequencer.queue_effect(channel, start_us, &Effect::new_click(3, 2));
             }
         }
         // Most changes come before the last one has had its effect.
@@ -190,12 +192,12 @@ fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
 }
 
 /// Compares the phases of all channels at one frequency with what was commanded.
-fn phases(run: &Run<'_>, goals: &[Option<Goal>; MAX_CHANNELS], tally: &mut Tally) {
+fn phases(run: &Run<'_>, goals: &[Option<ChannelGoal>; MAX_CHANNELS], tally: &mut Tally) {
     let middle = |channel: usize| {
         let [before, _] = run.last_a.get(channel)?;
         before.map(|pulse| (pulse.from + pulse.to) as f64 / 2.0)
     };
-    let asked = |goal: &Goal| goal.program.achieved.phase_microturns;
+    let asked = |goal: &ChannelGoal| goal.program.achieved.phase_microturns;
     for (first, one) in goals.iter().enumerate() {
         for (second, other) in goals.iter().enumerate().skip(first + 1) {
             let (Some(one), Some(other)) = (one, other) else { continue };
@@ -203,7 +205,7 @@ fn phases(run: &Run<'_>, goals: &[Option<Goal>; MAX_CHANNELS], tally: &mut Tally
                 continue;
             }
             let (Some(here), Some(there)) = (middle(first), middle(second)) else { continue };
-            let clocks = one.program.clocks() as f64;
+            let clocks = one.program.period_clocks() as f64;
             let asked = (f64::from(asked(other)) - f64::from(asked(one))) / 1e6;
             let turns = ((here - there) / clocks - asked + 0.5).rem_euclid(1.0) - 0.5;
             tally.worst_phase_ticks = tally.worst_phase_ticks.max(turns.abs() * f64::from(one.program.ticks));

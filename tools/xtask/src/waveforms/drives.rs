@@ -2,7 +2,7 @@
 
 use super::AUDIBLE_MILLIHERTZ;
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
-use era_shared::waveform::{OutputPair, TimerRegisters, Window, Windows, program};
+use era_shared::waveform::{ElectrodeWindows, OutputPair, TickWindow, TimerRegisters, compute_channel_program};
 use fastrand::Rng;
 
 /// Every pair of outputs that the board has.
@@ -56,26 +56,26 @@ impl Tally {
     }
 
     fn check(&mut self, limits: &ChannelLimits, drive: &ChannelDrive, outputs: OutputPair) {
-        let Ok(planned) = program(limits, drive) else {
+        let Ok(planned) = compute_channel_program(limits, drive) else {
             self.refused += 1;
             return;
         };
         self.accepted += 1;
-        let registers = TimerRegisters::running(&planned.full(), outputs);
-        let Ok(windows) = Windows::from_registers(&registers) else {
+        let registers = TimerRegisters::for_running_timer(&planned.full_level_period(), outputs);
+        let Ok(windows) = ElectrodeWindows::from_registers(&registers) else {
             self.misreported += 1;
             return;
         };
-        let tick_s = windows.tick_s(limits.timer_clock_hz);
+        let tick_s = windows.tick_length_s(limits.timer_clock_hz);
         // In clocks, so that what is exactly long enough is.
         let clocks = |ticks: u32| u64::from(ticks) * u64::from(windows.divider) * 1_000_000_000;
         let limit = u64::from(limits.min_guard_ns) * u64::from(limits.timer_clock_hz);
-        self.overlaps += u64::from(windows.overlap() > 0);
-        let guard = windows.guard().unwrap_or(0);
+        self.overlaps += u64::from(windows.overlap_ticks() > 0);
+        let guard = windows.shortest_guard_ticks().unwrap_or(0);
         let guard_s = f64::from(guard) * tick_s;
         self.short_guards += u64::from(clocks(guard) < limit);
         self.least_guard_us = self.least_guard_us.min(guard_s * 1e6);
-        let end = |window: Window| window.start + window.length;
+        let end = |window: TickWindow| window.start + window.length;
         let first = windows.a.start.min(windows.b.start);
         let last = windows.period.saturating_sub(end(windows.a).max(end(windows.b)));
         self.short_half_guards += u64::from(2 * clocks(first.min(last)) < limit);
@@ -166,7 +166,7 @@ fn widths(limits: &ChannelLimits, frequency_millihertz: u32) -> [u32; 5] {
             phase_microturns: 0,
             voltage_millivolts: 0,
         };
-        program(limits, &drive).err()
+        compute_channel_program(limits, &drive).err()
     };
     let widest = match refused(1_000_000) {
         Some(DriveError::PulseTooWide { widest_ppm, .. }) => widest_ppm,

@@ -6,7 +6,7 @@ use super::channels::CHANNELS;
 use super::edges::{Edges, Record};
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, Fault, Refusal, Reply, Request, StatusReply};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -130,7 +130,7 @@ impl Bench {
     ///
     /// # Errors
     /// As [`Self::request`].
-    pub fn wait_for(&mut self, state: State, limit_ms: u32) -> Result<Result<f64, State>, Error> {
+    pub fn wait_for(&mut self, state: SafetyState, limit_ms: u32) -> Result<Result<f64, SafetyState>, Error> {
         let begin = self.clock()?;
         for _ in 0..LOOKS {
             if self.status()?.state == state {
@@ -146,12 +146,13 @@ impl Bench {
     /// # Errors
     /// [`Error::NoReply`] with what the board said if it does not come to that.
     pub fn arm(&mut self) -> Result<(), Error> {
-        self.wait_for(State::Safe, 1_500)?.map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+        self.wait_for(SafetyState::Safe, 1_500)?
+            .map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
         let reply = self.request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(10_000) })?;
         if !matches!(reply, Reply::ArmedWith { .. }) {
             return Err(Error::NoReply(format!("ArmWith: {reply:?}")));
         }
-        match self.wait_for(State::Armed, 1_500)? {
+        match self.wait_for(SafetyState::Armed, 1_500)? {
             Ok(_) => Ok(()),
             Err(state) => Err(Error::NoReply(format!("armed: it is {} {:?}", state.name(), self.fault()?))),
         }

@@ -77,7 +77,7 @@ pub fn drives_in_force(
     let [seen_one, seen_two] = bench.rails()?.rails;
     table.same(&format!("{name}: rails"), &expected, &format!("DAC {seen_one}/{seen_two}"));
     let (first, second) = (programmed(one)?, programmed(two)?);
-    if first.clocks() == second.clocks()
+    if first.period_clocks() == second.period_clocks()
         && let [track_one, track_two, ..] = &bench.edges.tracks
         && let (Some((origin_one, divider, period)), Some((origin_two, _, other))) =
             (track_one.lattice(), track_two.lattice())

@@ -67,11 +67,11 @@ impl Track {
             return Ok(());
         }
         let (check, pulses, from) = (&mut self.check, &mut self.pulses, record.clock);
-        let told = model.run(until, |pulse| {
+        let told = model.run_until(until, |pulse| {
             // The outputs were not yet connected in what lies before.
             let pulse = Pulse { from: pulse.from.max(from), ..pulse };
             if pulse.from < pulse.to {
-                check.pulse(pulse);
+                check.note_pulse(pulse);
                 pulses.push(pulse);
             }
         });

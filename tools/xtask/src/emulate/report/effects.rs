@@ -45,7 +45,7 @@ pub fn steps(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     let start = [before, bench.clock()?].map(|clock| clock + LEAD_US * 170);
     let ramp = Segment::Ramp { from: 0, to: 1000, milliseconds: RAMP_MS };
     let swell = Effect { segments: [ramp].into_iter().collect(), times: 1 };
-    for (channel, effect) in [(0, Effect::click(4, 2)), (1, swell)] {
+    for (channel, effect) in [(0, Effect::new_click(4, 2)), (1, swell)] {
         let reply = bench.request(&Request::Play { channel, start_us: now_us + LEAD_US, effect })?;
         table.same(&format!("play on channel {channel}"), "Playing", &format!("{reply:?}"));
     }
@@ -66,11 +66,11 @@ fn click(bench: &Bench, table: &mut Table, start: [u64; 2]) -> Result<(), Error>
     let order: String = pulses.iter().map(|pulse| letter(pulse.electrode)).collect();
     table.same("click: electrodes in order", "ABABABABBABA", &order);
     let program = programmed(&CLICK)?;
-    let period_ms = program.clocks() as f64 / CLOCKS_PER_MS;
+    let period_ms = program.period_clocks() as f64 / CLOCKS_PER_MS;
     let [earliest, latest] = start;
     let unsure_ms = (latest - earliest) as f64 / CLOCKS_PER_MS;
     let late = pulses.first().map(|first| {
-        let boundary = first.from - u64::from(program.full().a.on) * u64::from(program.divider);
+        let boundary = first.from - u64::from(program.full_level_period().a.on) * u64::from(program.divider);
         (boundary as f64 - earliest as f64) / CLOCKS_PER_MS
     });
     let expected = format!("0 to {:.1} ms after it, which is known to {unsure_ms:.1} ms", period_ms);
@@ -85,7 +85,7 @@ fn click(bench: &Bench, table: &mut Table, start: [u64; 2]) -> Result<(), Error>
 fn level(bench: &Bench, table: &mut Table) -> Result<(), Error> {
     let [_, track, ..] = &bench.edges.tracks;
     let program = programmed(&RAMP)?;
-    let clocks = program.clocks();
+    let clocks = program.period_clocks();
     let force = |width: u64| (PI * width as f64 / clocks as f64).sin();
     let full = force(u64::from(program.width) * u64::from(program.divider));
     let Some((origin, _, _)) = track.lattice() else { return Err(Error::NoReply("pulses of the ramp".to_owned())) };

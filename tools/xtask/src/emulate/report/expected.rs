@@ -4,8 +4,8 @@ use super::bench::{Bench, Pin, Registers};
 use super::channels::{CHANNELS, Channel};
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
-use era_shared::supply::rail_code;
-use era_shared::waveform::{ChannelProgram, IDLE, Period, TimerRegisters, program};
+use era_shared::supply::rail_dac_code;
+use era_shared::waveform::{ChannelProgram, IDLE, TimerPeriod, TimerRegisters, compute_channel_program};
 use std::collections::BTreeMap;
 
 /// CR1.CEN, BDTR.MOE.
@@ -50,22 +50,23 @@ fn is_low(pin: &Pin) -> bool {
 /// # Errors
 /// [`Error::NoReply`] if the drive is none: a mistake in this report.
 pub fn programmed(drive: &ChannelDrive) -> Result<ChannelProgram, Error> {
-    program(&ChannelLimits::BOARD, drive).map_err(|error| Error::NoReply(format!("{drive:?}: {error:?}")))
+    compute_channel_program(&ChannelLimits::BOARD, drive)
+        .map_err(|error| Error::NoReply(format!("{drive:?}: {error:?}")))
 }
 
 /// A timer's registers with a drive at full level, or idle.
 pub fn registers(channel: Channel, drive: Option<&ChannelDrive>) -> Result<TimerRegisters, Error> {
-    let period: Period = match drive {
-        Some(drive) => programmed(drive)?.full(),
+    let period: TimerPeriod = match drive {
+        Some(drive) => programmed(drive)?.full_level_period(),
         None => IDLE,
     };
-    let registers = TimerRegisters::running(&period, channel.outputs);
-    Ok(if channel.has_break { registers } else { registers.with_clear() })
+    let registers = TimerRegisters::for_running_timer(&period, channel.outputs);
+    Ok(if channel.has_break { registers } else { registers.with_clear_on_trip() })
 }
 
 /// The code of a rail's set-point.
 pub fn code(millivolts: u32) -> u16 {
-    rail_code(millivolts)
+    rail_dac_code(millivolts)
 }
 
 /// Registers in the words of the table, those that differ from drive to drive first.
@@ -97,7 +98,7 @@ pub fn told_as_seen(channel: Channel, registers: &Registers) -> String {
         ccr,
         bdtr: value(registers, "bdtr"),
     };
-    told(channel, &read, read.main_output())
+    told(channel, &read, read.is_main_output_enabled())
 }
 
 fn value(registers: &Registers, name: &str) -> u32 {

@@ -8,7 +8,7 @@ use super::table::Table;
 use super::trips::{bring_up, expect_fault, off_after, recover};
 use crate::error::Error;
 use era_shared::protocol::{CURRENT_VERSION, FaultCode, MIN_VERSION, Refusal, Reply, Request, ResetCause};
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 use serde_json::{Value, json};
 
 /// The way out of a panic or a HardFault begins with the pins.
@@ -107,7 +107,7 @@ fn told_after_restart(
     }
     expect_fault(bench, table, name, code)?;
     let arm = bench.request(&Request::Arm { deadman_ms: None })?;
-    let expected = Reply::Refused(Refusal::State { state: State::Fault, event: Event::Arm });
+    let expected = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     show(arm, expected, table, &format!("{name}: arm before clearing"));
     recover(bench, table, name)
 }

@@ -8,9 +8,9 @@ use super::expected::{ALL_OFF, off_as_seen, registers, switches, told, told_as_s
 use super::table::Table;
 use crate::error::Error;
 use era_shared::limits::DEADMAN_DEFAULT_MS;
-use era_shared::link::{Kind, MAX_ENCODED, encode};
+use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, FaultCode, MIN_VERSION, Refusal, Reply, Request};
-use era_shared::safety::{Event, State};
+use era_shared::safety::{SafetyEvent, SafetyState};
 
 /// What the dead-man time may be exceeded by in ms: one tick of the device's task, one slice of the emulator.
 const SILENCE_MARGIN_MS: f64 = 2.0;
@@ -36,7 +36,7 @@ pub fn steps(bench: &mut Bench, table: &mut Table) {
 
 fn questions(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     table.same("boot", ALL_OFF, &off_as_seen(bench)?);
-    let safe = bench.wait_for(State::Safe, 100)?;
+    let safe = bench.wait_for(SafetyState::Safe, 100)?;
     table.within("boot: rails measured, safe", 100.0, safe.ok());
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let versions = |min: u8, current: u8, channels: usize| format!("protocol {min} to {current}, {channels} channels");
@@ -60,7 +60,7 @@ fn questions(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
 
 fn refusals(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     let refused = bench.drive(&drives::FIRST)?;
-    let expected = Some(Refusal::State { state: State::Safe, event: Event::Drive });
+    let expected = Some(Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive });
     table.same("drive without arming", &format!("{expected:?}"), &format!("{refused:?}"));
     let before = bench.status()?.link;
     bench.raw(&garbage()?, 0.05)?;
@@ -75,7 +75,7 @@ fn refusals(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
 fn garbage() -> Result<Vec<u8>, Error> {
     let mut frame = [0; MAX_ENCODED];
     let arm = Request::Arm { deadman_ms: None };
-    let length = encode(CURRENT_VERSION, Kind::Request, 9, &arm, &mut frame).map_err(Error::Encode)?;
+    let length = encode_frame(CURRENT_VERSION, FrameKind::Request, 9, &arm, &mut frame).map_err(Error::Encode)?;
     let frame: Vec<u8> = frame.iter().take(length).copied().collect();
     // Every value but the frame's end, scattered.
     let noise = (0..300_u32).map(|i| u8::try_from(i * 167 % 255 + 1).unwrap_or(1));
@@ -140,7 +140,7 @@ fn stop(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     let off = bench.edges.all_off_since().map(|off| off.saturating_sub(before) as f64 / CLOCKS_PER_MS);
     table.within("stop: all electrodes off", answered, off);
     table.same("stop", ALL_OFF, &off_as_seen(bench)?);
-    let safe = bench.wait_for(State::Safe, 1_100)?;
+    let safe = bench.wait_for(SafetyState::Safe, 1_100)?;
     let volts = bench.rails()?.rail_volts;
     table.within("stop: safe", 1_000.0, safe.ok());
     let highest = volts.into_iter().fold(0.0, f64::max);
@@ -170,10 +170,10 @@ fn silence(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     let fault = bench.fault()?.map(|fault| fault.code);
     table.same("silence: fault", &format!("{:?}", Some(FaultCode::HostSilent)), &format!("{fault:?}"));
     let arm = bench.request(&Request::Arm { deadman_ms: None })?;
-    let expected = Reply::Refused(Refusal::State { state: State::Fault, event: Event::Arm });
+    let expected = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     table.same("silence: arm before clearing", &format!("{expected:?}"), &format!("{arm:?}"));
     show(bench.request(&Request::ClearFaults)?, Reply::FaultsCleared, table, "silence: clear");
-    let safe = bench.wait_for(State::Safe, 1_100)?;
+    let safe = bench.wait_for(SafetyState::Safe, 1_100)?;
     table.within("silence: cleared, safe", 1_000.0, safe.ok());
     Ok(())
 }

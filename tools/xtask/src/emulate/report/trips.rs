@@ -8,7 +8,7 @@ use super::table::Table;
 use crate::error::Error;
 use era_shared::limits::{DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS, OVER_CURRENT_AFTER_MS};
 use era_shared::protocol::{FaultCode, Refusal, Reply, Request};
-use era_shared::safety::State;
+use era_shared::safety::SafetyState;
 use serde_json::{Value, json};
 
 /// Hardware switches off within a slice of the emulator (5 us); the interrupt that pulls the pins of the timer without a
@@ -163,8 +163,8 @@ fn driving(bench: &mut Bench, table: &mut Table, trip: &Trip) -> Result<(), Erro
 pub fn expect_fault(bench: &mut Bench, table: &mut Table, name: &str, code: FaultCode) -> Result<(), Error> {
     let status = bench.status()?;
     let seen = status.fault.map_or("none", |fault| fault.code.name());
-    let told = |state: State, fault: &str| format!("state {}, fault {fault}", state.name());
-    table.same(&format!("{name}: fault"), &told(State::Fault, code.name()), &told(status.state, seen));
+    let told = |state: SafetyState, fault: &str| format!("state {}, fault {fault}", state.name());
+    table.same(&format!("{name}: fault"), &told(SafetyState::Fault, code.name()), &told(status.state, seen));
     Ok(())
 }
 
@@ -184,10 +184,10 @@ pub fn recover(bench: &mut Bench, table: &mut Table, name: &str) -> Result<(), E
 
 fn arming(bench: &mut Bench, table: &mut Table, name: &str, fault: &Value, code: FaultCode) -> Result<(), Error> {
     bench.restart()?;
-    bench.wait_for(State::Safe, 100)?.map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+    bench.wait_for(SafetyState::Safe, 100)?.map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
     bench.inject(fault)?;
     let reply = bench.request(&Request::Arm { deadman_ms: None })?;
-    let fails = bench.wait_for(State::Fault, 200)?;
+    let fails = bench.wait_for(SafetyState::Fault, 200)?;
     table.row(
         &format!("{name}: refused"),
         "the self-test fails within 200 ms",
@@ -206,8 +206,8 @@ fn stays_charged(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     bench.inject(&json!({"discharge": "fails", "rail_fault": {"rail": 1, "volts": 500}}))?;
     show(bench.request(&Request::Stop)?, Reply::Stopped, table, &format!("{name}: stop"));
     let status = bench.status()?.state;
-    table.same(&format!("{name}: state"), State::Discharging.name(), status.name());
-    let took = bench.wait_for(State::Fault, 2 * DISCHARGE_LIMIT_MS)?;
+    table.same(&format!("{name}: state"), SafetyState::Discharging.name(), status.name());
+    let took = bench.wait_for(SafetyState::Fault, 2 * DISCHARGE_LIMIT_MS)?;
     table.within(&format!("{name}: noticed"), f64::from(DISCHARGE_LIMIT_MS) * 1.1, took.ok());
     expect_fault(bench, table, name, FaultCode::DischargeFailed)?;
     let reply = bench.request(&Request::ClearFaults)?;

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 /// A frame that set drives, or prepared them for an effect.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SetFrame {
+pub struct DriveFrame {
     /// When its last byte was received.
     pub at: Instant,
     /// What it asked for; at least one drive.
@@ -15,26 +15,26 @@ pub struct SetFrame {
 
 /// The last frames, none unless that is asked for.
 #[derive(Debug, Default)]
-pub struct Frames {
+pub struct DriveFrameRecord {
     most: usize,
-    kept: VecDeque<SetFrame>,
+    kept: VecDeque<DriveFrame>,
 }
 
-impl Frames {
-    /// No more than the last `most`.
+impl DriveFrameRecord {
+    /// A record of no more than the last `most` frames.
     pub const fn new(most: usize) -> Self {
         Self { most, kept: VecDeque::new() }
     }
 
-    /// Keeps these, the newest last.
-    pub fn keep(&mut self, frames: Vec<SetFrame>) {
+    /// Adds these frames, the newest last.
+    pub fn add_frames(&mut self, frames: Vec<DriveFrame>) {
         self.kept.extend(frames);
         let beyond = self.kept.len().saturating_sub(self.most);
         self.kept.drain(..beyond);
     }
 
-    /// All that are kept; none are from here on.
-    pub fn take(&mut self) -> Vec<SetFrame> {
+    /// Takes all frames that are kept; from here on none are kept.
+    pub fn take_frames(&mut self) -> Vec<DriveFrame> {
         std::mem::take(self).kept.into()
     }
 }
@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn no_more_are_kept_than_were_asked_for() {
-        let frame = |channel| SetFrame {
+        let frame = |channel| DriveFrame {
             at: Instant::now(),
             drives: vec![ChannelDrive {
                 channel,
@@ -55,14 +55,14 @@ mod tests {
                 voltage_millivolts: 1,
             }],
         };
-        let mut frames = Frames::default();
-        frames.keep(vec![frame(0)]);
-        assert_eq!(frames.take(), []);
-        frames = Frames::new(2);
-        frames.keep(vec![frame(1), frame(2), frame(3)]);
-        let channels: Vec<u8> = frames.take().iter().map(|frame| frame.drives[0].channel).collect();
+        let mut frames = DriveFrameRecord::default();
+        frames.add_frames(vec![frame(0)]);
+        assert_eq!(frames.take_frames(), []);
+        frames = DriveFrameRecord::new(2);
+        frames.add_frames(vec![frame(1), frame(2), frame(3)]);
+        let channels: Vec<u8> = frames.take_frames().iter().map(|frame| frame.drives[0].channel).collect();
         assert_eq!(channels, [2, 3]);
-        frames.keep(vec![frame(4)]);
-        assert_eq!(frames.take(), []);
+        frames.add_frames(vec![frame(4)]);
+        assert_eq!(frames.take_frames(), []);
     }
 }

@@ -2,7 +2,7 @@
 
 /// A part of a look at the device: one request each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum SnapshotPart {
     Status,
     Telemetry,
     /// Not of devices of version 1.

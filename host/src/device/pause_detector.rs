@@ -1,5 +1,5 @@
-//! Whether this program has run all the time. A computer that sleeps, or a process that is held, does nothing meanwhile, and what comes first
-//! afterwards was asked for by somebody who has gone long ago. [`std::time::Instant`] does not count a sleep on Linux.
+//! Notices that this program did not run for a while: the computer slept, or the process was held. What comes in first afterwards was asked
+//! for long ago. [`std::time::Instant`] does not count a sleep on Linux.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::time::Duration;
@@ -15,7 +15,7 @@ const SHORTEST: Duration = Duration::from_millis(100);
 
 /// Notices pauses of the program between two times that it is asked.
 #[derive(Clone, Copy, Debug)]
-pub struct Awake {
+pub struct PauseDetector {
     /// Longest time between two questions while the program runs.
     longest: Duration,
     asked: Duration,
@@ -23,17 +23,17 @@ pub struct Awake {
     asleep: Duration,
 }
 
-impl Awake {
-    /// For one who asks at least every `longest` while the program runs.
+impl PauseDetector {
+    /// A detector whose owner calls [`Self::take_pause`] at least every `longest` while the program runs.
     #[must_use]
     pub fn new(longest: Duration) -> Self {
-        let [asked, asleep] = read_clocks();
+        let [asked, asleep] = read_uptime_and_sleep();
         Self { longest, asked, asleep }
     }
 
-    /// How long the program has not run since this was last asked, if it has not.
+    /// How long the program has not run since the last call; `None` if it has run.
     pub fn take_pause(&mut self) -> Option<Duration> {
-        self.take_pause_at(read_clocks())
+        self.take_pause_at(read_uptime_and_sleep())
     }
 
     fn take_pause_at(&mut self, [now, asleep]: [Duration; 2]) -> Option<Duration> {
@@ -47,7 +47,7 @@ impl Awake {
 }
 
 /// Time since the computer was started, and how much of it it has slept.
-fn read_clocks() -> [Duration; 2] {
+fn read_uptime_and_sleep() -> [Duration; 2] {
     let read = |clock| Duration::try_from(clock_gettime(clock)).unwrap_or_default();
     let all = read(COUNTS_SLEEP);
     [all, all.saturating_sub(read(ClockId::Monotonic))]
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn a_sleep_and_a_hold_are_pauses_and_a_late_thread_is_none() {
         let ms = Duration::from_millis;
-        let mut awake = Awake { longest: ms(3000), asked: ms(50_000), asleep: ms(7000) };
+        let mut awake = PauseDetector { longest: ms(3000), asked: ms(50_000), asleep: ms(7000) };
         assert_eq!(awake.take_pause_at([ms(50_030), ms(7000)]), None);
         assert_eq!(awake.take_pause_at([ms(52_930), ms(7000)]), None, "a thread that came late");
         // Something came between the two readings, and the next are right again.

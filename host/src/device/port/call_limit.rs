@@ -1,7 +1,7 @@
 //! Calls of the system that may not return: a driver that hangs, another program that closes the port and waits for what it wrote to be sent.
 
 use super::error::PortError;
-use super::users::Users;
+use super::users::PortUsers;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,11 +12,11 @@ const LOOK: Duration = Duration::from_millis(1);
 
 /// The call that a thread is in, as its name in the manual.
 #[derive(Debug)]
-pub struct Step(Mutex<&'static str>);
+pub struct CurrentCall(Mutex<&'static str>);
 
-impl Step {
+impl CurrentCall {
     /// Names the call that comes next, and makes it.
-    pub fn call<T>(&self, name: &'static str, call: impl FnOnce() -> T) -> T {
+    pub fn run_call<T>(&self, name: &'static str, call: impl FnOnce() -> T) -> T {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = name;
         call()
     }
@@ -27,17 +27,17 @@ impl Step {
 }
 
 /// A thread that is in calls on a port.
-struct UnderWay {
+struct CallUnderWay {
     id: u64,
     path: String,
-    step: Arc<Step>,
+    step: Arc<CurrentCall>,
     since: Instant,
 }
 
-static UNDER_WAY: Mutex<Vec<UnderWay>> = Mutex::new(Vec::new());
+static UNDER_WAY: Mutex<Vec<CallUnderWay>> = Mutex::new(Vec::new());
 static NEXT_ID: AtomicU64 = AtomicU64::new(0);
 
-fn under_way() -> MutexGuard<'static, Vec<UnderWay>> {
+fn lock_calls_under_way() -> MutexGuard<'static, Vec<CallUnderWay>> {
     UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -46,11 +46,13 @@ fn under_way() -> MutexGuard<'static, Vec<UnderWay>> {
 ///
 /// # Errors
 /// [`PortError::Late`] with the call that has not returned.
-pub fn await_calls(path: &str, limit: Duration) -> Result<(), PortError> {
+pub fn await_calls_on_port(path: &str, limit: Duration) -> Result<(), PortError> {
     let begun = Instant::now();
     loop {
-        let waits_for =
-            under_way().iter().find(|other| other.path == path).map(|other| (other.step.name(), other.since.elapsed()));
+        let waits_for = lock_calls_under_way()
+            .iter()
+            .find(|other| other.path == path)
+            .map(|other| (other.step.name(), other.since.elapsed()));
         match waits_for {
             None => return Ok(()),
             Some((call, waited)) if begun.elapsed() >= limit => return Err(make_late_error(path, call, waited)),
@@ -64,16 +66,16 @@ pub fn await_calls(path: &str, limit: Duration) -> Result<(), PortError> {
 ///
 /// # Errors
 /// [`PortError::Late`] with the call that has not returned; [`PortError::Failed`] if the system gives no thread.
-pub fn call_within<T: Send + 'static>(
+pub fn run_calls_within<T: Send + 'static>(
     path: &str,
     limit: Duration,
-    calls: impl FnOnce(&Step) -> T + Send + 'static,
+    calls: impl FnOnce(&CurrentCall) -> T + Send + 'static,
 ) -> Result<T, PortError> {
-    let (step, since) = (Arc::new(Step(Mutex::new("open"))), Instant::now());
+    let (step, since) = (Arc::new(CurrentCall(Mutex::new("open"))), Instant::now());
     let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
-    under_way().push(UnderWay { id, path: path.to_owned(), step: Arc::clone(&step), since });
+    lock_calls_under_way().push(CallUnderWay { id, path: path.to_owned(), step: Arc::clone(&step), since });
     // Dropped however the thread ends, or if there is none: the port may be tried again.
-    let returned = Returned(id);
+    let returned = CallRegistration(id);
     let (result, results) = sync_channel(1);
     let own = Arc::clone(&step);
     let failed = |source| PortError::Failed { path: path.to_owned(), call: step.name(), source };
@@ -90,14 +92,14 @@ pub fn call_within<T: Send + 'static>(
     })
 }
 
-struct Returned(u64);
+struct CallRegistration(u64);
 
-impl Drop for Returned {
+impl Drop for CallRegistration {
     fn drop(&mut self) {
-        under_way().retain(|thread| thread.id != self.0);
+        lock_calls_under_way().retain(|thread| thread.id != self.0);
     }
 }
 
 fn make_late_error(path: &str, call: &'static str, waited: Duration) -> PortError {
-    PortError::Late { path: path.to_owned(), call, waited, users: Users::of(path) }
+    PortError::Late { path: path.to_owned(), call, waited, users: PortUsers::find_for_port(path) }
 }

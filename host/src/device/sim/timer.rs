@@ -1,7 +1,7 @@
 //! One ERA's electrode windows in time, as its timer makes them.
 
 use era_shared::protocol::ChannelLimits;
-use era_shared::waveform::{IDLE, OutputPair, Period, TimerRegisters, Window, Windows, WindowsError};
+use era_shared::waveform::{ElectrodeWindows, IDLE, OutputPair, TickWindow, TimerPeriod, TimerRegisters, WindowsError};
 use std::collections::VecDeque;
 
 /// Outputs of the simulated timers: the first channel of each pair.
@@ -9,16 +9,16 @@ const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
 
 /// Equal periods from one boundary on.
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
+struct PeriodStretch {
     from_s: f64,
-    windows: Windows,
+    windows: ElectrodeWindows,
     tick_s: f64,
 }
 
-impl Stretch {
-    fn new(from_s: f64, period: &Period) -> Result<Self, WindowsError> {
-        let windows = Windows::from_registers(&TimerRegisters::running(period, OUTPUTS))?;
-        Ok(Self { from_s, windows, tick_s: windows.tick_s(ChannelLimits::BOARD.timer_clock_hz) })
+impl PeriodStretch {
+    fn new(from_s: f64, period: &TimerPeriod) -> Result<Self, WindowsError> {
+        let windows = ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(period, OUTPUTS))?;
+        Ok(Self { from_s, windows, tick_s: windows.tick_length_s(ChannelLimits::BOARD.timer_clock_hz) })
     }
 
     fn is_blank(&self) -> bool {
@@ -26,10 +26,10 @@ impl Stretch {
     }
 
     /// How long A and B are on from `from_s` to `to_s`, in s.
-    fn on_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
+    fn electrode_on_times_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
         let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
         let period = self.windows.period;
-        let on = |window: Window| on_ticks_until(window, period, to) - on_ticks_until(window, period, from);
+        let on = |window: TickWindow| on_ticks_until(window, period, to) - on_ticks_until(window, period, from);
         [on(self.windows.a) * self.tick_s, on(self.windows.b) * self.tick_s]
     }
 }
@@ -37,38 +37,43 @@ impl Stretch {
 /// A running timer: what it does now, and what it will do from the boundaries on at which its preloaded registers take
 /// effect.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub struct SimTimer {
     /// In order of time; each lasts until the next begins. Never empty.
-    stretches: VecDeque<Stretch>,
+    stretches: VecDeque<PeriodStretch>,
 }
 
-impl Source {
+impl SimTimer {
     /// A timer that starts, blank, at `started_s`.
     ///
     /// # Errors
     /// [`WindowsError`] if the idle period is not one.
     pub fn new(started_s: f64) -> Result<Self, WindowsError> {
-        Ok(Self { stretches: VecDeque::from([Stretch::new(started_s, &IDLE)?]) })
+        Ok(Self { stretches: VecDeque::from([PeriodStretch::new(started_s, &IDLE)?]) })
     }
 
-    /// From the boundary at `from_s` on, periods are like `period`; what was preloaded for then or later is overwritten.
-    /// What ended before `done_s` is forgotten.
+    /// From the boundary at `from_s` on the timer repeats `period`; what was preloaded for that boundary or later is overwritten.
+    /// Periods that ended before `forget_before_s` are forgotten.
     ///
     /// # Errors
     /// [`WindowsError`] if the registers of `period` do not describe alternating windows.
-    pub fn preload(&mut self, period: &Period, from_s: f64, done_s: f64) -> Result<(), WindowsError> {
-        let next = Stretch::new(from_s, period)?;
+    pub fn preload_period(
+        &mut self,
+        period: &TimerPeriod,
+        from_s: f64,
+        forget_before_s: f64,
+    ) -> Result<(), WindowsError> {
+        let next = PeriodStretch::new(from_s, period)?;
         // Half a tick of the fastest timer: boundaries are the same if they are nearer.
         self.stretches.retain(|stretch| stretch.from_s < from_s - 3e-9);
-        while self.stretches.get(1).is_some_and(|second| second.from_s <= done_s) {
+        while self.stretches.get(1).is_some_and(|second| second.from_s <= forget_before_s) {
             self.stretches.pop_front();
         }
         self.stretches.push_back(next);
         Ok(())
     }
 
-    /// A mistake: in what was preloaded last B is on when A is.
-    pub fn put_b_over_a(&mut self) {
+    /// Makes a mistake: in the period that was preloaded last, electrode B is on when A is.
+    pub fn make_b_overlap_a(&mut self) {
         if let Some(last) = self.stretches.back_mut() {
             last.windows.b = last.windows.a;
         }
@@ -77,13 +82,13 @@ impl Source {
     /// Whether no electrode is on, now or after what is preloaded.
     #[must_use]
     pub fn is_blank(&self) -> bool {
-        self.stretches.iter().all(Stretch::is_blank)
+        self.stretches.iter().all(PeriodStretch::is_blank)
     }
 
     /// The parts of the time from `from_s` to `from_s + step_s` for which electrodes A and B are on. The mean, not a
     /// sample: edges fall anywhere within a step, and their exact area is what moves the panel.
     #[must_use]
-    pub fn mean_on(&self, from_s: f64, step_s: f64) -> [f64; 2] {
+    pub fn electrode_on_fractions(&self, from_s: f64, step_s: f64) -> [f64; 2] {
         let to_s = from_s + step_s;
         let mut sum_s = [0.0; 2];
         let mut end_s = to_s;
@@ -91,7 +96,7 @@ impl Source {
             let begin_s = stretch.from_s.max(from_s);
             if begin_s < end_s {
                 if !stretch.is_blank() {
-                    let on_s = stretch.on_s(begin_s, end_s);
+                    let on_s = stretch.electrode_on_times_s(begin_s, end_s);
                     sum_s = [sum_s[0] + on_s[0], sum_s[1] + on_s[1]];
                 }
                 end_s = begin_s;
@@ -106,7 +111,7 @@ impl Source {
     /// A time in s at which the force is at its greatest, the middle of a window of A, in the stretch that was preloaded
     /// last; `None` if that is blank.
     #[must_use]
-    pub fn peak_s(&self) -> Option<f64> {
+    pub fn force_peak_time_s(&self) -> Option<f64> {
         let last = self.stretches.back().filter(|stretch| !stretch.is_blank())?;
         let window = last.windows.a;
         Some(last.from_s + (f64::from(window.start) + f64::from(window.length) / 2.0) * last.tick_s)
@@ -114,7 +119,7 @@ impl Source {
 }
 
 /// Ticks for which the window is on from the counter's zero to `ticks` (which may be many periods on), up to a constant.
-fn on_ticks_until(window: Window, period: u32, ticks: f64) -> f64 {
+fn on_ticks_until(window: TickWindow, period: u32, ticks: f64) -> f64 {
     let (period, length) = (f64::from(period), f64::from(window.length));
     let since_start = ticks - f64::from(window.start);
     let periods = (since_start / period).floor();
@@ -128,11 +133,11 @@ mod tests {
     #[test]
     fn a_preload_takes_effect_at_its_boundary_and_not_before() {
         // 1 ms periods with windows of 0.25 ms, each in the middle of its half: A from 0.125 to 0.375 ms.
-        let period = Period::driving(17, 10_000, 2_500, false);
-        let mut source = Source::new(0.0).expect("idle");
-        source.preload(&period, 2e-3, 0.0).expect("a period");
-        let is = |source: &Source, from_s: f64, step_s: f64, a: f64, b: f64| {
-            let [on_a, on_b] = source.mean_on(from_s, step_s);
+        let period = TimerPeriod::with_windows(17, 10_000, 2_500, false);
+        let mut source = SimTimer::new(0.0).expect("idle");
+        source.preload_period(&period, 2e-3, 0.0).expect("a period");
+        let is = |source: &SimTimer, from_s: f64, step_s: f64, a: f64, b: f64| {
+            let [on_a, on_b] = source.electrode_on_fractions(from_s, step_s);
             (on_a - a).abs() < 1e-9 && (on_b - b).abs() < 1e-9
         };
         assert!(is(&source, 0.0, 2e-3, 0.0, 0.0));
@@ -140,14 +145,14 @@ mod tests {
         assert!(is(&source, 2.5e-3, 0.5e-3, 0.0, 0.5), "then B");
         assert!(is(&source, 1e-3, 1.5e-3, 0.25 / 1.5, 0.0), "a step over the boundary has its part");
         assert!(is(&source, 1e-3, 2e-3, 0.125, 0.125), "both have theirs");
-        assert!((source.peak_s().expect("it drives") - 2.25e-3).abs() < 1e-12);
+        assert!((source.force_peak_time_s().expect("it drives") - 2.25e-3).abs() < 1e-12);
 
         // Overwritten before it takes effect; then silent again.
         let mut changed = source.clone();
-        changed.preload(&Period::driving(17, 10_000, 2_500, true), 2e-3, 0.0).expect("a period");
-        changed.preload(&IDLE, 5e-3, 4e-3).expect("idle");
+        changed.preload_period(&TimerPeriod::with_windows(17, 10_000, 2_500, true), 2e-3, 0.0).expect("a period");
+        changed.preload_period(&IDLE, 5e-3, 4e-3).expect("idle");
         assert!(is(&changed, 2e-3, 0.5e-3, 0.0, 0.5), "reversed");
         assert!(is(&changed, 5e-3, 1.0, 0.0, 0.0));
-        assert!(changed.peak_s().is_none() && !changed.is_blank());
+        assert!(changed.force_peak_time_s().is_none() && !changed.is_blank());
     }
 }
