@@ -27,7 +27,7 @@ def read_transitions():
     states = re.findall(r"SafetyState::(\w+)", text.split("pub const ALL: [SafetyState; 7]", 1)[1].split(";", 1)[0])
     body = text.split("match (state, event) {", 1)[1]
     table = {}
-    arm = re.compile(r"\(([\w| ]+), ((?:SafetyEvent::\w+(?: \| )?)+)\) => (?:Go\((\w+), (\w+)\)|(Refuse))")
+    arm = re.compile(r"\(([\w| ]+), ((?:SafetyEvent::\w+(?: \| )?)+)\) => (?:\{\s*)?(?:Go\((\w+), (\w+)\)|(Refuse))")
     arms = arm.findall(body)
     if len(arms) != body.count("=>"):
         raise SystemExit(f"{TABLE} has arms that docs/pictures/device.py does not read")
