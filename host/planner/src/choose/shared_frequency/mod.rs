@@ -10,6 +10,12 @@
 //!   whose dual value proves how far from the optimum it may be.
 //! - `search`: frequencies are solved in the order of their bounds, until the next bound is no better than the best.
 //! - `drives`: a plan from it.
+//!
+//! Two solutions stay, the closed one without limits and the interior-point method, because neither can do the other's part. On random
+//! panels (2 to 4 actuators, 180 frequencies, optimised build) the closed form meets 84 to 97 % of wishes of a hundredth of the largest
+//! peak; of wishes of 60 % of it only 2 to 7 %, and scaled down to the limits it reaches 10 to 21 % of that peak in the median. The
+//! interior-point method alone finds the same energies to 1e-10, but takes 63 to 74 us in the median instead of 18 to 24 us for the small
+//! wishes; for large ones the two take equally long. The closed form also gives the bounds by which `search` orders frequencies.
 
 mod barrier;
 pub(crate) mod drives;
