@@ -249,7 +249,7 @@ fn accelerations_may_count_as_they_are_felt() {
         let plan =
             |weigh| table.plan_request(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();
         let (equal, felt) = (plan(Weigh::Equal), plan(Weigh::Felt));
-        let shape = table.model.shape_at(x_m, y_m);
+        let shape = table.model.shape_deflections_at(x_m, y_m);
         // Felt peak at the target, and felt mean square over the surface, of the fundamentals.
         let figures = |plan: &Plan| {
             let (mut peak, mut energy) = (0.0, 0.0);

@@ -4,7 +4,7 @@ mod support;
 
 use era::model::{Accuracy, PanelModel, ReducedModel};
 use era::planner::{PlanTable, TableOptions, Target};
-use era::response::{Solver, dot};
+use era::response::{CoordinateSolver, multiply_shape_with_coordinates};
 use era::scene::{Scene, SurfaceKind};
 use proptest::prelude::*;
 use std::path::Path;
@@ -63,11 +63,13 @@ fn equal_actuators_move_a_panel_equally() {
         }
     }
     // Midpoints of 90 x 60 cells.
-    let q = &Solver::new(&table.model).coordinates(344.0).unwrap()[0];
+    let q = &CoordinateSolver::new(&table.model).solve_at_frequency(344.0).unwrap()[0];
     let scale = (std::f64::consts::TAU * 344.0).powi(2);
     let middle = |i: u32, of: u32| (f64::from(i) + 0.5) / f64::from(of);
     let points = (0..90).flat_map(|i| (0..60).map(move |j| (0.36 * middle(i, 90), 0.24 * middle(j, 60))));
-    let sum: f64 = points.map(|(x, y)| (dot(&table.model.shape_at(x, y), q) * scale).norm_sqr()).sum();
+    let sum: f64 = points
+        .map(|(x, y)| (multiply_shape_with_coordinates(&table.model.shape_deflections_at(x, y), q) * scale).norm_sqr())
+        .sum();
     let mean_square = sum / (90.0 * 60.0);
     // The trapezoidal rule's error with 48 cells and some 12 per wave is about (pi/12)^2 / 3 = 2 %.
     assert!(differ(mean_square, figures[0][0]) < 0.03, "{mean_square} {figures:?}");
@@ -148,7 +150,7 @@ proptest! {
             prop_assert!(differ(*a, *b) < 1e-4, "{length}: {expected:?} {found:?}");
         }
         prop_assert_eq!(table.scene.surface.kind, SurfaceKind::Bar);
-        prop_assert_eq!(table.model.shape_at(length.next_up(), 0.01), table.model.shape_at(length, 0.01));
+        prop_assert_eq!(table.model.shape_deflections_at(length.next_up(), 0.01), table.model.shape_deflections_at(length, 0.01));
     }
 }
 
@@ -170,7 +172,7 @@ fn a_rounding_beyond_an_edge_is_the_edge() {
                 ((0.12, 0.08), (0.12, 0.08 + beyond)),
                 ((0.12, 0.14), (0.12, 0.14 - beyond)),
             ] {
-                let (edge, out) = (model.shape_at(x, y), model.shape_at(out_x, out_y));
+                let (edge, out) = (model.shape_deflections_at(x, y), model.shape_deflections_at(out_x, out_y));
                 assert!((&edge - &out).amax() <= 1e-7 * edge.amax() && edge.amax() > 0.0, "{x} {y} {beyond}");
             }
         }

@@ -298,7 +298,7 @@ fn the_studies_of_the_manual_are_studies() {
     assert_eq!(studies.first().map(|text| text.trim_end()), Some(example.trim_end()));
     assert!(studies.len() >= 2, "{}", studies.len());
     for text in studies {
-        let study = era::design::run::Study::parse("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
+        let study = era::design::run::Study::parse_texts("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
         assert!(study.is_ok(), "{}", study.unwrap_err());
     }
 }

@@ -3,7 +3,7 @@
 mod support;
 
 use era::model::Accuracy;
-use era::model::levels::Levels;
+use era::model::levels::ReducedLevels;
 use era::planner::{PlanTable, TableOptions, Target};
 use era::scene::Scene;
 use serde_json::json;
@@ -21,7 +21,8 @@ fn examples_are_planned_for() {
     for name in ["bezel", "camera", "stepped_bar"] {
         let scene = Scene::parse(name, &example(name)).unwrap();
         let options = TableOptions { from_hz: 40.0, to_hz: 200.0, step_hz: 4.0 };
-        let levels = Levels::of_order(&scene, Accuracy::FAST.order(), options.to_hz).unwrap();
+        let levels =
+            ReducedLevels::build_with_order(&scene, Accuracy::FAST.choose_element_order(), options.to_hz).unwrap();
         let table = PlanTable::with_levels(&scene, levels, options).unwrap();
         let target = |x_m: f64, y_m: f64| Target { x_m, y_m, intensity_g: Some(0.3) };
         let plan = table.plan(&[target(0.05, 0.01)]).unwrap();

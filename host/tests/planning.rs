@@ -31,8 +31,8 @@ fn plans_meet_the_request_or_say_what_limits_them() {
                 for (i, drive) in plan.drives.iter().enumerate() {
                     assert!(drive.voltage_v <= 2000.0 && drive.force_n >= 0.0);
                     // Travel and breakdown, computed here from the response itself.
-                    let q = era::response::modal_coordinates(&table.model, drive.frequency_hz).unwrap();
-                    let travel = table.model.travel(i, &q[i]).norm() * drive.force_n;
+                    let q = era::response::solve_coordinates_at_frequency(&table.model, drive.frequency_hz).unwrap();
+                    let travel = table.model.actuator_travel(i, &q[i]).norm() * drive.force_n;
                     assert!(travel <= 500e-6 / 3.0 * (1.0 + 1e-9), "{travel}");
                     assert!(drive.voltage_v <= 0.85 * breakdown_v(500e-6 - travel) * (1.0 + 1e-6));
                 }
@@ -48,7 +48,7 @@ fn no_other_pair_has_less_energy_elsewhere() {
     let table = support::table(EXAMPLE_BAR);
     let target = Target { x_m: 0.04, y_m: 0.01, intensity_g: Some(0.2) };
     let plan = table.plan(&[target]).unwrap();
-    let shape = table.model.shape_at(0.04, 0.01);
+    let shape = table.model.shape_deflections_at(0.04, 0.01);
     let wanted = 0.2 * STANDARD_GRAVITY;
     let rest = |weights: [(usize, usize, f64); 2]| -> f64 {
         // Mean square beyond 10 mm on the table's own grid.
@@ -57,7 +57,10 @@ fn no_other_pair_has_less_energy_elsewhere() {
             if (x - 0.04).abs() > 0.010 {
                 for (actuator, frequency, force) in weights {
                     let entry = table.entries[actuator][frequency].as_ref().unwrap();
-                    let a = era::response::dot(&table.grid.shapes.row(i).transpose(), &entry.acceleration);
+                    let a = era::response::multiply_shape_with_coordinates(
+                        &table.grid.shapes.row(i).transpose(),
+                        &entry.acceleration,
+                    );
                     sum += table.grid.weights[i] * a.norm_sqr() * force * force;
                 }
                 weight += table.grid.weights[i];
@@ -74,7 +77,11 @@ fn no_other_pair_has_less_energy_elsewhere() {
                 continue;
             }
             let gain = |i: usize, f: usize| {
-                era::response::dot(&shape, &table.entries[i][f].as_ref().unwrap().acceleration).norm()
+                era::response::multiply_shape_with_coordinates(
+                    &shape,
+                    &table.entries[i][f].as_ref().unwrap().acceleration,
+                )
+                .norm()
             };
             for share in 0..=10 {
                 let share = f64::from(share) / 10.0;

@@ -7,7 +7,7 @@ fn examples_are_read() {
     let plate = Scene::parse("plate.toml", EXAMPLE_PLATE).unwrap();
     assert_eq!((plate.surface.kind, plate.supports.len(), plate.actuators.len()), (SurfaceKind::Plate, 4, 2));
     assert_eq!(plate.surface.damping, SurfaceDamping::LossFactor(0.01));
-    assert_eq!(plate.screen.px_to_surface_m(960.0, 640.0).unwrap(), (0.15, 0.1));
+    assert_eq!(plate.screen.convert_px_to_surface_m(960.0, 640.0).unwrap(), (0.15, 0.1));
     let bar = Scene::parse("bar.toml", EXAMPLE_BAR).unwrap();
     assert_eq!((bar.surface.kind, bar.actuators[0].mount), (SurfaceKind::Bar, Mount::Grounded));
     assert_eq!(bar.actuators[0].y_m, 0.01, "on the axis");
@@ -18,13 +18,13 @@ fn pixels_and_millimetres_are_each_others_inverse() {
     let text = EXAMPLE_PLATE
         .replace("height_px = 1280", "height_px = 1280\nx_mm = 20.0\ny_mm = 10.0\nwidth_mm = 240.0\nheight_mm = 160.0");
     let screen = Scene::parse("inset", &text).unwrap().screen;
-    let (x, y) = screen.px_to_surface_m(480.0, 320.0).unwrap();
+    let (x, y) = screen.convert_px_to_surface_m(480.0, 320.0).unwrap();
     assert!((x - 0.08).abs() < 1e-12 && (y - 0.05).abs() < 1e-12);
-    let (u, v) = screen.surface_m_to_px(x, y).unwrap();
+    let (u, v) = screen.convert_surface_m_to_px(x, y).unwrap();
     assert!((u - 480.0).abs() < 1e-9 && (v - 320.0).abs() < 1e-9);
-    assert_eq!(screen.px_to_surface_m(-1.0, 0.0).unwrap_err().field, "x_px");
-    assert_eq!(screen.px_to_surface_m(0.0, 1281.0).unwrap_err().max, 1280.0);
-    assert_eq!(screen.surface_m_to_px(0.01, 0.05).unwrap_err().field, "x_mm");
+    assert_eq!(screen.convert_px_to_surface_m(-1.0, 0.0).unwrap_err().field, "x_px");
+    assert_eq!(screen.convert_px_to_surface_m(0.0, 1281.0).unwrap_err().max, 1280.0);
+    assert_eq!(screen.convert_surface_m_to_px(0.01, 0.05).unwrap_err().field, "x_mm");
 }
 
 /// Replaces one piece of the example plate and returns what is said about it.
@@ -189,9 +189,9 @@ fn border_belongs_to_surface_and_screen() {
         );
         let scene = Scene::parse("border.toml", &text).unwrap();
         assert_eq!((scene.masses[0].x_m, scene.masses[0].y_m), (scene.surface.length_m, scene.surface.width_m));
-        let (x_m, y_m) = scene.screen.px_to_surface_m(1920.0, 7.0).unwrap();
+        let (x_m, y_m) = scene.screen.convert_px_to_surface_m(1920.0, 7.0).unwrap();
         assert!(x_m <= scene.surface.length_m && y_m <= scene.surface.width_m, "{side}: {x_m} {y_m}");
-        let (x_px, y_px) = scene.screen.surface_m_to_px(x_m, y_m).unwrap();
+        let (x_px, y_px) = scene.screen.convert_surface_m_to_px(x_m, y_m).unwrap();
         assert!((x_px - 1920.0).abs() < 1e-9 && (y_px - 7.0).abs() < 1e-9, "{side}: {x_px} {y_px}");
     }
 }
@@ -205,7 +205,9 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     };
     let six = with(&["b", "c", "d", "e", "f"]).unwrap();
     assert_eq!(six.actuators.len(), 6);
-    let curves = era::response::bounded_curves(&six, era::model::Accuracy::FAST, (0.1, 0.1), &[60.0, 90.0]).unwrap();
+    let curves =
+        era::response::compute_curves_with_error_bounds(&six, era::model::Accuracy::FAST, (0.1, 0.1), &[60.0, 90.0])
+            .unwrap();
     assert_eq!(curves.answer.len(), 6);
     let options = era::planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
     let model =
@@ -233,12 +235,14 @@ fn patches_have_the_surfaces_values_where_they_give_none() {
     assert_eq!((patch.thickness_m, patch.material.density_kg_m3), (0.002, 1000.0));
     assert_eq!(patch.material.youngs_modulus_pa, scene.surface.material.youngs_modulus_pa);
     // The later one on top.
-    assert_eq!(scene.layout().at(0.02, 0.01).unwrap().thickness_m, 0.002);
-    assert_eq!(scene.layout().at(0.2, 0.01).unwrap().thickness_m, 0.003);
+    assert_eq!(scene.layout().layer_at(0.02, 0.01).unwrap().thickness_m, 0.002);
+    assert_eq!(scene.layout().layer_at(0.2, 0.01).unwrap().thickness_m, 0.003);
     let bar = "[[patch]]\nx_mm = 100\nlength_mm = 50\nwidth_mm = 30\n";
     let bar = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{bar}")).unwrap();
     assert_eq!((bar.patches[0].width_m, bar.patches[0].thickness_m), (0.03, 0.002));
-    assert!((bar.mass_kg() / bar.surface.material.density_kg_m3 / 0.002 - (0.2 * 0.02 + 0.05 * 0.03)).abs() < 1e-15);
+    assert!(
+        (bar.surface_mass_kg() / bar.surface.material.density_kg_m3 / 0.002 - (0.2 * 0.02 + 0.05 * 0.03)).abs() < 1e-15
+    );
 }
 
 #[test]
@@ -247,9 +251,9 @@ fn cutouts_leave_one_piece_under_everything() {
         format!("[[cutout]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = {length}\nwidth_mm = {width}\n")
     };
     let hole = added(&cutout([100.0, 20.0, 30.0, 20.0])).unwrap();
-    assert_eq!(hole.cutout_at(0.11, 0.03), Some(1));
+    assert_eq!(hole.cutout_number_at(0.11, 0.03), Some(1));
     // Its border is surface.
-    assert_eq!((hole.cutout_at(0.1, 0.03), hole.cutout_at(0.05, 0.03)), (None, None));
+    assert_eq!((hole.cutout_number_at(0.1, 0.03), hole.cutout_number_at(0.05, 0.03)), (None, None));
     let cases: [(Vec<[f64; 4]>, &[&str]); 5] = [
         (vec![[100.0, 0.0, 20.0, 200.0]], &["cutout[1]", "2 pieces"]),
         (vec![[60.0, 80.0, 30.0, 40.0]], &["actuator[1].x_mm and y_mm", "(75, 100)", "[[cutout]]"]),

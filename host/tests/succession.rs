@@ -5,10 +5,10 @@ mod support;
 use era::device::sim::SimPanel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
-use era::model::levels::Levels;
+use era::model::levels::ReducedLevels;
 use era::planner::residual::{Board, CONCEDED, LONGEST_WAIT_S, ResidualVibration, Room};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
-use era::scene::random::scene_text;
+use era::scene::random::random_scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era::verify::VerifyError;
 use era::verify::succession::{Order, Turn, Turned, follow_turns};
@@ -26,7 +26,7 @@ const AT_THE_LIMIT_G: f64 = 1e3;
 fn table_of(text: &str) -> PlanTable {
     let scene = Scene::parse("succession", text).unwrap();
     let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
-    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     PlanTable::build(&scene, levels.fine, options).unwrap()
 }
 
@@ -51,7 +51,7 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         (80, [(0.31, 0.62), (0.87, 0.13)]),
         (84, [(0.31, 0.62), (0.5, 0.5)]),
     ] {
-        let table = table_of(&scene_text(11, number));
+        let table = table_of(&random_scene_text(11, number));
         let panel = SimPanel::from_plan_table(&table);
         let plans = targets.map(|(x, y)| plan_at(&table, x, y, AT_THE_LIMIT_G));
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
@@ -79,7 +79,7 @@ fn random_successions_stay_within_the_limit() {
     let panels = std::env::var("ERA_PANELS").ok().and_then(|count| count.parse().ok()).unwrap_or(4_u64);
     let (mut followed, mut furthest) = (0, 0.0_f64);
     for number in 0..panels {
-        let table = table_of(&scene_text(23, number));
+        let table = table_of(&random_scene_text(23, number));
         let panel = SimPanel::from_plan_table(&table);
         for start in 0..3_u32 {
             let at = |i: u32, step: f64| (0.5 + step * f64::from(7 * start + i + 1)).fract();
@@ -116,7 +116,7 @@ fn random_successions_stay_within_the_limit() {
 #[test]
 fn a_drawn_finger_stays_within_the_limit() {
     for number in [46, 80] {
-        let table = table_of(&scene_text(11, number));
+        let table = table_of(&random_scene_text(11, number));
         let plans: Vec<Plan> =
             (0..40).map(|i| plan_at(&table, 0.2 + 0.015 * f64::from(i), 0.4, AT_THE_LIMIT_G)).collect();
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
@@ -206,7 +206,7 @@ fn is_still_moving(plan: &Value) -> bool {
 #[test]
 fn a_touch_that_does_not_fit_is_weaker_at_first() {
     // Without a press: with its stops this scene's plans have room for each other.
-    let served = Served::start(&(scene_text(11, 68) + "\n[press]\nforce_n = 0.0\n"));
+    let served = Served::start(&(random_scene_text(11, 68) + "\n[press]\nforce_n = 0.0\n"));
     let touch = |x: f64, y: f64| {
         let (status, answer) = served.touch(x, y, AT_THE_LIMIT_G, 9000);
         assert_eq!(status, 200, "{answer}");
@@ -252,7 +252,7 @@ fn a_touch_that_does_not_fit_is_weaker_at_first() {
 /// has as much room as after one whose sender listens.
 #[test]
 fn a_touch_whose_sender_has_gone_is_counted() {
-    let served = Served::start(&(scene_text(11, 68) + "\n[press]\nforce_n = 0.0\n"));
+    let served = Served::start(&(random_scene_text(11, 68) + "\n[press]\nforce_n = 0.0\n"));
     let body = json!({
         "x_px": 0.87 * served.width_px, "y_px": 0.13 * served.height_px, "intensity_g": AT_THE_LIMIT_G, "duration_ms": 9000,
     });
@@ -298,7 +298,7 @@ fn a_second_ordinary_touch_is_neither_late_nor_weaker() {
 /// On a page: a finger that is lifted while its touch is weaker than it will be is not driven afterwards.
 #[test]
 fn a_lifted_finger_does_not_grow() {
-    let served = Served::start(&scene_text(11, 68));
+    let served = Served::start(&random_scene_text(11, 68));
     let url = served.daemon.url.replace("http", "ws");
     let (mut socket, _) = tungstenite::connect(format!("{url}/v1/live")).unwrap();
     let mut say = |fingers: Option<(f64, f64)>| {

@@ -2,10 +2,10 @@
 
 mod support;
 
-use era::model::levels::Levels;
-use era::model::{Accuracy, bounded_modes};
+use era::model::levels::ReducedLevels;
+use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::planner::{PlanTable, TableOptions, Target};
-use era::response::{bounded_curves, bounded_sweep};
+use era::response::{compute_curves_with_error_bounds, sweep_with_error_bounds};
 use era::scene::{EXAMPLE_PLATE, Scene};
 use era::verify::spread_points;
 use proptest::prelude::*;
@@ -16,8 +16,8 @@ use support::scenes::SceneText;
 
 /// The answers for one place and one frequency, and the largest bound.
 fn at_one(scene: &Scene, accuracy: Accuracy, at: (f64, f64), hz: f64) -> (Vec<num_complex::Complex64>, f64) {
-    let found = bounded_curves(scene, accuracy, at, &[hz]).unwrap();
-    let bounds = found.bounds.iter().map(|bound| bound.value().unwrap_or(f64::INFINITY));
+    let found = compute_curves_with_error_bounds(scene, accuracy, at, &[hz]).unwrap();
+    let bounds = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::INFINITY));
     (found.answer.iter().map(|curve| curve[0]).collect(), bounds.fold(0.0, f64::max))
 }
 
@@ -39,11 +39,13 @@ fn sheet() -> SceneText {
 #[test]
 fn bounds_hold_where_two_levels_agree_by_chance() {
     let check = |scene: &Scene, at: (f64, f64), hz: f64| -> Result<(), TestCaseError> {
-        let (exact, own) = at_one(scene, Accuracy::tolerance(1e-5).unwrap(), at, hz);
+        let (exact, own) = at_one(scene, Accuracy::from_tolerance(1e-5).unwrap(), at, hz);
         for tolerance in [1e-2, 1e-3] {
-            let found = bounded_curves(scene, Accuracy::tolerance(tolerance).unwrap(), at, &[hz]).unwrap();
+            let found =
+                compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(tolerance).unwrap(), at, &[hz])
+                    .unwrap();
             for ((curve, exact), bound) in found.answer.iter().zip(&exact).zip(&found.bounds) {
-                let (error, bound) = ((curve[0] - exact).norm() / exact.norm(), bound.value().unwrap());
+                let (error, bound) = ((curve[0] - exact).norm() / exact.norm(), bound.known_limit().unwrap());
                 prop_assert!(error <= bound + own, "{}: {at:?}, {hz} Hz: {error:e} of {bound:e}", scene.name);
             }
         }
@@ -83,7 +85,7 @@ fn the_default_tolerance_is_met_at_any_frequency() {
                 let at = (x * length, if is_bar { 0.5 } else { y } * width);
                 let (found, bound) = at_one(&scene, Accuracy::BALANCED, at, hz);
                 prop_assert!(bound <= 1e-3, "{}: {at:?}, {hz} Hz: bound {bound:e}", scene.name);
-                let (exact, own) = at_one(&scene, Accuracy::tolerance(2e-5).unwrap(), at, hz);
+                let (exact, own) = at_one(&scene, Accuracy::from_tolerance(2e-5).unwrap(), at, hz);
                 for (found, exact) in found.iter().zip(&exact) {
                     let error = (found - exact).norm() / exact.norm();
                     prop_assert!(error <= bound + own, "{}: {at:?}, {hz} Hz: off by {error:e}", scene.name);
@@ -100,7 +102,7 @@ fn plans_meet_the_default_tolerance() {
     let options = TableOptions::default();
     for name in ["plate.toml", "bar.toml", "stepped_bar.toml", "bezel.toml", "camera.toml"] {
         let scene = shipped(name);
-        let levels = Levels::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap();
+        let levels = ReducedLevels::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap();
         let table = PlanTable::with_levels(&scene, levels, options).unwrap();
         let surface = &scene.surface;
         for (x_m, y_m) in spread_points(12, surface.length_m, surface.width_m) {
@@ -124,7 +126,7 @@ fn what_a_tight_tolerance_meets_a_loose_one_meets() {
         .scene();
     for hz in [607.0, 610.0, 613.0, 616.0, 619.0] {
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-6] {
-            let (_, bound) = at_one(&glass, Accuracy::tolerance(tolerance).unwrap(), (0.08, 0.045), hz);
+            let (_, bound) = at_one(&glass, Accuracy::from_tolerance(tolerance).unwrap(), (0.08, 0.045), hz);
             assert!(bound <= tolerance, "{hz} Hz at {tolerance:e}: bound {bound:e}");
         }
     }
@@ -145,14 +147,15 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
         .damping("loss_factor", 0.01)
         .scene();
     for scene in [Scene::parse("plate", EXAMPLE_PLATE).unwrap(), lopsided] {
-        let at = |accuracy| bounded_sweep::<f64>(&scene, accuracy, (&x_m, &y_m), &frequencies).unwrap();
-        let (found, exact) = (at(Accuracy::BALANCED), at(Accuracy::tolerance(1e-5).unwrap()));
+        let at = |accuracy| sweep_with_error_bounds::<f64>(&scene, accuracy, (&x_m, &y_m), &frequencies).unwrap();
+        let (found, exact) = (at(Accuracy::BALANCED), at(Accuracy::from_tolerance(1e-5).unwrap()));
         for actuator in 0..found.answer.actuators {
-            let (bound, own) = (found.bounds[actuator].value().unwrap(), exact.bounds[actuator].value().unwrap());
+            let (bound, own) =
+                (found.bounds[actuator].known_limit().unwrap(), exact.bounds[actuator].known_limit().unwrap());
             assert!(bound <= 1e-3, "{bound:e}");
             for point in 0..found.answer.points {
-                let curve = |sweep: &era::response::sweep::Sweep<f64>| {
-                    (0..frequencies.len()).map(|k| sweep.at(k, actuator, point)).collect::<Vec<_>>()
+                let curve = |sweep: &era::response::sweep::AccelerationSweep<f64>| {
+                    (0..frequencies.len()).map(|k| sweep.acceleration_at(k, actuator, point)).collect::<Vec<_>>()
                 };
                 let (found, exact) = (curve(&found.answer), curve(&exact.answer));
                 let peak = exact.iter().map(|z| z.norm()).fold(0.0, f64::max);
@@ -167,9 +170,9 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
 #[test]
 fn more_time_buys_a_smaller_bound() {
     let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
-    let within = |time| bounded_modes(&scene, Accuracy::within(time), 300.0).unwrap();
-    let largest = |found: &era::model::Bounded<Vec<era::model::Mode>>| {
-        found.bounds.iter().map(|bound| bound.value().unwrap()).fold(0.0, f64::max)
+    let within = |time| compute_modes_with_error_bounds(&scene, Accuracy::best_within_time(time), 300.0).unwrap();
+    let largest = |found: &era::model::BoundedAnswer<Vec<era::model::PanelMode>>| {
+        found.bounds.iter().map(|bound| bound.known_limit().unwrap()).fold(0.0, f64::max)
     };
     let (short, long) = (within(Duration::from_millis(1)), within(Duration::from_secs(60)));
     assert_eq!(short.steps.len(), 2);

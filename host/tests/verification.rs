@@ -1,12 +1,12 @@
 //! Random scenes: the simulated device against the prediction, and what the electrodes do to the masses.
 
 use era::device::sim::SimPanel;
-use era::model::levels::Levels;
+use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
 use era::planner::{PlanTable, TableOptions, Target};
-use era::response::Solver;
-use era::scene::random::scene_text;
+use era::response::CoordinateSolver;
+use era::scene::random::random_scene_text;
 use era::scene::{EXAMPLE_BAR, Scene};
 use era::verify::{VerifyError, compare};
 use era_shared::supply::{RAILS, rail_index_of_channel};
@@ -81,9 +81,9 @@ fn a_motion_that_is_said_to_be_safe_is() {
     let (mut safe, mut near) = (0, 0);
     // The last one has a lightly damped ERA between two modes that nearly cancel in the steady state, but not before.
     for (seed, number) in (0..6).map(|number| (7, number)).chain([(1, 171)]) {
-        let scene = Scene::parse("random", &scene_text(seed, number)).unwrap();
+        let scene = Scene::parse("random", &random_scene_text(seed, number)).unwrap();
         let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
-        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::build(&scene, levels.fine, options).unwrap();
         let panel = SimPanel::from_plan_table(&table);
         for (x, y, intensity_g) in [(0.31, 0.62, 3.0), (0.87, 0.13, 1e3)] {
@@ -141,10 +141,10 @@ fn no_touch_goes_beyond_a_third_of_the_gap() {
 fn a_drive_of_the_example_bar_is_softened_as_the_spring_law_says() {
     let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
     let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-    let solver = Solver::new(&model);
+    let solver = CoordinateSolver::new(&model);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let travel = |frequency_hz: f64, voltage_v: f64| {
-        let receptance = travel_receptance(&model, &solver.coordinates(frequency_hz).unwrap());
+        let receptance = travel_receptance(&model, &solver.solve_at_frequency(frequency_hz).unwrap());
         let drive = |voltage_v: f64| Excitation { frequency: 0, voltage_v, pulse_width: 2.0 / 3.0, phase_rad: 0.0 };
         let mut drives = vec![drive(0.0); transducers.len()];
         drives[0] = drive(voltage_v);
@@ -154,7 +154,7 @@ fn a_drive_of_the_example_bar_is_softened_as_the_spring_law_says() {
     // Far below all resonances the spring alone counts: k_e = w eps0 S V^2 / g^3 and its pulsation, sin(pi w) / pi of it
     // for motion in phase, are taken off.
     let (transducer, volts) = (transducers[0], 500.0);
-    let receptance = travel_receptance(&model, &solver.coordinates(1.0).unwrap())[0][0].re;
+    let receptance = travel_receptance(&model, &solver.solve_at_frequency(1.0).unwrap())[0][0].re;
     let slope = 2.0 * transducer.newtons_per_volt_squared * volts * volts / transducer.gap_m;
     let width = 2.0 / 3.0_f64;
     let softening = slope * (width + (std::f64::consts::PI * width).sin() / std::f64::consts::PI);

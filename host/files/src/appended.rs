@@ -1,6 +1,6 @@
 //! Files that grow by whole records.
 
-use crate::replaced::{folder_of, sync_folder};
+use crate::replaced::{parent_folder, sync_folder};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::Path;
@@ -39,7 +39,7 @@ impl AppendedFile {
                 made
             }
         };
-        sync_folder(folder_of(path))?;
+        sync_folder(parent_folder(path))?;
         Ok(Self { file, whole_bytes: 0 })
     }
 

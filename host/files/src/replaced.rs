@@ -46,8 +46,8 @@ pub fn replace_file_by(
     readers: Readers,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    match find_target(path)? {
-        Some(target) => write_and_rename(&target, readers, write),
+    match find_replaceable_target(path)? {
+        Some(target) => write_beside_and_rename(&target, readers, write),
         None => {
             let mut stream = BufWriter::new(OpenOptions::new().append(true).open(path)?);
             write(&mut stream)?;
@@ -61,7 +61,7 @@ pub fn replace_file_by(
 /// # Errors
 /// As [`replace_file_by`].
 pub fn replace_link_or_file(path: &Path, readers: Readers, bytes: &[u8]) -> io::Result<()> {
-    write_and_rename(path, readers, |file| file.write_all(bytes))
+    write_beside_and_rename(path, readers, |file| file.write_all(bytes))
 }
 
 /// Makes a folder and those above it, each for its owner alone; those that are there stay as they are.
@@ -77,7 +77,7 @@ pub fn make_private_folder(path: &Path) -> io::Result<()> {
 }
 
 /// Whether a name is that of a file that is being written, or was when its writer was killed.
-fn is_unfinished(name: &OsStr) -> bool {
+fn is_unfinished_file_name(name: &OsStr) -> bool {
     let digits = name.to_str().and_then(|name| name.strip_prefix(UNFINISHED.0)?.strip_suffix(UNFINISHED.1));
     digits.is_some_and(|digits| digits.len() == 16 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()))
 }
@@ -92,7 +92,8 @@ fn remove_unfinished_once(folder: &Path) {
 
 /// Removes from a folder what killed writers have left there: unfinished files that nobody has written to for an hour.
 pub fn remove_unfinished(folder: &Path) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| is_unfinished(&entry.file_name()))
+    for entry in
+        fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| is_unfinished_file_name(&entry.file_name()))
     {
         let age = entry.metadata().ok().and_then(|known| SystemTime::now().duration_since(known.modified().ok()?).ok());
         if age.is_some_and(|age| age > LEFT_BEHIND) {
@@ -104,10 +105,10 @@ pub fn remove_unfinished(folder: &Path) {
 
 /// The regular file that a path leads to, which need not be there; `None` if it leads to something that cannot be replaced: a pipe, a device, an open file
 /// of a process.
-fn find_target(path: &Path) -> io::Result<Option<PathBuf>> {
+fn find_replaceable_target(path: &Path) -> io::Result<Option<PathBuf>> {
     let mut at = path.to_path_buf();
     for _ in 0..MOST_LINKS {
-        if is_descriptor(&at) {
+        if is_path_of_open_descriptor(&at) {
             return Ok(None);
         }
         let kind = match fs::symlink_metadata(&at) {
@@ -122,23 +123,23 @@ fn find_target(path: &Path) -> io::Result<Option<PathBuf>> {
             return Ok(kind.is_file().then_some(at));
         }
         let to = fs::read_link(&at)?;
-        at = folder_of(&at).join(to);
+        at = parent_folder(&at).join(to);
     }
     Err(io::Error::other("too many symbolic links"))
 }
 
 /// Whether a path names an open file of a process, as what `/dev/stdout` leads to does. Such a file has been opened by somebody else (a shell, for `>`), who goes on writing to
 /// it: it must not be replaced.
-fn is_descriptor(path: &Path) -> bool {
-    let folder = fs::canonicalize(folder_of(path));
+fn is_path_of_open_descriptor(path: &Path) -> bool {
+    let folder = fs::canonicalize(parent_folder(path));
     folder.is_ok_and(|folder| folder.starts_with("/proc") || folder.starts_with("/dev/fd"))
 }
 
-pub(crate) fn folder_of(path: &Path) -> &Path {
+pub(crate) fn parent_folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn write_and_rename(
+fn write_beside_and_rename(
     target: &Path,
     readers: Readers,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -151,11 +152,11 @@ fn write_and_rename(
         Ok(known) if known.is_file() => Some(OpenOptions::new().write(true).open(target)?.metadata()?),
         _ => None,
     };
-    remove_unfinished_once(folder_of(target));
+    remove_unfinished_once(parent_folder(target));
     // Random, as processes on other machines and in containers may have the same numbers; no file that is there is taken.
     let number = RandomState::new().hash_one(std::process::id());
-    let unfinished = folder_of(target).join(format!("{}{number:016x}{}", UNFINISHED.0, UNFINISHED.1));
-    let mut file = create_unfinished(&unfinished, readers == Readers::ByUmask && before.is_none())?;
+    let unfinished = parent_folder(target).join(format!("{}{number:016x}{}", UNFINISHED.0, UNFINISHED.1));
+    let mut file = create_unfinished_file(&unfinished, readers == Readers::ByUmask && before.is_none())?;
     let written = set_mode(&file, readers, before.as_ref()).and_then(|()| {
         let mut buffered = BufWriter::new(&mut file);
         write(&mut buffered)?;
@@ -169,11 +170,11 @@ fn write_and_rename(
         let _ = fs::remove_file(&unfinished);
         return Err(error);
     }
-    sync_folder(folder_of(target))
+    sync_folder(parent_folder(target))
 }
 
 #[cfg_attr(not(unix), expect(unused_variables, reason = "who may read a file is not told by a mode"))]
-fn create_unfinished(path: &Path, is_by_umask: bool) -> io::Result<File> {
+fn create_unfinished_file(path: &Path, is_by_umask: bool) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
     #[cfg(unix)]

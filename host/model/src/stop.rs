@@ -9,35 +9,35 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 thread_local! {
     /// Of the question that this thread is at.
-    static CURRENT: RefCell<Stop> = RefCell::default();
+    static CURRENT: RefCell<StopRequest> = RefCell::default();
 }
 
 /// Whether an answer is still waited for.
 #[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<AtomicBool>);
+pub struct StopRequest(Arc<AtomicBool>);
 
-impl Stop {
-    /// Nobody waits any more.
-    pub fn ask(&self) {
+impl StopRequest {
+    /// Asks the work to end: nobody waits for it any more.
+    pub fn request_stop(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether nobody waits.
+    /// Whether the work was asked to end.
     #[must_use]
-    pub fn is_asked(&self) -> bool {
+    pub fn is_stop_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// That of the question that this thread is at; one that is never asked outside of any.
+    /// The stop request of the work that this thread does; one that is never made outside of any.
     #[must_use]
-    pub fn current() -> Self {
+    pub fn current_request_of_thread() -> Self {
         CURRENT.with_borrow(Self::clone)
     }
 
-    /// Asks a question that this ends.
-    pub fn during<T>(&self, question: impl FnOnce() -> T) -> T {
+    /// Runs work that this request can end.
+    pub fn run_stoppable<T>(&self, question: impl FnOnce() -> T) -> T {
         // Put back by a panic too.
-        struct Before(Stop);
+        struct Before(StopRequest);
         impl Drop for Before {
             fn drop(&mut self) {
                 CURRENT.set(std::mem::take(&mut self.0));
@@ -51,51 +51,54 @@ impl Stop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Accuracy, ModelError, bounded_modes};
-    use crate::response::{CurveError, bounded_curves};
+    use crate::model::{Accuracy, ModelError, compute_modes_with_error_bounds};
+    use crate::response::{CurveError, compute_curves_with_error_bounds};
     use crate::scene::{EXAMPLE_BAR, Scene};
 
     #[test]
     fn a_question_that_is_stopped_has_no_answer() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
-        let stop = Stop::default();
-        let modes = || bounded_modes(&scene, Accuracy::FAST, 300.0);
-        assert!(stop.during(modes).is_ok());
-        stop.ask();
-        assert_eq!(stop.during(modes).unwrap_err(), ModelError::Stopped);
-        let curves = stop.during(|| bounded_curves(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0]));
+        let stop = StopRequest::default();
+        let modes = || compute_modes_with_error_bounds(&scene, Accuracy::FAST, 300.0);
+        assert!(stop.run_stoppable(modes).is_ok());
+        stop.request_stop();
+        assert_eq!(stop.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
+        let curves =
+            stop.run_stoppable(|| compute_curves_with_error_bounds(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0]));
         assert_eq!(curves.unwrap_err(), CurveError::Model(ModelError::Stopped));
         // Others on this thread are not, and within it neither.
-        assert!(modes().is_ok() && stop.during(|| Stop::default().during(modes)).is_ok());
+        assert!(modes().is_ok() && stop.run_stoppable(|| StopRequest::default().run_stoppable(modes)).is_ok());
     }
 
     /// A level that was found before is no answer to somebody who has gone.
     #[test]
     fn a_question_that_is_stopped_on_its_way_has_no_answer() {
-        struct Once(Stop);
-        impl crate::model::bounded::Question for Once {
+        struct Once(StopRequest);
+        impl crate::model::bounded::RefinableQuestion for Once {
             type Answer = usize;
             type Error = ModelError;
-            fn ask(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
-                self.0.ask();
-                Ok(model.dofs())
+            fn answer_from_model(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
+                self.0.request_stop();
+                Ok(model.count_unknowns())
             }
-            fn ask_to_compare(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
-                Ok(model.dofs())
+            fn answer_for_comparison(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
+                Ok(model.count_unknowns())
             }
-            fn differences(&self, _: &usize, _: &usize) -> Vec<f64> {
+            fn relative_differences(&self, _: &usize, _: &usize) -> Vec<f64> {
                 vec![1.0]
             }
-            fn values(&self) -> crate::model::bounded::Values {
-                crate::model::bounded::Values::Frequencies
+            fn kind_of_compared_values(&self) -> crate::model::bounded::ComparedValues {
+                crate::model::bounded::ComparedValues::Frequencies
             }
-            fn floors(&self, _: &usize, _: crate::model::estimator::Rounding) -> Vec<f64> {
+            fn error_floors(&self, _: &usize, _: crate::model::estimator::FrequencyRounding) -> Vec<f64> {
                 vec![0.0]
             }
         }
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
-        let stop = Stop::default();
-        let found = stop.during(|| crate::model::bounded::bounded(&Once(stop.clone()), &scene, Accuracy::FAST, 300.0));
+        let stop = StopRequest::default();
+        let found = stop.run_stoppable(|| {
+            crate::model::bounded::answer_with_error_bounds(&Once(stop.clone()), &scene, Accuracy::FAST, 300.0)
+        });
         assert_eq!(found.unwrap_err(), ModelError::Stopped);
     }
 }

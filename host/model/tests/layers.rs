@@ -1,8 +1,8 @@
 //! Surfaces of layers: against closed forms, against what they have to be equal to, and bounds against finer solutions.
 
-use era_model::model::{Accuracy, Mode, bounded_modes};
-use era_model::response::bounded_curves;
-use era_model::scene::random::Random;
+use era_model::model::{Accuracy, PanelMode, compute_modes_with_error_bounds};
+use era_model::response::compute_curves_with_error_bounds;
+use era_model::scene::random::RandomSequence;
 use era_model::scene::{Scene, SurfaceDamping};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -42,9 +42,12 @@ fn held(kind: &str, sides: &[&str]) -> String {
 const SIDES: [&str; 4] = ["left", "right", "top", "bottom"];
 
 fn modes(scene: &Scene, max_hz: f64) -> (Vec<f64>, Vec<f64>) {
-    let found = bounded_modes(scene, Accuracy::tolerance(1e-6).unwrap(), max_hz).unwrap();
-    let frequency = |mode: &Mode| mode.frequency_hz;
-    (found.answer.iter().map(frequency).collect(), found.bounds.iter().map(|bound| bound.value().unwrap()).collect())
+    let found = compute_modes_with_error_bounds(scene, Accuracy::from_tolerance(1e-6).unwrap(), max_hz).unwrap();
+    let frequency = |mode: &PanelMode| mode.frequency_hz;
+    (
+        found.answer.iter().map(frequency).collect(),
+        found.bounds.iter().map(|bound| bound.known_limit().unwrap()).collect(),
+    )
 }
 
 fn frequencies(scene: &Scene, max_hz: f64) -> Vec<f64> {
@@ -218,19 +221,25 @@ fn mistakes_are_named() {
 }
 
 /// Layers at random: from nearly isotropic to thirty times stiffer along one axis, twist of any strength.
-fn random_panel(random: &mut Random) -> Scene {
-    let (length, width) = (random.between(120.0, 450.0).round(), random.between(120.0, 450.0).round());
-    let ex = random.decades(9.0, 11.0);
-    let ey = ex * random.decades(-1.5, 0.0);
+fn random_panel(random: &mut RandomSequence) -> Scene {
+    let (length, width) = (random.next_between(120.0, 450.0).round(), random.next_between(120.0, 450.0).round());
+    let ex = random.next_power_of_ten(9.0, 11.0);
+    let ey = ex * random.next_power_of_ten(-1.5, 0.0);
     let mean = (ex * ey).sqrt();
-    let material = [ex, ey, mean * random.between(0.05, 0.6), random.between(0.0, 0.4), random.between(500.0, 2000.0)];
+    let material = [
+        ex,
+        ey,
+        mean * random.next_between(0.05, 0.6),
+        random.next_between(0.0, 0.4),
+        random.next_between(500.0, 2000.0),
+    ];
     let mut parts = layer(
-        (random.between(0.5, 2.5) * 100.0).round() / 100.0,
+        (random.next_between(0.5, 2.5) * 100.0).round() / 100.0,
         material,
-        if random.chance(0.5) { "angle_deg = 90" } else { "" },
+        if random.is_true_with_probability(0.5) { "angle_deg = 90" } else { "" },
     );
     parts.push_str("[surface.damping]\nloss_factor = 0.02\n");
-    if random.chance(0.2) {
+    if random.is_true_with_probability(0.2) {
         let _ = write!(
             parts,
             "[[cutout]]\nx_mm = {}\ny_mm = {}\nlength_mm = {}\nwidth_mm = {}\n",
@@ -241,22 +250,26 @@ fn random_panel(random: &mut Random) -> Scene {
         );
     }
     for side in SIDES {
-        match random.below(8) {
+        match random.next_below(8) {
             0 => parts.push_str(&held("pinned", &[side])),
             1 => parts.push_str(&held("clamped", &[side])),
             2 => {
                 let _ = write!(
                     parts,
                     "[[edge]]\nside = \"{side}\"\nkind = \"elastic\"\nstiffness_n_per_m2 = {:e}\n",
-                    random.decades(2.0, 6.0)
+                    random.next_power_of_ten(2.0, 6.0)
                 );
             }
             _ => (),
         }
     }
-    let place = |random: &mut Random| {
-        let part = |random: &mut Random| {
-            if random.chance(0.2) { random.one_of(&[0.0, 0.02, 1.0]) } else { random.unit() }
+    let place = |random: &mut RandomSequence| {
+        let part = |random: &mut RandomSequence| {
+            if random.is_true_with_probability(0.2) {
+                random.pick_one_of(&[0.0, 0.02, 1.0])
+            } else {
+                random.next_unit_number()
+            }
         };
         let (x, mut y) = (part(random), part(random));
         // Not in the cut-out.
@@ -265,8 +278,8 @@ fn random_panel(random: &mut Random) -> Scene {
         }
         format!("x_mm = {}\ny_mm = {}\n", x * length, y * width)
     };
-    for _ in 0..random.below(4) {
-        let (at, stiffness) = (place(random), random.decades(2.0, 8.0));
+    for _ in 0..random.next_below(4) {
+        let (at, stiffness) = (place(random), random.next_power_of_ten(2.0, 8.0));
         let _ = write!(parts, "[[support]]\n{at}stiffness_n_per_m = {stiffness:e}\n");
     }
     let _ = write!(
@@ -285,28 +298,28 @@ fn bounds_hold() {
     let count = std::env::var("ERA_LAYERS_BOUNDS").ok().and_then(|text| text.parse().ok()).unwrap_or(6);
     let first: u64 = std::env::var("ERA_LAYERS_FIRST").ok().and_then(|text| text.parse().ok()).unwrap_or(0);
     for stream in first..first + count {
-        let scene = random_panel(&mut Random::new(7, stream));
-        let coarse = bounded_modes(&scene, Accuracy::FAST, 400.0).unwrap();
-        let fine = bounded_modes(&scene, Accuracy::tolerance(1e-4).unwrap(), 400.0).unwrap();
+        let scene = random_panel(&mut RandomSequence::new(7, stream));
+        let coarse = compute_modes_with_error_bounds(&scene, Accuracy::FAST, 400.0).unwrap();
+        let fine = compute_modes_with_error_bounds(&scene, Accuracy::from_tolerance(1e-4).unwrap(), 400.0).unwrap();
         let (mut worst, modes) = (0.0_f64, fine.answer.len());
         for ((a, bound), (b, finer)) in
             coarse.answer.iter().zip(&coarse.bounds).zip(fine.answer.iter().zip(&fine.bounds))
         {
-            if let (Some(bound), Some(finer)) = (bound.value(), finer.value()) {
+            if let (Some(bound), Some(finer)) = (bound.known_limit(), finer.known_limit()) {
                 let error = (a.frequency_hz - b.frequency_hz).abs() / b.frequency_hz.max(1e-9);
                 worst = worst.max(error / (bound + finer));
             }
         }
         let hz = [37.0, 113.0, 241.0, 389.0];
         let at = (0.61 * scene.surface.length_m, 0.83 * scene.surface.width_m);
-        let coarse = bounded_curves(&scene, Accuracy::FAST, at, &hz).unwrap();
-        let fine = bounded_curves(&scene, Accuracy::tolerance(1e-4).unwrap(), at, &hz).unwrap();
+        let coarse = compute_curves_with_error_bounds(&scene, Accuracy::FAST, at, &hz).unwrap();
+        let fine = compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(1e-4).unwrap(), at, &hz).unwrap();
         let mut worst_curve = 0.0_f64;
         for ((a, bound), (b, finer)) in
             coarse.answer.iter().zip(&coarse.bounds).zip(fine.answer.iter().zip(&fine.bounds))
         {
             let peak = b.iter().map(|z| z.norm()).fold(0.0, f64::max);
-            if let (Some(bound), Some(finer)) = (bound.value(), finer.value()) {
+            if let (Some(bound), Some(finer)) = (bound.known_limit(), finer.known_limit()) {
                 let error = a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak;
                 worst_curve = worst_curve.max(error / (bound + finer));
             }
@@ -314,8 +327,8 @@ fn bounds_hold() {
         if std::env::var_os("ERA_LAYERS_TELL").is_some() {
             println!(
                 "{stream}: {modes} modes {worst:.3} ({:.0e}), curves {worst_curve:.3}, fine {:.0e}",
-                coarse.bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max),
-                fine.bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max),
+                coarse.bounds.iter().filter_map(|bound| bound.known_limit()).fold(0.0, f64::max),
+                fine.bounds.iter().filter_map(|bound| bound.known_limit()).fold(0.0, f64::max),
             );
         }
         assert!(worst <= 1.0 && worst_curve <= 1.0, "{stream}: {worst} {worst_curve}");

@@ -1,6 +1,6 @@
 //! Damping ratios of modes by their frequencies, against a bar's closed form: mode by mode, and as the sum over modes of what each does at a frequency.
 
-use era_model::model::{Accuracy, PanelModel, bounded_modes};
+use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::acceleration_curves;
 use era_model::scene::Scene;
 use num_complex::Complex64;
@@ -51,7 +51,8 @@ fn ratio(hz: f64) -> f64 {
 
 #[test]
 fn each_mode_has_the_ratio_of_its_frequency() {
-    let found = bounded_modes(&bar(TABLE), Accuracy::tolerance(1e-6).unwrap(), 500.0).unwrap().answer;
+    let found =
+        compute_modes_with_error_bounds(&bar(TABLE), Accuracy::from_tolerance(1e-6).unwrap(), 500.0).unwrap().answer;
     assert!(found.len() >= 5, "{}", found.len());
     for (n, mode) in (1..).zip(&found) {
         let hz = omega(n) / TAU;
@@ -65,10 +66,10 @@ fn each_mode_has_the_ratio_of_its_frequency() {
 #[test]
 fn a_response_is_the_sum_over_modes_with_their_ratios() {
     let scene = bar(TABLE);
-    let model = PanelModel::build(&scene, Accuracy::tolerance(1e-5).unwrap(), 400.0).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::from_tolerance(1e-5).unwrap(), 400.0).unwrap();
     let model = model.reduce(400.0, &[(SEEN * LENGTH_M, WIDTH_M / 2.0)]).unwrap();
     let hz: Vec<f64> = (1..80).map(|k| 5.0 * f64::from(k) + 0.3).collect();
-    let shape = model.shape_at(SEEN * LENGTH_M, WIDTH_M / 2.0);
+    let shape = model.shape_deflections_at(SEEN * LENGTH_M, WIDTH_M / 2.0);
     let found = acceleration_curves(&model, &shape, &hz).unwrap().remove(0);
     let mass_kg = KG_PER_M3 * THICKNESS_M * WIDTH_M * LENGTH_M;
     let wanted: Vec<Complex64> = hz
@@ -91,7 +92,7 @@ fn a_response_is_the_sum_over_modes_with_their_ratios() {
 /// To rounding: a table of one ratio is that ratio.
 #[test]
 fn a_table_that_is_level_is_one_number() {
-    let modes = |text: &str| bounded_modes(&bar(text), Accuracy::BALANCED, 400.0).unwrap().answer;
+    let modes = |text: &str| compute_modes_with_error_bounds(&bar(text), Accuracy::BALANCED, 400.0).unwrap().answer;
     let (number, table) = (modes("0.02"), modes("[[50, 0.02], [200, 0.02]]"));
     assert_eq!(number.len(), table.len());
     for (a, b) in number.iter().zip(&table) {

@@ -1,11 +1,11 @@
 //! Sealed air behind panels with something attached inside: bounds against an exact solution, levels that fall towards it, and the mean deflection
 //! of every function of the mesh.
 
-use era_model::model::assembly::assemble;
-use era_model::model::grid::Derivative;
-use era_model::model::{Accuracy, Fineness, PanelModel, bounded_modes};
-use era_model::response::bounded_curves;
-use era_model::scene::random::Random;
+use era_model::model::assembly::assemble_panel_matrices;
+use era_model::model::grid::DeflectionDerivative;
+use era_model::model::{Accuracy, Fineness, PanelModel, compute_modes_with_error_bounds};
+use era_model::response::compute_curves_with_error_bounds;
+use era_model::scene::random::RandomSequence;
 use era_model::scene::{Mount, Scene};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -32,24 +32,28 @@ fn panel(size_mm: [f64; 3], depth_mm: f64, loss_factor: f64, parts: &str) -> Sce
 }
 
 /// Supports, a mass and ERAs of both mounts at random places inside a rectangle of this size.
-fn inside(random: &mut Random, [length, width, _]: [f64; 3]) -> String {
+fn inside(random: &mut RandomSequence, [length, width, _]: [f64; 3]) -> String {
     let mut text = String::new();
     let mut place = || {
-        format!("x_mm = {:?}\ny_mm = {:?}\n", length * random.between(0.06, 0.94), width * random.between(0.06, 0.94))
+        format!(
+            "x_mm = {:?}\ny_mm = {:?}\n",
+            length * random.next_between(0.06, 0.94),
+            width * random.next_between(0.06, 0.94)
+        )
     };
     let places = [place(), place(), place(), place(), place()];
-    let spring = 10.0_f64.powf(random.between(2.5, 6.5));
+    let spring = 10.0_f64.powf(random.next_between(2.5, 6.5));
     writeln!(text, "[[support]]\n{}stiffness_n_per_m = {spring:?}", places[0]).unwrap();
-    let spring = 10.0_f64.powf(random.between(2.5, 4.5));
+    let spring = 10.0_f64.powf(random.next_between(2.5, 4.5));
     writeln!(text, "[[support]]\n{}stiffness_n_per_m = {spring:?}\ndamping_n_s_per_m = 0.3", places[1]).unwrap();
-    writeln!(text, "[[mass]]\n{}mass_g = {:?}", places[2], random.between(1.0, 40.0)).unwrap();
+    writeln!(text, "[[mass]]\n{}mass_g = {:?}", places[2], random.next_between(1.0, 40.0)).unwrap();
     for (place, mount) in places[3..].iter().zip(["grounded", "inertial"]) {
         writeln!(
             text,
             "[[actuator]]\nid = \"{mount}\"\n{place}mount = \"{mount}\"\nmoving_mass_g = {:?}\nstiffness_n_per_m = {:?}\ndamping_n_s_per_m = 0.4\n\
              housing_mass_g = 2.0\nelectrode_area_mm2 = 900.0\nair_gap_um = 500.0\nmax_voltage_v = 1000.0",
-            random.between(3.0, 15.0),
-            random.between(3e3, 2e4)
+            random.next_between(3.0, 15.0),
+            random.next_between(3e3, 2e4)
         )
         .unwrap();
     }
@@ -214,7 +218,7 @@ impl Pinned<'_> {
 /// tolerances. Seen to fail with that rule, and with errors that fall with the fifth power of the order.
 #[test]
 fn bounds_of_frequencies_hold_with_attachments_inside() {
-    let mut random = Random::new(34, 0);
+    let mut random = RandomSequence::new(34, 0);
     let mut checked = 0;
     for depth_mm in [7.5, 0.8, 60.0] {
         let size = [263.0, 171.0, 1.7];
@@ -222,12 +226,13 @@ fn bounds_of_frequencies_hold_with_attachments_inside() {
         let exact = Pinned(&scene);
         let mut known: Vec<f64> = Vec::new();
         for tolerance in [1e-8, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7] {
-            let found = bounded_modes(&scene, Accuracy::tolerance(tolerance).unwrap(), 420.0).unwrap();
+            let found =
+                compute_modes_with_error_bounds(&scene, Accuracy::from_tolerance(tolerance).unwrap(), 420.0).unwrap();
             for (k, (mode, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {
                 if known.len() <= k {
                     known.push(exact.mode_near(mode.frequency_hz));
                 }
-                let (off, bound) = ((mode.frequency_hz / known[k] - 1.0).abs(), bound.value().unwrap());
+                let (off, bound) = ((mode.frequency_hz / known[k] - 1.0).abs(), bound.known_limit().unwrap());
                 assert!(
                     off <= bound + OWN,
                     "mode {} at {tolerance:e}, {depth_mm} mm: {} for {}, off by {off:e}, bound {bound:e}",
@@ -244,21 +249,22 @@ fn bounds_of_frequencies_hold_with_attachments_inside() {
 
 #[test]
 fn bounds_of_responses_hold_with_attachments_inside() {
-    let mut random = Random::new(35, 0);
+    let mut random = RandomSequence::new(35, 0);
     for (depth_mm, eta) in [(7.5, 3e-4), (2.0, 0.02)] {
         let size = [263.0, 171.0, 1.7];
         let scene = panel(size, depth_mm, eta, &format!("{}{}", pinned(), inside(&mut random, size)));
         let exact = Pinned(&scene);
-        let at = (0.263 * random.between(0.1, 0.9), 0.171 * random.between(0.1, 0.9));
+        let at = (0.263 * random.next_between(0.1, 0.9), 0.171 * random.next_between(0.1, 0.9));
         let hz: Vec<f64> = (0..12).map(|k| 151.0 + 20.0 * f64::from(k)).collect();
         let wanted: Vec<Vec<Complex64>> =
             (0..2).map(|k| hz.iter().map(|hz| exact.accelerance(*hz, at, k)).collect()).collect();
         for tolerance in [1e-2, 1e-3, 1e-5, 1e-7] {
-            let found = bounded_curves(&scene, Accuracy::tolerance(tolerance).unwrap(), at, &hz).unwrap();
+            let found = compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(tolerance).unwrap(), at, &hz)
+                .unwrap();
             for (k, (curve, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {
                 let peak = wanted[k].iter().map(|z| z.norm()).fold(0.0, f64::max);
                 let off = curve.iter().zip(&wanted[k]).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak;
-                let bound = bound.value().unwrap();
+                let bound = bound.known_limit().unwrap();
                 assert!(off <= bound + 1e-8, "{tolerance:e}, {depth_mm} mm, ERA {k}: off by {off:e}, bound {bound:e}");
             }
         }
@@ -277,7 +283,7 @@ fn frequencies_fall_from_order_to_order() {
         )
     };
     let size = [263.0, 171.0, 1.7];
-    let mut random = Random::new(36, 0);
+    let mut random = RandomSequence::new(36, 0);
     let own = inside(&mut random, size);
     let cutout = "[[cutout]]\nx_mm = 100.0\ny_mm = 0.0\nlength_mm = 37.0\nwidth_mm = 31.0\n";
     let patch = "[[patch]]\nx_mm = 60.0\ny_mm = 40.0\nlength_mm = 71.0\nwidth_mm = 53.0\nthickness_mm = 2.9\n";
@@ -312,7 +318,8 @@ fn frequencies_fall_from_order_to_order() {
             for order in [5, 7, 9, 11, 13] {
                 let fineness = Fineness { cell_m: 0.14, order, layers: (order - 1) / 2 };
                 let model = PanelModel::with_fineness(&scene, fineness).unwrap();
-                let modes: Vec<f64> = model.modes(500.0).unwrap().iter().map(|mode| mode.frequency_hz).collect();
+                let modes: Vec<f64> =
+                    model.compute_damped_modes(500.0).unwrap().iter().map(|mode| mode.frequency_hz).collect();
                 for (k, (finer, coarser)) in modes.iter().zip(before.iter().flatten()).enumerate() {
                     let rises = finer / coarser - 1.0;
                     assert!(
@@ -334,18 +341,20 @@ const RISES: f64 = 2e-10;
 /// of its error taken away (Richardson).
 #[test]
 fn the_mean_of_every_function_is_its_integral() {
-    let mut random = Random::new(37, 0);
+    let mut random = RandomSequence::new(37, 0);
     let size = [263.0, 171.0, 1.7];
     let scene = panel(size, 7.5, 0.0, &inside(&mut random, size));
-    let assembled = assemble(&scene, Fineness { cell_m: 0.14, order: 7, layers: 3 }).unwrap();
+    let assembled = assemble_panel_matrices(&scene, Fineness { cell_m: 0.14, order: 7, layers: 3 }).unwrap();
     let (grid, n) = (&assembled.grid, assembled.grid.free);
-    let (length, width) = grid.size();
+    let (length, width) = grid.length_and_width_m();
     let by_midpoints = |count: u32| -> Vec<f64> {
         let mut sums = vec![0.0; n];
         let part = |k: u32| (f64::from(k) + 0.5) / f64::from(count);
         for j in 0..count {
             for i in 0..count {
-                for (unknown, value) in grid.row_at(length * part(i), width * part(j), Derivative::Value) {
+                for (unknown, value) in
+                    grid.deflection_row_at(length * part(i), width * part(j), DeflectionDerivative::Value)
+                {
                     sums[unknown] += value / f64::from(count).powi(2);
                 }
             }

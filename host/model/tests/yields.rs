@@ -33,7 +33,7 @@ fn support(x_m: f64, y_m: f64, stiffness_n_per_m: f64) -> Support {
 fn yields(scene: &Scene, accuracy: Accuracy, places_m: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let panel = BarePanel::build(scene, accuracy, MAX_HZ).unwrap();
     let one = |(x, y): &(f64, f64)| {
-        let found = panel.yields(scene, &[*x], &[*y]).unwrap();
+        let found = panel.compute_surface_compliance(scene, &[*x], &[*y]).unwrap();
         (found.m_per_n[0], found.error_m_per_n[0])
     };
     places_m.iter().map(one).collect()
@@ -120,8 +120,13 @@ fn a_stiff_plate_sinks_and_tilts_on_its_springs() {
 fn only_springs_to_the_ground_hold_a_panel() {
     let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
     let (x, y) = ([0.0, 0.041, 0.15, 0.3], [0.0, 0.07, 0.13, 0.2]);
-    let of =
-        |scene: &Scene| BarePanel::build(scene, Accuracy::FAST, MAX_HZ).unwrap().yields(scene, &x, &y).unwrap().m_per_n;
+    let of = |scene: &Scene| {
+        BarePanel::build(scene, Accuracy::FAST, MAX_HZ)
+            .unwrap()
+            .compute_surface_compliance(scene, &x, &y)
+            .unwrap()
+            .m_per_n
+    };
     let before = of(&scene);
     let mut heavy = scene.clone();
     heavy.supports.iter_mut().for_each(|own| own.damping_n_s_per_m *= 7.0);

@@ -1,6 +1,6 @@
 //! Drives as the search has chosen them, with what they do.
 
-use crate::response::{Component, peak_acceleration};
+use crate::response::{SineComponent, compute_peak_of_sines};
 use crate::table::{Entry, Width, at_point};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -59,7 +59,7 @@ pub(super) fn peak(drives: &[Chosen], shape: &DVector<f64>) -> f64 {
     let component = |(i, drive): (usize, &Chosen)| {
         let force = Complex64::from_polar(drive.force_n, drive.phase_rad);
         let response = drive.row.get(i).map(|entry| at_point(shape, &entry.acceleration));
-        Component { frequency_hz: drive.frequency_hz, phasor: response.unwrap_or_default() * force }
+        SineComponent { frequency_hz: drive.frequency_hz, phasor: response.unwrap_or_default() * force }
     };
-    peak_acceleration(&drives.iter().enumerate().map(component).collect::<Vec<_>>())
+    compute_peak_of_sines(&drives.iter().enumerate().map(component).collect::<Vec<_>>())
 }

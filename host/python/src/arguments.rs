@@ -1,6 +1,6 @@
 //! What functions are asked for, as the crates take it.
 
-use crate::errors::{Raised, Value};
+use crate::errors::{ArgumentValue, Raised};
 use era_model::model::Accuracy;
 use era_model::scene::{Scene, SurfaceKind};
 use numpy::PyReadonlyArray1;
@@ -16,54 +16,57 @@ const MOST_LINES: usize = 10_000;
 
 /// `tolerance`: a number, or the name of one.
 #[derive(FromPyObject)]
-pub enum Tolerance {
+pub enum GivenTolerance {
     /// 1e-8 to 0.1.
     Number(f64),
     /// `fast`, `balanced` or `reference`.
     Name(String),
 }
 
-impl Tolerance {
-    /// As the crates take it.
-    pub fn accuracy(self) -> Result<Accuracy, Raised> {
+impl GivenTolerance {
+    /// The accuracy that the crates take.
+    pub fn to_accuracy(self) -> Result<Accuracy, Raised> {
         match self {
-            Tolerance::Number(value) => Ok(Accuracy::tolerance(value)?),
-            Tolerance::Name(name) => {
+            GivenTolerance::Number(value) => Ok(Accuracy::from_tolerance(value)?),
+            GivenTolerance::Name(name) => {
                 let allowed = "1e-8 to 0.1, \"fast\", \"balanced\" or \"reference\"";
-                name.parse().map_err(|_| Raised::argument("tolerance", name.as_str(), allowed))
+                name.parse().map_err(|_| Raised::wrong_argument("tolerance", name.as_str(), allowed))
             }
         }
     }
 }
 
 /// `tolerance` and `within_s`: the latter comes first, balanced if there is neither.
-pub fn accuracy(tolerance: Option<Tolerance>, within_s: Option<f64>) -> Result<Accuracy, Raised> {
+pub fn choose_accuracy(tolerance: Option<GivenTolerance>, within_s: Option<f64>) -> Result<Accuracy, Raised> {
     match (tolerance, within_s) {
-        (Some(_), Some(within_s)) => Err(Raised::argument("within_s", within_s, "None where there is a tolerance")),
+        (Some(_), Some(within_s)) => {
+            Err(Raised::wrong_argument("within_s", within_s, "None where there is a tolerance"))
+        }
         (_, Some(within_s)) => {
             let time = Duration::try_from_secs_f64(within_s).ok().filter(|time| !time.is_zero());
-            time.map(Accuracy::within).ok_or_else(|| Raised::argument("within_s", within_s, "a time above 0 s"))
+            time.map(Accuracy::best_within_time)
+                .ok_or_else(|| Raised::wrong_argument("within_s", within_s, "a time above 0 s"))
         }
-        (Some(tolerance), None) => tolerance.accuracy(),
+        (Some(tolerance), None) => tolerance.to_accuracy(),
         (None, None) => Ok(Accuracy::BALANCED),
     }
 }
 
 /// Real numbers of whatever NumPy makes an array of: a number, a sequence, an array, a series. They are copied: another thread may write to
 /// an array meanwhile.
-pub struct Numbers {
+pub struct RealNumbers {
     values: Vec<f64>,
     shape: Vec<usize>,
     /// Where the first masked entry is.
     first_masked: Option<usize>,
 }
 
-impl Numbers {
+impl RealNumbers {
     /// The numbers of `given`, which is one of `what` in messages.
     ///
     /// # Errors
     /// `TypeError` where NumPy finds no real numbers in it.
-    pub fn read(given: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
+    pub fn read_from_python(given: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
         let numpy = given.py().import("numpy")?;
         let refuse = |problem: &str| PyTypeError::new_err(format!("{what}, not {problem}"));
         if given.is_none() {
@@ -105,26 +108,30 @@ impl Numbers {
     }
 
     /// Refuses masked entries; `field` is what the argument is called.
-    fn need_no_mask(&self, field: &str) -> Result<(), Raised> {
+    fn refuse_masked_entries(&self, field: &str) -> Result<(), Raised> {
         let Some(at) = self.first_masked else { return Ok(()) };
-        Err(Raised::argument(format!("{field}[{at}]"), "masked", "a number: compressed() leaves masked entries out"))
+        Err(Raised::wrong_argument(
+            format!("{field}[{at}]"),
+            "masked",
+            "a number: compressed() leaves masked entries out",
+        ))
     }
 
     /// Exactly `N` numbers, in rows or not.
-    fn exactly<const N: usize>(&self) -> Option<[f64; N]> {
+    fn to_exact_array<const N: usize>(&self) -> Option<[f64; N]> {
         self.values.as_slice().try_into().ok()
     }
 }
 
 /// A place in m: two coordinates, or one along a bar.
-pub struct Place(Numbers);
+pub struct GivenPlace(RealNumbers);
 
-impl<'py> FromPyObject<'_, 'py> for Place {
+impl<'py> FromPyObject<'_, 'py> for GivenPlace {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "a place is two numbers (x_m, y_m), or x_m alone on a bar";
-        let numbers = Numbers::read(&given, what)?;
+        let numbers = RealNumbers::read_from_python(&given, what)?;
         if numbers.shape.len() > 1 || !matches!(numbers.values.len(), 1 | 2) {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -132,35 +139,35 @@ impl<'py> FromPyObject<'_, 'py> for Place {
     }
 }
 
-impl Place {
+impl GivenPlace {
     /// Where it is on the surface; `field` is what the argument is called.
-    pub fn on(&self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
-        self.0.need_no_mask(field)?;
+    pub fn locate_on_surface_m(&self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
+        self.0.refuse_masked_entries(field)?;
         let at = match self.0.values[..] {
             [x_m, y_m] => (x_m, y_m),
             [x_m] if scene.surface.kind == SurfaceKind::Bar => (x_m, 0.0),
             // `extract` let one or two numbers pass.
             _ => {
                 let x_m = self.0.values.first().copied().unwrap_or(f64::NAN);
-                return Err(Raised::argument(field, x_m, "two coordinates (x_m, y_m) on a plate"));
+                return Err(Raised::wrong_argument(field, x_m, "two coordinates (x_m, y_m) on a plate"));
             }
         };
-        locate(scene, field, at)
+        check_place_on_surface(scene, field, at)
     }
 }
 
 /// Where two coordinates in m are on the surface; `field` is what the argument is called.
-fn locate(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
-    let place = scene.place(at.0, at.1).map_err(|error| Raised::place(field, at, error))?;
-    Ok(place.xy_m())
+fn check_place_on_surface(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
+    let place = scene.surface_point_at(at.0, at.1).map_err(|error| Raised::place_off_surface(field, at, error))?;
+    Ok(place.coordinates_m())
 }
 
 /// Another target: a place in m, and its peak in g, which may be left to the plan.
-pub struct Also {
-    numbers: Numbers,
+pub struct GivenTarget {
+    numbers: RealNumbers,
 }
 
-impl<'py> FromPyObject<'_, 'py> for Also {
+impl<'py> FromPyObject<'_, 'py> for GivenTarget {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
@@ -170,7 +177,7 @@ impl<'py> FromPyObject<'_, 'py> for Also {
             Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
             _ => given.to_owned(),
         };
-        let numbers = Numbers::read(&own, what)?;
+        let numbers = RealNumbers::read_from_python(&own, what)?;
         if numbers.shape.len() != 1 || !matches!(numbers.values.len(), 2 | 3) {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -178,86 +185,86 @@ impl<'py> FromPyObject<'_, 'py> for Also {
     }
 }
 
-impl Also {
+impl GivenTarget {
     /// Its place on the surface in m, and its peak in g; `field` is what the argument is called.
-    pub fn on(&self, scene: &Scene, field: &str) -> Result<((f64, f64), Option<f64>), Raised> {
-        self.numbers.need_no_mask(field)?;
+    pub fn locate_with_peak_g(&self, scene: &Scene, field: &str) -> Result<((f64, f64), Option<f64>), Raised> {
+        self.numbers.refuse_masked_entries(field)?;
         let at = |k: usize| self.numbers.values.get(k).copied();
-        let place = locate(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
+        let place = check_place_on_surface(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
         Ok((place, at(2)))
     }
 }
 
 /// Four numbers: a quiet zone (a place in m, its radius in m, the most peak acceleration there in g), or two opposite corners in m.
-pub struct Four(Numbers);
+pub struct FourNumbers(RealNumbers);
 
-impl<'py> FromPyObject<'_, 'py> for Four {
+impl<'py> FromPyObject<'_, 'py> for FourNumbers {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "four numbers are needed";
-        let numbers = Numbers::read(&given, what)?;
-        if numbers.exactly::<4>().is_none() {
+        let numbers = RealNumbers::read_from_python(&given, what)?;
+        if numbers.to_exact_array::<4>().is_none() {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
 }
 
-impl Four {
+impl FourNumbers {
     /// The numbers; `field` is what the argument is called.
-    pub fn numbers(&self, field: &str) -> Result<[f64; 4], Raised> {
-        self.0.need_no_mask(field)?;
-        self.0.exactly().ok_or_else(|| Raised::argument(field, self.0.values.len(), "four numbers"))
+    pub fn check_unmasked_numbers(&self, field: &str) -> Result<[f64; 4], Raised> {
+        self.0.refuse_masked_entries(field)?;
+        self.0.to_exact_array().ok_or_else(|| Raised::wrong_argument(field, self.0.values.len(), "four numbers"))
     }
 
     /// The same where the first two are a place on the surface.
-    pub fn around_place(&self, scene: &Scene, field: &str) -> Result<[f64; 4], Raised> {
-        let [x_m, y_m, radius_m, at_most_g] = self.numbers(field)?;
-        let (x_m, y_m) = locate(scene, field, (x_m, y_m))?;
+    pub fn check_place_in_first_two(&self, scene: &Scene, field: &str) -> Result<[f64; 4], Raised> {
+        let [x_m, y_m, radius_m, at_most_g] = self.check_unmasked_numbers(field)?;
+        let (x_m, y_m) = check_place_on_surface(scene, field, (x_m, y_m))?;
         Ok([x_m, y_m, radius_m, at_most_g])
     }
 }
 
 /// A point of the unit cube.
-pub struct Point(Numbers);
+pub struct UnitCubePoint(RealNumbers);
 
-impl<'py> FromPyObject<'_, 'py> for Point {
+impl<'py> FromPyObject<'_, 'py> for UnitCubePoint {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        Ok(Self(Numbers::read(&given, "a point is real numbers in one row")?))
+        Ok(Self(RealNumbers::read_from_python(&given, "a point is real numbers in one row")?))
     }
 }
 
-impl Point {
+impl UnitCubePoint {
     /// Its numbers, one from 0 to 1 for each dimension.
-    pub fn in_unit_cube(self, dimensions: usize) -> Result<Vec<f64>, Raised> {
-        self.0.need_no_mask("point")?;
+    pub fn check_in_unit_cube(self, dimensions: usize) -> Result<Vec<f64>, Raised> {
+        self.0.refuse_masked_entries("point")?;
         let point = self.0.values;
         if point.len() != dimensions {
-            return Err(Raised::argument(
+            return Err(Raised::wrong_argument(
                 "len(point)",
                 point.len(),
                 format!("{dimensions}, as many as there are dimensions"),
             ));
         }
         match point.iter().position(|part| !(0.0..=1.0).contains(part)) {
-            Some(at) => Err(Raised::argument(format!("point[{at}]"), point[at], "0 to 1")),
+            Some(at) => Err(Raised::wrong_argument(format!("point[{at}]"), point[at], "0 to 1")),
             None => Ok(point),
         }
     }
 }
 
 /// Frequencies in Hz: one, or any number of them in a row.
-pub struct Frequencies(Numbers);
+pub struct GivenFrequencies(RealNumbers);
 
-impl<'py> FromPyObject<'_, 'py> for Frequencies {
+impl<'py> FromPyObject<'_, 'py> for GivenFrequencies {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "frequencies are real numbers in one row";
-        let numbers = Numbers::read(&given, what)?;
+        let numbers = RealNumbers::read_from_python(&given, what)?;
         if numbers.shape.len() > 1 {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -266,38 +273,38 @@ impl<'py> FromPyObject<'_, 'py> for Frequencies {
 }
 
 /// The frequencies, each from `least_hz` up.
-pub fn frequencies(Frequencies(given): Frequencies, least_hz: f64) -> Result<Vec<f64>, Raised> {
-    given.need_no_mask("frequency_hz")?;
+pub fn check_frequencies_hz(GivenFrequencies(given): GivenFrequencies, least_hz: f64) -> Result<Vec<f64>, Raised> {
+    given.refuse_masked_entries("frequency_hz")?;
     let frequencies_hz = given.values;
     if frequencies_hz.is_empty() || frequencies_hz.len() > MOST_FREQUENCIES {
         let allowed = format!("1 to {MOST_FREQUENCIES} frequencies");
-        return Err(Raised::argument("len(frequency_hz)", frequencies_hz.len(), allowed));
+        return Err(Raised::wrong_argument("len(frequency_hz)", frequencies_hz.len(), allowed));
     }
     let wrong = frequencies_hz.iter().position(|hz| !(hz.is_finite() && *hz >= least_hz));
     match wrong {
         None => Ok(frequencies_hz),
         Some(at) => {
             let allowed = if least_hz > 0.0 { "above 0 Hz" } else { "0 Hz and above" };
-            Err(Raised::argument(format!("frequency_hz[{at}]"), frequencies_hz[at], allowed))
+            Err(Raised::wrong_argument(format!("frequency_hz[{at}]"), frequencies_hz[at], allowed))
         }
     }
 }
 
 /// Columns and rows of a grid, in a sequence of any kind.
 #[derive(Clone, Copy)]
-pub struct Grid {
+pub struct GridSize {
     columns: i64,
     rows: i64,
 }
 
-impl Grid {
-    /// What is not asked for otherwise.
-    pub const fn usual(columns: i64, rows: i64) -> Self {
+impl GridSize {
+    /// The size that is used where none is given.
+    pub const fn default_size(columns: i64, rows: i64) -> Self {
         Self { columns, rows }
     }
 }
 
-impl<'py> FromPyObject<'_, 'py> for Grid {
+impl<'py> FromPyObject<'_, 'py> for GridSize {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
@@ -312,16 +319,18 @@ impl<'py> FromPyObject<'_, 'py> for Grid {
 }
 
 /// Columns and rows of a grid.
-pub fn grid(Grid { columns, rows }: Grid) -> Result<(usize, usize), Raised> {
+pub fn check_grid_size(GridSize { columns, rows }: GridSize) -> Result<(usize, usize), Raised> {
     let lines = |field: &str, count: i64| {
         let lines = usize::try_from(count).ok().filter(|count| (1..=MOST_LINES).contains(count));
         #[expect(clippy::cast_precision_loss, reason = "to be shown")]
-        lines.ok_or_else(|| Raised::argument(field, Value::Number(count as f64), format!("1 to {MOST_LINES}")))
+        lines.ok_or_else(|| {
+            Raised::wrong_argument(field, ArgumentValue::Number(count as f64), format!("1 to {MOST_LINES}"))
+        })
     };
     Ok((lines("grid[0]", columns)?, lines("grid[1]", rows)?))
 }
 
 /// Responses are to actuators.
-pub fn need_actuators(scene: &Scene) -> Result<(), Raised> {
+pub fn refuse_scene_without_actuators(scene: &Scene) -> Result<(), Raised> {
     if scene.actuators.is_empty() { Err(era_planner::PlanError::NoActuators.into()) } else { Ok(()) }
 }

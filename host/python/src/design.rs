@@ -1,9 +1,9 @@
 //! `Design`: one design of a study, for optimisers that ask for points of their own.
 
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::array;
-use era_study::result::{constraints_of, objectives_of};
-use era_study::run::{Outcome, Row, Study};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::read_only_array;
+use era_study::result::{constraint_margins_of_design, objective_values_of_design};
+use era_study::run::{DesignOutcome, DesignRow, Study};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,32 +33,33 @@ pickled!(Design { point, values, figures, objectives, constraints, failed, scene
 
 impl Design {
     /// Of a row of its study.
-    pub fn of(py: Python<'_>, study: &Study, row: Row) -> PyResult<Self> {
+    pub fn from_row(py: Python<'_>, study: &Study, row: DesignRow) -> PyResult<Self> {
         let (values, figures) = (PyDict::new(py), PyDict::new(py));
-        for column in study.space.columns() {
+        for column in study.space.table_columns() {
             match &column.words {
-                Some(_) => values.set_item(&column.name, column.text(&row.design))?,
-                None => values.set_item(&column.name, column.number(&row.design))?,
+                Some(_) => values.set_item(&column.name, column.text_in_design(&row.design))?,
+                None => values.set_item(&column.name, column.number_in_design(&row.design))?,
             }
         }
-        if let Some(found) = row.figures() {
+        if let Some(found) = row.figures_if_found() {
             for (wanted, value) in study.figures.iter().zip(&found.values) {
-                figures.set_item(wanted.column(), value)?;
+                figures.set_item(wanted.column_name(), value)?;
             }
         }
-        let numbers = |told: Vec<(String, f64)>| array(py, told.into_iter().map(|(_, value)| value).collect());
+        let numbers =
+            |told: Vec<(String, f64)>| read_only_array(py, told.into_iter().map(|(_, value)| value).collect());
         let failed = match &row.outcome {
-            Outcome::Found { .. } => None,
-            Outcome::Failed(reason) => Some(reason.clone()),
+            DesignOutcome::Found { .. } => None,
+            DesignOutcome::Failed(reason) => Some(reason.clone()),
         };
         Ok(Self {
             values: values.unbind(),
             figures: figures.unbind(),
-            objectives: numbers(objectives_of(study, &row)),
-            constraints: numbers(constraints_of(study, &row)),
+            objectives: numbers(objective_values_of_design(study, &row)),
+            constraints: numbers(constraint_margins_of_design(study, &row)),
             failed,
-            scene_text: study.space.text(&row.design).ok(),
-            point: array(py, row.point),
+            scene_text: study.space.design_as_scene_text(&row.design).ok(),
+            point: read_only_array(py, row.point),
         })
     }
 }
@@ -73,6 +74,6 @@ impl Design {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }

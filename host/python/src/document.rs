@@ -8,11 +8,11 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PySequence,
 use toml::{Table, Value};
 
 /// A document from keywords; those that are `None` are left out. A scene file's version is added.
-pub fn from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
+pub fn table_from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
     let mut table = Table::new();
     table.insert("version".into(), Value::Integer(1));
     for (key, value) in keywords {
-        if let Some(value) = value_of(&value)? {
+        if let Some(value) = toml_value_from_python(&value)? {
             table.insert(key.extract()?, value);
         }
     }
@@ -20,7 +20,7 @@ pub fn from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
 }
 
 /// A value; nothing for `None`.
-fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+fn toml_value_from_python(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     if value.is_none() {
         return Ok(None);
     }
@@ -34,8 +34,8 @@ fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
         Value::Float(value.extract()?)
     } else if let Ok(mapping) = value.cast::<PyMapping>() {
         let mut table = Table::new();
-        for (key, value) in entries(mapping)? {
-            if let Some(value) = value_of(&value)? {
+        for (key, value) in mapping_entries(mapping)? {
+            if let Some(value) = toml_value_from_python(&value)? {
                 table.insert(key.extract()?, value);
             }
         }
@@ -43,11 +43,11 @@ fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     } else if let Ok(sequence) = value.cast::<PySequence>() {
         let mut list = Vec::new();
         for entry in sequence.try_iter()? {
-            list.extend(value_of(&entry?)?);
+            list.extend(toml_value_from_python(&entry?)?);
         }
         Value::Array(list)
     } else if value.hasattr("dtype")? && value.hasattr("tolist")? {
-        return array_value(value);
+        return toml_array_from_numpy(value);
     } else if let Ok(whole) = value.extract::<i64>() {
         // NumPy's whole numbers, which are none of Python's.
         Value::Integer(whole)
@@ -61,7 +61,7 @@ fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
 }
 
 /// The value of NumPy's arrays and numbers: that of the list, or the number, that they are of.
-fn array_value(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+fn toml_array_from_numpy(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     // Below a mask is nothing that was measured, and a list would leave it out without a word.
     if value.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (value,))?.extract()? {
         return Err(PyTypeError::new_err("a scene has no masked entries: compressed() leaves them out of an array"));
@@ -71,30 +71,30 @@ fn array_value(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
         // Numbers wider than Python's stay what they are.
         return Ok(Some(Value::Float(plain.extract()?)));
     }
-    value_of(&plain)
+    toml_value_from_python(&plain)
 }
 
-fn entries<'py>(mapping: &Bound<'py, PyMapping>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+fn mapping_entries<'py>(mapping: &Bound<'py, PyMapping>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
     mapping.items()?.iter().map(|entry| entry.extract()).collect()
 }
 
 /// Changes `table` by keywords: mappings change what they name, `None` takes away, everything else replaces.
-pub fn change(table: &mut Table, keywords: &Bound<'_, PyDict>) -> PyResult<()> {
+pub fn change_table_by_keywords(table: &mut Table, keywords: &Bound<'_, PyDict>) -> PyResult<()> {
     for (key, value) in keywords {
-        change_key(table, &key.extract::<String>()?, &value)?;
+        change_value_of_key(table, &key.extract::<String>()?, &value)?;
     }
     Ok(())
 }
 
-fn change_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+fn change_value_of_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
     match (table.get_mut(key), value.cast::<PyMapping>()) {
         (Some(Value::Table(inner)), Ok(mapping)) => {
-            for (key, value) in entries(mapping)? {
-                change_key(inner, &key.extract::<String>()?, &value)?;
+            for (key, value) in mapping_entries(mapping)? {
+                change_value_of_key(inner, &key.extract::<String>()?, &value)?;
             }
         }
-        (Some(Value::Array(list)), Ok(mapping)) => change_list(key, list, mapping)?,
-        _ => match value_of(value)? {
+        (Some(Value::Array(list)), Ok(mapping)) => change_tables_of_list(key, list, mapping)?,
+        _ => match toml_value_from_python(value)? {
             Some(value) => {
                 table.insert(key.to_owned(), value);
             }
@@ -107,17 +107,17 @@ fn change_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -> PyResul
 }
 
 /// Changes entries of a list, each by its index from 0 (or from -1 for the last) or by its name.
-fn change_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, PyMapping>) -> PyResult<()> {
+fn change_tables_of_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, PyMapping>) -> PyResult<()> {
     let mut gone = Vec::new();
-    for (which, value) in entries(mapping)? {
-        let at = position(key, list, &which)?;
+    for (which, value) in mapping_entries(mapping)? {
+        let at = position_of_list_entry(key, list, &which)?;
         match (list.get_mut(at), value.cast::<PyMapping>()) {
             (Some(Value::Table(entry)), Ok(changes)) => {
-                for (key, value) in entries(changes)? {
-                    change_key(entry, &key.extract::<String>()?, &value)?;
+                for (key, value) in mapping_entries(changes)? {
+                    change_value_of_key(entry, &key.extract::<String>()?, &value)?;
                 }
             }
-            (Some(slot), _) => match value_of(&value)? {
+            (Some(slot), _) => match toml_value_from_python(&value)? {
                 Some(value) => *slot = value,
                 None => gone.push(at),
             },
@@ -131,14 +131,15 @@ fn change_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, PyMapping>)
 }
 
 /// Which entry of the list `key` is meant.
-fn position(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usize> {
+fn position_of_list_entry(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usize> {
     let count = list.len();
     if let Ok(index) = which.extract::<i64>() {
         let from_end = i64::try_from(count).unwrap_or(i64::MAX).saturating_add(index);
         let at = usize::try_from(if index < 0 { from_end } else { index }).ok().filter(|at| *at < count);
         #[expect(clippy::cast_precision_loss, reason = "to be shown")]
-        let wrong =
-            || Raised::argument(key, index as f64, format!("an index of its {count} entries, which count from 0"));
+        let wrong = || {
+            Raised::wrong_argument(key, index as f64, format!("an index of its {count} entries, which count from 0"))
+        };
         return at.ok_or_else(|| wrong().into());
     }
     let wanted: String = which.extract()?;
@@ -150,19 +151,19 @@ fn position(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usi
         Some(name) => format!("an index from 0, or the {name} of an entry: {}", names.join(", ")),
         None => String::from("an index from 0: its entries have no names"),
     };
-    found.ok_or_else(|| Raised::argument(key, wanted.as_str(), allowed).into())
+    found.ok_or_else(|| Raised::wrong_argument(key, wanted.as_str(), allowed).into())
 }
 
 /// The document as Python has it.
-pub fn to_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
+pub fn table_to_python_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for (key, value) in table {
-        dict.set_item(key, to_python(py, value)?)?;
+        dict.set_item(key, toml_value_to_python(py, value)?)?;
     }
     Ok(dict)
 }
 
-fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+fn toml_value_to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::String(text) => text.into_pyobject(py)?.into_any(),
         Value::Integer(whole) => whole.into_pyobject(py)?.into_any(),
@@ -170,9 +171,9 @@ fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>>
         Value::Boolean(flag) => flag.into_pyobject(py)?.to_owned().into_any(),
         Value::Datetime(time) => time.to_string().into_pyobject(py)?.into_any(),
         Value::Array(list) => {
-            let list = list.iter().map(|entry| to_python(py, entry)).collect::<PyResult<Vec<_>>>()?;
+            let list = list.iter().map(|entry| toml_value_to_python(py, entry)).collect::<PyResult<Vec<_>>>()?;
             PyList::new(py, list)?.into_any()
         }
-        Value::Table(table) => to_dict(py, table)?.into_any(),
+        Value::Table(table) => table_to_python_dict(py, table)?.into_any(),
     })
 }

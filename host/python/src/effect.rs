@@ -1,11 +1,11 @@
 //! `effect`: clicks, buzzes, pulses, textures for a place.
 
-use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
 use crate::errors::Raised;
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{read_json, write_json};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{parse_json_to_python, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::with_touched_table;
+use crate::tables::run_with_finger_table;
 use era_planner::effects::view::EffectView;
 use era_planner::effects::{DesignError, EffectRequest, Intensity, NamedEffect, design, plan_with};
 use era_planner::rise::RiseTimes;
@@ -33,7 +33,7 @@ pickled!(Effect { name, target_m, limited_by, effect_json, plan_json });
 
 impl Effect {
     fn value<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
-        read_json(py, &self.effect_json)?.get_item(key)
+        parse_json_to_python(py, &self.effect_json)?.get_item(key)
     }
 }
 
@@ -59,8 +59,8 @@ impl Effect {
     /// -------
     /// dict
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let told = read_json(py, &self.effect_json)?.cast_into::<PyDict>()?;
-        told.set_item("plan", read_json(py, &self.plan_json)?)?;
+        let told = parse_json_to_python(py, &self.effect_json)?.cast_into::<PyDict>()?;
+        told.set_item("plan", parse_json_to_python(py, &self.plan_json)?)?;
         Ok(told)
     }
 
@@ -71,7 +71,7 @@ impl Effect {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -123,24 +123,24 @@ impl Effect {
 pub fn effect(
     py: Python<'_>,
     scene: &PyScene,
-    at_m: Place,
+    at_m: GivenPlace,
     effect: &str,
     intensity_g: Option<f64>,
     intensity_db: Option<f64>,
     duration_ms: Option<f64>,
     count: Option<u32>,
     period_ms: Option<f64>,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Effect> {
-    let scene = scene.scene();
+    let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let (x_m, y_m) = at_m.on(&scene, "at_m")?;
+    let (x_m, y_m) = at_m.locate_on_surface_m(&scene, "at_m")?;
     let named: NamedEffect = serde_json::from_value(effect.into()).map_err(|_| {
         let allowed = "\"click\", \"double_click\", \"buzz\", \"swell\", \"pulse_train\" or \"texture\"";
-        Raised::argument("effect", effect, allowed)
+        Raised::wrong_argument("effect", effect, allowed)
     })?;
     if let (Some(_), Some(intensity_db)) = (intensity_g, intensity_db) {
-        return Err(Raised::argument("intensity_db", intensity_db, "None where there is intensity_g").into());
+        return Err(Raised::wrong_argument("intensity_db", intensity_db, "None where there is intensity_g").into());
     }
     let request = EffectRequest { effect: named, duration_ms, count, period_ms };
     request.envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
@@ -154,9 +154,9 @@ pub fn effect(
             name: named.name().to_owned(),
             target_m: plan.target_m.into(),
             limited_by: designed.limited_by.clone(),
-            effect_json: write_json(&EffectView::new(&designed))?,
-            plan_json: write_json(&plan)?,
+            effect_json: serialise_to_json(&EffectView::new(&designed))?,
+            plan_json: serialise_to_json(&plan)?,
         })
     };
-    with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], design_with)
+    run_with_finger_table(py, &scene, accuracy, vec![(x_m, y_m)], design_with)
 }

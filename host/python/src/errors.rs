@@ -25,16 +25,16 @@ use std::path::Path;
 /// An error, to become an exception.
 #[derive(Debug)]
 pub struct Raised {
-    kind: Kind,
+    kind: RaisedKind,
     text: String,
     field: Option<String>,
-    value: Value,
+    value: ArgumentValue,
     allowed: Option<String>,
 }
 
 /// Which exception.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum RaisedKind {
     Request,
     Model,
     Resonance,
@@ -43,22 +43,22 @@ enum Kind {
     Os(i32),
 }
 
-impl Kind {
+impl RaisedKind {
     /// The name of ours; `None` for one of Python's own.
     const fn name(self) -> Option<&'static str> {
         match self {
-            Kind::Request => Some("RequestError"),
-            Kind::Model => Some("ModelError"),
-            Kind::Resonance => Some("ResonanceError"),
-            Kind::Simulation => Some("SimulationError"),
-            Kind::Os(_) => None,
+            RaisedKind::Request => Some("RequestError"),
+            RaisedKind::Model => Some("ModelError"),
+            RaisedKind::Resonance => Some("ResonanceError"),
+            RaisedKind::Simulation => Some("SimulationError"),
+            RaisedKind::Os(_) => None,
         }
     }
 }
 
 /// What was given.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum ArgumentValue {
     /// It is none of one value.
     None,
     /// A number.
@@ -73,107 +73,117 @@ pub enum Value {
     Corners([f64; 4]),
 }
 
-impl From<f64> for Value {
+impl From<f64> for ArgumentValue {
     fn from(value: f64) -> Self {
-        Value::Number(value)
+        ArgumentValue::Number(value)
     }
 }
 
-impl From<usize> for Value {
+impl From<usize> for ArgumentValue {
     fn from(value: usize) -> Self {
-        Value::Count(value)
+        ArgumentValue::Count(value)
     }
 }
 
-impl From<&str> for Value {
+impl From<&str> for ArgumentValue {
     fn from(value: &str) -> Self {
-        Value::Word(value.to_owned())
+        ArgumentValue::Word(value.to_owned())
     }
 }
 
-impl From<(f64, f64)> for Value {
+impl From<(f64, f64)> for ArgumentValue {
     fn from((x_m, y_m): (f64, f64)) -> Self {
-        Value::Place(x_m, y_m)
+        ArgumentValue::Place(x_m, y_m)
     }
 }
 
-impl<'py> IntoPyObject<'py> for Value {
+impl<'py> IntoPyObject<'py> for ArgumentValue {
     type Target = PyAny;
     type Output = Bound<'py, PyAny>;
     type Error = PyErr;
 
     fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self {
-            Value::None => Ok(py.None().into_bound(py)),
-            Value::Number(value) => Ok(value.into_pyobject(py)?.into_any()),
-            Value::Count(value) => Ok(value.into_pyobject(py)?.into_any()),
-            Value::Word(value) => Ok(value.into_pyobject(py)?.into_any()),
-            Value::Corners([x0, y0, x1, y1]) => Ok((x0, y0, x1, y1).into_pyobject(py)?.into_any()),
-            Value::Place(x_m, y_m) => Ok((x_m, y_m).into_pyobject(py)?.into_any()),
+            ArgumentValue::None => Ok(py.None().into_bound(py)),
+            ArgumentValue::Number(value) => Ok(value.into_pyobject(py)?.into_any()),
+            ArgumentValue::Count(value) => Ok(value.into_pyobject(py)?.into_any()),
+            ArgumentValue::Word(value) => Ok(value.into_pyobject(py)?.into_any()),
+            ArgumentValue::Corners([x0, y0, x1, y1]) => Ok((x0, y0, x1, y1).into_pyobject(py)?.into_any()),
+            ArgumentValue::Place(x_m, y_m) => Ok((x_m, y_m).into_pyobject(py)?.into_any()),
         }
     }
 }
 
 impl Raised {
     /// An argument with a wrong value.
-    pub fn argument(field: impl Into<String>, value: impl Into<Value>, allowed: impl Into<String>) -> Self {
+    pub fn wrong_argument(
+        field: impl Into<String>,
+        value: impl Into<ArgumentValue>,
+        allowed: impl Into<String>,
+    ) -> Self {
         let (field, value, allowed) = (field.into(), value.into(), allowed.into());
         let given = match &value {
-            Value::None => String::from("None"),
-            Value::Number(value) => value.to_string(),
-            Value::Count(value) => value.to_string(),
-            Value::Word(value) => format!("{value:?}"),
-            Value::Place(x_m, y_m) => format!("({x_m}, {y_m})"),
-            Value::Corners([x0, y0, x1, y1]) => format!("({x0}, {y0}, {x1}, {y1})"),
+            ArgumentValue::None => String::from("None"),
+            ArgumentValue::Number(value) => value.to_string(),
+            ArgumentValue::Count(value) => value.to_string(),
+            ArgumentValue::Word(value) => format!("{value:?}"),
+            ArgumentValue::Place(x_m, y_m) => format!("({x_m}, {y_m})"),
+            ArgumentValue::Corners([x0, y0, x1, y1]) => format!("({x0}, {y0}, {x1}, {y1})"),
         };
         let text = format!("{field} is {given}, but must be {allowed}");
-        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed) }
+        Self { kind: RaisedKind::Request, text, field: Some(field), value, allowed: Some(allowed) }
     }
 
     /// A place that is none of the surface: an argument in m, of which `field` is the x coordinate's name.
-    pub fn place(field: &str, (x_m, y_m): (f64, f64), error: PlaceError) -> Self {
+    pub fn place_off_surface(field: &str, (x_m, y_m): (f64, f64), error: PlaceError) -> Self {
         match error {
             PlaceError::Outside { field: "y_mm", max, .. } => {
-                Self::argument(format!("{field}[1]"), y_m, format!("0 to {} m", max / 1e3))
+                Self::wrong_argument(format!("{field}[1]"), y_m, format!("0 to {} m", max / 1e3))
             }
             PlaceError::Outside { max, .. } => {
-                Self::argument(format!("{field}[0]"), x_m, format!("0 to {} m", max / 1e3))
+                Self::wrong_argument(format!("{field}[0]"), x_m, format!("0 to {} m", max / 1e3))
             }
             PlaceError::Cutout { cutout, .. } => {
-                Self::argument(field, (x_m, y_m), format!("on the surface, not in cutout[{cutout}] of the scene"))
+                Self::wrong_argument(field, (x_m, y_m), format!("on the surface, not in cutout[{cutout}] of the scene"))
             }
         }
     }
 
     /// Files and threads that are not to be had.
-    pub fn os(error: impl ToString) -> Self {
-        Self::plain(Kind::Os(0), &error)
+    pub fn unavailable_resource(error: impl ToString) -> Self {
+        Self::without_field(RaisedKind::Os(0), &error)
     }
 
     /// A file that cannot be read or written: with the system's number and the file's name, as Python's own functions tell it.
-    pub fn file(doing: &str, path: &Path, error: &io::Error) -> Self {
+    pub fn unusable_file(doing: &str, path: &Path, error: &io::Error) -> Self {
         let told = error.to_string();
         let name = path.display().to_string();
         match error.raw_os_error() {
             Some(errno) => {
                 let reason = told.split(" (os error").next().unwrap_or(&told);
-                let plain = Self::plain(Kind::Os(errno), &format!("cannot {doing}: {reason}"));
-                Self { value: Value::Word(name), ..plain }
+                let plain = Self::without_field(RaisedKind::Os(errno), &format!("cannot {doing}: {reason}"));
+                Self { value: ArgumentValue::Word(name), ..plain }
             }
-            None => Self::os(format!("cannot {doing} {name}: {told}")),
+            None => Self::unavailable_resource(format!("cannot {doing} {name}: {told}")),
         }
     }
 
-    fn plain(kind: Kind, error: &impl ToString) -> Self {
-        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None }
+    fn without_field(kind: RaisedKind, error: &impl ToString) -> Self {
+        Self { kind, text: error.to_string(), field: None, value: ArgumentValue::None, allowed: None }
     }
 
-    fn with(kind: Kind, error: &impl ToString, field: &str, value: impl Into<Value>, allowed: Option<String>) -> Self {
-        Self { field: Some(field.to_owned()), value: value.into(), allowed, ..Self::plain(kind, error) }
+    fn with(
+        kind: RaisedKind,
+        error: &impl ToString,
+        field: &str,
+        value: impl Into<ArgumentValue>,
+        allowed: Option<String>,
+    ) -> Self {
+        Self { field: Some(field.to_owned()), value: value.into(), allowed, ..Self::without_field(kind, error) }
     }
 }
 
-fn range(min: f64, max: f64) -> Option<String> {
+fn format_allowed_range(min: f64, max: f64) -> Option<String> {
     Some(if max.is_finite() { format!("{min} to {max}") } else { format!("{min} and above") })
 }
 
@@ -181,23 +191,23 @@ impl From<ModelError> for Raised {
     fn from(error: ModelError) -> Self {
         match &error {
             ModelError::Frequency { value, min, max, .. } => {
-                Self::with(Kind::Request, &error, "frequency_hz", *value, range(*min, *max))
+                Self::with(RaisedKind::Request, &error, "frequency_hz", *value, format_allowed_range(*min, *max))
             }
             ModelError::Tolerance { value, min, max } => {
-                Self::with(Kind::Request, &error, "tolerance", *value, range(*min, *max))
+                Self::with(RaisedKind::Request, &error, "tolerance", *value, format_allowed_range(*min, *max))
             }
             ModelError::TooFine { max_hz, unknowns, limit, .. } => {
                 let allowed = format!("at most {limit} unknowns, not {unknowns}");
-                Self::with(Kind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
+                Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::TooManyModes { max_hz, modes, limit } => {
                 let allowed = format!("at most {limit} modes, not {modes}");
-                Self::with(Kind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
+                Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
             }
             ModelError::Factorisation { .. }
             | ModelError::OtherPanel { .. }
             | ModelError::NotConverged { .. }
-            | ModelError::Stopped => Self::plain(Kind::Model, &error),
+            | ModelError::Stopped => Self::without_field(RaisedKind::Model, &error),
         }
     }
 }
@@ -205,7 +215,7 @@ impl From<ModelError> for Raised {
 impl From<ResponseError> for Raised {
     fn from(error: ResponseError) -> Self {
         let ResponseError::Unbounded { frequency_hz, .. } = &error;
-        Self::with(Kind::Resonance, &error, "frequency_hz", *frequency_hz, None)
+        Self::with(RaisedKind::Resonance, &error, "frequency_hz", *frequency_hz, None)
     }
 }
 
@@ -249,9 +259,11 @@ impl From<MotionError> for Raised {
 impl From<TimesError> for Raised {
     fn from(error: TimesError) -> Self {
         match &error {
-            TimesError::Step { value } => Self::with(Kind::Request, &error, "step_s", *value, Some("above 0 s".into())),
+            TimesError::Step { value } => {
+                Self::with(RaisedKind::Request, &error, "step_s", *value, Some("above 0 s".into()))
+            }
             TimesError::Duration { value, most_s } => {
-                Self::with(Kind::Request, &error, "duration_s", *value, Some(format!("above 0 to {most_s} s")))
+                Self::with(RaisedKind::Request, &error, "duration_s", *value, Some(format!("above 0 to {most_s} s")))
             }
         }
     }
@@ -261,13 +273,13 @@ impl From<TransientError> for Raised {
     fn from(error: TransientError) -> Self {
         match &error {
             TransientError::Range { what, value, min, max } => {
-                Self::with(Kind::Request, &error, what, *value, range(*min, *max))
+                Self::with(RaisedKind::Request, &error, what, *value, format_allowed_range(*min, *max))
             }
             TransientError::Unbounded { omega_rad_s } => {
                 let frequency_hz = omega_rad_s / std::f64::consts::TAU;
-                Self::with(Kind::Resonance, &error, "frequency_hz", frequency_hz, None)
+                Self::with(RaisedKind::Resonance, &error, "frequency_hz", frequency_hz, None)
             }
-            _ => Self::plain(Kind::Model, &error),
+            _ => Self::without_field(RaisedKind::Model, &error),
         }
     }
 }
@@ -276,27 +288,27 @@ impl From<PlanError> for Raised {
     fn from(error: PlanError) -> Self {
         match &error {
             PlanError::Range { field, value, min, max } => {
-                Self::with(Kind::Request, &error, field, *value, range(*min, *max))
+                Self::with(RaisedKind::Request, &error, field, *value, format_allowed_range(*min, *max))
             }
             PlanError::Together { option, value, allowed } => {
-                Self::with(Kind::Request, &error, option, *value, Some(format!("with {allowed}")))
+                Self::with(RaisedKind::Request, &error, option, *value, Some(format!("with {allowed}")))
             }
             PlanError::Count { count } => {
                 let most = era_planner::request::MAX_TARGETS;
-                Self::with(Kind::Request, &error, "also", *count, range(1.0, most as f64))
+                Self::with(RaisedKind::Request, &error, "also", *count, format_allowed_range(1.0, most as f64))
             }
             PlanError::Quiet { count } => {
                 let most = era_planner::MAX_QUIET_ZONES;
-                Self::with(Kind::Request, &error, "quiet", *count, range(0.0, most as f64))
+                Self::with(RaisedKind::Request, &error, "quiet", *count, format_allowed_range(0.0, most as f64))
             }
-            PlanError::Cutout { .. } => Self::with(Kind::Request, &error, "at_m", Value::None, None),
-            PlanError::EmptyZone => Self::with(Kind::Request, &error, "zone_m", Value::None, None),
+            PlanError::Cutout { .. } => Self::with(RaisedKind::Request, &error, "at_m", ArgumentValue::None, None),
+            PlanError::EmptyZone => Self::with(RaisedKind::Request, &error, "zone_m", ArgumentValue::None, None),
             PlanError::Actuators { count } => {
                 let most = era_model::scene::MAX_ACTUATORS;
-                Self::with(Kind::Request, &error, "actuator", *count, Some(format!("at most {most}")))
+                Self::with(RaisedKind::Request, &error, "actuator", *count, Some(format!("at most {most}")))
             }
-            PlanError::NoActuators => Self::with(Kind::Request, &error, "actuator", 0, Some("at least 1".into())),
-            PlanError::NoFrequencies | PlanError::Stopped => Self::plain(Kind::Model, &error),
+            PlanError::NoActuators => Self::with(RaisedKind::Request, &error, "actuator", 0, Some("at least 1".into())),
+            PlanError::NoFrequencies | PlanError::Stopped => Self::without_field(RaisedKind::Model, &error),
         }
     }
 }
@@ -306,9 +318,9 @@ impl From<DesignError> for Raised {
         match &error {
             DesignError::Request(request) => {
                 let (field, value, allowed) = request.parts();
-                Self::with(Kind::Request, &error, field, value, Some(allowed))
+                Self::with(RaisedKind::Request, &error, field, value, Some(allowed))
             }
-            DesignError::Unbounded => Self::plain(Kind::Resonance, &error),
+            DesignError::Unbounded => Self::without_field(RaisedKind::Resonance, &error),
         }
     }
 }
@@ -327,13 +339,13 @@ impl From<BandError> for Raised {
     fn from(error: BandError) -> Self {
         let allowed = format!("{} to {}, {} Hz from end to end", error.least_hz, error.most_hz, error.needed_hz);
         let text = format!("from_hz {}, to_hz {}: {error}", error.from_hz, error.to_hz);
-        Self::with(Kind::Request, &text, "from_hz", error.from_hz, Some(allowed))
+        Self::with(RaisedKind::Request, &text, "from_hz", error.from_hz, Some(allowed))
     }
 }
 
 impl From<NoPoint> for Raised {
     fn from(error: NoPoint) -> Self {
-        Self::with(Kind::Request, &format!("zone_m: {error}"), "zone_m", Value::None, None)
+        Self::with(RaisedKind::Request, &format!("zone_m: {error}"), "zone_m", ArgumentValue::None, None)
     }
 }
 
@@ -342,7 +354,7 @@ impl From<VerifyError> for Raised {
         match error {
             VerifyError::Plan(error) => error.into(),
             VerifyError::Response(error) => error.into(),
-            error => Self::plain(Kind::Simulation, &error),
+            error => Self::without_field(RaisedKind::Simulation, &error),
         }
     }
 }
@@ -350,10 +362,16 @@ impl From<VerifyError> for Raised {
 impl From<FolderError> for Raised {
     fn from(error: FolderError) -> Self {
         match &error {
-            FolderError::Io { doing, path, error } => Self::file(doing, path, error),
+            FolderError::Io { doing, path, error } => Self::unusable_file(doing, path, error),
             FolderError::Other { path } => {
                 let path = path.display().to_string();
-                Self::with(Kind::Request, &error, "folder", &*path, Some("a new folder, or one of this study".into()))
+                Self::with(
+                    RaisedKind::Request,
+                    &error,
+                    "folder",
+                    &*path,
+                    Some("a new folder, or one of this study".into()),
+                )
             }
         }
     }
@@ -371,7 +389,7 @@ impl From<GatherError> for Raised {
         match error {
             GatherError::Folder(error) => error.into(),
             GatherError::Missing { missing, .. } => {
-                Self::with(Kind::Request, &error, "folder", missing, Some("one without missing designs".into()))
+                Self::with(RaisedKind::Request, &error, "folder", missing, Some("one without missing designs".into()))
             }
         }
     }
@@ -382,23 +400,23 @@ impl From<WriteError> for Raised {
         match error {
             WriteError::Gather(error) => error.into(),
             WriteError::Folder(error) => error.into(),
-            WriteError::Table(_) | WriteError::Refused(_) => Self::plain(Kind::Model, &error),
+            WriteError::Table(_) | WriteError::Refused(_) => Self::without_field(RaisedKind::Model, &error),
         }
     }
 }
 
 impl From<Raised> for PyErr {
     fn from(raised: Raised) -> Self {
-        Python::attach(|py| exception(py, raised).unwrap_or_else(|error| error))
+        Python::attach(|py| build_python_exception(py, raised).unwrap_or_else(|error| error))
     }
 }
 
-fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
+fn build_python_exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
     let Raised { kind, text, field, value, allowed } = raised;
     let Some(name) = kind.name() else {
         return Ok(match (kind, value) {
             // Python makes `FileNotFoundError` and its like of the number.
-            (Kind::Os(errno), Value::Word(path)) => PyOSError::new_err((errno, text, path)),
+            (RaisedKind::Os(errno), ArgumentValue::Word(path)) => PyOSError::new_err((errno, text, path)),
             _ => PyOSError::new_err(text),
         });
     };
@@ -410,7 +428,7 @@ fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
 }
 
 /// The exception of a scene. One that was made from keywords has no lines.
-pub fn scene_error(py: Python<'_>, mut error: SceneError, has_lines: bool) -> PyErr {
+pub fn build_scene_exception(py: Python<'_>, mut error: SceneError, has_lines: bool) -> PyErr {
     if !has_lines {
         error.mistakes.iter_mut().for_each(|mistake| mistake.line = 0);
     }
@@ -435,7 +453,7 @@ pub fn scene_error(py: Python<'_>, mut error: SceneError, has_lines: bool) -> Py
 }
 
 /// Warns of what is wrong with an answer, as whoever called has it set up: once a place, always, or as an exception.
-pub fn warn(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
+pub fn raise_model_warnings(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let category = py.import("era._errors")?.getattr("ModelWarning")?;
     for doubt in doubts {
         // Text of Rust may hold a zero byte, one of C may not.

@@ -1,10 +1,10 @@
 //! `field`: a touch over the whole surface.
 
-use crate::arguments::{Place, Tolerance, accuracy as asked};
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{Asked, array, on_grid, shaped};
+use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{BoundSummary, read_only_array, read_only_array_of_shape, values_or_nan};
 use crate::scene::PyScene;
-use crate::tables::with_touched_table;
+use crate::tables::run_with_finger_table;
 use era_planner::{STANDARD_GRAVITY, Target};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -59,7 +59,7 @@ impl Field {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -97,32 +97,33 @@ impl Field {
 pub fn field(
     py: Python<'_>,
     scene: &PyScene,
-    at_m: Place,
+    at_m: GivenPlace,
     intensity_g: Option<f64>,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Field> {
-    let scene = scene.scene();
+    let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let (x_m, y_m) = at_m.on(&scene, "at_m")?;
+    let (x_m, y_m) = at_m.locate_on_surface_m(&scene, "at_m")?;
     let target = Target { x_m, y_m, intensity_g };
-    let (plan, values, bound, [x_m, y_m]) = with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
-        let plan = table.plan(&[target])?;
-        let values = on_grid(table.compute_peak_field(&plan));
-        let bound = era_planner::plan::bound_field_error(table, &plan);
-        Ok((plan, values, bound, [table.grid.x_m.clone(), table.grid.y_m.clone()]))
-    })?;
-    let asked = Asked::of(&[bound], accuracy);
+    let (plan, values, bound, [x_m, y_m]) =
+        run_with_finger_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
+            let plan = table.plan(&[target])?;
+            let values = values_or_nan(table.compute_peak_field(&plan));
+            let bound = era_planner::plan::bound_field_error(table, &plan);
+            Ok((plan, values, bound, [table.grid.x_m.clone(), table.grid.y_m.clone()]))
+        })?;
+    let asked = BoundSummary::from_bounds(&[bound], accuracy);
     let in_g = values.iter().map(|peak| peak / STANDARD_GRAVITY).collect();
     let shape = [y_m.len(), x_m.len()];
     Ok(Field {
         target_m: plan.target_m.into(),
-        x_m: array(py, x_m),
-        y_m: array(py, y_m),
-        acceleration_m_s2: shaped(py, values, shape)?,
-        peak_g: shaped(py, in_g, shape)?,
-        frequency_hz: array(py, plan.drives.iter().map(|drive| drive.frequency_hz).collect()),
+        x_m: read_only_array(py, x_m),
+        y_m: read_only_array(py, y_m),
+        acceleration_m_s2: read_only_array_of_shape(py, values, shape)?,
+        peak_g: read_only_array_of_shape(py, in_g, shape)?,
+        frequency_hz: read_only_array(py, plan.drives.iter().map(|drive| drive.frequency_hz).collect()),
         contrast_db: plan.predicted.contrast_db,
-        error_bound: bound.value(),
+        error_bound: bound.known_limit(),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,

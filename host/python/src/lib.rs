@@ -31,7 +31,7 @@ mod verify;
 /// The compiled part of `era`.
 #[pymodule]
 mod _era {
-    use crate::pickles::restored;
+    use crate::pickles::restore_from_fields;
     use numpy::PyArray1;
     use pyo3::exceptions::PyValueError;
     use pyo3::prelude::*;
@@ -52,21 +52,21 @@ mod _era {
     #[pyo3(signature = (result, fields, /))]
     fn _restore<'py>(py: Python<'py>, result: &str, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>> {
         match result {
-            "Design" => restored::<Design>(py, fields),
-            "Drive" => restored::<Drive>(py, fields),
-            "Effect" => restored::<Effect>(py, fields),
-            "Field" => restored::<Field>(py, fields),
-            "Modes" => restored::<Modes>(py, fields),
-            "Plan" => restored::<Plan>(py, fields),
-            "Press" => restored::<Press>(py, fields),
-            "Predicted" => restored::<Predicted>(py, fields),
-            "QuietResult" => restored::<QuietResult>(py, fields),
-            "Reach" => restored::<Reach>(py, fields),
-            "Response" => restored::<Response>(py, fields),
-            "Sweep" => restored::<Sweep>(py, fields),
-            "TargetResult" => restored::<TargetResult>(py, fields),
-            "Transient" => restored::<Transient>(py, fields),
-            "Verification" => restored::<Verification>(py, fields),
+            "Design" => restore_from_fields::<Design>(py, fields),
+            "Drive" => restore_from_fields::<Drive>(py, fields),
+            "Effect" => restore_from_fields::<Effect>(py, fields),
+            "Field" => restore_from_fields::<Field>(py, fields),
+            "Modes" => restore_from_fields::<Modes>(py, fields),
+            "Plan" => restore_from_fields::<Plan>(py, fields),
+            "Press" => restore_from_fields::<Press>(py, fields),
+            "Predicted" => restore_from_fields::<Predicted>(py, fields),
+            "QuietResult" => restore_from_fields::<QuietResult>(py, fields),
+            "Reach" => restore_from_fields::<Reach>(py, fields),
+            "Response" => restore_from_fields::<Response>(py, fields),
+            "Sweep" => restore_from_fields::<Sweep>(py, fields),
+            "TargetResult" => restore_from_fields::<TargetResult>(py, fields),
+            "Transient" => restore_from_fields::<Transient>(py, fields),
+            "Verification" => restore_from_fields::<Verification>(py, fields),
             _ => Err(PyValueError::new_err(format!("this version of era has no result {result}"))),
         }
     }

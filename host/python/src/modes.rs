@@ -1,12 +1,12 @@
 //! `modes`: frequencies, damping and shapes.
 
-use crate::arguments::{self, Grid, Tolerance};
-use crate::errors::{Raised, warn};
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{Asked, array, bounds_of, shaped};
-use crate::run::run;
+use crate::arguments::{self, GivenTolerance, GridSize};
+use crate::errors::{Raised, raise_model_warnings};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_interruptibly;
 use crate::scene::PyScene;
-use era_model::model::{Mode, bounded_modes, validity};
+use era_model::model::{PanelMode, compute_modes_with_error_bounds, validity};
 use era_model::scene::Scene;
 use era_planner::study::shapes::ModeShapes;
 use numpy::{Complex64, PyArray1, PyArray2, PyArray3};
@@ -81,24 +81,24 @@ impl Modes {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
 /// Both poles of each mode, one after the other.
-fn both_poles(modes: &[Mode]) -> Vec<Complex64> {
+fn list_both_poles_of_modes(modes: &[PanelMode]) -> Vec<Complex64> {
     let unknown = Complex64::new(f64::NAN, f64::NAN);
     modes.iter().flat_map(|mode| [mode.pole.s, mode.pole.slower.unwrap_or(unknown)]).collect()
 }
 
 /// What a scene's layers are together.
-fn layers(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>>> {
+fn laminate_as_dict(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>>> {
     let Some(laminate) = scene.surface.laminate() else { return Ok(None) };
     let found = PyDict::new(py);
     found.set_item("thickness_m", laminate.thickness_m)?;
     found.set_item("mass_kg_per_m2", laminate.per_area_kg_m2)?;
     found.set_item("loss_factor", laminate.loss_factor)?;
-    for (name, stiffness) in laminate.stiffnesses(scene.surface.kind, scene.surface.width_m) {
+    for (name, stiffness) in laminate.named_bending_stiffnesses(scene.surface.kind, scene.surface.width_m) {
         found.set_item(name, stiffness)?;
     }
     Ok(Some(found.unbind()))
@@ -150,23 +150,23 @@ pub fn modes(
     py: Python<'_>,
     scene: &PyScene,
     max_hz: f64,
-    grid: Option<Grid>,
-    tolerance: Option<Tolerance>,
+    grid: Option<GridSize>,
+    tolerance: Option<GivenTolerance>,
     within_s: Option<f64>,
 ) -> PyResult<Modes> {
-    let scene = scene.scene();
-    let accuracy = arguments::accuracy(tolerance, within_s)?;
-    let grid = grid.map(arguments::grid).transpose()?.map(|grid| scene.grid(grid));
-    let doubts = validity::doubts(&scene, max_hz);
-    let layers = layers(py, &scene)?;
-    let (found, shapes) = run(py, move || {
-        let found = bounded_modes(&scene, accuracy, max_hz)?;
+    let scene = scene.shared_scene();
+    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
+    let grid = grid.map(arguments::check_grid_size).transpose()?.map(|grid| scene.grid_lines_m(grid));
+    let doubts = validity::list_thin_plate_warnings(&scene, max_hz);
+    let layers = laminate_as_dict(py, &scene)?;
+    let (found, shapes) = run_interruptibly(py, move || {
+        let found = compute_modes_with_error_bounds(&scene, accuracy, max_hz)?;
         let shapes = match grid {
             Some(grid) => {
                 let values = grid.0.len() * grid.1.len() * found.answer.len();
                 if values > MOST_VALUES {
                     let allowed = format!("so small that there are at most {MOST_VALUES} values, not {values}");
-                    return Err(Raised::argument("grid", grid.0.len() * grid.1.len(), allowed));
+                    return Err(Raised::wrong_argument("grid", grid.0.len() * grid.1.len(), allowed));
                 }
                 Some(ModeShapes::of(&scene, &found, max_hz, grid)?)
             }
@@ -174,28 +174,31 @@ pub fn modes(
         };
         Ok((found, shapes))
     })?;
-    warn(py, doubts)?;
-    let asked = Asked::of(&found.bounds, accuracy);
+    raise_model_warnings(py, doubts)?;
+    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
     let (x_m, y_m, shape_per_sqrt_kg) = match shapes {
         Some(shapes) => {
             let sides = [shapes.frequencies_hz.len(), shapes.y_m.len(), shapes.x_m.len()];
             // Column by column of points x modes: mode by mode, as it is.
-            let values = shaped(py, shapes.shapes.data.into(), sides)?;
-            (Some(array(py, shapes.x_m)), Some(array(py, shapes.y_m)), Some(values))
+            let values = read_only_array_of_shape(py, shapes.shapes.data.into(), sides)?;
+            (Some(read_only_array(py, shapes.x_m)), Some(read_only_array(py, shapes.y_m)), Some(values))
         }
         None => (None, None, None),
     };
     Ok(Modes {
-        frequency_hz: array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
-        damping_ratio: array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
-        pole_frequency_hz: array(py, found.answer.iter().map(|mode| mode.pole.frequency_hz).collect()),
-        poles_per_s: shaped(py, both_poles(&found.answer), [found.answer.len(), 2])?,
-        pole_error_bound: array(py, bounds_of(&found.answer.iter().map(|mode| mode.pole_bound).collect::<Vec<_>>())),
-        error_bound: array(py, bounds_of(&found.bounds)),
+        frequency_hz: read_only_array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
+        damping_ratio: read_only_array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
+        pole_frequency_hz: read_only_array(py, found.answer.iter().map(|mode| mode.pole.frequency_hz).collect()),
+        poles_per_s: read_only_array_of_shape(py, list_both_poles_of_modes(&found.answer), [found.answer.len(), 2])?,
+        pole_error_bound: read_only_array(
+            py,
+            bounds_or_nan(&found.answer.iter().map(|mode| mode.pole_bound).collect::<Vec<_>>()),
+        ),
+        error_bound: read_only_array(py, bounds_or_nan(&found.bounds)),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,
-        unknowns: found.model.dofs(),
+        unknowns: found.model.count_unknowns(),
         layers,
         x_m,
         y_m,

@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 const RESTORE: &str = "_restore";
 
 /// A result as its fields.
-pub trait Fields: PyClass + Sized {
+pub trait PickledFields: PyClass + Sized {
     /// The fields by their names.
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
 
@@ -17,10 +17,10 @@ pub trait Fields: PyClass + Sized {
     fn of_fields(fields: &Bound<'_, PyDict>) -> PyResult<Self>;
 }
 
-/// Implements [`Fields`] for a result, with all fields that it has (the compiler sees one that is left out).
+/// Implements [`PickledFields`] for a result, with all fields that it has (the compiler sees one that is left out).
 macro_rules! pickled {
     ($result:ident { $($field:ident),+ $(,)? }) => {
-        impl $crate::pickles::Fields for $result {
+        impl $crate::pickles::PickledFields for $result {
             fn fields<'py>(
                 &self,
                 py: pyo3::Python<'py>,
@@ -44,15 +44,15 @@ pub(crate) use pickled;
 pub type Reduced<'py> = (Bound<'py, PyAny>, (String, Bound<'py, PyDict>));
 
 /// A result taken apart.
-pub fn reduce<'py, T: Fields>(py: Python<'py>, result: &T) -> PyResult<Reduced<'py>> {
+pub fn reduce_for_pickle<'py, T: PickledFields>(py: Python<'py>, result: &T) -> PyResult<Reduced<'py>> {
     let restore = py.import("era._era")?.getattr(RESTORE)?;
     Ok((restore, (T::type_object(py).name()?.to_string(), result.fields(py)?)))
 }
 
 /// A result of its fields. Arrays are locked again: pickle makes them anew, and forgets that.
-pub fn restored<'py, T>(py: Python<'py>, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>>
+pub fn restore_from_fields<'py, T>(py: Python<'py>, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>>
 where
-    T: Fields + Into<PyClassInitializer<T>>,
+    T: PickledFields + Into<PyClassInitializer<T>>,
 {
     for value in fields.values() {
         if value.hasattr("setflags")? {

@@ -1,12 +1,12 @@
 //! `plan`: drives for a touch, or for several.
 
-use crate::arguments::{Also, Four, Place, Tolerance, accuracy as asked};
+use crate::arguments::{FourNumbers, GivenPlace, GivenTarget, GivenTolerance, choose_accuracy as asked};
 use crate::errors::Raised;
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::request::Wishes;
-use crate::results::{Asked, read_json, write_json};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::request::PlanArguments;
+use crate::results::{BoundSummary, parse_json_to_python, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::{with_table, with_touched_table};
+use crate::tables::{run_with_finger_table, run_with_plan_table};
 use era_model::model::Bound as ErrorBound;
 use era_planner::effects::at_level;
 use era_planner::{Objective, Plan as Found, PlanTable};
@@ -42,13 +42,13 @@ impl Drive {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
 impl Drive {
     /// Of the planner's.
-    pub fn of(drive: &era_planner::Drive) -> Self {
+    pub fn from_planned_drive(drive: &era_planner::Drive) -> Self {
         Self {
             actuator: drive.actuator.clone(),
             frequency_hz: drive.frequency_hz,
@@ -84,7 +84,7 @@ impl Predicted {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -110,7 +110,7 @@ impl TargetResult {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -140,7 +140,7 @@ impl QuietResult {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -203,7 +203,7 @@ pickled!(Plan {
 });
 
 impl Plan {
-    fn new(py: Python<'_>, found: &Found, asked: Asked, told: [String; 3]) -> PyResult<Self> {
+    fn new(py: Python<'_>, found: &Found, asked: BoundSummary, told: [String; 3]) -> PyResult<Self> {
         let target = |own: &era_planner::TargetResult| {
             Py::new(py, TargetResult { x_m: own.x_m, y_m: own.y_m, wanted_g: own.wanted_g, peak_g: own.peak_g })
         };
@@ -225,7 +225,11 @@ impl Plan {
             target_m: found.target_m.into(),
             targets: found.targets.iter().map(target).collect::<PyResult<_>>()?,
             quiet: found.quiet.iter().map(quiet).collect::<PyResult<_>>()?,
-            drives: found.drives.iter().map(|drive| Py::new(py, Drive::of(drive))).collect::<PyResult<_>>()?,
+            drives: found
+                .drives
+                .iter()
+                .map(|drive| Py::new(py, Drive::from_planned_drive(drive)))
+                .collect::<PyResult<_>>()?,
             predicted: Py::new(py, predicted)?,
             limited_by: found.limited_by.clone(),
             error_bound: found.error_bound,
@@ -235,7 +239,7 @@ impl Plan {
             details_json,
             trade_json,
             explanation_json,
-            plan_json: write_json(found)?,
+            plan_json: serialise_to_json(found)?,
         })
     }
 }
@@ -245,19 +249,19 @@ impl Plan {
     /// What is told besides: peak of the whole waveform, harmonics, when it is there and gone.
     #[getter]
     fn details<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_json(py, &self.details_json)
+        parse_json_to_python(py, &self.details_json)
     }
 
     /// What can be had of wishes that cannot all be had; None where there is nothing to choose.
     #[getter]
     fn trade<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_json(py, &self.trade_json)
+        parse_json_to_python(py, &self.trade_json)
     }
 
     /// With `explain=True` why it is what it is: candidates, pulse widths, alternatives; None otherwise.
     #[getter]
     fn explanation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_json(py, &self.explanation_json)
+        parse_json_to_python(py, &self.explanation_json)
     }
 
     /// The plan as `era plan --json` prints it, lengths in mm.
@@ -266,7 +270,7 @@ impl Plan {
     /// -------
     /// dict
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        Ok(read_json(py, &self.plan_json)?.cast_into::<PyDict>()?)
+        Ok(parse_json_to_python(py, &self.plan_json)?.cast_into::<PyDict>()?)
     }
 
     fn __repr__(&self) -> String {
@@ -285,7 +289,7 @@ impl Plan {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -354,39 +358,39 @@ impl Plan {
 pub fn plan(
     py: Python<'_>,
     scene: &PyScene,
-    at_m: Place,
+    at_m: GivenPlace,
     intensity_g: Option<f64>,
     intensity_db: Option<f64>,
-    also: Vec<Also>,
-    quiet: Vec<Four>,
+    also: Vec<GivenTarget>,
+    quiet: Vec<FourNumbers>,
     objective: String,
     grouping: String,
     weigh: String,
-    zone_m: Option<Four>,
+    zone_m: Option<FourNumbers>,
     explain: bool,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Plan> {
-    let scene = scene.scene();
+    let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let wishes = Wishes { at_m, intensity_g, also, quiet, objective, grouping, weigh, zone_m };
-    let request = wishes.request(&scene)?;
+    let wishes = PlanArguments { at_m, intensity_g, also, quiet, objective, grouping, weigh, zone_m };
+    let request = wishes.build_plan_request(&scene)?;
     // One setting for touches of any place is of the panel that nothing touches.
     let is_anywhere = request.objective == Objective::Reach;
     let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
-    let plan_with = move |table: &PlanTable| -> Result<(Found, Asked, [String; 3]), Raised> {
+    let plan_with = move |table: &PlanTable| -> Result<(Found, BoundSummary, [String; 3]), Raised> {
         let request = at_level(table, request, intensity_db)?;
         let (planned, trade) = era_planner::trade::plan_with_trade(table, &request)?;
         let report = era_planner::report::report_plan(table, &planned);
         let explanation = explain.then(|| era_planner::explain::explain_plan(table, &request)).transpose()?;
         let found = planned.plan;
         let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
-        let told = [write_json(&report)?, write_json(&trade)?, write_json(&explanation)?];
-        Ok((found, Asked::of(&[bound], accuracy), told))
+        let told = [serialise_to_json(&report)?, serialise_to_json(&trade)?, serialise_to_json(&explanation)?];
+        Ok((found, BoundSummary::from_bounds(&[bound], accuracy), told))
     };
     let (found, asked, told) = if is_anywhere {
-        with_table(py, &scene, accuracy, plan_with)?
+        run_with_plan_table(py, &scene, accuracy, plan_with)?
     } else {
-        with_touched_table(py, &scene, accuracy, places, plan_with)?
+        run_with_finger_table(py, &scene, accuracy, places, plan_with)?
     };
     Plan::new(py, &found, asked, told)
 }

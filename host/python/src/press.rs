@@ -1,11 +1,11 @@
 //! `press`: what a finger's press does to the gaps of actuators.
 
-use crate::arguments::{Tolerance, accuracy as asked};
+use crate::arguments::{GivenTolerance, choose_accuracy as asked};
 use crate::errors::Raised;
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{array, read_json, shaped, write_json};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::with_table;
+use crate::tables::run_with_plan_table;
 use era_planner::PressedActuator;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -69,7 +69,7 @@ impl Press {
     /// -------
     /// dict
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        Ok(read_json(py, &self.report_json)?.cast_into::<PyDict>()?)
+        Ok(parse_json_to_python(py, &self.report_json)?.cast_into::<PyDict>()?)
     }
 
     fn __repr__(&self) -> String {
@@ -77,7 +77,7 @@ impl Press {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -117,23 +117,28 @@ impl Press {
 /// (1.0, True)
 #[pyfunction]
 #[pyo3(signature = (scene, force_n=None, *, tolerance=None))]
-pub fn press(py: Python<'_>, scene: &PyScene, force_n: Option<f64>, tolerance: Option<Tolerance>) -> PyResult<Press> {
-    let mut scene = scene.scene();
+pub fn press(
+    py: Python<'_>,
+    scene: &PyScene,
+    force_n: Option<f64>,
+    tolerance: Option<GivenTolerance>,
+) -> PyResult<Press> {
+    let mut scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
     if let Some(force_n) = force_n {
         if !(0.0..=MOST_N).contains(&force_n) {
-            return Err(Raised::argument("force_n", force_n, format!("0 to {MOST_N}")).into());
+            return Err(Raised::wrong_argument("force_n", force_n, format!("0 to {MOST_N}")).into());
         }
         Arc::make_mut(&mut scene).press_n = force_n;
     }
-    let report = with_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::report_press(table)))?;
-    let report_json = write_json(&report)?;
-    let of = |figure: fn(&PressedActuator) -> f64| array(py, report.actuators.iter().map(figure).collect());
+    let report = run_with_plan_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::report_press(table)))?;
+    let report_json = serialise_to_json(&report)?;
+    let of = |figure: fn(&PressedActuator) -> f64| read_only_array(py, report.actuators.iter().map(figure).collect());
     let places = report.actuators.iter().flat_map(|own| own.at_mm.map(|at_mm| at_mm / 1e3)).collect();
     Ok(Press {
         force_n: report.force_n,
         actuators: report.actuators.iter().map(|own| own.actuator.clone()).collect(),
-        at_m: shaped(py, places, [report.actuators.len(), 2])?,
+        at_m: read_only_array_of_shape(py, places, [report.actuators.len(), 2])?,
         alone_m: of(|own| own.alone_um.map_or(f64::NAN, |um| um / 1e6)),
         error_bound: of(|own| own.error_bound.unwrap_or(f64::NAN)),
         sag_m: of(|own| own.sag_um / 1e6),

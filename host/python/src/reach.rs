@@ -1,11 +1,11 @@
 //! `reach`: what a panel's actuators can do at all, point by point.
 
-use crate::arguments::{Four, Tolerance, accuracy as asked};
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::request::zone;
-use crate::results::{array, on_grid, shaped};
+use crate::arguments::{FourNumbers, GivenTolerance, choose_accuracy as asked};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::request::check_zone_on_surface;
+use crate::results::{read_only_array, read_only_array_of_shape, values_or_nan};
 use crate::scene::PyScene;
-use crate::tables::with_table;
+use crate::tables::run_with_plan_table;
 use era_model::model::BarePanel;
 use era_planner::TableOptions;
 use era_planner::study::Maps;
@@ -69,7 +69,7 @@ impl Reach {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -111,15 +111,15 @@ impl Reach {
 pub fn reach(
     py: Python<'_>,
     scene: &PyScene,
-    zone_m: Option<Four>,
+    zone_m: Option<FourNumbers>,
     from_hz: Option<f64>,
     to_hz: Option<f64>,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Reach> {
-    let scene = scene.scene();
+    let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let region = zone(&scene, zone_m)?;
-    let (maps, [x_m, y_m]) = with_table(py, &scene, accuracy, move |table| {
+    let region = check_zone_on_surface(&scene, zone_m)?;
+    let (maps, [x_m, y_m]) = run_with_plan_table(py, &scene, accuracy, move |table| {
         let table = match (from_hz, to_hz) {
             (None, None) => Cow::Borrowed(table),
             _ => Cow::Owned(table.clone().in_band(from_hz, to_hz)?),
@@ -138,17 +138,17 @@ pub fn reach(
     let shape = [y_m.len(), x_m.len()];
     let by_actuator = |hz: &[Option<Vec<f64>>]| -> Vec<f64> {
         let of = |actuator: usize| hz.iter().map(move |hz| hz.as_ref().and_then(|hz| hz.get(actuator).copied()));
-        on_grid((0..maps.actuators.len()).flat_map(of))
+        values_or_nan((0..maps.actuators.len()).flat_map(of))
     };
     let shape_by_actuator = [maps.actuators.len(), shape[0], shape[1]];
     Ok(Reach {
-        x_m: array(py, x_m),
-        y_m: array(py, y_m),
-        strongest_hz: shaped(py, by_actuator(&maps.strongest_hz), shape_by_actuator)?,
-        contrast_hz: shaped(py, by_actuator(&maps.contrast_hz), shape_by_actuator)?,
-        strongest_g: shaped(py, on_grid(maps.strongest_g), shape)?,
-        contrast_db: shaped(py, on_grid(maps.contrast_db), shape)?,
-        error_bound: shaped(py, on_grid(maps.error_bound), shape)?,
+        x_m: read_only_array(py, x_m),
+        y_m: read_only_array(py, y_m),
+        strongest_hz: read_only_array_of_shape(py, by_actuator(&maps.strongest_hz), shape_by_actuator)?,
+        contrast_hz: read_only_array_of_shape(py, by_actuator(&maps.contrast_hz), shape_by_actuator)?,
+        strongest_g: read_only_array_of_shape(py, values_or_nan(maps.strongest_g), shape)?,
+        contrast_db: read_only_array_of_shape(py, values_or_nan(maps.contrast_db), shape)?,
+        error_bound: read_only_array_of_shape(py, values_or_nan(maps.error_bound), shape)?,
         actuators: maps.actuators,
     })
 }

@@ -1,57 +1,57 @@
 //! What a plan is asked for.
 
-use crate::arguments::{Also, Four, Place};
-use crate::errors::{Raised, Value};
+use crate::arguments::{FourNumbers, GivenPlace, GivenTarget};
+use crate::errors::{ArgumentValue, Raised};
 use era_model::scene::Scene;
 use era_planner::table::Region;
 use era_planner::{Quiet, Request, Target, Work};
 use serde::de::DeserializeOwned;
 
 /// Everything that a plan may be asked for.
-pub struct Wishes {
-    pub at_m: Place,
+pub struct PlanArguments {
+    pub at_m: GivenPlace,
     pub intensity_g: Option<f64>,
-    pub also: Vec<Also>,
-    pub quiet: Vec<Four>,
+    pub also: Vec<GivenTarget>,
+    pub quiet: Vec<FourNumbers>,
     pub objective: String,
     pub grouping: String,
     pub weigh: String,
-    pub zone_m: Option<Four>,
+    pub zone_m: Option<FourNumbers>,
 }
 
-impl Wishes {
+impl PlanArguments {
     /// As the planner takes it.
-    pub fn request(self, scene: &Scene) -> Result<Request, Raised> {
-        let (x_m, y_m) = self.at_m.on(scene, "at_m")?;
+    pub fn build_plan_request(self, scene: &Scene) -> Result<Request, Raised> {
+        let (x_m, y_m) = self.at_m.locate_on_surface_m(scene, "at_m")?;
         let mut request = Request::touch(&[Target { x_m, y_m, intensity_g: self.intensity_g }]);
         for (i, also) in self.also.into_iter().enumerate() {
-            let ((x_m, y_m), intensity_g) = also.on(scene, &format!("also[{i}]"))?;
+            let ((x_m, y_m), intensity_g) = also.locate_with_peak_g(scene, &format!("also[{i}]"))?;
             request.targets.push(Target { x_m, y_m, intensity_g });
         }
         for (i, spared) in self.quiet.into_iter().enumerate() {
-            let [x_m, y_m, radius_m, at_most_g] = spared.around_place(scene, &format!("quiet[{i}]"))?;
+            let [x_m, y_m, radius_m, at_most_g] = spared.check_place_in_first_two(scene, &format!("quiet[{i}]"))?;
             request.quiet.push(Quiet { x_m, y_m, radius_m, at_most_g });
         }
-        request.objective = word("objective", &self.objective, "\"contrast\", \"reach\" or \"power\"")?;
-        request.grouping = word("grouping", &self.grouping, "\"distinct\" or \"shared\"")?;
-        request.weigh = word("weigh", &self.weigh, "\"equal\" or \"felt\"")?;
-        request.zone = zone(scene, self.zone_m)?;
+        request.objective = parse_enum_word("objective", &self.objective, "\"contrast\", \"reach\" or \"power\"")?;
+        request.grouping = parse_enum_word("grouping", &self.grouping, "\"distinct\" or \"shared\"")?;
+        request.weigh = parse_enum_word("weigh", &self.weigh, "\"equal\" or \"felt\"")?;
+        request.zone = check_zone_on_surface(scene, self.zone_m)?;
         // As `era plan` plans: thoroughly, where a touch has some milliseconds.
         request.work = Work::Study;
         Ok(request)
     }
 }
 
-fn word<T: DeserializeOwned>(field: &str, given: &str, allowed: &str) -> Result<T, Raised> {
-    serde_json::from_value(given.into()).map_err(|_| Raised::argument(field, given, allowed))
+fn parse_enum_word<T: DeserializeOwned>(field: &str, word: &str, allowed: &str) -> Result<T, Raised> {
+    serde_json::from_value(word.into()).map_err(|_| Raised::wrong_argument(field, word, allowed))
 }
 
 /// A rectangle on the surface, its corners in any order.
-pub fn zone(scene: &Scene, corners: Option<Four>) -> Result<Option<Region>, Raised> {
+pub fn check_zone_on_surface(scene: &Scene, corners: Option<FourNumbers>) -> Result<Option<Region>, Raised> {
     let Some(corners) = corners else { return Ok(None) };
-    let [x0, y0, x1, y1] = corners.numbers("zone_m")?;
+    let [x0, y0, x1, y1] = corners.check_unmasked_numbers("zone_m")?;
     let sorted = |a: f64, b: f64| if b < a { [b, a] } else { [a, b] };
     let region = Region::on(scene, sorted(x0, x1), sorted(y0, y1));
     let allowed = || format!("within 0 to {} m by 0 to {} m", scene.surface.length_m, scene.surface.width_m);
-    region.map(Some).map_err(|_| Raised::argument("zone_m", Value::Corners([x0, y0, x1, y1]), allowed()))
+    region.map(Some).map_err(|_| Raised::wrong_argument("zone_m", ArgumentValue::Corners([x0, y0, x1, y1]), allowed()))
 }

@@ -1,13 +1,13 @@
 //! `response`: curves at a point.
 
-use crate::arguments::{self, Frequencies, Place, Tolerance, need_actuators};
-use crate::errors::warn;
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{Asked, array, bounds_of, shaped};
-use crate::run::run;
+use crate::arguments::{self, GivenFrequencies, GivenPlace, GivenTolerance, refuse_scene_without_actuators};
+use crate::errors::raise_model_warnings;
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::validity;
-use era_model::response::bounded_curves;
+use era_model::response::compute_curves_with_error_bounds;
 use num_complex::Complex64;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -55,7 +55,7 @@ impl Response {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -102,33 +102,37 @@ impl Response {
 pub fn response(
     py: Python<'_>,
     scene: &PyScene,
-    at_m: Place,
-    frequency_hz: Frequencies,
-    tolerance: Option<Tolerance>,
+    at_m: GivenPlace,
+    frequency_hz: GivenFrequencies,
+    tolerance: Option<GivenTolerance>,
     within_s: Option<f64>,
 ) -> PyResult<Response> {
-    let scene = scene.scene();
-    let at_m = at_m.on(&scene, "at_m")?;
-    let frequencies_hz = arguments::frequencies(frequency_hz, 0.0)?;
-    let accuracy = arguments::accuracy(tolerance, within_s)?;
-    need_actuators(&scene)?;
-    warn(py, validity::doubts(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)))?;
+    let scene = scene.shared_scene();
+    let at_m = at_m.locate_on_surface_m(&scene, "at_m")?;
+    let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, 0.0)?;
+    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
+    refuse_scene_without_actuators(&scene)?;
+    raise_model_warnings(
+        py,
+        validity::list_thin_plate_warnings(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)),
+    )?;
     // With the finger on the point, where the scene has one.
-    let scene = scene.touched(&[at_m]);
+    let scene = scene.with_finger_at_places(&[at_m]);
     let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
-    let (found, frequencies_hz) =
-        run(py, move || Ok((bounded_curves(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz)))?;
-    let asked = Asked::of(&found.bounds, accuracy);
+    let (found, frequencies_hz) = run_interruptibly(py, move || {
+        Ok((compute_curves_with_error_bounds(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz))
+    })?;
+    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
     let shape = [found.answer.len(), frequencies_hz.len()];
     Ok(Response {
         at_m,
         actuators,
-        frequency_hz: array(py, frequencies_hz),
-        acceleration_m_s2_per_n: shaped(py, found.answer.concat(), shape)?,
-        error_bound: array(py, bounds_of(&found.bounds)),
+        frequency_hz: read_only_array(py, frequencies_hz),
+        acceleration_m_s2_per_n: read_only_array_of_shape(py, found.answer.concat(), shape)?,
+        error_bound: read_only_array(py, bounds_or_nan(&found.bounds)),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,
-        unknowns: found.model.dofs(),
+        unknowns: found.model.count_unknowns(),
     })
 }

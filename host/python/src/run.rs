@@ -4,7 +4,7 @@
 //! process: a process that was forked has none of its parent's threads, and would wait for the global pool for ever.
 
 use crate::errors::Raised;
-use era_model::stop::Stop;
+use era_model::stop::StopRequest;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -20,53 +20,53 @@ const LOOK: Duration = Duration::from_millis(50);
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
 /// Where work is done, until nobody waits for it.
-pub struct Pool {
+pub struct WorkPool {
     threads: Arc<ThreadPool>,
-    stop: Stop,
+    stop: StopRequest,
 }
 
-impl Pool {
+impl WorkPool {
     /// What tells that nobody waits any more.
-    pub fn stop(&self) -> Stop {
+    pub fn stop_request(&self) -> StopRequest {
         self.stop.clone()
     }
 
     /// Does it.
-    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        self.threads.install(|| self.stop.during(work))
+    pub fn run_in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.threads.install(|| self.stop.run_stoppable(work))
     }
 }
 
 /// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, is raised within a twentieth of a second. The work
-/// ends where it next looks at its [`Stop`], and what it finds is dropped.
-pub fn run<T: Send + 'static>(
+/// ends where it next looks at its [`StopRequest`], and what it finds is dropped.
+pub fn run_interruptibly<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    run_beside(py, move |pool| pool.install(work))
+    run_interruptibly_with_pool(py, move |pool| pool.run_in_pool(work))
 }
 
 /// The same for work that begins in its own thread and goes to the pool by itself. Whatever is locked while the pool works has to be
 /// locked outside: a thread of the pool that waits takes up other work, which may want the same lock.
-pub fn run_beside<T: Send + 'static>(
+pub fn run_interruptibly_with_pool<T: Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(&Pool) -> Result<T, Raised> + Send + 'static,
+    work: impl FnOnce(&WorkPool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    run_told(py, |_| Ok(()), work)
+    run_interruptibly_with_progress(py, |_| Ok(()), work)
 }
 
 /// The same with `tell`, which is called in the caller's thread between two looks for a signal, and once more when the work is done. What
 /// it raises ends the work, as a signal does.
-pub fn run_told<T: Send + 'static>(
+pub fn run_interruptibly_with_progress<T: Send + 'static>(
     py: Python<'_>,
     mut tell: impl FnMut(Python<'_>) -> PyResult<()>,
-    work: impl FnOnce(&Pool) -> Result<T, Raised> + Send + 'static,
+    work: impl FnOnce(&WorkPool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
     let failed = |error: &dyn std::fmt::Display| PyRuntimeError::new_err(format!("no thread to compute in: {error}"));
-    let pool = pool().map_err(|error| failed(&error))?;
-    let stop = Stop::default();
+    let pool = thread_pool_of_process().map_err(|error| failed(&error))?;
+    let stop = StopRequest::default();
     let (done, mut waiting) = sync_channel(1);
-    let pool = Pool { threads: pool, stop: stop.clone() };
+    let pool = WorkPool { threads: pool, stop: stop.clone() };
     let working = move || {
         let found = catch_unwind(AssertUnwindSafe(|| work(&pool)));
         // Nobody waits after a signal.
@@ -90,7 +90,7 @@ pub fn run_told<T: Send + 'static>(
             Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals().and_then(|()| tell(py)) {
-                    stop.ask();
+                    stop.request_stop();
                     return Err(raised);
                 }
             }
@@ -99,7 +99,7 @@ pub fn run_told<T: Send + 'static>(
 }
 
 /// This process's pool, with as many threads as there are processors, or as `RAYON_NUM_THREADS` says.
-fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
+fn thread_pool_of_process() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
     let mut kept = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if let Some((of, pool)) = kept.as_ref()

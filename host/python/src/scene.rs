@@ -1,7 +1,7 @@
 //! The class `Scene`.
 
 use crate::document;
-use crate::errors::{Raised, scene_error};
+use crate::errors::{Raised, build_scene_exception};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, PixelError, Scene, SurfaceKind};
 use era_model::text_file::read_text_file;
 use numpy::{PyArray1, PyArray2};
@@ -68,28 +68,29 @@ pub struct PyScene {
 }
 
 impl PyScene {
-    /// What the crates take.
-    pub fn scene(&self) -> Arc<Scene> {
+    /// The scene, shared with whoever works with it.
+    pub fn shared_scene(&self) -> Arc<Scene> {
         self.scene.clone()
     }
 
     /// The text that it was read from.
-    pub fn text(&self) -> &str {
+    pub fn source_text(&self) -> &str {
         &self.text
     }
 
-    fn read(py: Python<'_>, source: &str, text: String, has_lines: bool) -> PyResult<Self> {
-        let scene = Scene::parse(source, &text).map_err(|error| scene_error(py, error, has_lines))?;
-        let hash = hash_of(&scene);
+    fn parse_scene(py: Python<'_>, source: &str, text: String, has_lines: bool) -> PyResult<Self> {
+        let scene = Scene::parse(source, &text).map_err(|error| build_scene_exception(py, error, has_lines))?;
+        let hash = hash_scene(&scene);
         Ok(Self { scene: Arc::new(scene), text, hash })
     }
 
-    fn written(py: Python<'_>, table: &Table) -> PyResult<Self> {
-        let text = toml::to_string(table).map_err(|error| Raised::argument(KEYWORDS, &*error.to_string(), "TOML"))?;
-        Self::read(py, KEYWORDS, text, false)
+    fn from_toml_table(py: Python<'_>, table: &Table) -> PyResult<Self> {
+        let text =
+            toml::to_string(table).map_err(|error| Raised::wrong_argument(KEYWORDS, &*error.to_string(), "TOML"))?;
+        Self::parse_scene(py, KEYWORDS, text, false)
     }
 
-    fn document(&self) -> Table {
+    fn parse_toml_table(&self) -> Table {
         // It was read before.
         self.text.parse().unwrap_or_default()
     }
@@ -144,7 +145,7 @@ impl PyScene {
         for (key, value) in all {
             keywords.set_item(key, value)?;
         }
-        Self::written(py, &document::from_keywords(&keywords)?)
+        Self::from_toml_table(py, &document::table_from_keywords(&keywords)?)
     }
 
     /// A scene from the text of a scene file.
@@ -164,7 +165,7 @@ impl PyScene {
     ///     With every mistake and its line.
     #[classmethod]
     fn from_toml(_class: &Bound<'_, PyType>, py: Python<'_>, text: String) -> PyResult<Self> {
-        Self::read(py, "scene", text, true)
+        Self::parse_scene(py, "scene", text, true)
     }
 
     /// A scene from a file.
@@ -185,8 +186,8 @@ impl PyScene {
     ///     With every mistake and its line.
     #[classmethod]
     fn from_file(_class: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let text = read_text_file(&path).map_err(|error| Raised::file("read", &path, &error))?;
-        Self::read(py, &path.display().to_string(), text, true)
+        let text = read_text_file(&path).map_err(|error| Raised::unusable_file("read", &path, &error))?;
+        Self::parse_scene(py, &path.display().to_string(), text, true)
     }
 
     /// An example: the plate or the bar that the program comes with.
@@ -209,9 +210,9 @@ impl PyScene {
         let text = match name {
             "plate" => EXAMPLE_PLATE,
             "bar" => EXAMPLE_BAR,
-            _ => return Err(Raised::argument("name", name, "\"plate\" or \"bar\"").into()),
+            _ => return Err(Raised::wrong_argument("name", name, "\"plate\" or \"bar\"").into()),
         };
-        Self::read(py, name, text.into(), true)
+        Self::parse_scene(py, name, text.into(), true)
     }
 
     /// A changed copy.
@@ -246,11 +247,11 @@ impl PyScene {
     /// ('left',)
     #[pyo3(signature = (**changes))]
     fn with_(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let mut table = self.document();
+        let mut table = self.parse_toml_table();
         if let Some(changes) = changes {
-            document::change(&mut table, changes)?;
+            document::change_table_by_keywords(&mut table, changes)?;
         }
-        Self::written(py, &table)
+        Self::from_toml_table(py, &table)
     }
 
     /// The text that it was read from; that of a scene file for one made from keywords.
@@ -268,7 +269,7 @@ impl PyScene {
     /// -------
     /// dict
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        document::to_dict(py, &self.document())
+        document::table_to_python_dict(py, &self.parse_toml_table())
     }
 
     /// The place on the surface under a pixel of the screen.
@@ -288,14 +289,14 @@ impl PyScene {
     /// RequestError
     ///     The screen, or the surface, has no such place.
     fn point_m(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), Raised> {
-        match self.scene.place_px(x_px, y_px) {
-            Ok(place) => Ok(place.xy_m()),
+        match self.scene.surface_point_at_px(x_px, y_px) {
+            Ok(place) => Ok(place.coordinates_m()),
             Err(PixelError::Screen(error)) => {
-                Err(Raised::argument(error.field, error.value, format!("{} to {}", error.min, error.max)))
+                Err(Raised::wrong_argument(error.field, error.value, format!("{} to {}", error.min, error.max)))
             }
             Err(PixelError::Place(error)) => {
-                let at = self.scene.screen.px_to_surface_m(x_px, y_px).unwrap_or((f64::NAN, f64::NAN));
-                Err(Raised::place("point", at, error))
+                let at = self.scene.screen.convert_px_to_surface_m(x_px, y_px).unwrap_or((f64::NAN, f64::NAN));
+                Err(Raised::place_off_surface("point", at, error))
             }
         }
     }
@@ -336,7 +337,7 @@ impl PyScene {
     /// Of the surface without anything that is attached to it, in kg.
     #[getter]
     fn mass_kg(&self) -> f64 {
-        self.scene.mass_kg()
+        self.scene.surface_mass_kg()
     }
 
     /// The actuators' ids, in the order of all arrays.
@@ -348,13 +349,13 @@ impl PyScene {
     /// Where the actuators are in m: float64 [actuator, 2].
     #[getter]
     fn actuator_xy_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        places(py, self.scene.actuators.iter().map(|actuator| [actuator.x_m, actuator.y_m]))
+        positions_as_array(py, self.scene.actuators.iter().map(|actuator| [actuator.x_m, actuator.y_m]))
     }
 
     /// Where the supports are in m: float64 [support, 2].
     #[getter]
     fn support_xy_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        places(py, self.scene.supports.iter().map(|support| [support.x_m, support.y_m]))
+        positions_as_array(py, self.scene.supports.iter().map(|support| [support.x_m, support.y_m]))
     }
 
     fn __repr__(&self) -> String {
@@ -388,7 +389,7 @@ impl PyScene {
     }
 }
 
-fn places<'py>(
+fn positions_as_array<'py>(
     py: Python<'py>,
     places: impl ExactSizeIterator<Item = [f64; 2]>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -399,7 +400,7 @@ fn places<'py>(
 }
 
 /// Equal scenes have equal numbers, so that it is enough to hash these; zeros are equal whatever their sign.
-fn hash_of(scene: &Scene) -> u64 {
+fn hash_scene(scene: &Scene) -> u64 {
     fn add(value: &serde_json::Value, hasher: &mut DefaultHasher) {
         match value {
             serde_json::Value::Number(number) => (number.as_f64().unwrap_or(f64::NAN) + 0.0).to_bits().hash(hasher),

@@ -1,18 +1,21 @@
 //! `study`: what may change of a scene, and its work in tasks, for whoever computes them: threads here, or an engine's workers elsewhere.
 
-use crate::arguments::Point;
+use crate::arguments::UnitCubePoint;
 use crate::design::Design;
-use crate::errors::{Raised, scene_error};
-use crate::results::{array, from_json};
-use crate::run::{run, run_beside, run_told};
+use crate::errors::{Raised, build_scene_exception};
+use crate::results::{convert_to_python_by_json, read_only_array};
+use crate::run::{run_interruptibly, run_interruptibly_with_pool, run_interruptibly_with_progress};
 use crate::scene::PyScene;
-use crate::tables::with_table;
+use crate::tables::run_with_plan_table;
 use era_model::model::Accuracy;
 use era_model::text_file::read_text_file;
-use era_study::evaluate::{Evaluator, Quick, Thorough};
-use era_study::result::{Entry, Table, constraints_of, objectives_of};
-use era_study::run::{Folder, Observer, Outcome, Row, Shard, Stopped, Study, Task, decoded, encoded};
-use era_study::written::write;
+use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
+use era_study::result::{DesignTable, TableEntry, constraint_margins_of_design, objective_values_of_design};
+use era_study::run::{
+    DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, decode_task_rows,
+    encode_task_rows,
+};
+use era_study::written::verify_and_write_results;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 use std::path::{Path, PathBuf};
@@ -70,82 +73,87 @@ pub struct PyStudy {
 type Made<'py> = (String, Bound<'py, PyAny>);
 
 /// Who may stop work, and wants to know how much is done.
-struct Watched {
-    stop: era_model::stop::Stop,
+struct ProgressObserver {
+    stop: era_model::stop::StopRequest,
     done: AtomicUsize,
     /// To whoever wants to know how many more are there.
     more: Sender<usize>,
 }
 
-impl Watched {
-    fn tell(&self, designs: usize) {
+impl ProgressObserver {
+    fn send_designs(&self, designs: usize) {
         // Nobody listens after a signal.
         let _ = self.more.send(designs);
     }
 }
 
-impl Observer for Watched {
-    fn stops(&self) -> bool {
-        self.stop.is_asked()
+impl StudyObserver for ProgressObserver {
+    fn is_stop_wanted(&self) -> bool {
+        self.stop.is_stop_requested()
     }
 
-    fn begins(&self, there: usize, _all: usize) {
+    fn report_start(&self, there: usize, _all: usize) {
         if there > 0 {
-            self.tell(there);
+            self.send_designs(there);
         }
     }
 
-    fn finds(&self, designs: usize) {
-        self.tell(designs);
+    fn report_found_designs(&self, designs: usize) {
+        self.send_designs(designs);
     }
 
-    fn does(&self, designs: usize) {
+    fn report_computed_designs(&self, designs: usize) {
         self.done.fetch_add(designs, Ordering::Relaxed);
-        self.tell(designs);
+        self.send_designs(designs);
     }
 }
 
 impl PyStudy {
-    fn of(study: Study, text: String, scene_text: String) -> Self {
-        let options = study.options();
-        let evaluator: Arc<dyn Evaluator + Send + Sync> =
-            if study.spec.method.thorough { Arc::new(Thorough::new(options)) } else { Arc::new(Quick::new(options)) };
+    fn from_study_and_texts(study: Study, text: String, scene_text: String) -> Self {
+        let options = study.table_options();
+        let evaluator: Arc<dyn Evaluator + Send + Sync> = if study.spec.method.thorough {
+            Arc::new(ThoroughEvaluator::new(options))
+        } else {
+            Arc::new(QuickEvaluator::new(options))
+        };
         Self { study: Arc::new(study), evaluator, text, scene_text }
     }
 
-    fn rows(&self, field: &str, task: Task, bytes: &[u8]) -> Result<Vec<Row>, Raised> {
+    fn decode_rows_argument(&self, field: &str, task: StudyTask, bytes: &[u8]) -> Result<Vec<DesignRow>, Raised> {
         let allowed = "what compute() of this study and this version has given for this task";
-        decoded(&self.study.key(), task, bytes).ok_or_else(|| Raised::argument(field, "other bytes", allowed))
+        decode_task_rows(&self.study.fingerprint(), task, bytes)
+            .ok_or_else(|| Raised::wrong_argument(field, "other bytes", allowed))
     }
 
     /// The names of objectives or constraints.
-    fn named(&self, of: fn(&Study, &Row) -> Vec<(String, f64)>) -> Vec<String> {
-        let design = self.study.space.as_it_is();
-        let nothing = Row { point: Vec::new(), design, outcome: Outcome::Failed(String::new()) };
+    fn names_of_study_values(&self, of: fn(&Study, &DesignRow) -> Vec<(String, f64)>) -> Vec<String> {
+        let design = self.study.space.design_of_scene_file();
+        let nothing = DesignRow { point: Vec::new(), design, outcome: DesignOutcome::Failed(String::new()) };
         of(&self.study, &nothing).into_iter().map(|(name, _)| name).collect()
     }
 
-    fn task(&self, name: &str) -> Result<Task, Raised> {
-        let task = name.parse::<Task>().ok().filter(|task| self.study.size(*task) > 0);
-        task.ok_or_else(|| Raised::argument("task", name, "one of tasks()"))
+    fn parse_task_argument(&self, name: &str) -> Result<StudyTask, Raised> {
+        let task = name.parse::<StudyTask>().ok().filter(|task| self.study.count_designs_of_task(*task) > 0);
+        task.ok_or_else(|| Raised::wrong_argument("task", name, "one of tasks()"))
     }
 
-    fn folder(&self, folder: PathBuf) -> Result<Folder, Raised> {
-        Ok(Folder::open(&folder, self.study.key())?)
+    fn open_study_folder(&self, folder: PathBuf) -> Result<StudyFolder, Raised> {
+        Ok(StudyFolder::open_or_create(&folder, self.study.fingerprint())?)
     }
 }
 
-fn text_of(path: &Path) -> PyResult<String> {
-    Ok(read_text_file(path).map_err(|error| Raised::file("read", path, &error))?)
+fn read_text_or_raise(path: &Path) -> PyResult<String> {
+    Ok(read_text_file(path).map_err(|error| Raised::unusable_file("read", path, &error))?)
 }
 
 #[pymethods]
 impl PyStudy {
     #[new]
     fn new(py: Python<'_>, text: String, scene: &PyScene) -> PyResult<Self> {
-        let scene_text = scene.text().to_owned();
-        let study = Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
-        Ok(Self::of(study, text, scene_text))
+        let scene_text = scene.source_text().to_owned();
+        let study = Study::parse_texts(STUDY, &text, SCENE, &scene_text)
+            .map_err(|error| build_scene_exception(py, error, true))?;
+        Ok(Self::from_study_and_texts(study, text, scene_text))
     }
 
     /// A study from its file, with the scene that it names.
@@ -166,14 +174,15 @@ impl PyStudy {
     ///     With every mistake of the study or the scene, and its line.
     #[classmethod]
     fn from_file(_class: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let text = text_of(&path)?;
+        let text = read_text_or_raise(&path)?;
         let source = path.display().to_string();
-        let spec = era_study::spec::Spec::parse(&source, &text).map_err(|error| scene_error(py, error, true))?;
+        let spec = era_study::spec::StudySpec::parse(&source, &text)
+            .map_err(|error| build_scene_exception(py, error, true))?;
         let scene = path.parent().unwrap_or_else(|| "".as_ref()).join(&spec.scene);
-        let scene_text = text_of(&scene)?;
-        let study = Study::parse(&source, &text, &scene.display().to_string(), &scene_text)
-            .map_err(|error| scene_error(py, error, true))?;
-        Ok(Self::of(study, text, scene_text))
+        let scene_text = read_text_or_raise(&scene)?;
+        let study = Study::parse_texts(&source, &text, &scene.display().to_string(), &scene_text)
+            .map_err(|error| build_scene_exception(py, error, true))?;
+        Ok(Self::from_study_and_texts(study, text, scene_text))
     }
 
     /// Its name.
@@ -197,13 +206,13 @@ impl PyStudy {
     /// How many designs are looked at, the scene as it is not counted.
     #[getter]
     fn designs(&self) -> usize {
-        self.study.designs()
+        self.study.count_designs()
     }
 
     /// The figures that are computed of every design, as columns are called.
     #[getter]
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.study.figures.iter().map(|wanted| wanted.column()))
+        pyo3::types::PyTuple::new(py, self.study.figures.iter().map(|wanted| wanted.column_name()))
     }
 
     /// The dimensions of the unit cube that designs are points of: one for each number, choice and count that varies, two for a place.
@@ -221,20 +230,20 @@ impl PyStudy {
     /// What is wished for, as "most weakest_g": in the order of `Design.objectives`.
     #[getter]
     fn objectives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.named(objectives_of))
+        pyo3::types::PyTuple::new(py, self.names_of_study_values(objective_values_of_design))
     }
 
     /// The bounds of all limits, as "sag_um at most 800": in the order of `Design.constraints`.
     #[getter]
     fn constraints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.named(constraints_of))
+        pyo3::types::PyTuple::new(py, self.names_of_study_values(constraint_margins_of_design))
     }
 
     /// What the study follows from (its file, the scene's, this program), as one number in hexadecimal digits.
     #[getter]
     fn key(&self) -> String {
         use std::fmt::Write;
-        self.study.key().iter().fold(String::new(), |mut text, byte| {
+        self.study.fingerprint().iter().fold(String::new(), |mut text, byte| {
             let _ = write!(text, "{byte:02x}");
             text
         })
@@ -247,7 +256,7 @@ impl PyStudy {
     /// -------
     /// tuple of str
     fn tasks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        let names: Vec<String> = self.study.tasks().map(|task| task.to_string()).collect();
+        let names: Vec<String> = self.study.list_tasks().map(|task| task.to_string()).collect();
         pyo3::types::PyTuple::new(py, names)
     }
 
@@ -261,7 +270,7 @@ impl PyStudy {
     /// -------
     /// int
     fn size(&self, task: &str) -> Result<usize, Raised> {
-        Ok(self.study.size(self.task(task)?))
+        Ok(self.study.count_designs_of_task(self.parse_task_argument(task)?))
     }
 
     /// Computes a task.
@@ -287,29 +296,29 @@ impl PyStudy {
         losses: Option<Vec<Vec<f64>>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyBytes>> {
-        let (task, losses) = (self.task(task)?, losses.unwrap_or_default());
-        if let Task::Generation { generation, .. } = task
+        let (task, losses) = (self.parse_task_argument(task)?, losses.unwrap_or_default());
+        if let StudyTask::Generation { generation, .. } = task
             && losses.len() != generation
         {
             let allowed = format!("those of {generation} generations");
-            return Err(Raised::argument("len(losses)", losses.len(), allowed).into());
+            return Err(Raised::wrong_argument("len(losses)", losses.len(), allowed).into());
         }
         if threads == Some(0) {
-            return Err(Raised::argument("threads", 0, "1 and above").into());
+            return Err(Raised::wrong_argument("threads", 0, "1 and above").into());
         }
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let work = move || study.compute(task, &losses, &*evaluator);
+        let work = move || study.compute_task_rows(task, &losses, &*evaluator);
         let rows = match threads {
-            None => run(py, move || Ok(work()))?,
-            Some(threads) => run_beside(py, move |_| {
+            None => run_interruptibly(py, move || Ok(work()))?,
+            Some(threads) => run_interruptibly_with_pool(py, move |_| {
                 let pool = rayon::ThreadPoolBuilder::new()
                     .num_threads(threads)
                     .build()
-                    .map_err(|error| Raised::os(format!("no thread to compute in: {error}")))?;
+                    .map_err(|error| Raised::unavailable_resource(format!("no thread to compute in: {error}")))?;
                 Ok(pool.install(work))
             })?,
         };
-        let bytes = encoded(&self.study.key(), task, &rows).map_err(Raised::os)?;
+        let bytes = encode_task_rows(&self.study.fingerprint(), task, &rows).map_err(Raised::unavailable_resource)?;
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -357,11 +366,11 @@ impl PyStudy {
     /// >>> found = study.evaluate([0.5])
     /// >>> found.values, bool(found.constraints[0] <= 0.0)
     /// ({'surface.thickness_mm': 2.0}, True)
-    fn evaluate(&self, py: Python<'_>, point: Point) -> PyResult<Design> {
-        let point = point.in_unit_cube(self.study.space.dimensions().len())?;
+    fn evaluate(&self, py: Python<'_>, point: UnitCubePoint) -> PyResult<Design> {
+        let point = point.check_in_unit_cube(self.study.space.dimensions().len())?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let row = run(py, move || Ok(study.compute_point(point, &*evaluator)))?;
-        Design::of(py, &self.study, row)
+        let row = run_interruptibly(py, move || Ok(study.compute_row_at_point(point, &*evaluator)))?;
+        Design::from_row(py, &self.study, row)
     }
 
     /// What the designs of a generation are worth to their search; less is better.
@@ -377,13 +386,14 @@ impl PyStudy {
     /// -------
     /// list of float
     fn losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
-        let own = self.task(task)?;
-        let Task::Generation { run, .. } = own else {
-            return Err(Raised::argument("task", task, "a generation"));
+        let own = self.parse_task_argument(task)?;
+        let StudyTask::Generation { run, .. } = own else {
+            return Err(Raised::wrong_argument("task", task, "a generation"));
         };
-        let (base, rows) = (self.rows("base", Task::Base, base)?, self.rows("rows", own, rows)?);
-        let base = base.first().ok_or_else(|| Raised::argument("base", "no rows", "the scene's row"))?;
-        Ok(self.study.losses(run, base, &rows))
+        let (base, rows) =
+            (self.decode_rows_argument("base", StudyTask::Base, base)?, self.decode_rows_argument("rows", own, rows)?);
+        let base = base.first().ok_or_else(|| Raised::wrong_argument("base", "no rows", "the scene's row"))?;
+        Ok(self.study.losses_of_generation(run, base, &rows))
     }
 
     /// The rows of a task in a folder; `None` if they are not there, or not whole.
@@ -398,9 +408,12 @@ impl PyStudy {
     /// -------
     /// bytes or None
     fn kept<'py>(&self, py: Python<'py>, folder: PathBuf, task: &str) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let task = self.task(task)?;
-        let rows = self.folder(folder)?.rows(task).map_err(Raised::from)?;
-        let bytes = rows.map(|rows| encoded(&self.study.key(), task, &rows)).transpose().map_err(Raised::os)?;
+        let task = self.parse_task_argument(task)?;
+        let rows = self.open_study_folder(folder)?.rows(task).map_err(Raised::from)?;
+        let bytes = rows
+            .map(|rows| encode_task_rows(&self.study.fingerprint(), task, &rows))
+            .transpose()
+            .map_err(Raised::unavailable_resource)?;
         Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
     }
 
@@ -421,11 +434,11 @@ impl PyStudy {
     /// RequestError
     ///     The folder is another study's, or the bytes are none of this one.
     fn keep(&self, folder: PathBuf, task: &str, rows: &[u8]) -> Result<(), Raised> {
-        let (task, folder) = (self.task(task)?, self.folder(folder)?);
-        if folder.keep_encoded(task, rows)? {
+        let (task, folder) = (self.parse_task_argument(task)?, self.open_study_folder(folder)?);
+        if folder.write_encoded_task_rows(task, rows)? {
             return Ok(());
         }
-        Err(Raised::argument(
+        Err(Raised::wrong_argument(
             "rows",
             "other bytes",
             "what compute() of this study and this version has given for this task",
@@ -447,10 +460,10 @@ impl PyStudy {
     ///     How many designs were computed.
     #[pyo3(signature = (folder, progress=None))]
     fn compute_all(&self, py: Python<'_>, folder: PathBuf, progress: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
-        let folder = self.folder(folder)?;
+        let folder = self.open_study_folder(folder)?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
         let (more, coming) = channel();
-        let (mut there, all) = (0, self.study.designs());
+        let (mut there, all) = (0, self.study.count_designs());
         let tell = |_: Python<'_>| {
             for designs in coming.try_iter() {
                 there += designs;
@@ -460,13 +473,14 @@ impl PyStudy {
             }
             Ok(())
         };
-        run_told(py, tell, move |pool| {
-            let watched = Watched { stop: pool.stop(), done: AtomicUsize::new(0), more };
-            let ended = pool.install(|| era_study::run::run(&study, &folder, &*evaluator, Shard::ALL, &watched))?;
+        run_interruptibly_with_progress(py, tell, move |pool| {
+            let watched = ProgressObserver { stop: pool.stop_request(), done: AtomicUsize::new(0), more };
+            let ended = pool
+                .run_in_pool(|| era_study::run::run_study_shard(&study, &folder, &*evaluator, Shard::ALL, &watched))?;
             match ended {
-                Stopped::Done => Ok(watched.done.load(Ordering::Relaxed)),
+                RunEnd::Done => Ok(watched.done.load(Ordering::Relaxed)),
                 // Nobody waits for it.
-                Stopped::Early => Err(Raised::os("stopped")),
+                RunEnd::Early => Err(Raised::unavailable_resource("stopped")),
             }
         })
     }
@@ -495,11 +509,11 @@ impl PyStudy {
     /// ModelWarning
     ///     Gaps of the scene as it is do not bear its press.
     fn write<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
-        let own = self.folder(folder.clone())?;
+        let own = self.open_study_folder(folder.clone())?;
         let study = self.study.clone();
         // Of the scene itself, not of each design, as there are many, which lack the same stops. Where it cannot be modelled its own row says why.
-        if let Some(scene) = study.space.without_stops() {
-            let told = with_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
+        if let Some(scene) = study.space.scene_if_stops_missing() {
+            let told = run_with_plan_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
             let ours = py.import("era._errors")?.getattr("EraError")?;
             if let Err(error) = told
                 && !error.is_instance(py, &ours)
@@ -507,12 +521,12 @@ impl PyStudy {
                 return Err(error);
             }
         }
-        let summary = run_beside(py, move |pool| {
-            let stop = pool.stop();
-            let written = pool.install(|| write(&study, &own, &|| stop.is_asked()))?;
-            Ok(written.map(|written| written.summary(&study, &folder)))
+        let summary = run_interruptibly_with_pool(py, move |pool| {
+            let stop = pool.stop_request();
+            let written = pool.run_in_pool(|| verify_and_write_results(&study, &own, &|| stop.is_stop_requested()))?;
+            Ok(written.map(|written| written.summarise_as_json(&study, &folder)))
         })?;
-        from_json(py, &summary)
+        convert_to_python_by_json(py, &summary)
     }
 
     /// The table of a folder that has all tasks: a row for each design, the first one being the scene as it is.
@@ -529,7 +543,8 @@ impl PyStudy {
     ///     each figure's name with `_low` and `_high` has its least and most over all samples of that. `weakest_x_mm` and `weakest_y_mm` are the weakest place of
     ///     the first figure that has one, if any does, NaN for a design that failed.
     fn table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
-        let table = Table::gather(&self.study, &self.folder(folder)?).map_err(Raised::from)?;
+        let table =
+            DesignTable::gather_from_folder(&self.study, &self.open_study_folder(folder)?).map_err(Raised::from)?;
         let rows = || std::iter::once(&table.base).chain(&table.entries);
         let found = PyDict::new(py);
         found.set_item("status", rows().map(|own| own.status.name()).collect::<Vec<_>>())?;
@@ -537,34 +552,40 @@ impl PyStudy {
         found.set_item("on_front", rows().map(|own| own.is_on_front).collect::<Vec<_>>())?;
         for column in &table.columns {
             if column.words.is_some() {
-                found.set_item(&column.name, rows().map(|own| column.text(&own.row.design)).collect::<Vec<_>>())?;
+                found.set_item(
+                    &column.name,
+                    rows().map(|own| column.text_in_design(&own.row.design)).collect::<Vec<_>>(),
+                )?;
             } else {
-                let values = rows().map(|own| column.number(&own.row.design).unwrap_or(f64::NAN)).collect();
-                found.set_item(&column.name, array(py, values))?;
+                let values = rows().map(|own| column.number_in_design(&own.row.design).unwrap_or(f64::NAN)).collect();
+                found.set_item(&column.name, read_only_array(py, values))?;
             }
         }
         for (k, wanted) in table.figures.iter().enumerate() {
-            let value =
-                |own: &Entry| own.row.figures().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN);
-            found.set_item(wanted.column(), array(py, rows().map(value).collect()))?;
+            let value = |own: &TableEntry| {
+                own.row.figures_if_found().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN)
+            };
+            found.set_item(wanted.column_name(), read_only_array(py, rows().map(value).collect()))?;
             if table.has_ends {
-                let ends = |own: &Entry| own.row.ends(k).unwrap_or((f64::NAN, f64::NAN));
+                let ends = |own: &TableEntry| own.row.least_and_most_of_figure(k).unwrap_or((f64::NAN, f64::NAN));
                 let (low, high): (Vec<f64>, Vec<f64>) = rows().map(ends).unzip();
-                found.set_item(format!("{}_low", wanted.column()), array(py, low))?;
-                found.set_item(format!("{}_high", wanted.column()), array(py, high))?;
+                found.set_item(format!("{}_low", wanted.column_name()), read_only_array(py, low))?;
+                found.set_item(format!("{}_high", wanted.column_name()), read_only_array(py, high))?;
             }
         }
-        if table.has_weakest() {
-            let at_mm = |own: &Entry| own.row.figures().and_then(|figures| figures.weakest_mm).unwrap_or([f64::NAN; 2]);
-            found.set_item("weakest_x_mm", array(py, rows().map(|own| at_mm(own)[0]).collect()))?;
-            found.set_item("weakest_y_mm", array(py, rows().map(|own| at_mm(own)[1]).collect()))?;
+        if table.has_weakest_places() {
+            let at_mm = |own: &TableEntry| {
+                own.row.figures_if_found().and_then(|figures| figures.weakest_mm).unwrap_or([f64::NAN; 2])
+            };
+            found.set_item("weakest_x_mm", read_only_array(py, rows().map(|own| at_mm(own)[0]).collect()))?;
+            found.set_item("weakest_y_mm", read_only_array(py, rows().map(|own| at_mm(own)[1]).collect()))?;
         }
         Ok(found)
     }
 
     fn __repr__(&self) -> String {
         let spec = &self.study.spec;
-        format!("<Study {:?}: {} designs by {}>", spec.name, self.study.designs(), spec.method.way.name())
+        format!("<Study {:?}: {} designs by {}>", spec.name, self.study.count_designs(), spec.method.way.name())
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Made<'py>)> {

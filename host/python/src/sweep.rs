@@ -1,14 +1,14 @@
 //! `sweep`: responses all over the surface.
 
-use crate::arguments::{self, Frequencies, Grid, Tolerance, need_actuators};
-use crate::errors::{Raised, warn};
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{Asked, array, bounds_of, shaped};
-use crate::run::run;
+use crate::arguments::{self, GivenFrequencies, GivenTolerance, GridSize, refuse_scene_without_actuators};
+use crate::errors::{Raised, raise_model_warnings};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_interruptibly;
 use crate::scene::PyScene;
-use era_model::model::{Accuracy, Bounded, validity};
-use era_model::response::sweep::{Arithmetic, Sweep as Found};
-use era_model::response::{MOST_SWEEP_VALUES, SINGLE_DOES, bounded_sweep};
+use era_model::model::{Accuracy, BoundedAnswer, validity};
+use era_model::response::sweep::{AccelerationSweep as Found, Arithmetic};
+use era_model::response::{MOST_SWEEP_VALUES, SINGLE_DOES, sweep_with_error_bounds};
 use era_model::scene::Scene;
 use num_complex::Complex;
 use numpy::{Element, PyArray1};
@@ -63,12 +63,12 @@ impl Sweep {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
 /// What was asked for.
-struct Question {
+struct SweepQuestion {
     scene: Arc<Scene>,
     accuracy: Accuracy,
     x_m: Vec<f64>,
@@ -112,63 +112,70 @@ struct Question {
 /// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
 /// ((5, 2, 5, 7), dtype('complex64'))
 #[pyfunction]
-#[pyo3(signature = (scene, frequency_hz, *, grid=Grid::usual(49, 33), tolerance=None, within_s=None),
+#[pyo3(signature = (scene, frequency_hz, *, grid=GridSize::default_size(49, 33), tolerance=None, within_s=None),
     text_signature = "(scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None)")]
 pub fn sweep(
     py: Python<'_>,
     scene: &PyScene,
-    frequency_hz: Frequencies,
-    grid: Grid,
-    tolerance: Option<Tolerance>,
+    frequency_hz: GivenFrequencies,
+    grid: GridSize,
+    tolerance: Option<GivenTolerance>,
     within_s: Option<f64>,
 ) -> PyResult<Sweep> {
-    let scene = scene.scene();
-    let frequencies_hz = arguments::frequencies(frequency_hz, f64::MIN_POSITIVE)?;
-    let accuracy = arguments::accuracy(tolerance, within_s)?;
-    let (x_m, y_m) = scene.grid(arguments::grid(grid)?);
-    need_actuators(&scene)?;
-    check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
-    warn(py, validity::doubts(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)))?;
-    let question = Question { scene, accuracy, x_m, y_m, frequencies_hz };
-    if accuracy.value() >= SINGLE_DOES { asked::<f32>(py, question) } else { asked::<f64>(py, question) }
+    let scene = scene.shared_scene();
+    let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, f64::MIN_POSITIVE)?;
+    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
+    let (x_m, y_m) = scene.grid_lines_m(arguments::check_grid_size(grid)?);
+    refuse_scene_without_actuators(&scene)?;
+    check_number_of_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
+    raise_model_warnings(
+        py,
+        validity::list_thin_plate_warnings(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)),
+    )?;
+    let question = SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz };
+    if accuracy.relative_tolerance() >= SINGLE_DOES {
+        sweep_in_precision::<f32>(py, question)
+    } else {
+        sweep_in_precision::<f64>(py, question)
+    }
 }
 
-fn asked<T>(py: Python<'_>, question: Question) -> PyResult<Sweep>
+fn sweep_in_precision<T>(py: Python<'_>, question: SweepQuestion) -> PyResult<Sweep>
 where
     T: Arithmetic + Into<f64>,
     Complex<T>: Element,
 {
-    type Answer<T> = (Bounded<Found<T>>, Vec<Complex<T>>, Question);
-    let work = move |question: Question| -> Result<Answer<T>, Raised> {
-        let Question { scene, accuracy, x_m, y_m, frequencies_hz } = &question;
-        let found = bounded_sweep::<T>(scene, *accuracy, (x_m, y_m), frequencies_hz)?;
+    type Answer<T> = (BoundedAnswer<Found<T>>, Vec<Complex<T>>, SweepQuestion);
+    let work = move |question: SweepQuestion| -> Result<Answer<T>, Raised> {
+        let SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz } = &question;
+        let found = sweep_with_error_bounds::<T>(scene, *accuracy, (x_m, y_m), frequencies_hz)?;
         let values = found.answer.re.iter().zip(&found.answer.im).map(|(re, im)| Complex::new(*re, *im)).collect();
         Ok((found, values, question))
     };
-    let (found, values, question) = run(py, move || work(question))?;
-    let Question { scene, accuracy, x_m, y_m, frequencies_hz } = question;
-    let asked = Asked::of(&found.bounds, accuracy);
+    let (found, values, question) = run_interruptibly(py, move || work(question))?;
+    let SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz } = question;
+    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
     let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
     Ok(Sweep {
         actuators: scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),
-        frequency_hz: array(py, frequencies_hz),
-        x_m: array(py, x_m),
-        y_m: array(py, y_m),
-        acceleration_m_s2_per_n: shaped(py, values, shape)?.into_any(),
-        error_bound: array(py, bounds_of(&found.bounds)),
+        frequency_hz: read_only_array(py, frequencies_hz),
+        x_m: read_only_array(py, x_m),
+        y_m: read_only_array(py, y_m),
+        acceleration_m_s2_per_n: read_only_array_of_shape(py, values, shape)?.into_any(),
+        error_bound: read_only_array(py, bounds_or_nan(&found.bounds)),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,
-        unknowns: found.model.dofs(),
+        unknowns: found.model.count_unknowns(),
     })
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
-fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Raised> {
+fn check_number_of_values(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Raised> {
     let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
     if values <= MOST_SWEEP_VALUES {
         return Ok(());
     }
     let allowed = format!("so small that there are at most {MOST_SWEEP_VALUES:e} values, not {values:e}");
-    Err(Raised::argument("points of grid", points, allowed))
+    Err(Raised::wrong_argument("points of grid", points, allowed))
 }

@@ -1,8 +1,8 @@
 //! The planner's tables, of which the latest are kept: a panel that is asked again answers at once.
 
-use crate::errors::{Raised, warn};
-use crate::run::{Pool, run_beside};
-use era_model::model::levels::Levels;
+use crate::errors::{Raised, raise_model_warnings};
+use crate::run::{WorkPool, run_interruptibly_with_pool};
+use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, validity};
 use era_model::scene::{MAX_ACTUATORS, Scene};
 use era_planner::{PlanError, PlanTable, TableOptions, cache};
@@ -14,37 +14,37 @@ const KEPT: usize = 4;
 
 /// A table, for one question at a time: what it works out when it is first asked is waited for by others, and a thread of the pool
 /// that waits takes up other work, which may be the same question.
-pub type Shared = Arc<Mutex<PlanTable>>;
+pub type SharedTable = Arc<Mutex<PlanTable>>;
 
-struct Kept {
+struct KeptTable {
     scene: Arc<Scene>,
     tolerance: f64,
-    table: Shared,
+    table: SharedTable,
 }
 
 /// The one used last at the end; and the process that they are of: in one that was forked a table may be locked for ever.
-static TABLES: Mutex<(u32, Vec<Kept>)> = Mutex::new((0, Vec::new()));
+static TABLES: Mutex<(u32, Vec<KeptTable>)> = Mutex::new((0, Vec::new()));
 
 /// Works with the table of a scene with its finger on `places` (m), that of the scene itself where it has none.
-pub fn with_touched_table<T: Send + 'static>(
+pub fn run_with_finger_table<T: Send + 'static>(
     py: Python<'_>,
     scene: &Arc<Scene>,
     accuracy: Accuracy,
     places: Vec<(f64, f64)>,
     work: impl FnOnce(&PlanTable) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    with_table(py, scene, accuracy, move |table| {
+    run_with_plan_table(py, scene, accuracy, move |table| {
         if table.scene.finger.is_none() {
             return work(table);
         }
-        let (touched, options) = (table.scene.touched(&places), TableOptions::default());
-        let levels = Levels::build(&touched, accuracy, options.to_hz)?;
+        let (touched, options) = (table.scene.with_finger_at_places(&places), TableOptions::default());
+        let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
         work(&table.touched(&touched, levels, options)?)
     })
 }
 
 /// Works with the table of a scene, which is computed if it is not kept. Warns of what is wrong with the panel.
-pub fn with_table<T: Send + 'static>(
+pub fn run_with_plan_table<T: Send + 'static>(
     py: Python<'_>,
     scene: &Arc<Scene>,
     accuracy: Accuracy,
@@ -57,20 +57,20 @@ pub fn with_table<T: Send + 'static>(
         // Before minutes are spent on a table that no plan comes from.
         return Err(Raised::from(PlanError::Actuators { count: scene.actuators.len() }).into());
     }
-    warn(py, validity::doubts(scene, TableOptions::default().to_hz))?;
+    raise_model_warnings(py, validity::list_thin_plate_warnings(scene, TableOptions::default().to_hz))?;
     let own = scene.clone();
-    let (found, doubts) = run_beside(py, move |pool| {
-        let shared = table(pool, &own, accuracy)?;
+    let (found, doubts) = run_interruptibly_with_pool(py, move |pool| {
+        let shared = cached_plan_table(pool, &own, accuracy)?;
         let table = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok((pool.install(|| work(&table))?, era_planner::press_bounds::list_press_warnings(&table)))
+        Ok((pool.run_in_pool(|| work(&table))?, era_planner::press_bounds::list_press_warnings(&table)))
     })?;
-    warn(py, doubts)?;
+    raise_model_warnings(py, doubts)?;
     Ok(found)
 }
 
-fn table(pool: &Pool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<Shared, Raised> {
-    let tolerance = accuracy.value();
-    let is_it = |kept: &Kept| kept.tolerance.to_bits() == tolerance.to_bits() && kept.scene == *scene;
+fn cached_plan_table(pool: &WorkPool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<SharedTable, Raised> {
+    let tolerance = accuracy.relative_tolerance();
+    let is_it = |kept: &KeptTable| kept.tolerance.to_bits() == tolerance.to_bits() && kept.scene == *scene;
     let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
     if tables.0 != std::process::id() {
         *tables = (std::process::id(), Vec::new());
@@ -84,10 +84,10 @@ fn table(pool: &Pool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<Shared, 
     }
     // Others look for theirs meanwhile.
     drop(tables);
-    let prepared = pool.install(|| cache::prepare(None, scene, accuracy, TableOptions::default()))?;
-    let table: Shared = Arc::new(Mutex::new(prepared.table));
+    let prepared = pool.run_in_pool(|| cache::prepare(None, scene, accuracy, TableOptions::default()))?;
+    let table: SharedTable = Arc::new(Mutex::new(prepared.table));
     let kept = &mut TABLES.lock().unwrap_or_else(PoisonError::into_inner).1;
-    kept.push(Kept { scene: scene.clone(), tolerance, table: table.clone() });
+    kept.push(KeptTable { scene: scene.clone(), tolerance, table: table.clone() });
     let more = kept.len().saturating_sub(KEPT);
     kept.drain(..more);
     Ok(table)

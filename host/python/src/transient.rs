@@ -1,14 +1,16 @@
 //! `transient`: motion after drives are switched on.
 
-use crate::arguments::{Place, Tolerance, accuracy as asked};
-use crate::errors::{Raised, warn};
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::array;
-use crate::run::run;
+use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
+use crate::errors::{Raised, raise_model_warnings};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::read_only_array;
+use crate::run::run_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::scene::Scene;
-use era_model::transient::panel::{Drive, NO_BOUND, highest_hz, switched_on, times};
+use era_model::transient::panel::{
+    NO_BOUND, SwitchedForce, choose_time_grid, compute_motion_after_switch_on, highest_drive_frequency_hz,
+};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -57,7 +59,7 @@ impl Transient {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -90,15 +92,16 @@ impl<'py> FromPyObject<'_, 'py> for DriveGiven {
 }
 
 impl DriveGiven {
-    fn on(self, scene: &Scene, at: usize) -> Result<Drive, Raised> {
+    fn to_switched_force(self, scene: &Scene, at: usize) -> Result<SwitchedForce, Raised> {
         let Self { id, frequency_hz, force_n, phase_rad } = self;
         let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
         let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
-        let wrong = || Raised::argument(format!("drives[{at}][0]"), id.as_str(), format!("an actuator: {}", known()));
-        let drive = Drive { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };
-        drive.check()?;
+        let wrong =
+            || Raised::wrong_argument(format!("drives[{at}][0]"), id.as_str(), format!("an actuator: {}", known()));
+        let drive = SwitchedForce { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };
+        drive.check_frequency_and_force()?;
         if !phase_rad.is_finite() {
-            return Err(Raised::argument(format!("drives[{at}][3]"), phase_rad, "a finite phase in rad"));
+            return Err(Raised::wrong_argument(format!("drives[{at}][3]"), phase_rad, "a finite phase in rad"));
         }
         Ok(drive)
     }
@@ -147,35 +150,38 @@ impl DriveGiven {
 pub fn transient(
     py: Python<'_>,
     scene: &PyScene,
-    at_m: Place,
+    at_m: GivenPlace,
     drives: Vec<DriveGiven>,
     duration_s: f64,
     step_s: f64,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Transient> {
-    let scene = scene.scene();
-    let at_m = at_m.on(&scene, "at_m")?;
+    let scene = scene.shared_scene();
+    let at_m = at_m.locate_on_surface_m(&scene, "at_m")?;
     let accuracy = asked(tolerance, None)?;
-    let drives =
-        drives.into_iter().enumerate().map(|(at, drive)| drive.on(&scene, at)).collect::<Result<Vec<_>, _>>()?;
+    let drives = drives
+        .into_iter()
+        .enumerate()
+        .map(|(at, drive)| drive.to_switched_force(&scene, at))
+        .collect::<Result<Vec<_>, _>>()?;
     if drives.is_empty() {
-        return Err(Raised::argument("len(drives)", 0, "1 and above").into());
+        return Err(Raised::wrong_argument("len(drives)", 0, "1 and above").into());
     }
-    let grid = times(duration_s, step_s).map_err(Raised::from)?;
-    warn(py, validity::doubts(&scene, highest_hz(&drives)))?;
-    let (motion, settled_s) = run(py, move || {
-        let motion = switched_on(&scene, accuracy, at_m, &drives, grid)?;
-        let settled_s = motion.settled_s(&drives);
+    let grid = choose_time_grid(duration_s, step_s).map_err(Raised::from)?;
+    raise_model_warnings(py, validity::list_thin_plate_warnings(&scene, highest_drive_frequency_hz(&drives)))?;
+    let (motion, settled_s) = run_interruptibly(py, move || {
+        let motion = compute_motion_after_switch_on(&scene, accuracy, at_m, &drives, grid)?;
+        let settled_s = motion.settling_time_of_single_drive_s(&drives);
         Ok((motion, settled_s))
     })?;
     Ok(Transient {
         at_m,
-        peak_m_s2: motion.peak_m_per_s2(),
+        peak_m_s2: motion.peak_acceleration_m_per_s2(),
         steady_peak_m_s2: motion.steady_peak_m_per_s2,
         settled_s,
-        time_s: array(py, motion.time_s),
-        displacement_m: array(py, motion.displacement_m),
-        acceleration_m_s2: array(py, motion.acceleration_m_per_s2),
+        time_s: read_only_array(py, motion.time_s),
+        displacement_m: read_only_array(py, motion.displacement_m),
+        acceleration_m_s2: read_only_array(py, motion.acceleration_m_per_s2),
         error_bound: None,
         error_bound_missing: NO_BOUND.to_owned(),
     })

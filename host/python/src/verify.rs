@@ -1,11 +1,11 @@
 //! `verify`: prediction against the simulated device.
 
-use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
 use crate::errors::Raised;
-use crate::pickles::{Reduced, pickled, reduce};
-use crate::results::{array, read_json, shaped, write_json};
+use crate::pickles::{Reduced, pickled, reduce_for_pickle};
+use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::with_table;
+use crate::tables::run_with_plan_table;
 use era::verify::{Comparison, compare_all, spread_points_over};
 use era_planner::{DEFAULT_INTENSITY_G, Target};
 use numpy::{PyArray1, PyArray2};
@@ -76,7 +76,7 @@ impl Verification {
     /// -------
     /// list of dict
     fn to_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        Ok(read_json(py, &self.points_json)?.cast_into::<PyList>()?)
+        Ok(parse_json_to_python(py, &self.points_json)?.cast_into::<PyList>()?)
     }
 
     fn __len__(&self) -> usize {
@@ -88,7 +88,7 @@ impl Verification {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        reduce(py, self)
+        reduce_for_pickle(py, self)
     }
 }
 
@@ -96,7 +96,7 @@ impl Verification {
 #[derive(FromPyObject)]
 pub enum Points {
     Count(u32),
-    Places(Vec<Place>),
+    Places(Vec<GivenPlace>),
 }
 
 /// Plans touches and runs them on the simulated device, faster than real time, and compares.
@@ -138,27 +138,31 @@ pub fn verify(
     scene: &PyScene,
     points: Points,
     intensity_g: f64,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<GivenTolerance>,
 ) -> PyResult<Verification> {
-    let scene = scene.scene();
+    let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
     let places = match points {
         Points::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_points_over(&scene, count),
         Points::Count(count) => {
-            return Err(Raised::argument("points", f64::from(count), format!("1 to {MOST_POINTS}")).into());
+            return Err(Raised::wrong_argument("points", f64::from(count), format!("1 to {MOST_POINTS}")).into());
         }
         Points::Places(places) => {
-            let on = |(i, place): (usize, Place)| place.on(&scene, &format!("points[{i}]"));
+            let on = |(i, place): (usize, GivenPlace)| place.locate_on_surface_m(&scene, &format!("points[{i}]"));
             places.into_iter().enumerate().map(on).collect::<Result<_, _>>()?
         }
     };
     let target = |&(x_m, y_m): &(f64, f64)| Target { x_m, y_m, intensity_g: Some(intensity_g) };
     let targets: Vec<Target> = places.iter().map(target).collect();
-    let found = with_table(py, &scene, accuracy, move |table| Ok(compare_all(table, &targets)?))?;
-    let of = |figure: fn(&Comparison) -> f64| array(py, found.iter().map(figure).collect());
+    let found = run_with_plan_table(py, &scene, accuracy, move |table| Ok(compare_all(table, &targets)?))?;
+    let of = |figure: fn(&Comparison) -> f64| read_only_array(py, found.iter().map(figure).collect());
     let largest = |c: &Comparison| c.difference.abs().max(c.band_difference.abs());
     Ok(Verification {
-        xy_m: shaped(py, places.iter().flat_map(|(x_m, y_m)| [*x_m, *y_m]).collect(), [places.len(), 2])?,
+        xy_m: read_only_array_of_shape(
+            py,
+            places.iter().flat_map(|(x_m, y_m)| [*x_m, *y_m]).collect(),
+            [places.len(), 2],
+        )?,
         predicted_g: of(|c| c.predicted_g),
         simulated_g: of(|c| c.simulated_g),
         difference: of(|c| c.difference),
@@ -168,7 +172,7 @@ pub fn verify(
         band_difference: of(|c| c.band_difference),
         error_bound: of(|c| c.error_bound.unwrap_or(f64::NAN)),
         largest_difference: found.iter().map(largest).fold(0.0, f64::max),
-        points_json: write_json(&found)?,
+        points_json: serialise_to_json(&found)?,
         count: found.len(),
     })
 }

@@ -45,7 +45,7 @@ impl Panel {
     /// The scene, and its file's text.
     pub fn load_text(&self) -> Result<(Scene, String), Failure> {
         let (source, text) = match &self.scene {
-            Some(path) => (path.display().to_string(), Scene::text(path).map_err(Failure::usage)?),
+            Some(path) => (path.display().to_string(), Scene::read_scene_text(path).map_err(Failure::usage)?),
             None => ("examples/scenes/plate.toml".into(), crate::scene::EXAMPLE_PLATE.into()),
         };
         Ok((Scene::parse(&source, &text).map_err(Failure::usage)?, text))
@@ -53,13 +53,13 @@ impl Panel {
 
     /// The accuracy of what climbs from level to level: a tolerance, or the time that there is.
     pub fn accuracy_within(&self, time: Time) -> Result<Accuracy, Failure> {
-        time.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::within(time)))
+        time.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::best_within_time(time)))
     }
 
     /// The accuracy of all else.
     pub fn accuracy(&self) -> Result<Accuracy, Failure> {
         match (self.accuracy, self.tolerance) {
-            (_, Some(tolerance)) => Accuracy::tolerance(tolerance).map_err(Failure::usage),
+            (_, Some(tolerance)) => Accuracy::from_tolerance(tolerance).map_err(Failure::usage),
             (Some(accuracy), None) => Ok(accuracy),
             (None, None) => Ok(Accuracy::BALANCED),
         }

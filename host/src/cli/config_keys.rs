@@ -119,7 +119,7 @@ pub const KEYS: &[Key] = &[
         is_given: |serve| serve.panel.tolerance.is_some(),
         take: |serve, given, _| {
             let tolerance = given.number()?;
-            Accuracy::tolerance(tolerance).ok()?;
+            Accuracy::from_tolerance(tolerance).ok()?;
             serve.panel.tolerance = Some(tolerance);
             Some(())
         },

@@ -7,9 +7,9 @@
 
 #![expect(clippy::cast_precision_loss, reason = "estimates")]
 
-use crate::model::levels::Levels;
-use crate::model::panel::has_many_modes;
-use crate::model::sections::Waves;
+use crate::model::levels::ReducedLevels;
+use crate::model::panel::has_many_modes_below;
+use crate::model::sections::WaveRigidities;
 use crate::model::{Accuracy, ModelError};
 use crate::planner::TableOptions;
 use crate::planner::table::SurfaceGrid;
@@ -52,7 +52,7 @@ impl Cost {
     /// # Errors
     /// [`ModelError`]: what cannot be meshed, which the computation would end with too.
     pub fn of_modes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Option<Self>, ModelError> {
-        if accuracy.time().is_some() {
+        if accuracy.time_limit().is_some() {
             return Ok(None);
         }
         Self::new(scene, accuracy, max_hz, BEYOND_MODES).map(Some)
@@ -68,7 +68,7 @@ impl Cost {
         max_hz: f64,
         (frequencies, points): (usize, usize),
     ) -> Result<Option<Self>, ModelError> {
-        if accuracy.time().is_some() {
+        if accuracy.time_limit().is_some() {
             return Ok(None);
         }
         let mut cost = Self::new(scene, accuracy, max_hz, frequency_ratio_of_modes(scene, max_hz))?;
@@ -89,7 +89,7 @@ impl Cost {
     }
 
     fn new(scene: &Scene, accuracy: Accuracy, max_hz: f64, beyond: f64) -> Result<Self, ModelError> {
-        let unknowns = Levels::expected_unknowns(scene, accuracy, max_hz)?;
+        let unknowns = ReducedLevels::estimate_unknown_count(scene, accuracy, max_hz)?;
         let vectors = VECTORS_PER_MODE * estimate_mode_count(scene, beyond * max_hz) + LEAST_VECTORS;
         let level = |part: f64| {
             let (n, s) = (part * unknowns, vectors.min(part * unknowns));
@@ -167,14 +167,14 @@ fn round_to_digits(value: f64, digits: i32) -> f64 {
 
 /// How far a reduced model's modes go, as a multiple of the highest frequency.
 fn frequency_ratio_of_modes(scene: &Scene, max_hz: f64) -> f64 {
-    BEYOND_REDUCED * if has_many_modes(scene, max_hz) { 0.5 } else { 1.0 }
+    BEYOND_REDUCED * if has_many_modes_below(scene, max_hz) { 0.5 } else { 1.0 }
 }
 
 /// About how many modes a panel has below a frequency, by Weyl's law with the term of free edges: a plate A k^2 / (4 pi) +
 /// (L + W) k / pi for the wavenumber k, a bar L k / pi. Counted: 86 of 83 and 153 of 155 on a strip of 2 x 0.02 m.
 fn estimate_mode_count(scene: &Scene, max_hz: f64) -> f64 {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
-    let wavenumber = (TAU * max_hz).sqrt() / Waves::of(scene).mean.powf(0.25);
+    let wavenumber = (TAU * max_hz).sqrt() / WaveRigidities::from_scene(scene).mean.powf(0.25);
     match scene.surface.kind {
         SurfaceKind::Plate => wavenumber * (length * width * wavenumber / 4.0 + (length + width)) / PI,
         SurfaceKind::Bar => length * wavenumber / PI,
@@ -199,7 +199,7 @@ fn measure_operations_per_s() -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::bounded_modes;
+    use crate::model::compute_modes_with_error_bounds;
     use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 
     #[test]
@@ -225,8 +225,8 @@ mod tests {
         for (text, max_hz) in [(EXAMPLE_PLATE, 1500.0), (EXAMPLE_BAR, 5000.0)] {
             let scene = Scene::parse("example", text).unwrap();
             let cost = Cost::of_modes(&scene, Accuracy::FAST, max_hz).unwrap().unwrap();
-            let found = bounded_modes(&scene, Accuracy::FAST, max_hz).unwrap();
-            let (modes, unknowns) = (found.answer.len() as f64, found.model.dofs() as f64);
+            let found = compute_modes_with_error_bounds(&scene, Accuracy::FAST, max_hz).unwrap();
+            let (modes, unknowns) = (found.answer.len() as f64, found.model.count_unknowns() as f64);
             assert!((cost.modes / modes).ln().abs() < 0.4, "{} {modes}", cost.modes);
             assert!((cost.unknowns / unknowns).ln().abs() < 0.8, "{} {unknowns}", cost.unknowns);
         }
@@ -243,6 +243,6 @@ mod tests {
         assert!(sweep((361, 1)).to_string().ends_with("361 frequencies"));
         assert!(sweep((361, 1617)).to_string().ends_with("361 frequencies, 1617 points"));
         assert!(Cost::of_modes(&scene, Accuracy::BALANCED, 1e9).is_err());
-        assert_eq!(Cost::of_modes(&scene, Accuracy::within(Duration::from_secs(1)), 400.0), Ok(None));
+        assert_eq!(Cost::of_modes(&scene, Accuracy::best_within_time(Duration::from_secs(1)), 400.0), Ok(None));
     }
 }

@@ -68,8 +68,8 @@ pub fn run_effect(options: &EffectOptions) -> Outcome {
         let mut answer = json!(effects::view::EffectView::new(&design));
         answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
-        answer["tolerance"] = json!(accuracy.value());
-        answer["tolerance_met"] = json!(Bound::are_met(&bounds_of(&[&plan]), accuracy));
+        answer["tolerance"] = json!(accuracy.relative_tolerance());
+        answer["tolerance_met"] = json!(Bound::all_meet_accuracy(&bounds_of(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         // The same as the daemon says it.
         answer["times"] = json!(crate::planner::report::compute_times(&table, &plan));

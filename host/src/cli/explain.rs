@@ -1,7 +1,7 @@
 //! What was modelled, what was left out, and what each step cost and bought: `--explain`.
 
 use crate::model::Accuracy;
-use crate::model::bounded::Step;
+use crate::model::bounded::RefinementLevel;
 use crate::scene::{EdgeKind, Mount, Scene, SurfaceDamping, SurfaceKind};
 use std::fmt::Write;
 
@@ -30,7 +30,8 @@ fn describe_model(scene: &Scene) -> String {
     let held = scene.edges.iter().filter(|edge| !matches!(edge.kind, EdgeKind::Elastic { .. })).count();
     let inertial = scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Inertial).count();
     let lossy = scene.supports.iter().map(|support| support.loss_factor);
-    let lossy = lossy.chain(scene.edges.iter().map(|edge| edge.kind.loss_factor())).filter(|loss| *loss > 0.0).count();
+    let lossy =
+        lossy.chain(scene.edges.iter().map(|edge| edge.kind.spring_loss_factor())).filter(|loss| *loss > 0.0).count();
     let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
     let parts = [
         (surface.layers.len(), "layers (classical laminate theory)"),
@@ -57,7 +58,9 @@ fn describe_model(scene: &Scene) -> String {
     text.push_str(match surface.damping {
         SurfaceDamping::None => ", no damping of the surface",
         SurfaceDamping::LossFactor(_) => ", hysteretic damping of the surface",
-        SurfaceDamping::ModalRatio(ratio) if ratio.is_same() => ", the same damping ratio on every mode of the surface",
+        SurfaceDamping::ModalRatio(ratio) if ratio.is_same_for_all_modes() => {
+            ", the same damping ratio on every mode of the surface"
+        }
         SurfaceDamping::ModalRatio(_) => ", a damping ratio by its frequency on every mode of the surface",
         SurfaceDamping::Rayleigh { .. } => ", Rayleigh damping of the surface",
     });
@@ -66,7 +69,7 @@ fn describe_model(scene: &Scene) -> String {
 
 /// The whole text.
 #[must_use]
-pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
+pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
     let mut text = describe_model(scene);
     text.push_str(
         "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger except at a touched place, the effect of the \
@@ -90,10 +93,10 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> St
         );
     }
     let total: f64 = steps.iter().map(|step| step.elapsed_ms).sum();
-    let tolerance = accuracy.value();
+    let tolerance = accuracy.relative_tolerance();
     let best = steps.iter().map(|step| step.bound).reduce(f64::min);
     let _ = match best {
-        Some(bound) if accuracy.time().is_some() && bound.is_finite() => {
+        Some(bound) if accuracy.time_limit().is_some() && bound.is_finite() => {
             write!(text, "\nbound {bound:.0e} reached within the time, {total:.1} ms in all")
         }
         Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
@@ -107,12 +110,12 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::bounded_modes;
+    use crate::model::compute_modes_with_error_bounds;
 
     #[test]
     fn every_step_and_every_part_is_told() {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
-        let found = bounded_modes(&scene, Accuracy::BALANCED, 300.0).unwrap();
+        let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 300.0).unwrap();
         let text = explain_accuracy(&scene, Accuracy::BALANCED, &found.steps);
         for piece in ["a beam", "2 grounded ERAs", "hysteretic", "left out: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");

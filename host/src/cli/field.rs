@@ -33,7 +33,7 @@ pub fn run_field(options: &Field) -> Outcome {
     if let Some(path) = &options.png {
         reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
     }
-    if let (Some(bound), false) = (bound.value(), options.json) {
+    if let (Some(bound), false) = (bound.known_limit(), options.json) {
         tell!("error at most {bound:.0e} of the largest value");
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
@@ -41,7 +41,7 @@ pub fn run_field(options: &Field) -> Outcome {
         write_text_file(path, &field.csv())?;
     }
     let off = options.spread.map(|off| {
-        let looked = || tolerances::spread(&scene, &touched, &plan, off);
+        let looked = || tolerances::compute_tolerance_spread(&scene, &touched, &plan, off);
         with_progress("computing panels within the tolerances", looked).map_err(Failure::failed)
     });
     let off = off.transpose()?;
@@ -51,8 +51,8 @@ pub fn run_field(options: &Field) -> Outcome {
         (map["nx"], map["ny"]) = (json!(field.x_mm.len()), json!(field.y_mm.len()));
         map["max_g"] = json!(field.peak_g.iter().flatten().copied().fold(0.0, f64::max));
         let mut answer = json!({
-            "plan": plan, "field": map, "error_bound": bound.value(), "tolerance": accuracy.value(),
-            "tolerance_met": Bound::are_met(&[bound], accuracy),
+            "plan": plan, "field": map, "error_bound": bound.known_limit(), "tolerance": accuracy.relative_tolerance(),
+            "tolerance_met": Bound::all_meet_accuracy(&[bound], accuracy),
         });
         if let Some(off) = off {
             answer["off"] = json!(off);
@@ -60,7 +60,7 @@ pub fn run_field(options: &Field) -> Outcome {
         return print_json(&answer);
     }
     if let Some(off) = off {
-        tell!("{}", off.words());
+        tell!("{}", off.describe_in_words());
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());

@@ -40,7 +40,7 @@ pub fn run_latency(options: &Latency) -> Outcome {
 
     let screen = scene.screen;
     let mut points = spread_points(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
-    points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
+    points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let mut to_device = Vec::new();
     let mut to_answer = Vec::new();
     let (mut refused, mut delayed, mut longest_ms) = (Vec::new(), 0_u32, 0.0_f64);

@@ -7,8 +7,8 @@ use super::panel::{bound_text, tell_missing, tell_steps, warn_if_thick};
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
-use crate::model::{Bound, Mode, bounded_modes};
-use crate::scene::{Laminate, Rigidities, Scene, SurfaceKind};
+use crate::model::{Bound, PanelMode, compute_modes_with_error_bounds};
+use crate::scene::{Laminate, PlateRigidities, Scene, SurfaceKind};
 use crate::study::shapes::ModeShapes;
 use crate::study::{mode_sheet, npy};
 use num_complex::Complex64;
@@ -26,15 +26,16 @@ pub fn run_modes(options: &Options) -> Outcome {
     let accuracy = options.panel.accuracy_within(options.time)?;
     let wants_shapes = options.csv.is_some() || options.npy.is_some() || options.png.is_some();
     let cost = Cost::of_modes(&scene, accuracy, options.max_hz)?;
-    let found = with_cost("computing modes", cost, || bounded_modes(&scene, accuracy, options.max_hz))?;
+    let found =
+        with_cost("computing modes", cost, || compute_modes_with_error_bounds(&scene, accuracy, options.max_hz))?;
     // Only of what was not refused.
     warn_if_thick(&scene, options.max_hz);
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let dofs = found.model.dofs();
+    let dofs = found.model.count_unknowns();
     tell_steps(&options.panel, &scene, accuracy, &found.steps);
     tell_missing(&found.bounds, accuracy);
     if wants_shapes {
-        let grid = scene.grid(options.grid);
+        let grid = scene.grid_lines_m(options.grid);
         check_size(grid.0.len() * grid.1.len(), found.answer.len())?;
         let shapes = with_progress("computing the shapes", || ModeShapes::of(&scene, &found, options.max_hz, grid))?;
         if write_shapes(options, &scene, &shapes)? {
@@ -47,15 +48,15 @@ pub fn run_modes(options: &Options) -> Outcome {
             .map(|(mode, bound)| {
                 let of_pole = |s: &Complex64| json!([s.re, s.im]);
                 json!({
-                    "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.value(),
-                    "pole_frequency_hz": mode.pole.frequency_hz, "pole_error_bound": mode.pole_bound.value(),
+                    "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.known_limit(),
+                    "pole_frequency_hz": mode.pole.frequency_hz, "pole_error_bound": mode.pole_bound.known_limit(),
                     "poles_per_s": mode.pole.eigenvalues().iter().map(of_pole).collect::<Vec<_>>(),
                 })
             })
             .collect();
         let mut answer = json!({
-            "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": accuracy.asked(),
-            "tolerance_met": Bound::are_met(&found.bounds, accuracy), "modes": list,
+            "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": accuracy.requested_tolerance(),
+            "tolerance_met": Bound::all_meet_accuracy(&found.bounds, accuracy), "modes": list,
         });
         if let Some(laminate) = scene.surface.laminate() {
             answer["layers"] = layers_json(&scene, &laminate);
@@ -72,7 +73,7 @@ fn layers_json(scene: &Scene, laminate: &Laminate) -> serde_json::Value {
     let mut layers = json!({
         "thickness_mm": laminate.thickness_m * 1e3, "mass_kg_per_m2": laminate.per_area_kg_m2, "loss_factor": laminate.loss_factor,
     });
-    for (name, stiffness) in laminate.stiffnesses(scene.surface.kind, scene.surface.width_m) {
+    for (name, stiffness) in laminate.named_bending_stiffnesses(scene.surface.kind, scene.surface.width_m) {
         layers[name] = json!(stiffness);
     }
     layers
@@ -80,7 +81,7 @@ fn layers_json(scene: &Scene, laminate: &Laminate) -> serde_json::Value {
 
 /// The same as a line below the heading.
 fn layers_text(scene: &Scene, laminate: &Laminate) -> String {
-    let Laminate { thickness_m, per_area_kg_m2, rigidities: Rigidities { d11, d12, d22, d66 }, .. } = laminate;
+    let Laminate { thickness_m, per_area_kg_m2, rigidities: PlateRigidities { d11, d12, d22, d66 }, .. } = laminate;
     let stiffness = match scene.surface.kind {
         SurfaceKind::Plate => format!("D11 {d11:.4e}, D12 {d12:.4e}, D22 {d22:.4e}, D66 {d66:.4e} N m"),
         SurfaceKind::Bar => format!("E I {:.4e} N m^2", d11 * scene.surface.width_m),
@@ -103,12 +104,12 @@ fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
     )))
 }
 
-fn format_modes<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
+fn format_modes<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMode, &'a Bound)>) -> String {
     let mut text =
         format!("{heading}\n mode   frequency   error at most   damping ratio   pole at   its error at most");
     for (i, (mode, bound)) in modes.enumerate() {
         let (bound, own) = (bound_text(*bound), bound_text(mode.pole_bound));
-        let Mode { frequency_hz, damping_ratio, pole, .. } = mode;
+        let PanelMode { frequency_hz, damping_ratio, pole, .. } = mode;
         // Of a pole that is not known there are none.
         let known = |value: f64, shown: String| if value.is_finite() { shown } else { "-".into() };
         let ratio = known(*damping_ratio, format!("{damping_ratio:.5}"));

@@ -6,8 +6,8 @@ use super::explain::explain_accuracy;
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::bounded::Step;
-use crate::model::levels::Levels;
+use crate::model::bounded::RefinementLevel;
+use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, Bound, ModelError, validity};
 use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::quick::QuickError;
@@ -75,7 +75,7 @@ impl From<PlanError> for Failure {
 
 /// Says where thin-plate theory ends.
 pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
-    for doubt in validity::doubts(scene, max_hz) {
+    for doubt in validity::list_thin_plate_warnings(scene, max_hz) {
         tracing::warn!("{doubt}");
     }
 }
@@ -89,7 +89,7 @@ pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
 }
 
 /// `--explain`.
-pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
+pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) {
     if panel.explain {
         tell!("{}", explain_accuracy(scene, accuracy, steps));
     }
@@ -97,17 +97,20 @@ pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Ste
 
 /// A bound in a table; why there is none is said by [`tell_missing`].
 pub fn bound_text(bound: Bound) -> String {
-    bound.value().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
+    bound.known_limit().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
 pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
-    if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
+    if let Some(reason) = bounds.iter().find_map(|bound| bound.reason_if_unknown()) {
         tell!("no bound is known (error_bound is null), because {reason}");
     }
-    let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
-    if accuracy.time().is_none() && largest > accuracy.value() {
-        tell!("error_bound {largest:.1e} is above the tolerance {:.1e}, even with the finest meshes", accuracy.value());
+    let largest = bounds.iter().filter_map(|bound| bound.known_limit()).fold(0.0, f64::max);
+    if accuracy.time_limit().is_none() && largest > accuracy.relative_tolerance() {
+        tell!(
+            "error_bound {largest:.1e} is above the tolerance {:.1e}, even with the finest meshes",
+            accuracy.relative_tolerance()
+        );
     }
 }
 
@@ -121,7 +124,7 @@ pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
              (see `era response`)"
         );
     }
-    let tolerance = accuracy.value();
+    let tolerance = accuracy.relative_tolerance();
     let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
     if largest > tolerance {
         tell!(
@@ -148,10 +151,10 @@ pub fn response(options: &Response) -> Outcome {
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
     tell_finger(&options.panel, &scene);
-    let scene = scene.touched(&[(x_m, y_m)]);
+    let scene = scene.with_finger_at_places(&[(x_m, y_m)]);
     let cost = Cost::of_responses(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
     let found = with_cost("computing the response", cost, || {
-        response::bounded_curves(&scene, accuracy, (x_m, y_m), &frequencies_hz)
+        response::compute_curves_with_error_bounds(&scene, accuracy, (x_m, y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let curves = &found.answer;
@@ -166,17 +169,17 @@ pub fn response(options: &Response) -> Outcome {
             .map(|((actuator, curve), bound)| {
                 json!({
                     "id": actuator.id,
-                    "error_bound": bound.value(),
+                    "error_bound": bound.known_limit(),
                     "acceleration_re": curve.iter().map(|z| z.re).collect::<Vec<_>>(),
                     "acceleration_im": curve.iter().map(|z| z.im).collect::<Vec<_>>(),
                 })
             })
             .collect();
         // One number for all curves; none without curves.
-        let bound = found.bounds.iter().map(|bound| bound.value()).reduce(|a, b| Some(a?.max(b?))).flatten();
+        let bound = found.bounds.iter().map(|bound| bound.known_limit()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
-            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.asked(),
-            "tolerance_met": Bound::are_met(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
+            "dofs": found.model.count_unknowns(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.requested_tolerance(),
+            "tolerance_met": Bound::all_meet_accuracy(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
     print_text(&csv(&scene, &frequencies_hz, curves, &found.bounds))
@@ -192,8 +195,10 @@ fn csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds:
     for actuator in &scene.actuators {
         let _ = write!(text, ",{}_error_bound", actuator.id);
     }
-    let bounds: Vec<String> =
-        bounds.iter().map(|bound| bound.value().map_or_else(|| "nan".into(), |bound| format!("{bound:.2e}"))).collect();
+    let bounds: Vec<String> = bounds
+        .iter()
+        .map(|bound| bound.known_limit().map_or_else(|| "nan".into(), |bound| format!("{bound:.2e}")))
+        .collect();
     for (i, frequency) in frequencies_hz.iter().enumerate() {
         let _ = write!(text, "\n{frequency}");
         for curve in curves {
@@ -240,10 +245,10 @@ pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, 
 /// The point of an option on the surface, in m.
 pub fn point_of(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
     let place = match unit {
-        Unit::Px => scene.place_px(x, y),
-        Unit::Mm => scene.place(x / 1e3, y / 1e3).map_err(Into::into),
+        Unit::Px => scene.surface_point_at_px(x, y),
+        Unit::Mm => scene.surface_point_at(x / 1e3, y / 1e3).map_err(Into::into),
     };
-    Ok(place.map_err(|error| Failure::usage(format!("{option}: {error}")))?.xy_m())
+    Ok(place.map_err(|error| Failure::usage(format!("{option}: {error}")))?.coordinates_m())
 }
 
 /// The planner's table for a scene.
@@ -280,11 +285,14 @@ pub fn touched_table(panel: &Panel, keep: Keep, scene: &Scene, places: &[(f64, f
     if scene.finger.is_none() {
         return Ok(table);
     }
-    let (accuracy, options, touched) = (panel.accuracy()?, TableOptions::default(), scene.touched(places));
+    let (accuracy, options, touched) =
+        (panel.accuracy()?, TableOptions::default(), scene.with_finger_at_places(places));
     tell_finger(panel, scene);
     let cost = Cost::of_table(&touched, accuracy, options)?;
     with_cost("computing the panel with the finger on it", cost, || -> Result<_, Failure> {
-        table.touched(&touched, Levels::build(&touched, accuracy, options.to_hz)?, options).map_err(Failure::failed)
+        table
+            .touched(&touched, ReducedLevels::build(&touched, accuracy, options.to_hz)?, options)
+            .map_err(Failure::failed)
     })
 }
 

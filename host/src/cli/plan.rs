@@ -86,16 +86,17 @@ pub fn run_plan(options: &PlanOptions) -> Outcome {
     let fingers = fingers(&request);
     let table = table(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
-    let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
+    let mut answer =
+        with_progress("planning", || answer(&table, options, request, spans, accuracy.relative_tolerance()))?;
     // In JSON they are part of the answer.
     for explanation in answer.explanations.iter().filter(|_| !options.json) {
         tell!("{}", super::plan_explain::format_explanation(explanation));
     }
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);
-    answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
+    answer.tolerance_met = Bound::all_meet_accuracy(&bounds_of(&plans), accuracy);
     if let Some(tolerances) = options.spread {
-        let off = || tolerances::spread(&scene, &fingers, &answer.plan, tolerances);
+        let off = || tolerances::compute_tolerance_spread(&scene, &fingers, &answer.plan, tolerances);
         answer.off = Some(with_progress("computing panels within the tolerances", off).map_err(Failure::failed)?);
     }
     if options.json {
@@ -261,7 +262,7 @@ fn format_answer(answer: &Answer) -> String {
         }
     }
     if let Some(off) = &answer.off {
-        let _ = write!(text, "\n{}", off.words());
+        let _ = write!(text, "\n{}", off.describe_in_words());
     }
     text.trim_end().to_owned()
 }

@@ -50,7 +50,7 @@ pub fn format_explanation(explanation: &Explanation) -> String {
 mod tests {
     use super::*;
     use crate::model::Accuracy;
-    use crate::model::levels::Levels;
+    use crate::model::levels::ReducedLevels;
     use crate::planner::{PlanTable, Request, TableOptions, Target};
     use crate::scene::{EXAMPLE_BAR, Scene};
 
@@ -58,7 +58,7 @@ mod tests {
     fn everything_asked_for_is_told() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let options = TableOptions::preview();
-        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::with_levels(&scene, levels, options).unwrap();
         let request = Request::touch(&[Target { x_m: 0.06, y_m: 0.0, intensity_g: Some(0.3) }]);
         let explanation = crate::planner::explain::explain_plan(&table, &request).unwrap();

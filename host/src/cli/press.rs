@@ -25,7 +25,9 @@ pub fn run_press(options: &Options) -> Outcome {
 fn describe_missing_bounds(table: &PlanTable) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (i, actuator) in table.scene.actuators.iter().enumerate() {
-        let Some(reason) = crate::planner::press_bounds::bound_press_travel_error(table, i).reason() else { continue };
+        let Some(reason) = crate::planner::press_bounds::bound_press_travel_error(table, i).reason_if_unknown() else {
+            continue;
+        };
         match reasons.iter_mut().find(|(known, _)| *known == reason) {
             Some((_, ids)) => ids.push(&actuator.id),
             None => reasons.push((reason, vec![&actuator.id])),

@@ -149,7 +149,7 @@ impl Visit for Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Accuracy, bounded_modes};
+    use crate::model::{Accuracy, compute_modes_with_error_bounds};
     use crate::scene::{EXAMPLE_BAR, Scene};
     use tracing_subscriber::layer::SubscriberExt;
 
@@ -158,8 +158,10 @@ mod tests {
     fn levels_of_the_model_are_seen() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let subscriber = tracing_subscriber::registry().with(LevelWatch);
-        let found =
-            tracing::subscriber::with_default(subscriber, || bounded_modes(&scene, Accuracy::FAST, 300.0)).unwrap();
+        let found = tracing::subscriber::with_default(subscriber, || {
+            compute_modes_with_error_bounds(&scene, Accuracy::FAST, 300.0)
+        })
+        .unwrap();
         let (order, dofs) = LEVEL.lock().unwrap().unwrap();
         assert!(found.steps.iter().any(|step| step.fineness.order as u64 == order && step.dofs as u64 == dofs));
         assert!(describe_latest_level().contains(&format!("order {order}")));

@@ -5,7 +5,7 @@ use super::serve::await_end_signal;
 use super::signals::EndSignals;
 use super::standard_error;
 use super::told::{self, tell};
-use crate::design::run::Observer;
+use crate::design::run::StudyObserver;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -74,12 +74,12 @@ impl Shown {
     }
 }
 
-impl Observer for Shown {
-    fn stops(&self) -> bool {
+impl StudyObserver for Shown {
+    fn is_stop_wanted(&self) -> bool {
         self.stops.load(Ordering::Relaxed)
     }
 
-    fn begins(&self, there: usize, all: usize) {
+    fn report_start(&self, there: usize, all: usize) {
         self.all.store(all, Ordering::Relaxed);
         self.there.iter().for_each(|count| count.store(there, Ordering::Relaxed));
         if there > 0 {
@@ -91,13 +91,13 @@ impl Observer for Shown {
         }
     }
 
-    fn finds(&self, designs: usize) {
+    fn report_found_designs(&self, designs: usize) {
         self.there.iter().for_each(|count| {
             count.fetch_add(designs, Ordering::Relaxed);
         });
     }
 
-    fn does(&self, designs: usize) {
+    fn report_computed_designs(&self, designs: usize) {
         let now = self.there[1].fetch_add(designs, Ordering::Relaxed) + designs;
         if let Some(bar) = &self.bar {
             bar.set_position(now as u64);

@@ -382,7 +382,7 @@ fn plan_screen_middle(table: &PlanTable) -> Option<Plan> {
     let screen = &table.scene.screen;
     let middle = [f64::from(screen.width_px), f64::from(screen.height_px)].map(|side| side / 2.0);
     DIAGONAL.iter().find_map(|part| {
-        let (x_m, y_m) = table.scene.place_px(middle[0] * part, middle[1] * part).ok()?.xy_m();
+        let (x_m, y_m) = table.scene.surface_point_at_px(middle[0] * part, middle[1] * part).ok()?.coordinates_m();
         table.plan(&[TouchTarget { x_m, y_m, intensity_g: None }]).ok()
     })
 }

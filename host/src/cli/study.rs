@@ -5,10 +5,10 @@ use super::args_study::Study as Options;
 use super::panel::plan_table;
 use super::progress_of::{Shown, stop_on_signals};
 use super::{Failure, Outcome, print_json, print_text};
-use crate::design::evaluate::{Evaluator, Quick, Thorough};
+use crate::design::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
 use crate::design::result::GatherError;
-use crate::design::run::{self, Folder, FolderError, RunError, Shard, Stopped, Study, StudyError};
-use crate::design::written::{WriteError, write};
+use crate::design::run::{self, FolderError, RunEnd, RunError, Shard, Study, StudyError, StudyFolder};
+use crate::design::written::{WriteError, verify_and_write_results};
 use std::path::{Path, PathBuf};
 
 impl From<StudyError> for Failure {
@@ -51,65 +51,67 @@ impl From<WriteError> for Failure {
 pub fn run_study(options: &Options) -> Outcome {
     let study = Study::load(&options.study)?;
     let path = options.out.clone().unwrap_or_else(|| default_results_folder(&options.study));
-    let folder = Folder::open(&path, study.key())?;
+    let folder = StudyFolder::open_or_create(&path, study.fingerprint())?;
     warn_about_press(&study);
     let stops = stop_on_signals();
     let shard = options.shard.unwrap_or(Shard::ALL);
     if !options.gather {
         let shown = Shown::new(stops.clone());
         let evaluator: Box<dyn Evaluator> = if study.spec.method.thorough {
-            Box::new(Thorough::new(study.options()))
+            Box::new(ThoroughEvaluator::new(study.table_options()))
         } else {
-            Box::new(Quick::new(study.options()))
+            Box::new(QuickEvaluator::new(study.table_options()))
         };
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(workers) = options.workers {
             pool = pool.num_threads(usize::from(workers));
         }
         let pool = pool.build().map_err(Failure::failed)?;
-        let ended = pool.install(|| run::run(&study, &folder, &*evaluator, shard, &shown));
+        let ended = pool.install(|| run::run_study_shard(&study, &folder, &*evaluator, shard, &shown));
         let (there, all) = shown.finish();
         match ended {
             Err(RunError::Folder(error)) => return Err(error.into()),
-            Ok(Stopped::Early) => {
+            Ok(RunEnd::Early) => {
                 return Err(Failure::failed(format!(
                     "stopped: {there} of {all} designs are in {}; the same command continues from them",
                     path.display()
                 )));
             }
-            Ok(Stopped::Done) if !shard.is_all() && all == 0 => {
+            Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text(&format!(
                     "{}: share {shard} has nothing to do, because the study has fewer chunks (searches, for an \
                      evolution) than shares: set a smaller `chunk`, or more `runs`, in [method]",
                     study.spec.name
                 ));
             }
-            Ok(Stopped::Done) if !shard.is_all() => {
+            Ok(RunEnd::Done) if !shard.is_whole_study() => {
                 return print_text(&format!(
                     "{}: share {shard} is in {}, {all} designs; when all shares are there, `--gather` makes the results",
                     study.spec.name,
                     path.display()
                 ));
             }
-            Ok(Stopped::Done) => {}
+            Ok(RunEnd::Done) => {}
         }
     }
     let halt = || stops.load(std::sync::atomic::Ordering::Relaxed);
-    let written = super::progress::with_progress("computing the finalists again", || write(&study, &folder, &halt))?;
+    let written = super::progress::with_progress("computing the finalists again", || {
+        verify_and_write_results(&study, &folder, &halt)
+    })?;
     let Some(written) = written else {
         return Err(Failure::failed("stopped while the finalists were computed again; the same command continues"));
     };
     if options.json {
-        return print_json(&written.summary(&study, &path));
+        return print_json(&written.summarise_as_json(&study, &path));
     }
-    print_text(&written.text(&study, &path))
+    print_text(&written.summarise_as_text(&study, &path))
 }
 
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
 fn warn_about_press(study: &Study) {
     // A table takes a second or two, and with all stops there is nothing to say.
-    if let Some(scene) = study.space.without_stops() {
+    if let Some(scene) = study.space.scene_if_stops_missing() {
         // Where there is none, the scene's own row of the results says why.
         let _ = plan_table(&Panel::default(), Keep { no_cache: true }, &scene);
     }

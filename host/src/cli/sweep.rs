@@ -5,9 +5,9 @@ use super::cost::Cost;
 use super::panel::{bound_text, frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
 use super::progress::with_cost;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::{Bound, Bounded};
-use crate::response::sweep::{Arithmetic, Sweep};
-use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, bounded_sweep};
+use crate::model::{Bound, BoundedAnswer};
+use crate::response::sweep::{AccelerationSweep, Arithmetic};
+use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, sweep_with_error_bounds};
 use crate::scene::Scene;
 use crate::study::npy;
 use serde_json::json;
@@ -37,7 +37,7 @@ impl Stored for f64 {
 }
 
 pub fn run_sweep(options: &Options) -> Outcome {
-    if options.panel.accuracy_within(options.time)?.value() >= SINGLE_DOES {
+    if options.panel.accuracy_within(options.time)?.relative_tolerance() >= SINGLE_DOES {
         compute_sweep::<f32>(options)
     } else {
         compute_sweep::<f64>(options)
@@ -53,14 +53,14 @@ fn compute_sweep<T: Stored>(options: &Options) -> Outcome {
         return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
     }
     let accuracy = options.panel.accuracy_within(options.time)?;
-    let (x_m, y_m) = scene.grid(options.grid);
+    let (x_m, y_m) = scene.grid_lines_m(options.grid);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
     let size = (frequencies_hz.len(), x_m.len() * y_m.len());
     let cost = Cost::of_responses(&scene, accuracy, options.band.to, size)?;
     let found = with_cost("computing the responses", cost, || {
-        bounded_sweep::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
+        sweep_with_error_bounds::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     tell_steps(&options.panel, &scene, accuracy, &found.steps);
@@ -76,21 +76,21 @@ fn compute_sweep<T: Stored>(options: &Options) -> Outcome {
     }
     let layout = scene.layout();
     let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-    let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
+    let there: Vec<bool> = points.map(|(x, y)| layout.layer_at(x, y).is_some()).collect();
     let extremes: Vec<_> = (0..scene.actuators.len())
         .map(|actuator| Extremes::of(&found.answer, &there, actuator, frequencies_hz.len()))
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
         let mut answer = summarize_sweep(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
-        answer["tolerance"] = json!(accuracy.asked());
-        answer["tolerance_met"] = json!(Bound::are_met(&found.bounds, accuracy));
+        answer["tolerance"] = json!(accuracy.requested_tolerance());
+        answer["tolerance_met"] = json!(Bound::all_meet_accuracy(&found.bounds, accuracy));
         return print_json(&answer);
     }
     let mut text = format!(
         "{}: {} unknowns, {} points, {} frequencies, {elapsed_ms:.0} ms",
         scene.name,
-        found.model.dofs(),
+        found.model.count_unknowns(),
         found.answer.points,
         frequencies_hz.len()
     );
@@ -128,10 +128,10 @@ struct Extremes {
 
 impl Extremes {
     /// `there` tells the points that no cut-out has taken.
-    fn of<T: Stored>(sweep: &Sweep<T>, there: &[bool], actuator: usize, frequencies: usize) -> Self {
+    fn of<T: Stored>(sweep: &AccelerationSweep<T>, there: &[bool], actuator: usize, frequencies: usize) -> Self {
         let mut peaks: Vec<Extreme> = (0..sweep.points).map(|point| Extreme { point, ..Extreme::default() }).collect();
         for frequency in 0..frequencies {
-            for (peak, value) in peaks.iter_mut().zip(sweep.field(frequency, actuator)) {
+            for (peak, value) in peaks.iter_mut().zip(sweep.accelerations_of_all_points(frequency, actuator)) {
                 if value.norm() > peak.value {
                     (peak.value, peak.frequency) = (value.norm(), frequency);
                 }
@@ -148,7 +148,7 @@ impl Extremes {
 
 fn summarize_sweep<T: Stored>(
     scene: &Scene,
-    found: &Bounded<Sweep<T>>,
+    found: &BoundedAnswer<AccelerationSweep<T>>,
     extremes: &[Extremes],
     frequencies_hz: &[f64],
     place: impl Fn(usize) -> (f64, f64),
@@ -168,13 +168,13 @@ fn summarize_sweep<T: Stored>(
         .zip(&found.bounds)
         .map(|((actuator, extremes), bound)| {
             json!({
-                "id": actuator.id, "error_bound": bound.value(), "most": tell(&extremes.most),
+                "id": actuator.id, "error_bound": bound.known_limit(), "most": tell(&extremes.most),
                 "least_peak": tell(&extremes.least),
             })
         })
         .collect();
     json!({
-        "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "points": found.answer.points,
+        "dofs": found.model.count_unknowns(), "elapsed_ms": elapsed_ms, "points": found.answer.points,
         "frequencies": frequencies_hz.len(), "actuators": actuators,
     })
 }

@@ -7,7 +7,10 @@ use super::progress::with_progress;
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
-use crate::transient::panel::{Drive, Motion, MotionError, NO_BOUND, highest_hz, switched_on, times};
+use crate::transient::panel::{
+    MotionError, NO_BOUND, PointMotion, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
+    highest_drive_frequency_hz,
+};
 use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
@@ -18,12 +21,14 @@ pub fn run_transient(options: &Transient) -> Outcome {
     let accuracy = options.panel.accuracy()?;
     let at = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
     let drives = options.drive.iter().map(|text| convert_drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
-    let grid = times(options.duration, options.step).map_err(|error| Failure::usage(format!("--{error}")))?;
-    warn_if_thick(&scene, highest_hz(&drives));
-    let motion = with_progress("computing the motion", || switched_on(&scene, accuracy, at, &drives, grid))?;
+    let grid =
+        choose_time_grid(options.duration, options.step).map_err(|error| Failure::usage(format!("--{error}")))?;
+    warn_if_thick(&scene, highest_drive_frequency_hz(&drives));
+    let motion =
+        with_progress("computing the motion", || compute_motion_after_switch_on(&scene, accuracy, at, &drives, grid))?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     tell!("no bound is known (error_bound is null) because {NO_BOUND}");
-    let settled_s = motion.settled_s(&drives);
+    let settled_s = motion.settling_time_of_single_drive_s(&drives);
     if let Some(path) = &options.csv {
         let text = format_csv(&motion);
         if path.as_os_str() == "-" {
@@ -33,7 +38,7 @@ pub fn run_transient(options: &Transient) -> Outcome {
     }
     if options.json {
         return print_json(&json!({
-            "elapsed_ms": elapsed_ms, "peak_m_per_s2": motion.peak_m_per_s2(),
+            "elapsed_ms": elapsed_ms, "peak_m_per_s2": motion.peak_acceleration_m_per_s2(),
             "steady_peak_m_per_s2": motion.steady_peak_m_per_s2, "settled_s": settled_s, "error_bound": null,
             "time_s": motion.time_s,
             "displacement_m": motion.displacement_m, "acceleration_m_per_s2": motion.acceleration_m_per_s2,
@@ -47,7 +52,7 @@ pub fn run_transient(options: &Transient) -> Outcome {
     print_text(&format!(
         "{} times, {elapsed_ms:.0} ms\nlargest acceleration {:.4} m/s^2, in the steady state {:.4} m/s^2{settled}",
         motion.time_s.len(),
-        motion.peak_m_per_s2(),
+        motion.peak_acceleration_m_per_s2(),
         motion.steady_peak_m_per_s2,
     ))
 }
@@ -61,18 +66,18 @@ impl From<MotionError> for Failure {
     }
 }
 
-fn convert_drive(scene: &Scene, text: &DriveText) -> Result<Drive, Failure> {
+fn convert_drive(scene: &Scene, text: &DriveText) -> Result<SwitchedForce, Failure> {
     let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
     let actuator = scene.actuators.iter().position(|actuator| actuator.id == text.actuator).ok_or_else(|| {
         Failure::usage(format!("--drive: {:?} is not an actuator of the scene ({})", text.actuator, known()))
     })?;
     let phase_rad = text.phase_deg.to_radians();
-    let drive = Drive { actuator, frequency_hz: text.frequency_hz, force_n: text.force_n, phase_rad };
-    drive.check().map_err(|error| Failure::usage(format!("--drive: {error}")))?;
+    let drive = SwitchedForce { actuator, frequency_hz: text.frequency_hz, force_n: text.force_n, phase_rad };
+    drive.check_frequency_and_force().map_err(|error| Failure::usage(format!("--drive: {error}")))?;
     Ok(drive)
 }
 
-fn format_csv(motion: &Motion) -> String {
+fn format_csv(motion: &PointMotion) -> String {
     let mut text = String::from("time_s,displacement_m,acceleration_m_per_s2\n");
     for ((time, displacement), acceleration) in
         motion.time_s.iter().zip(&motion.displacement_m).zip(&motion.acceleration_m_per_s2)

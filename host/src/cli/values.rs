@@ -129,5 +129,5 @@ pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
     let [springs, youngs_modulus, thickness, places_mm] = numbers[..] else { return Err(allowed()) };
     let tolerances = Tolerances { springs, youngs_modulus, thickness, places_mm };
-    if text.split(',').count() != 4 || tolerances.check().is_err() { Err(allowed()) } else { Ok(tolerances) }
+    if text.split(',').count() != 4 || tolerances.check_ranges().is_err() { Err(allowed()) } else { Ok(tolerances) }
 }

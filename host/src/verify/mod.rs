@@ -9,9 +9,9 @@ use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use crate::scene::Scene;
-use crate::transient::reduced::{causal, kept};
+use crate::transient::reduced::{with_stepped_modes_only, with_viscous_stand_in};
 use bench::{Bench, convert_to_shared_rails, fit_amplitudes};
-use era_model::stop::Stop;
+use era_model::stop::StopRequest;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{Reply, Request};
@@ -178,7 +178,7 @@ pub fn compare_request(
         return Err(VerifyError::Nothing);
     }
     let [x_m, y_m] = plan.target_m;
-    let shape = table.model.shape_at(x_m, y_m);
+    let shape = table.model.shape_deflections_at(x_m, y_m);
     let mut panel = panel.clone();
     panel.place_accelerometer(&shape);
     let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
@@ -234,9 +234,9 @@ pub fn compare_request(
 /// That of a point, or [`PlanError::Stopped`].
 pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparison>, VerifyError> {
     let panel = SimPanel::from_plan_table(table);
-    let stop = Stop::current();
+    let stop = StopRequest::current_request_of_thread();
     let compared = |target: &Target| {
-        if stop.is_asked() { Err(PlanError::Stopped.into()) } else { compare(table, &panel, *target) }
+        if stop.is_stop_requested() { Err(PlanError::Stopped.into()) } else { compare(table, &panel, *target) }
     };
     targets.par_iter().map(compared).collect()
 }
@@ -245,7 +245,7 @@ pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparis
 #[must_use]
 pub fn spread_points_over(scene: &Scene, count: u32) -> Vec<(f64, f64)> {
     let mut points = spread_points(count, scene.surface.length_m, scene.surface.width_m);
-    points.retain(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
+    points.retain(|(x_m, y_m)| scene.surface_point_at(*x_m, *y_m).is_ok());
     points
 }
 
@@ -297,8 +297,8 @@ fn record_plan(table: &PlanTable, panel: SimPanel, shape: &DVector<f64>, plan: &
     let of = |model: &ReducedModel, highest| fundamentals(model, &transducers, shape, &achieved, highest);
     let in_time =
         |parts: Option<ReducedModel>, otherwise: f64| parts.map_or(Ok(otherwise), |model| of(&model, HIGHEST_LINE));
-    let causal_sum = in_time(causal(&table.model), waveform.fundamentals())?;
-    let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(kept(&table.model), causal_sum)?];
+    let causal_sum = in_time(with_viscous_stand_in(&table.model), waveform.fundamentals())?;
+    let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(with_stepped_modes_only(&table.model), causal_sum)?];
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak(0.0, step_s, count_samples(RECORD_S, step_s));
     let (settling_s, left) = bench.board.panel_mut().settling_time_and_acceleration(

@@ -6,7 +6,7 @@ use crate::model::ReducedModel;
 use crate::planner::Phasors;
 use crate::planner::drive::SiDrive;
 use crate::planner::softening::{Excitation, Line, Motion, Transducer, settle, travel_receptance};
-use crate::response::{self, Solver};
+use crate::response::{self, CoordinateSolver};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -66,7 +66,7 @@ struct Steady {
 impl Steady {
     /// Harmonics up to `highest`, and no further than [`HIGHEST_HZ`].
     fn new(
-        solver: &Solver<'_>,
+        solver: &CoordinateSolver<'_>,
         model: &ReducedModel,
         actuators: &[Transducer],
         drives: &[SiDrive],
@@ -89,7 +89,7 @@ impl Steady {
         for (frequency, base_hz) in frequencies_hz.iter().enumerate() {
             let counts = |n: &u32| *n == 1 || *n <= highest && f64::from(*n) * base_hz <= HIGHEST_HZ;
             for harmonic in (1..).step_by(2).take_while(counts) {
-                let coordinates = solver.coordinates(f64::from(harmonic) * base_hz)?;
+                let coordinates = solver.solve_at_frequency(f64::from(harmonic) * base_hz)?;
                 if harmonic <= HIGHEST_LINE {
                     let receptance = travel_receptance(model, &coordinates);
                     lines.push(Line { frequency, harmonic, receptance });
@@ -145,11 +145,15 @@ pub fn fundamentals(
     drives: &[SiDrive],
     highest: u32,
 ) -> Result<f64, VerifyError> {
-    let steady = Steady::new(&Solver::new(model), model, actuators, drives, highest)?;
+    let steady = Steady::new(&CoordinateSolver::new(model), model, actuators, drives, highest)?;
     let mut sum = 0.0;
     for (frequency, _, coordinates, forces) in steady.parts.iter().filter(|(_, harmonic, ..)| *harmonic == 1) {
         let omega = TAU * steady.frequencies_hz.get(*frequency).copied().unwrap_or_default();
-        let phasor: Complex64 = coordinates.iter().zip(forces).map(|(q, force)| response::dot(shape, q) * force).sum();
+        let phasor: Complex64 = coordinates
+            .iter()
+            .zip(forces)
+            .map(|(q, force)| response::multiply_shape_with_coordinates(shape, q) * force)
+            .sum();
         sum += omega * omega * phasor.norm();
     }
     Ok(sum)
@@ -169,19 +173,20 @@ impl Waveform {
         shape: &DVector<f64>,
         drives: &[SiDrive],
     ) -> Result<Self, VerifyError> {
-        let solver = Solver::new(model);
+        let solver = CoordinateSolver::new(model);
         let steady = Steady::new(&solver, model, actuators, drives, u32::MAX)?;
         let mut tones: Vec<Tone> = steady
             .frequencies_hz
             .iter()
             .map(|frequency_hz| Tone { frequency_hz: *frequency_hz, fundamental: 0.0, phasors: Vec::new() })
             .collect();
-        let (mut displacement, mut velocity) = (DVector::zeros(model.order()), DVector::zeros(model.order()));
+        let (mut displacement, mut velocity) =
+            (DVector::zeros(model.count_coordinates()), DVector::zeros(model.count_coordinates()));
         let mut move_by = |hz: f64, q: &DVector<Complex64>, force: Complex64| -> Complex64 {
             let omega = TAU * hz;
             displacement += q.map(|q| (q * force).re);
             velocity += q.map(|q| (Complex64::I * omega * q * force).re);
-            response::dot(shape, q) * -omega * omega * force
+            response::multiply_shape_with_coordinates(shape, q) * -omega * omega * force
         };
         for (frequency, harmonic, coordinates, forces) in &steady.parts {
             let Some(tone) = tones.get_mut(*frequency) else { continue };
@@ -194,7 +199,7 @@ impl Waveform {
         }
         let mut combinations = Vec::new();
         for (hz, actuator, force) in steady.combinations() {
-            if let Some(q) = solver.coordinates(hz)?.get(actuator) {
+            if let Some(q) = solver.solve_at_frequency(hz)?.get(actuator) {
                 combinations.push((hz, move_by(hz, q, force) * low_pass_response(hz)));
             }
         }

@@ -3,9 +3,9 @@
 //! `cargo run --release -p era-study --example where_to_put_an_actuator`
 
 use era_model::scene::EXAMPLE_PLATE;
-use era_study::evaluate::Quick;
-use era_study::result::{Table, finalists};
-use era_study::run::{Folder, Shard, Study, run};
+use era_study::evaluate::QuickEvaluator;
+use era_study::result::{DesignTable, choose_finalists};
+use era_study::run::{Shard, Study, StudyFolder, run_study_shard};
 use std::error::Error;
 
 const STUDY: &str = r#"
@@ -27,13 +27,13 @@ seed = 7
 "#;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let study = Study::parse("study.toml", STUDY, "plate.toml", EXAMPLE_PLATE)?;
+    let study = Study::parse_texts("study.toml", STUDY, "plate.toml", EXAMPLE_PLATE)?;
     // What is done is kept there: a second run goes on where the first one ended.
     let results = tempfile::tempdir()?;
-    let folder = Folder::open(results.path(), study.key())?;
-    run(&study, &folder, &Quick::new(study.options()), Shard::ALL, &())?;
-    let table = Table::gather(&study, &folder)?;
-    for place in finalists(&study, &table, 3) {
+    let folder = StudyFolder::open_or_create(results.path(), study.fingerprint())?;
+    run_study_shard(&study, &folder, &QuickEvaluator::new(study.table_options()), Shard::ALL, &())?;
+    let table = DesignTable::gather_from_folder(&study, &folder)?;
+    for place in choose_finalists(&study, &table, 3) {
         let entry = &table.entries[place];
         let settings = &entry.row.design.settings;
         println!("design {}: {:.3} g at the weakest place with {settings:?}", place + 1, entry.wishes[0]);

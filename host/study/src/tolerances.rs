@@ -4,11 +4,11 @@
 //! The drives stay as they are, and the panel is modelled anew for each sample. Forces are those of masses at rest, as in a plan's own
 //! prediction, which is what each sample is compared with. A finger that is part of the panel is no part that may be off: it is on its place on each of them.
 
-use crate::run::Observer;
-use crate::ways::latin_hypercube;
+use crate::run::StudyObserver;
+use crate::ways::draw_latin_hypercube;
 use era_model::model::{Accuracy, ModelError, PanelModel};
-use era_model::response::{Component, ResponseError, acceleration_curves, peak_acceleration};
-use era_model::scene::random::Random;
+use era_model::response::{ResponseError, SineComponent, acceleration_curves, compute_peak_of_sines};
+use era_model::scene::random::RandomSequence;
 use era_model::scene::{EdgeKind, Scene, SurfaceKind};
 use era_planner::{Drive, Plan};
 use num_complex::Complex64;
@@ -61,7 +61,7 @@ impl Tolerances {
     ///
     /// # Errors
     /// [`RangeError`] of the first one that is negative, too much or no number.
-    pub fn check(&self) -> Result<(), RangeError> {
+    pub fn check_ranges(&self) -> Result<(), RangeError> {
         let values = [self.springs, self.youngs_modulus, self.thickness, self.places_mm];
         match MOST.into_iter().zip(values).find(|((_, most), value)| !(0.0..=*most).contains(value)) {
             Some(((field, most), value)) => Err(RangeError { field, value, most }),
@@ -104,7 +104,7 @@ impl What {
 /// The target's peak over some samples, in dB of what the plan predicts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = PeakRange))]
-pub struct Range {
+pub struct PeakRange {
     /// Of the weakest sample.
     pub least_db: f64,
     /// Of the middle one.
@@ -172,12 +172,12 @@ pub struct OffPlaces {
 /// One kind by itself.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OneTolerance))]
-pub struct Own {
+pub struct OneTolerance {
     /// Which.
     pub what: What,
     /// What it does.
     #[serde(flatten)]
-    pub range: Range,
+    pub range: PeakRange,
 }
 
 /// What tolerances do to a plan's (first) target.
@@ -188,17 +188,17 @@ pub struct Spread {
     pub tolerances: Tolerances,
     /// Everything off at once, each by as much as it likes.
     #[serde(flatten)]
-    pub range: Range,
+    pub range: PeakRange,
     /// How many panels that is of. Others would be off further: the ends are no bounds.
     pub samples: usize,
     /// Each kind by itself that the scene has something of.
-    pub of: Vec<Own>,
+    pub of: Vec<OneTolerance>,
 }
 
 impl Spread {
     /// It in words: a line for everything at once, and one for each kind by itself.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn describe_in_words(&self) -> String {
         let Tolerances { springs, youngs_modulus, thickness, places_mm } = self.tolerances;
         let percent = |part: f64| format!("{} %", (1e4 * part).round() / 1e2);
         let by = |what: What| match what {
@@ -207,14 +207,14 @@ impl Spread {
             What::Thickness => percent(thickness),
             What::Places => format!("{places_mm} mm"),
         };
-        let ends = |range: &Range| {
+        let ends = |range: &PeakRange| {
             format!("{:+.1} to {:+.1} dB, median {:+.1} dB", range.least_db, range.most_db, range.median_db)
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
             "if the panel differs from the scene, the same drives give {all} ({samples} panels; others may differ more)"
         );
-        for Own { what, range } in &self.of {
+        for OneTolerance { what, range } in &self.of {
             let _ = write!(text, "\n  {} by up to {} alone: {}", what.name(), by(*what), ends(range));
         }
         text
@@ -254,54 +254,54 @@ pub enum ToleranceError {
 ///
 /// # Errors
 /// [`ToleranceError`].
-pub fn spread(
+pub fn compute_tolerance_spread(
     scene: &Scene,
     fingers_m: &[(f64, f64)],
     plan: &Plan,
     tolerances: Tolerances,
 ) -> Result<Spread, ToleranceError> {
-    watched_spread(scene, fingers_m, plan, tolerances, &())
+    compute_observed_tolerance_spread(scene, fingers_m, plan, tolerances, &())
 }
 
-/// How many panels [`spread`] looks at for this scene.
+/// How many panels [`compute_tolerance_spread`] looks at for this scene.
 #[must_use]
-pub fn panels(scene: &Scene) -> usize {
-    let kinds = What::ALL.iter().filter(|what| values(scene, **what) > 0).count();
+pub fn count_modelled_panels(scene: &Scene) -> usize {
+    let kinds = What::ALL.iter().filter(|what| count_deviating_numbers(scene, **what) > 0).count();
     EACH * kinds + if kinds > 0 { SAMPLES } else { 0 }
 }
 
-/// The same as [`spread`], for an observer that is told of every panel and may stop it.
+/// The same as [`compute_tolerance_spread`], for an observer that is told of every panel and may stop it.
 ///
 /// # Errors
 /// [`ToleranceError`].
-pub fn watched_spread(
+pub fn compute_observed_tolerance_spread(
     scene: &Scene,
     fingers_m: &[(f64, f64)],
     plan: &Plan,
     tolerances: Tolerances,
-    observer: &dyn Observer,
+    observer: &dyn StudyObserver,
 ) -> Result<Spread, ToleranceError> {
-    tolerances.check()?;
+    tolerances.check_ranges()?;
     let at = (plan.target_m[0], plan.target_m[1]);
-    let peak = |scene: &Scene| peak(&scene.touched(fingers_m), &plan.drives, at);
+    let peak = |scene: &Scene| peak_acceleration_m_per_s2(&scene.with_finger_at_places(fingers_m), &plan.drives, at);
     let meant = peak(scene)?;
     let level = |scene: &Scene| -> Result<f64, ToleranceError> {
-        if observer.stops() {
+        if observer.is_stop_wanted() {
             return Err(ToleranceError::Stopped);
         }
         let part = if meant > 0.0 { peak(scene)? / meant } else { 1.0 };
-        observer.does(1);
+        observer.report_computed_designs(1);
         Ok(20.0 * part.max(LEAST_PART).log10())
     };
     // A stream of random numbers for each question: none changes with those before it.
-    let range = |kinds: &[What], samples: usize, stream: u64| -> Result<Option<Range>, ToleranceError> {
-        let count: usize = kinds.iter().map(|what| values(scene, *what)).sum();
+    let range = |kinds: &[What], samples: usize, stream: u64| -> Result<Option<PeakRange>, ToleranceError> {
+        let count: usize = kinds.iter().map(|what| count_deviating_numbers(scene, *what)).sum();
         if count == 0 {
             return Ok(None);
         }
-        let points = latin_hypercube(count, samples, &mut Random::new(SEED, stream));
+        let points = draw_latin_hypercube(count, samples, &mut RandomSequence::new(SEED, stream));
         let look = |point: Vec<f64>| {
-            let (scene, panel) = off(scene, kinds, &point, tolerances);
+            let (scene, panel) = apply_deviations(scene, kinds, &point, tolerances);
             Ok((level(&scene)?, panel))
         };
         let mut looked: Vec<(f64, OffPanel)> =
@@ -309,17 +309,17 @@ pub fn watched_spread(
         looked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let at = |k: usize| looked.get(k).cloned().unwrap_or_default();
         let ((least_db, weakest), (median_db, _), (most_db, strongest)) = (at(0), at(samples / 2), at(samples - 1));
-        Ok(Some(Range { least_db, median_db, most_db, weakest, strongest }))
+        Ok(Some(PeakRange { least_db, median_db, most_db, weakest, strongest }))
     };
     let mut of = Vec::new();
     for (stream, what) in (1..).zip(What::ALL) {
-        of.extend(range(&[what], EACH, stream)?.map(|range| Own { what, range }));
+        of.extend(range(&[what], EACH, stream)?.map(|range| OneTolerance { what, range }));
     }
     Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or_default(), samples: SAMPLES, of })
 }
 
 /// How many numbers of a kind are off by themselves.
-fn values(scene: &Scene, what: What) -> usize {
+fn count_deviating_numbers(scene: &Scene, what: What) -> usize {
     match what {
         What::Springs => scene.supports.len() + scene.edges.len() + scene.actuators.len(),
         What::YoungsModulus | What::Thickness => 1,
@@ -328,15 +328,15 @@ fn values(scene: &Scene, what: What) -> usize {
 }
 
 /// The scene with some kinds off, and what is off of it: `point` is in the unit cube, its middle being the scene itself.
-fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> (Scene, OffPanel) {
+fn apply_deviations(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> (Scene, OffPanel) {
     let (mut scene, mut panel) = (scene.clone(), OffPanel::default());
     let mut parts = point.iter().map(|at| 2.0 * at - 1.0);
     let mut next = || parts.next().unwrap_or(0.0);
     for what in kinds {
         match what {
             // What the scene has nothing of takes no numbers.
-            _ if values(&scene, *what) == 0 => {}
-            What::Springs => panel.springs = Some(off_springs(&mut scene, || 1.0 + tolerances.springs * next())),
+            _ if count_deviating_numbers(&scene, *what) == 0 => {}
+            What::Springs => panel.springs = Some(scale_springs(&mut scene, || 1.0 + tolerances.springs * next())),
             What::YoungsModulus => {
                 let factor = 1.0 + tolerances.youngs_modulus * next();
                 scene.scale_youngs_modulus(factor);
@@ -347,14 +347,14 @@ fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> 
                 scene.scale_thickness(factor);
                 panel.thickness = Some(factor);
             }
-            What::Places => panel.places_mm = Some(off_places(&mut scene, || tolerances.places_mm / 1e3 * next())),
+            What::Places => panel.places_mm = Some(shift_places(&mut scene, || tolerances.places_mm / 1e3 * next())),
         }
     }
     (scene, panel)
 }
 
 /// Every spring times a factor of its own.
-fn off_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFactors {
+fn scale_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFactors {
     let supports = scene.supports.iter_mut().map(|support| {
         let factor = factor();
         support.stiffness_n_per_m *= factor;
@@ -379,14 +379,14 @@ fn off_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFact
 }
 
 /// Every place off by so many metres along x and y; on a bar along x alone.
-fn off_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
+fn shift_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
     let meant = scene.clone();
     let (length_m, width_m, is_bar) =
         (scene.surface.length_m, scene.surface.width_m, scene.surface.kind == SurfaceKind::Bar);
     let mut off = |x_m: &mut f64, y_m: &mut f64| {
-        let at_m = (placed(*x_m + by_m(), length_m), placed(*y_m + by_m(), width_m));
+        let at_m = (snap_to_border_m(*x_m + by_m(), length_m), snap_to_border_m(*y_m + by_m(), width_m));
         // A number for y is drawn on a bar as well: which panels are looked at does not depend on it.
-        (*x_m, *y_m) = if is_bar { (at_m.0, *y_m) } else { beside_cutouts(&meant, (*x_m, *y_m), at_m) };
+        (*x_m, *y_m) = if is_bar { (at_m.0, *y_m) } else { move_out_of_cutout(&meant, (*x_m, *y_m), at_m) };
         [*x_m * 1e3, *y_m * 1e3]
     };
     OffPlaces {
@@ -397,8 +397,8 @@ fn off_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
 }
 
 /// A place on the surface: what would be in a cut-out is on the nearest border that has surface beside it, or where it was meant.
-fn beside_cutouts(scene: &Scene, meant_m: (f64, f64), at_m: (f64, f64)) -> (f64, f64) {
-    if scene.cutout_at(at_m.0, at_m.1).is_none() {
+fn move_out_of_cutout(scene: &Scene, intended_m: (f64, f64), at_m: (f64, f64)) -> (f64, f64) {
+    if scene.cutout_number_at(at_m.0, at_m.1).is_none() {
         return at_m;
     }
     let borders = scene.cutouts.iter().flat_map(|cutout| {
@@ -407,12 +407,12 @@ fn beside_cutouts(scene: &Scene, meant_m: (f64, f64), at_m: (f64, f64)) -> (f64,
         along_x.into_iter().chain(along_y)
     });
     let distance = |(x_m, y_m): &(f64, f64)| (x_m - at_m.0).hypot(y_m - at_m.1);
-    let there = borders.filter(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
-    there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(meant_m)
+    let there = borders.filter(|(x_m, y_m)| scene.surface_point_at(*x_m, *y_m).is_ok());
+    there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(intended_m)
 }
 
 /// A coordinate on a side of some length.
-fn placed(at_m: f64, most_m: f64) -> f64 {
+fn snap_to_border_m(at_m: f64, most_m: f64) -> f64 {
     if at_m < AT_THE_BORDER * most_m {
         0.0
     } else if at_m > (1.0 - AT_THE_BORDER) * most_m {
@@ -423,18 +423,18 @@ fn placed(at_m: f64, most_m: f64) -> f64 {
 }
 
 /// The peak in m/s^2 at a place with these drives.
-fn peak(scene: &Scene, drives: &[Drive], (x_m, y_m): (f64, f64)) -> Result<f64, ToleranceError> {
+fn peak_acceleration_m_per_s2(scene: &Scene, drives: &[Drive], (x_m, y_m): (f64, f64)) -> Result<f64, ToleranceError> {
     let frequencies: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
     let Some(most_hz) = frequencies.iter().copied().reduce(f64::max) else { return Ok(0.0) };
     let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?.reduce(most_hz, &[(x_m, y_m)])?;
-    let curves = acceleration_curves(&model, &model.shape_at(x_m, y_m), &frequencies)?;
-    let components: Vec<Component> = drives
+    let curves = acceleration_curves(&model, &model.shape_deflections_at(x_m, y_m), &frequencies)?;
+    let components: Vec<SineComponent> = drives
         .iter()
         .enumerate()
-        .map(|(k, drive)| Component {
+        .map(|(k, drive)| SineComponent {
             frequency_hz: drive.frequency_hz,
             phasor: curves[k][k] * Complex64::from_polar(drive.force_n, drive.phase_rad),
         })
         .collect();
-    Ok(peak_acceleration(&components))
+    Ok(compute_peak_of_sines(&components))
 }

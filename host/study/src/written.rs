@@ -1,10 +1,12 @@
 //! What a study leaves in its folder, and what is said of it: the same whoever has computed it.
 
-use crate::report::{report, rounded_up, shown};
-use crate::result::{Entry, Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
-use crate::run::{Folder, FolderError, Study};
-use crate::space::Refused;
-use crate::spec::Wanted;
+use crate::report::{format_bound_rounded_up, format_four_digits, write_report_html};
+use crate::result::{
+    DesignStatus, DesignTable, Finalist, GatherError, TableEntry, TableError, VerifiedFinalists, write_parquet,
+};
+use crate::run::{FolderError, Study, StudyFolder};
+use crate::space::RefusedDesign;
+use crate::spec::WantedFigure;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -24,43 +26,50 @@ pub enum WriteError {
     Table(#[from] TableError),
     /// A finalist is no scene.
     #[error(transparent)]
-    Refused(#[from] Refused),
+    Refused(#[from] RefusedDesign),
 }
 
 /// What has been written.
 #[derive(Clone, Debug)]
-pub struct Written {
+pub struct StudyResults {
     /// All designs.
-    pub table: Table,
+    pub table: DesignTable,
     /// The best, computed anew.
-    pub finals: Finals,
+    pub finals: VerifiedFinalists,
 }
 
 /// Computes the finalists anew and writes `designs.parquet`, `best-1.toml`, ... and `report.html`; `None` if `stops` said so.
 ///
 /// # Errors
 /// [`WriteError`].
-pub fn write(study: &Study, folder: &Folder, stops: &dyn Fn() -> bool) -> Result<Option<Written>, WriteError> {
-    let table = Table::gather(study, folder)?;
-    folder.write("designs.parquet", &write_parquet(&table)?)?;
-    let Some(finals) = Finals::of(study, &table, stops)? else { return Ok(None) };
+pub fn verify_and_write_results(
+    study: &Study,
+    folder: &StudyFolder,
+    stops: &dyn Fn() -> bool,
+) -> Result<Option<StudyResults>, WriteError> {
+    let table = DesignTable::gather_from_folder(study, folder)?;
+    folder.write_file("designs.parquet", &write_parquet(&table)?)?;
+    let Some(finals) = VerifiedFinalists::verify_scene_and_finalists(study, &table, stops)? else { return Ok(None) };
     for (number, best) in finals.best.iter().enumerate() {
-        folder.write(&format!("best-{}.toml", number + 1), heading(study, &table, best, number + 1).as_bytes())?;
+        folder.write_file(
+            &format!("best-{}.toml", number + 1),
+            finalist_file_with_heading(study, &table, best, number + 1).as_bytes(),
+        )?;
     }
-    folder.write("report.html", report(study, &table, &finals).as_bytes())?;
-    Ok(Some(Written { table, finals }))
+    folder.write_file("report.html", write_report_html(study, &table, &finals).as_bytes())?;
+    Ok(Some(StudyResults { table, finals }))
 }
 
 /// A finalist's scene, with what it is above it.
-fn heading(study: &Study, table: &Table, best: &Finalist, rank: usize) -> String {
+fn finalist_file_with_heading(study: &Study, table: &DesignTable, best: &Finalist, rank: usize) -> String {
     let mut text = format!("# Best {rank} of the study {:?}: design {}.\n", study.spec.name, best.design);
-    for (name, value) in figures(study, best) {
-        let _ = writeln!(text, "# {name} = {}", shown(value));
+    for (name, value) in verified_figures_of_finalist(study, best) {
+        let _ = writeln!(text, "# {name} = {}", format_four_digits(value));
     }
-    for (name, value) in worst(study, table, best) {
-        let _ = writeln!(text, "# {name} = {} at worst, of what may be off (first look)", shown(value));
+    for (name, value) in worst_figures_of_finalist(study, table, best) {
+        let _ = writeln!(text, "# {name} = {} at worst, of what may be off (first look)", format_four_digits(value));
     }
-    if let Some(limits) = best.breaks(study) {
+    if let Some(limits) = best.describe_broken_limits_of_finalist(study) {
         let _ = writeln!(text, "# Computed anew it breaks a limit: {limits}.");
     }
     format!("{text}\n{}", best.text)
@@ -69,71 +78,71 @@ fn heading(study: &Study, table: &Table, best: &Finalist, rank: usize) -> String
 /// Of a finalist the worst of what may be off of each figure that is wished for, as it was looked at first, with the names of their columns; none where
 /// nothing may be off.
 #[must_use]
-pub fn worst(study: &Study, table: &Table, own: &Finalist) -> Vec<(String, f64)> {
-    let entry = own.entry(table).filter(|_| table.has_ends);
+pub fn worst_figures_of_finalist(study: &Study, table: &DesignTable, own: &Finalist) -> Vec<(String, f64)> {
+    let entry = own.entry_in_table(table).filter(|_| table.has_ends);
     let worst = entry.map(|entry| entry.wishes.as_slice()).unwrap_or_default();
-    study.spec.wishes.iter().map(|wish| wish.wanted.column()).zip(worst.iter().copied()).collect()
+    study.spec.wishes.iter().map(|wish| wish.wanted.column_name()).zip(worst.iter().copied()).collect()
 }
 
 /// The figures of a finalist with the names of their columns; none if it failed.
 #[must_use]
-pub fn figures(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
-    let names = study.figures.iter().map(|wanted| wanted.column());
+pub fn verified_figures_of_finalist(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
+    let names = study.figures.iter().map(|wanted| wanted.column_name());
     let values = own.verified.as_ref().map(|verified| verified.figures.values.clone()).unwrap_or_default();
     names.zip(values).collect()
 }
 
 /// Bounds on the relative errors of a finalist's figures with the names of their columns; `None` where none is known.
 #[must_use]
-pub fn bounds(study: &Study, own: &Finalist) -> Vec<(String, Option<f64>)> {
-    let names = study.figures.iter().map(|wanted| wanted.column());
+pub fn error_bounds_of_finalist(study: &Study, own: &Finalist) -> Vec<(String, Option<f64>)> {
+    let names = study.figures.iter().map(|wanted| wanted.column_name());
     let bounds = own.verified.as_ref().map(|verified| verified.bounds.as_slice()).unwrap_or_default();
     names.enumerate().map(|(k, name)| (name, bounds.get(k).copied().flatten())).collect()
 }
 
-impl Written {
-    fn count(&self, status: Status) -> usize {
+impl StudyResults {
+    fn count_designs_with_status(&self, status: DesignStatus) -> usize {
         self.table.entries.iter().filter(|entry| entry.status == status).count()
     }
 
     /// What a design's variables are set to.
-    fn settings(&self, entry: &Entry) -> String {
+    fn describe_settings_of_design(&self, entry: &TableEntry) -> String {
         let columns = self.table.columns.iter();
-        let values =
-            columns.filter_map(|column| Some(format!("{} = {}", column.name, column.text(&entry.row.design)?)));
+        let values = columns
+            .filter_map(|column| Some(format!("{} = {}", column.name, column.text_in_design(&entry.row.design)?)));
         values.collect::<Vec<_>>().join(", ")
     }
 
-    /// For programs.
+    /// The results as JSON, for programs.
     #[must_use]
-    pub fn summary(&self, study: &Study, path: &Path) -> Value {
+    pub fn summarise_as_json(&self, study: &Study, path: &Path) -> Value {
         let Self { table, finals } = self;
         let told = |own: &Finalist| {
             let verified = own.verified.as_ref();
             json!({
                 "design": own.design,
-                "figures": figures(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "figures": verified_figures_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
-                "error_bounds": bounds(study, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "tolerance_met": verified.ok().and_then(|verified| verified.is_met(&study.figures, finals.tolerance)),
-                "worst": worst(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "breaks": own.breaks(study),
+                "error_bounds": error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met(&study.figures, finals.tolerance)),
+                "worst": worst_figures_of_finalist(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "breaks": own.describe_broken_limits_of_finalist(study),
                 "failed": verified.err(),
             })
         };
         json!({
-            "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count(Status::Kept),
-            "broken": self.count(Status::Broken), "failed": self.count(Status::Failed),
+            "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count_designs_with_status(DesignStatus::Kept),
+            "broken": self.count_designs_with_status(DesignStatus::Broken), "failed": self.count_designs_with_status(DesignStatus::Failed),
             "on_front": table.entries.iter().filter(|entry| entry.is_on_front).count(),
-            "nearest": table.nearest().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
+            "nearest": table.find_design_nearest_to_limits().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
     }
 
     /// The scene as it is and the best designs as a table: their figures as they were computed anew, with bounds beside those that have them.
-    fn best(&self, study: &Study) -> String {
+    fn format_best_designs_table(&self, study: &Study) -> String {
         let finals = &self.finals;
         let all: Vec<(String, &Finalist)> = std::iter::once(("as it is".to_owned(), &finals.base))
             .chain(finals.best.iter().enumerate().map(|(k, own)| (format!("best {}", k + 1), own)))
@@ -143,7 +152,7 @@ impl Written {
             (0..study.figures.len()).map(|k| all.iter().any(|(_, own)| bound(own, k).is_some())).collect();
         let mut head = vec![String::new(), "design".into()];
         for (wanted, is_bounded) in study.figures.iter().zip(&is_bounded) {
-            head.push(wanted.column());
+            head.push(wanted.column_name());
             head.extend(is_bounded.then(|| "its error at most".to_owned()));
         }
         let mut text = format!("\n\n| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
@@ -151,8 +160,10 @@ impl Written {
             let mut cells = vec![name.clone(), own.design.to_string()];
             for (k, is_bounded) in is_bounded.iter().enumerate() {
                 let value = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(k));
-                cells.push(value.map_or_else(|| "failed".into(), |value| shown(*value)));
-                cells.extend(is_bounded.then(|| bound(own, k).map_or_else(|| "not known".into(), rounded_up)));
+                cells.push(value.map_or_else(|| "failed".into(), |value| format_four_digits(*value)));
+                cells.extend(
+                    is_bounded.then(|| bound(own, k).map_or_else(|| "not known".into(), format_bound_rounded_up)),
+                );
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
@@ -162,8 +173,10 @@ impl Written {
             text.push_str("; no bound is known where none is told because that design's model gave none");
         }
         let missed = |own: &Finalist| {
-            own.verified.as_ref().is_ok_and(|found| found.is_met(&study.figures, finals.tolerance) != Some(true))
-                && study.figures.iter().any(Wanted::has_bound)
+            own.verified
+                .as_ref()
+                .is_ok_and(|found| found.is_tolerance_met(&study.figures, finals.tolerance) != Some(true))
+                && study.figures.iter().any(WantedFigure::has_error_bound)
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {
@@ -176,35 +189,43 @@ impl Written {
         text
     }
 
-    /// For people.
+    /// The results as text, for people.
     #[must_use]
-    pub fn text(&self, study: &Study, path: &Path) -> String {
+    pub fn summarise_as_text(&self, study: &Study, path: &Path) -> String {
         let Self { table, finals } = self;
         let mut text = format!(
             "{}: {} designs by {}, {} of them within all limits, {} break one, {} failed",
             study.spec.name,
             table.entries.len(),
             study.spec.method.way.name(),
-            self.count(Status::Kept),
-            self.count(Status::Broken),
-            self.count(Status::Failed)
+            self.count_designs_with_status(DesignStatus::Kept),
+            self.count_designs_with_status(DesignStatus::Broken),
+            self.count_designs_with_status(DesignStatus::Failed)
         );
-        let first = table.entries.iter().find(|entry| entry.status == Status::Failed);
-        if let Some(reason) = first.and_then(|entry| entry.reason.as_deref()).filter(|_| !table.has_failed()) {
+        let first = table.entries.iter().find(|entry| entry.status == DesignStatus::Failed);
+        if let Some(reason) =
+            first.and_then(|entry| entry.reason.as_deref()).filter(|_| !table.have_all_designs_failed())
+        {
             let _ = write!(text, " (the first: {reason})");
         }
         if study.spec.wishes.len() > 1 {
             let front = table.entries.iter().filter(|entry| entry.is_on_front).count();
             let _ = write!(text, "; {front} on the front");
         }
-        text.push_str(&self.best(study));
+        text.push_str(&self.format_best_designs_table(study));
         for (k, own) in finals.best.iter().enumerate() {
-            let entry = own.entry(table);
-            let _ = write!(text, "\nbest {}: {}", k + 1, entry.map(|entry| self.settings(entry)).unwrap_or_default());
-            for (name, value) in worst(study, table, own) {
-                let _ = write!(text, "; {name} is {} at worst, of what may be off (first look)", shown(value));
+            let entry = own.entry_in_table(table);
+            let _ = write!(
+                text,
+                "\nbest {}: {}",
+                k + 1,
+                entry.map(|entry| self.describe_settings_of_design(entry)).unwrap_or_default()
+            );
+            for (name, value) in worst_figures_of_finalist(study, table, own) {
+                let _ =
+                    write!(text, "; {name} is {} at worst, of what may be off (first look)", format_four_digits(value));
             }
-            if let Some(limits) = own.breaks(study) {
+            if let Some(limits) = own.describe_broken_limits_of_finalist(study) {
                 let _ = write!(text, " (computed anew it breaks a limit: {limits})");
             }
             if let Err(reason) = &own.verified {
@@ -212,11 +233,18 @@ impl Written {
             }
         }
         if finals.best.is_empty() {
-            text.push_str(if table.has_failed() { "\nAll designs failed." } else { "\nNo design keeps all limits." });
-            if let Some((design, entry)) = table.nearest() {
+            text.push_str(if table.have_all_designs_failed() {
+                "\nAll designs failed."
+            } else {
+                "\nNo design keeps all limits."
+            });
+            if let Some((design, entry)) = table.find_design_nearest_to_limits() {
                 let reason = entry.reason.as_deref().unwrap_or_default();
-                let _ =
-                    write!(text, " Design {design} comes nearest: {reason}\ndesign {design}: {}", self.settings(entry));
+                let _ = write!(
+                    text,
+                    " Design {design} comes nearest: {reason}\ndesign {design}: {}",
+                    self.describe_settings_of_design(entry)
+                );
             } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_ref()) {
                 let _ = write!(text, " The first: {reason}");
             }

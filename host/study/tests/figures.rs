@@ -6,10 +6,10 @@ use era_model::model::{Accuracy, PanelModel};
 use era_model::response::acceleration_curves;
 use era_model::scene::{Cutout, EXAMPLE_PLATE, Finger, Patch, Scene};
 use era_planner::TableOptions;
-use era_study::evaluate::{Evaluator, Quick, Thorough, parts};
+use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator, parts};
 use era_study::run::Study;
 use era_study::space::Design;
-use era_study::spec::{Costs, Drives, Figure, Settings, Wanted};
+use era_study::spec::{Figure, FrequencyGrouping, PartCosts, SettingScope, WantedFigure};
 use std::f64::consts::TAU;
 use support::{LENGTH_M, WIDTH_M, bar};
 
@@ -20,12 +20,18 @@ const YOUNG_PA: f64 = 200e9;
 /// Of each of its two springs.
 const SPRING_N_PER_M: f64 = 900.0;
 
-const fn wanted(figure: Figure) -> Wanted {
-    Wanted { figure, setting: Settings::EveryTouch, drives: Drives::Distinct, at_mm: None, force_n: None }
+const fn wanted(figure: Figure) -> WantedFigure {
+    WantedFigure {
+        figure,
+        setting: SettingScope::EveryTouch,
+        drives: FrequencyGrouping::Distinct,
+        at_mm: None,
+        force_n: None,
+    }
 }
 
-fn of(scene: &Scene, wanted: &[Wanted]) -> Vec<f64> {
-    Thorough::new(TableOptions::default()).evaluate(scene, wanted).unwrap().values
+fn of(scene: &Scene, wanted: &[WantedFigure]) -> Vec<f64> {
+    ThoroughEvaluator::new(TableOptions::default()).evaluate(scene, wanted).unwrap().values
 }
 
 fn near(found: f64, expected: f64, part: f64) {
@@ -36,7 +42,8 @@ fn near(found: f64, expected: f64, part: f64) {
 #[test]
 fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
     let mass_kg = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3;
-    let found = of(&bar(9.0), &[wanted(Figure::RigidModeHz), Wanted { force_n: Some(3.0), ..wanted(Figure::SagUm) }]);
+    let found =
+        of(&bar(9.0), &[wanted(Figure::RigidModeHz), WantedFigure { force_n: Some(3.0), ..wanted(Figure::SagUm) }]);
     near(found[0], (3.0 * 2.0 * SPRING_N_PER_M / mass_kg).sqrt() / TAU, 0.005);
     near(found[1], 3.0 / SPRING_N_PER_M * 1e6, 0.005);
 }
@@ -44,13 +51,13 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
 /// What can be had at every place takes a search at each, which figures without settings have no need of.
 #[test]
 fn a_map_is_made_only_where_settings_are_wanted() {
-    let thorough = Thorough::new(TableOptions::default());
+    let thorough = ThoroughEvaluator::new(TableOptions::default());
     let sag = [wanted(Figure::SagUm), wanted(Figure::RigidModeHz), wanted(Figure::ContrastDb)];
-    let sag = sag.map(|own| Wanted { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
-    let found = thorough.verified(&bar(9.0), &sag).unwrap();
+    let sag = sag.map(|own| WantedFigure { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
+    let found = thorough.verify_figures(&bar(9.0), &sag).unwrap();
     assert!(found.strongest_g.is_empty() && found.figures.values.iter().all(|value| value.is_finite()), "{found:?}");
     assert!(found.bounds[0].is_some() && found.bounds[1].is_some(), "{:?}", found.bounds);
-    let found = thorough.verified(&bar(9.0), &[wanted(Figure::PowerW)]).unwrap();
+    let found = thorough.verify_figures(&bar(9.0), &[wanted(Figure::PowerW)]).unwrap();
     assert_eq!(found.strongest_g.len(), found.x_mm.len() * found.y_mm.len());
     assert!(found.strongest_g.len() > 1);
 }
@@ -60,13 +67,13 @@ fn a_map_is_made_only_where_settings_are_wanted() {
 /// On the softest springs a corner yields most. The quick look and the thorough one say the same, and the bound of the thorough one holds.
 #[test]
 fn the_example_plate_sags_as_a_ritz_solution_says() {
-    let sag = [Wanted { force_n: Some(10.0), ..wanted(Figure::SagUm) }];
+    let sag = [WantedFigure { force_n: Some(10.0), ..wanted(Figure::SagUm) }];
     for (stiffness, ritz_um) in [(2e3, 3252.447), (8e3, 1435.29), (40e3, 1094.21)] {
         let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         scene.supports.iter_mut().for_each(|own| own.stiffness_n_per_m = stiffness);
-        let found = Thorough::new(TableOptions::default()).verified(&scene, &sag).unwrap();
+        let found = ThoroughEvaluator::new(TableOptions::default()).verify_figures(&scene, &sag).unwrap();
         let (um, bound) = (found.figures.values[0], found.bounds[0].unwrap());
-        let quick = Quick::new(TableOptions::default()).evaluate(&scene, &sag).unwrap().values[0];
+        let quick = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &sag).unwrap().values[0];
         println!("{stiffness}: {um} quick {quick}, Ritz {ritz_um}, bound {bound:.1e}");
         assert!(bound < 5e-3, "{bound}");
         near(um, ritz_um, bound + 1e-5);
@@ -104,12 +111,16 @@ fn the_bound_on_a_modes_frequency_holds() {
     // Without the mass that the actuator adds in the middle, which takes 6e-4.
     let mut scene = bar(1.5);
     scene.actuators[0].moving_mass_kg = 1e-9;
-    let found = Thorough::new(TableOptions::default()).verified(&scene, &[wanted(Figure::BendingModeHz)]).unwrap();
+    let found = ThoroughEvaluator::new(TableOptions::default())
+        .verify_figures(&scene, &[wanted(Figure::BendingModeHz)])
+        .unwrap();
     let (hz, bound) = (found.figures.values[0], found.bounds[0].unwrap());
     println!("{hz} of {exact}, bound {bound:.1e}");
     // The actuator's spring of 0.5 N/m in the middle raises it by 6e-7.
     assert!(
-        bound <= 1e-3 && found.bound.is_none() && found.is_met(&[wanted(Figure::BendingModeHz)], 1e-3) == Some(true),
+        bound <= 1e-3
+            && found.bound.is_none()
+            && found.is_tolerance_met(&[wanted(Figure::BendingModeHz)], 1e-3) == Some(true),
         "{found:?}"
     );
     near(hz, exact, bound + 1e-6);
@@ -120,7 +131,7 @@ fn the_bound_on_a_modes_frequency_holds() {
 fn one_actuator_has_one_frequency() {
     let second = EXAMPLE_PLATE.rfind("[[actuator]]").unwrap();
     let scene = Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap();
-    let each = Drives::ALL.map(|drives| Wanted { drives, ..wanted(Figure::WeakestG) });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
     let found = of(&scene, &each);
     near(found[1], found[0], 0.02);
     near(found[2], found[0], 0.02);
@@ -132,11 +143,11 @@ fn one_actuator_has_one_frequency() {
 fn more_freedom_is_no_worse() {
     let scene =
         Scene::parse("plate", &EXAMPLE_PLATE.replace("x_mm = 75.0\ny_mm = 100.0", "x_mm = 61.0\ny_mm = 47.0")).unwrap();
-    let each = Drives::ALL.map(|drives| Wanted { drives, ..wanted(Figure::WeakestG) });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
     let found = of(&scene, &each);
     assert!(found[1] >= found[2] && found[2] > 0.0 && found[0] > 0.8 * found[1], "{found:?}");
     // What the quick look does not know it leaves to a table of the panel.
-    let quick = Quick::new(TableOptions::default()).evaluate(&scene, &each).unwrap().values;
+    let quick = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &each).unwrap().values;
     for (quick, thorough) in quick.iter().zip(&found) {
         near(*quick, *thorough, 0.03);
     }
@@ -163,22 +174,24 @@ fn what_can_be_had_under_little_voltage_is_known() {
     let model =
         PanelModel::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
     let peaks = |[x_mm, y_mm]: [f64; 2]| -> [Vec<f64>; 2] {
-        let curves = acceleration_curves(&model, &model.shape_at(x_mm / 1e3, y_mm / 1e3), &frequencies).unwrap();
+        let curves =
+            acceleration_curves(&model, &model.shape_deflections_at(x_mm / 1e3, y_mm / 1e3), &frequencies).unwrap();
         [0, 1].map(|own: usize| {
             let each = curves[own].iter().zip(&frequencies).map(|(a, hz)| a.norm() * force_n(*hz) / 9.806_65);
             each.collect()
         })
     };
-    for drives in [Drives::OneFrequency, Drives::Distinct] {
-        let asked = [Wanted { drives, ..wanted(Figure::WeakestG) }, wanted(Figure::VoltageV), wanted(Figure::PowerW)];
-        let found = Thorough::new(options).evaluate(&scene, &asked).unwrap();
+    for drives in [FrequencyGrouping::OneFrequency, FrequencyGrouping::Distinct] {
+        let asked =
+            [WantedFigure { drives, ..wanted(Figure::WeakestG) }, wanted(Figure::VoltageV), wanted(Figure::PowerW)];
+        let found = ThoroughEvaluator::new(options).evaluate(&scene, &asked).unwrap();
         let [one, other] = peaks(found.weakest_mm.unwrap());
         let (mut best, mut best_hz) = (0.0_f64, 0.0);
         for (k, first) in one.iter().enumerate() {
             for (l, second) in other.iter().enumerate() {
                 let is_one = k == l;
                 let is_allowed = match drives {
-                    Drives::Distinct => (frequencies[k] - frequencies[l]).abs() >= 20.0 - 1e-9,
+                    FrequencyGrouping::Distinct => (frequencies[k] - frequencies[l]).abs() >= 20.0 - 1e-9,
                     _ => is_one,
                 };
                 if is_allowed && first + second > best {
@@ -193,7 +206,7 @@ fn what_can_be_had_under_little_voltage_is_known() {
         // in C; some touch takes as much as this one, none more than both at the band's end.
         near(found.values[1], VOLTAGE_V, 1e-9);
         let per_hz = 2.0 * (8.854_187_8e-12 * 1963.5e-6 / 500e-6 + 65e-12) * VOLTAGE_V * VOLTAGE_V;
-        let least = if drives == Drives::Distinct { 0.97 * per_hz * best_hz } else { 0.0 };
+        let least = if drives == FrequencyGrouping::Distinct { 0.97 * per_hz * best_hz } else { 0.0 };
         assert!(
             found.values[2] >= least && found.values[2] <= per_hz * 780.0 * (1.0 + 1e-9),
             "{found:?} {per_hz} {best_hz}"
@@ -207,10 +220,10 @@ fn parts_add_up() {
     let mut scene = bar(9.0);
     scene.masses.push(era_model::scene::Mass { x_m: 0.03, y_m: 0.02, mass_kg: 12e-3 });
     let sheet_g = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3 * 1e3;
-    near(parts::mass_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
-    let costs = Costs { actuator: 7.0, support: 0.25, mass: 0.5, per_kg: 4.0 };
+    near(parts::total_mass_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
+    let costs = PartCosts { actuator: 7.0, support: 0.25, mass: 0.5, per_kg: 4.0 };
     let nothing = Design { settings: Vec::new() };
-    near(parts::cost(&scene, &costs, &[], &nothing), 7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3, 1e-9);
+    near(parts::total_cost(&scene, &costs, &[], &nothing), 7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3, 1e-9);
 }
 
 /// Air that moves along is neither weighed nor bought; steps of a bar and cut-outs count.
@@ -223,15 +236,15 @@ fn air_is_no_part() {
     scene.patches.push(Patch { x_m, y_m: 0.0, length_m, width_m, thickness_m: 4e-3, material });
     let line = |width_m: f64, thickness_m: f64| DENSITY_KG_M3 * width_m * thickness_m;
     let bar_kg = line(WIDTH_M, 9e-3) * (LENGTH_M - length_m) + line(width_m, 4e-3) * length_m;
-    near(parts::mass_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
-    near(scene.mass_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
+    near(parts::total_mass_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
+    near(scene.surface_mass_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
     let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
     scene.surface.added_mass_kg_per_m2 = 0.5;
     scene.cutouts.push(Cutout { x_m: 0.1, y_m: 0.05, length_m: 0.04, width_m: 0.03 });
     let plate_kg = 2700.0 * 2e-3 * (0.3 * 0.2 - 0.04 * 0.03);
-    near(parts::mass_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
-    let costs = Costs { per_kg: 4.0, ..Costs::default() };
-    near(parts::cost(&scene, &costs, &[], &Design { settings: Vec::new() }), 4.0 * plate_kg, 1e-9);
+    near(parts::total_mass_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
+    let costs = PartCosts { per_kg: 4.0, ..PartCosts::default() };
+    near(parts::total_cost(&scene, &costs, &[], &Design { settings: Vec::new() }), 4.0 * plate_kg, 1e-9);
 }
 
 /// A finger is on whatever place is looked at: quickly and thoroughly, and with one actuator however it is driven. Contrast at a place is that of a panel
@@ -242,20 +255,20 @@ fn a_finger_is_on_the_place_that_is_looked_at() {
     let untouched = Scene { press_n: 0.0, ..Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap() };
     let finger = Finger { mass_kg: 3e-3, damping_n_s_per_m: 4.0, stiffness_n_per_m: 1500.0 };
     let scene = Scene { finger: Some(finger), ..untouched.clone() };
-    let each = Drives::ALL.map(|drives| Wanted { drives, ..wanted(Figure::WeakestG) });
-    let quick = Quick::new(TableOptions { step_hz: 4.0, ..TableOptions::default() });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
+    let quick = QuickEvaluator::new(TableOptions { step_hz: 4.0, ..TableOptions::default() });
     let found = quick.evaluate(&scene, &each).unwrap().values;
     near(found[1], found[0], 0.02);
     near(found[2], found[0], 0.02);
-    let thorough = Thorough::new(TableOptions::default()).verified(&scene, &each[..1]).unwrap();
-    let looked = Quick::new(TableOptions::default()).evaluate(&scene, &each[..1]).unwrap();
+    let thorough = ThoroughEvaluator::new(TableOptions::default()).verify_figures(&scene, &each[..1]).unwrap();
+    let looked = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &each[..1]).unwrap();
     near(looked.values[0], thorough.figures.values[0], 0.03);
     assert!(thorough.bounds[0].is_some_and(|bound| bound < 1e-2), "{:?}", thorough.bounds);
-    let plain = Quick::new(TableOptions::default()).evaluate(&untouched, &each[..1]).unwrap();
+    let plain = QuickEvaluator::new(TableOptions::default()).evaluate(&untouched, &each[..1]).unwrap();
     assert!((looked.values[0] / plain.values[0] - 1.0).abs() > 0.03, "{looked:?} {plain:?}");
     let [x_mm, y_mm] = [113.0, 71.0];
-    let contrast = [Wanted { at_mm: Some([x_mm, y_mm]), ..wanted(Figure::ContrastDb) }];
-    let written = scene.touched(&[(x_mm * 1e-3, y_mm * 1e-3)]);
+    let contrast = [WantedFigure { at_mm: Some([x_mm, y_mm]), ..wanted(Figure::ContrastDb) }];
+    let written = scene.with_finger_at_places(&[(x_mm * 1e-3, y_mm * 1e-3)]);
     let [under, alone] = [&scene, &written].map(|scene| of(scene, &contrast)[0]);
     assert!((under - alone).abs() < 0.02, "{under} {alone}");
     let plain = of(&untouched, &contrast)[0];
@@ -272,7 +285,7 @@ fn one_setting_for_a_surface_does_not_go_with_a_finger() {
         )
     };
     let touched = format!("{EXAMPLE_PLATE}\n[finger]\nmass_g = 3.0\n");
-    let of = |setting: &str, scene: &str| Study::parse("s.toml", &study(setting), "plate.toml", scene);
+    let of = |setting: &str, scene: &str| Study::parse_texts("s.toml", &study(setting), "plate.toml", scene);
     let error = of("one", &touched).unwrap_err().to_string();
     assert!(error.contains("weakest_g_one_setting") && error.contains("[finger]"), "{error}");
     assert!(of("one", EXAMPLE_PLATE).is_ok() && of("every_touch", &touched).is_ok());

@@ -1,10 +1,10 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
 use era_model::scene::{EXAMPLE_PLATE, Scene, SceneError};
-use era_study::evaluate::{EvaluateError, Evaluator, Figures, Quick};
-use era_study::result::{GatherError, Status, Table, finalists, write_parquet};
-use era_study::run::{Folder, Observer, Outcome, Shard, Stopped, Study, Task, run};
-use era_study::spec::Wanted;
+use era_study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
+use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalists, write_parquet};
+use era_study::run::{DesignOutcome, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, run_study_shard};
+use era_study::spec::WantedFigure;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -27,7 +27,7 @@ fn known(scene: &Scene) -> f64 {
 }
 
 impl Evaluator for Known {
-    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
         self.calls.fetch_add(1, Ordering::Relaxed);
         let spring = scene.supports[0].stiffness_n_per_m;
         assert!(spring < 4900.0, "poisoned");
@@ -44,11 +44,11 @@ fn evaluator() -> Known {
 }
 
 fn study(rest: &str) -> Study {
-    Study::parse("s.toml", &format!("{HEAD}{rest}"), "plate.toml", EXAMPLE_PLATE).unwrap()
+    Study::parse_texts("s.toml", &format!("{HEAD}{rest}"), "plate.toml", EXAMPLE_PLATE).unwrap()
 }
 
-fn folder(place: &Path, study: &Study) -> Folder {
-    Folder::open(place, study.key()).unwrap()
+fn folder(place: &Path, study: &Study) -> StudyFolder {
+    StudyFolder::open_or_create(place, study.fingerprint()).unwrap()
 }
 
 /// Stops after so many designs.
@@ -57,12 +57,12 @@ struct After {
     done: AtomicUsize,
 }
 
-impl Observer for After {
-    fn stops(&self) -> bool {
+impl StudyObserver for After {
+    fn is_stop_wanted(&self) -> bool {
         self.done.load(Ordering::Relaxed) >= self.designs
     }
 
-    fn does(&self, designs: usize) {
+    fn report_computed_designs(&self, designs: usize) {
         self.done.fetch_add(designs, Ordering::Relaxed);
     }
 }
@@ -76,7 +76,7 @@ fn bytes(place: &Path, study: &Study) -> BTreeMap<String, Vec<u8>> {
     let files = fs::read_dir(place.join("rows")).unwrap().map(|entry| entry.unwrap());
     let mut all: BTreeMap<String, Vec<u8>> =
         files.map(|file| (file.file_name().into_string().unwrap(), fs::read(file.path()).unwrap())).collect();
-    let table = Table::gather(study, &folder(place, study)).unwrap();
+    let table = DesignTable::gather_from_folder(study, &folder(place, study)).unwrap();
     all.insert("designs.parquet".into(), write_parquet(&table).unwrap());
     all
 }
@@ -94,42 +94,47 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
     for way in WAYS {
         let study = study(way);
         let whole = tempfile::tempdir().unwrap();
-        let ended = with_workers(1, || run(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()));
-        assert_eq!(ended.unwrap(), Stopped::Done);
+        let ended =
+            with_workers(1, || run_study_shard(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()));
+        assert_eq!(ended.unwrap(), RunEnd::Done);
         let wanted = bytes(whole.path(), &study);
         for workers in [2, 4] {
             let other = tempfile::tempdir().unwrap();
-            with_workers(workers, || run(&study, &folder(other.path(), &study), &evaluator(), Shard::ALL, &()))
-                .unwrap();
+            with_workers(workers, || {
+                run_study_shard(&study, &folder(other.path(), &study), &evaluator(), Shard::ALL, &())
+            })
+            .unwrap();
             assert_eq!(bytes(other.path(), &study), wanted, "{workers} workers, {way}");
         }
         let stopped = tempfile::tempdir().unwrap();
         let observer = After { designs: 20, done: AtomicUsize::new(0) };
         let first = evaluator();
-        let ended = with_workers(2, || run(&study, &folder(stopped.path(), &study), &first, Shard::ALL, &observer));
-        assert_eq!(ended.unwrap(), Stopped::Early);
-        let missing = Table::gather(&study, &folder(stopped.path(), &study)).unwrap_err();
+        let ended =
+            with_workers(2, || run_study_shard(&study, &folder(stopped.path(), &study), &first, Shard::ALL, &observer));
+        assert_eq!(ended.unwrap(), RunEnd::Early);
+        let missing = DesignTable::gather_from_folder(&study, &folder(stopped.path(), &study)).unwrap_err();
         assert!(
-            matches!(missing, GatherError::Missing { missing, all } if missing > 0 && all == study.designs()),
+            matches!(missing, GatherError::Missing { missing, all } if missing > 0 && all == study.count_designs()),
             "{missing}"
         );
         // What a killed writer leaves is neither taken for rows nor in the way; a file that was cut is computed again.
         fs::write(stopped.path().join("rows/.part-1-1"), "half").unwrap();
-        let file =
-            study.tasks().find(|task| stopped.path().join("rows").join(task.file()).exists() && *task != Task::Base);
-        let file = stopped.path().join("rows").join(file.unwrap().file());
+        let file = study
+            .list_tasks()
+            .find(|task| stopped.path().join("rows").join(task.rows_file_name()).exists() && *task != StudyTask::Base);
+        let file = stopped.path().join("rows").join(file.unwrap().rows_file_name());
         let cut = fs::read(&file).unwrap();
         fs::write(&file, &cut[..cut.len() / 2]).unwrap();
         let second = evaluator();
-        with_workers(2, || run(&study, &folder(stopped.path(), &study), &second, Shard::ALL, &())).unwrap();
+        with_workers(2, || run_study_shard(&study, &folder(stopped.path(), &study), &second, Shard::ALL, &())).unwrap();
         fs::remove_file(stopped.path().join("rows/.part-1-1")).unwrap();
         assert_eq!(bytes(stopped.path(), &study), wanted, "stopped, {way}");
         let calls = [&first, &second].map(|own| own.calls.load(Ordering::Relaxed));
-        assert!(calls[1] < study.designs(), "{calls:?}: what was there was not computed again");
+        assert!(calls[1] < study.count_designs(), "{calls:?}: what was there was not computed again");
         let shared = tempfile::tempdir().unwrap();
         for shard in ["3/3", "1/3", "2/3"] {
             let shard: Shard = shard.parse().unwrap();
-            run(&study, &folder(shared.path(), &study), &evaluator(), shard, &()).unwrap();
+            run_study_shard(&study, &folder(shared.path(), &study), &evaluator(), shard, &()).unwrap();
         }
         assert_eq!(bytes(shared.path(), &study), wanted, "shares, {way}");
     }
@@ -140,12 +145,13 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
 fn designs_that_fail_are_rows_with_their_reasons() {
     let study = study("[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n[method]\nway = \"grid\"\nlevels = 5\n");
     let place = tempfile::tempdir().unwrap();
-    run(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
-    let table = Table::gather(&study, &folder(place.path(), &study)).unwrap();
+    run_study_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = DesignTable::gather_from_folder(&study, &folder(place.path(), &study)).unwrap();
     assert_eq!(table.entries.len(), 125);
     for entry in &table.entries {
-        let scene = study.space.design(&entry.row.point);
-        let numbers: Vec<f64> = study.space.columns().iter().map(|column| column.number(&scene).unwrap()).collect();
+        let scene = study.space.design_at_point(&entry.row.point);
+        let numbers: Vec<f64> =
+            study.space.table_columns().iter().map(|column| column.number_in_design(&scene).unwrap()).collect();
         let [x, y, spring] = numbers[..] else { panic!("{numbers:?}") };
         let reason = if (x - 225.0).hypot(y - 100.0) < 50.0 {
             "left and right are"
@@ -154,11 +160,11 @@ fn designs_that_fail_are_rows_with_their_reasons() {
         } else if x < 30.0 {
             "no "
         } else {
-            assert_eq!((entry.status, &entry.reason), (Status::Kept, &None));
-            assert!(matches!(entry.row.outcome, Outcome::Found { .. }));
+            assert_eq!((entry.status, &entry.reason), (DesignStatus::Kept, &None));
+            assert!(matches!(entry.row.outcome, DesignOutcome::Found { .. }));
             continue;
         };
-        assert_eq!(entry.status, Status::Failed);
+        assert_eq!(entry.status, DesignStatus::Failed);
         assert!(entry.reason.as_ref().unwrap().contains(reason), "{:?} at {numbers:?}", entry.reason);
     }
 }
@@ -168,17 +174,17 @@ fn designs_that_fail_are_rows_with_their_reasons() {
 fn the_best_are_found() {
     let study_of_grid = study("[method]\nway = \"grid\"\nlevels = 7\n");
     let place = tempfile::tempdir().unwrap();
-    run(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &()).unwrap();
-    let table = Table::gather(&study_of_grid, &folder(place.path(), &study_of_grid)).unwrap();
-    let best = finalists(&study_of_grid, &table, 3);
-    let all = table.entries.iter().filter(|entry| entry.status == Status::Kept).map(|entry| entry.wishes[0]);
+    run_study_shard(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = DesignTable::gather_from_folder(&study_of_grid, &folder(place.path(), &study_of_grid)).unwrap();
+    let best = choose_finalists(&study_of_grid, &table, 3);
+    let all = table.entries.iter().filter(|entry| entry.status == DesignStatus::Kept).map(|entry| entry.wishes[0]);
     assert_eq!(table.entries[best[0]].wishes[0], all.fold(f64::NEG_INFINITY, f64::max));
     assert!(best.len() == 3 && table.entries[best[0]].wishes[0] >= table.entries[best[1]].wishes[0]);
     let evolving = study("[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 2\n");
     let place = tempfile::tempdir().unwrap();
-    run(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
-    let table = Table::gather(&evolving, &folder(place.path(), &evolving)).unwrap();
-    let best = &table.entries[finalists(&evolving, &table, 1)[0]];
+    run_study_shard(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = DesignTable::gather_from_folder(&evolving, &folder(place.path(), &evolving)).unwrap();
+    let best = &table.entries[choose_finalists(&evolving, &table, 1)[0]];
     assert!(best.wishes[0] > 1.999, "{best:?}");
 }
 
@@ -190,23 +196,24 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
         "[[limit]]\nfigure = \"rigid_mode_hz\"\nmost = 3000\n[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 1\n",
     );
     let place = tempfile::tempdir().unwrap();
-    run(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
-    let table = Table::gather(&limited, &folder(place.path(), &limited)).unwrap();
-    let best = &table.entries[finalists(&limited, &table, 1)[0]];
-    let spring = best.row.figures().unwrap().values[1];
+    run_study_shard(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = DesignTable::gather_from_folder(&limited, &folder(place.path(), &limited)).unwrap();
+    let best = &table.entries[choose_finalists(&limited, &table, 1)[0]];
+    let spring = best.row.figures_if_found().unwrap().values[1];
     assert!(spring <= 3000.0 && spring > 2950.0, "{best:?}");
-    let broken = table.entries.iter().find(|entry| entry.status == Status::Broken).unwrap();
+    let broken = table.entries.iter().find(|entry| entry.status == DesignStatus::Broken).unwrap();
     assert!(broken.reason.as_ref().unwrap().starts_with("rigid_mode_hz is "), "{broken:?}");
     let robust = study(
         "[[uncertain]]\nkey = \"actuator.left.x_mm\"\nby = 60\n[method]\nway = \"grid\"\nlevels = 6\nrobust = \"corners\"\n",
     );
-    assert_eq!(robust.scenarios(), 2);
+    assert_eq!(robust.count_uncertainty_samples(), 2);
     let place = tempfile::tempdir().unwrap();
-    run(&robust, &folder(place.path(), &robust), &evaluator(), Shard::ALL, &()).unwrap();
-    let table = Table::gather(&robust, &folder(place.path(), &robust)).unwrap();
+    run_study_shard(&robust, &folder(place.path(), &robust), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = DesignTable::gather_from_folder(&robust, &folder(place.path(), &robust)).unwrap();
     let mut seen = 0;
-    for entry in table.entries.iter().filter(|entry| entry.status == Status::Kept) {
-        let numbers: Vec<f64> = table.columns.iter().map(|column| column.number(&entry.row.design).unwrap()).collect();
+    for entry in table.entries.iter().filter(|entry| entry.status == DesignStatus::Kept) {
+        let numbers: Vec<f64> =
+            table.columns.iter().map(|column| column.number_in_design(&entry.row.design).unwrap()).collect();
         let worst = [-60.0, 0.0, 60.0].map(|off| {
             let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
             scene.actuators[0].x_m = (numbers[0] + off).clamp(0.0, 300.0) / 1e3;
@@ -231,7 +238,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
              [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [0, 0, 300, 200]\n\
              [[wish]]\nfigure = \"weakest_g\"\n[method]\nway = \"grid\"\n{levels}"
         );
-        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+        Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
     };
     let refused = grid("levels = 1000\n").unwrap_err();
     let told: Vec<(usize, &str)> =
@@ -240,10 +247,10 @@ fn a_grid_has_a_limit_and_few_chunks() {
                     but there may be at most 100000000";
     assert_eq!(told, [(14, expected)]);
     let large = grid("levels = 100\n").unwrap();
-    assert_eq!(large.designs(), 100_000_000);
-    assert!(large.tasks().count() <= 100_001, "{}", large.tasks().count());
+    assert_eq!(large.count_designs(), 100_000_000);
+    assert!(large.list_tasks().count() <= 100_001, "{}", large.list_tasks().count());
     let small = grid("").unwrap();
-    assert_eq!((small.designs(), small.tasks().count()), (625, 11));
+    assert_eq!((small.count_designs(), small.list_tasks().count()), (625, 11));
 }
 
 /// What the scene's sides and the band leave no room for is told with its line before anything is computed.
@@ -251,7 +258,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
 fn places_off_the_surface_and_narrow_bands_are_told() {
     let of = |variable: &str, rest: &str| {
         let text = format!("version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\n{variable}\n{rest}");
-        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+        Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
     };
     let hold = |study: Result<Study, SceneError>, expected: &[(usize, &str)]| {
         let error = study.unwrap_err();
@@ -292,17 +299,17 @@ fn the_scene_as_it_is_costs_what_the_same_design_costs() {
              {{ density_kg_m3 = 2500.0, youngs_modulus_pa = 72e9, poisson_ratio = 0.22 }},\n]\n{costs}\n\
              [[wish]]\nfigure = \"cost\"\n[cost]\nactuator = 10\n[method]\nway = \"grid\"\n"
         );
-        let study = Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+        let study = Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
         let place = tempfile::tempdir().unwrap();
-        run(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
-        let table = Table::gather(&study, &folder(place.path(), &study)).unwrap();
+        run_study_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+        let table = DesignTable::gather_from_folder(&study, &folder(place.path(), &study)).unwrap();
         let each = std::iter::once(&table.base).chain(&table.entries);
-        each.map(|entry| (entry.row.figures().unwrap().values[0], entry.status)).collect::<Vec<_>>()
+        each.map(|entry| (entry.row.figures_if_found().unwrap().values[0], entry.status)).collect::<Vec<_>>()
     };
-    let kept = |cost: f64| (cost, Status::Kept);
+    let kept = |cost: f64| (cost, DesignStatus::Kept);
     assert_eq!(cost("2700", "costs = [40, 60]"), [kept(60.0), kept(60.0), kept(80.0)]);
     let unknown = cost("2600", "costs = [40, 60]");
-    assert!(unknown[0].0.is_nan() && unknown[0].1 == Status::Failed, "{unknown:?}");
+    assert!(unknown[0].0.is_nan() && unknown[0].1 == DesignStatus::Failed, "{unknown:?}");
     assert_eq!(unknown[1..], [kept(60.0), kept(80.0)]);
     // What costs nothing whatever is chosen costs nothing as it is.
     assert_eq!(cost("2600", ""), [kept(20.0); 3]);
@@ -316,7 +323,7 @@ fn panels_on_other_air_are_other_panels() {
         Scene::parse("plate.toml", &format!("{EXAMPLE_PLATE}\n[air]\nsealed_depth_mm = {depth_mm:?}\n")).unwrap()
     };
     let study = study("");
-    let quick = Quick::new(study.options());
+    let quick = QuickEvaluator::new(study.table_options());
     let weakest = |depth_mm: f64| quick.evaluate(&on_air(depth_mm), &study.figures).unwrap().values[0];
     let (shallow, deep) = (weakest(5.0), weakest(50.0));
     assert!(shallow > 0.0 && (shallow / deep - 1.0).abs() > 1e-3, "{shallow} {deep}");

@@ -3,10 +3,10 @@
 mod support;
 
 use era_model::model::Accuracy;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::scene::{EXAMPLE_PLATE, EdgeKind, Finger, Scene};
 use era_planner::{Plan, PlanTable, TableOptions, Target};
-use era_study::tolerances::{OffPanel, Range, Spread, Tolerances, What, spread};
+use era_study::tolerances::{OffPanel, PeakRange, Spread, Tolerances, What, compute_tolerance_spread};
 use support::{LENGTH_M, WIDTH_M, bar};
 
 const NOTHING: Tolerances = Tolerances { springs: 0.0, youngs_modulus: 0.0, thickness: 0.0, places_mm: 0.0 };
@@ -17,7 +17,7 @@ fn plate() -> Scene {
 
 fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
     let options = TableOptions { from_hz: 250.0, ..TableOptions::default() };
-    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     let table = PlanTable::with_levels(&scene, levels, options).unwrap();
     let plan = table.plan(&[Target { x_m: at_m.0, y_m: at_m.1, intensity_g: Some(0.05) }]).unwrap();
     (scene, plan)
@@ -28,14 +28,14 @@ fn own(spread: &Spread, what: What) -> (f64, f64) {
     (range.least_db, range.most_db)
 }
 
-fn alone(spread: &Spread, what: What) -> &Range {
+fn alone(spread: &Spread, what: What) -> &PeakRange {
     &spread.of.iter().find(|own| own.what == what).unwrap().range
 }
 
 /// The peak at a place on a panel whose scene is this one, as the drives of other frequencies each have it.
 fn peak(scene: &Scene, plan: &Plan, at_m: (f64, f64)) -> f64 {
     let hz: Vec<f64> = plan.drives.iter().map(|drive| drive.frequency_hz).collect();
-    let curves = era_model::response::bounded_curves(scene, Accuracy::BALANCED, at_m, &hz).unwrap();
+    let curves = era_model::response::compute_curves_with_error_bounds(scene, Accuracy::BALANCED, at_m, &hz).unwrap();
     plan.drives.iter().enumerate().map(|(k, drive)| curves.answer[k][k].norm() * drive.force_n).sum()
 }
 
@@ -44,7 +44,7 @@ fn peak(scene: &Scene, plan: &Plan, at_m: (f64, f64)) -> f64 {
 #[test]
 fn a_block_is_off_by_its_mass() {
     let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
-    let off = spread(&scene, &[], &plan, Tolerances::default()).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances::default()).unwrap();
     let (least, most) = own(&off, What::Thickness);
     // The outermost of 16 samples are within a sixteenth of the ends, 5 % thicker and 5 % thinner.
     let ends = (-20.0 * 1.05_f64.log10(), -20.0 * 0.95_f64.log10());
@@ -63,11 +63,11 @@ fn a_finger_is_as_it_is() {
     let at_m = (0.5 * LENGTH_M, 0.5 * WIDTH_M);
     let mut scene = bar(9.0);
     let omega = std::f64::consts::TAU * 0.9 * 250.0;
-    let stiffness_n_per_m = omega * omega * scene.mass_kg();
-    scene.finger = Some(Finger { mass_kg: 0.2 * scene.mass_kg(), damping_n_s_per_m: 2.0, stiffness_n_per_m });
-    let (touched, plan) = planned(scene.touched(&[at_m]), at_m);
-    let off = spread(&scene, &[at_m], &plan, Tolerances::default()).unwrap();
-    let as_a_part = spread(&touched, &[], &plan, Tolerances::default()).unwrap();
+    let stiffness_n_per_m = omega * omega * scene.surface_mass_kg();
+    scene.finger = Some(Finger { mass_kg: 0.2 * scene.surface_mass_kg(), damping_n_s_per_m: 2.0, stiffness_n_per_m });
+    let (touched, plan) = planned(scene.with_finger_at_places(&[at_m]), at_m);
+    let off = compute_tolerance_spread(&scene, &[at_m], &plan, Tolerances::default()).unwrap();
+    let as_a_part = compute_tolerance_spread(&touched, &[], &plan, Tolerances::default()).unwrap();
     let (least, most) = own(&off, What::Springs);
     assert!(least.abs() < 0.15 && most.abs() < 0.15, "{least} to {most}");
     let (least, most) = own(&as_a_part, What::Springs);
@@ -77,7 +77,7 @@ fn a_finger_is_as_it_is() {
 #[test]
 fn nothing_that_is_off_changes_nothing() {
     let (scene, plan) = planned(plate(), (0.083, 0.061));
-    let off = spread(&scene, &[], &plan, NOTHING).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, NOTHING).unwrap();
     assert_eq!((off.range.least_db, off.range.median_db, off.range.most_db), (0.0, 0.0, 0.0));
 }
 
@@ -92,7 +92,7 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     };
     let meant = by(0.0);
     let level = |part: f64| 20.0 * (by(part) / meant).log10();
-    let off = spread(&scene, &[], &plan, Tolerances { thickness: 0.03, ..NOTHING }).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances { thickness: 0.03, ..NOTHING }).unwrap();
     let (least, most) = own(&off, What::Thickness);
     // Within what a dense look at all thicknesses in between has.
     let levels: Vec<f64> = (-30..=30).map(|k| level(f64::from(k) / 1000.0)).collect();
@@ -152,7 +152,7 @@ fn the_told_panels_have_the_told_levels() {
     let at_m = (0.083, 0.061);
     let (scene, plan) = planned(everything(), at_m);
     let tolerances = Tolerances { springs: 0.4, places_mm: 2.0, ..Tolerances::default() };
-    let off = spread(&scene, &[], &plan, tolerances).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, tolerances).unwrap();
     let meant = peak(&scene, &plan, at_m);
     let kinds = off.of.iter().map(|own| (Some(own.what), &own.range));
     for (what, range) in kinds.chain([(None, &off.range)]) {
@@ -177,7 +177,7 @@ fn the_told_panels_have_the_told_levels() {
 #[test]
 fn what_the_scene_has_none_of_is_not_told() {
     let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
-    let off = spread(&scene, &[], &plan, Tolerances::default()).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances::default()).unwrap();
     let told = serde_json::to_value(&off).unwrap();
     let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let mut weakest = keys(&told["weakest"]);
@@ -202,11 +202,11 @@ fn what_would_be_in_a_cutout_is_on_its_border() {
     let hole = "\n[[cutout]]\nx_mm = 75.3\ny_mm = 80\nlength_mm = 40\nwidth_mm = 50\n";
     let at_m = (0.15, 0.15);
     let (scene, plan) = planned(Scene::parse("hole", &format!("{EXAMPLE_PLATE}{hole}")).unwrap(), at_m);
-    let off = spread(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING }).unwrap();
+    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING }).unwrap();
     for range in [&off.range, alone(&off, What::Places)] {
         for panel in [&range.weakest, &range.strongest] {
             let [x_mm, y_mm] = panel.places_mm.as_ref().unwrap().actuators[0];
-            assert_eq!(scene.cutout_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");
+            assert_eq!(scene.cutout_number_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");
         }
         assert!(range.least_db > -3.0, "{range:?}");
     }

@@ -1,11 +1,11 @@
 //! What is written of a study, read back: the table by Parquet's reader and by its bytes, the report as a page.
 
 use era_model::scene::EXAMPLE_PLATE;
-use era_study::evaluate::{Figures, Verified};
-use era_study::report::report;
-use era_study::result::{Finalist, Finals, Table, write_parquet};
-use era_study::run::{Outcome, Row, Study};
-use era_study::written::Written;
+use era_study::evaluate::{Figures, VerifiedFigures};
+use era_study::report::write_report_html;
+use era_study::result::{DesignTable, Finalist, VerifiedFinalists, write_parquet};
+use era_study::run::{DesignOutcome, DesignRow, Study};
+use era_study::written::StudyResults;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 
@@ -16,31 +16,31 @@ const STUDY: &str = "version = 1\nname = \"a <b> & c\"\nscene = \"plate.toml\"\n
                      [[uncertain]]\nkey = \"surface.thickness_mm\"\npart = 0.1\n[method]\nway = \"sobol\"\ndesigns = 5\n";
 
 fn study() -> Study {
-    Study::parse("s.toml", STUDY, "plate.toml", EXAMPLE_PLATE).unwrap()
+    Study::parse_texts("s.toml", STUDY, "plate.toml", EXAMPLE_PLATE).unwrap()
 }
 
-fn row(study: &Study, point: [f64; 3], outcome: Outcome) -> Row {
-    Row { point: point.to_vec(), design: study.space.design(&point), outcome }
+fn row(study: &Study, point: [f64; 3], outcome: DesignOutcome) -> DesignRow {
+    DesignRow { point: point.to_vec(), design: study.space.design_at_point(&point), outcome }
 }
 
-fn found(weakest: f64, mass: f64, off: f64) -> Outcome {
+fn found(weakest: f64, mass: f64, off: f64) -> DesignOutcome {
     let figures = Figures { values: vec![weakest, mass], weakest_mm: Some([1.5, 2.5]) };
-    Outcome::Found { figures, low: vec![weakest - off, mass], high: vec![weakest + off, mass] }
+    DesignOutcome::Found { figures, low: vec![weakest - off, mass], high: vec![weakest + off, mass] }
 }
 
-fn table(study: &Study) -> Table {
-    let base = Row {
+fn table(study: &Study) -> DesignTable {
+    let base = DesignRow {
         point: Vec::new(),
-        design: era_study::space::Design { settings: vec![era_study::space::Setting::Kept; 2] },
+        design: era_study::space::Design { settings: vec![era_study::space::VariableSetting::Kept; 2] },
         outcome: found(0.3, 350.0, 0.1),
     };
     let rows = vec![
         row(study, [0.1, 0.2, 0.3], found(0.5, 400.0, 0.2)),
         row(study, [0.5, 0.5, 0.9], found(0.6, 300.0, 0.1)),
         row(study, [0.7, 0.1, 0.3], found(0.4, 500.0, 0.0)),
-        row(study, [0.9, 0.9, 0.9], Outcome::Failed("no such thing".into())),
+        row(study, [0.9, 0.9, 0.9], DesignOutcome::Failed("no such thing".into())),
     ];
-    Table::of(study, base, rows)
+    DesignTable::from_rows(study, base, rows)
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_report_stands_alone() {
     let table = table(&study);
     let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
     let best = Finalist { design: 2, ..base.clone() };
-    let html = report(&study, &table, &Finals { base, best: vec![best], tolerance: 1e-3 });
+    let html = write_report_html(&study, &table, &VerifiedFinalists { base, best: vec![best], tolerance: 1e-3 });
     assert_eq!(html.matches("</script>").count(), 2, "the data's, and the script's");
     for outside in ["src=", "href=", "@import", "url(", "fetch(", "http-equiv"] {
         assert!(!html.contains(outside), "{outside}");
@@ -127,10 +127,11 @@ fn the_report_stands_alone() {
 #[test]
 fn a_study_without_figures_of_settings_has_no_map() {
     let text = STUDY.replace("weakest_g", "sag_um");
-    let study = Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let study = Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
     let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
     let best = Finalist { design: 2, ..base.clone() };
-    let html = report(&study, &table(&study), &Finals { base, best: vec![best], tolerance: 1e-3 });
+    let html =
+        write_report_html(&study, &table(&study), &VerifiedFinalists { base, best: vec![best], tolerance: 1e-3 });
     assert!(html.contains("There is no map: nothing that is wanted depends on"), "it says so");
 }
 
@@ -139,8 +140,8 @@ fn a_study_without_figures_of_settings_has_no_map() {
 fn what_does_not_meet_a_limit_is_marked_in_the_report() {
     let limited =
         STUDY.replace("[[uncertain]]", "[[limit]]\nfigure = \"mass_g\"\nleast = 301\nmost = 349\n[[uncertain]]");
-    let limited = Study::parse("s.toml", &limited, "plate.toml", EXAMPLE_PLATE).unwrap();
-    let verified = |mass: f64| Verified {
+    let limited = Study::parse_texts("s.toml", &limited, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let verified = |mass: f64| VerifiedFigures {
         figures: Figures { values: vec![0.5, mass], weakest_mm: None },
         bound: None,
         bounds: vec![None; 2],
@@ -149,9 +150,9 @@ fn what_does_not_meet_a_limit_is_marked_in_the_report() {
         y_mm: Vec::new(),
     };
     let own = |design: usize, mass: f64| Finalist { design, text: EXAMPLE_PLATE.into(), verified: Ok(verified(mass)) };
-    let finals = Finals { base: own(0, 350.0), best: vec![own(2, 300.0), own(1, 310.0)], tolerance: 1e-3 };
+    let finals = VerifiedFinalists { base: own(0, 350.0), best: vec![own(2, 300.0), own(1, 310.0)], tolerance: 1e-3 };
     let table = table(&limited);
-    let html = report(&limited, &table, &finals);
+    let html = write_report_html(&limited, &table, &finals);
     for row in [
         "<th>mass_g</th><td class=\"unmet\" title=\"at most 349\">350.0 (not met)</td>\
          <td class=\"unmet\" title=\"at least 301\">300.0 (not met)</td><td>310.0</td></tr>",
@@ -160,7 +161,7 @@ fn what_does_not_meet_a_limit_is_marked_in_the_report() {
         assert!(html.contains(row), "{row} in {html}");
     }
     // Without limits nothing is said of them.
-    assert!(!report(&study(), &table, &finals).contains("<th>limits</th>"));
+    assert!(!write_report_html(&study(), &table, &finals).contains("<th>limits</th>"));
 }
 
 /// Where no design keeps the limits it is told which comes nearest, in parts of each limit, and what it breaks.
@@ -170,33 +171,36 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
         "[[uncertain]]",
         "[[limit]]\nfigure = \"weakest_g\"\nleast = 0.7\n[[limit]]\nfigure = \"mass_g\"\nmost = 250\n[[uncertain]]",
     );
-    let strict = Study::parse("s.toml", &strict, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let strict = Study::parse_texts("s.toml", &strict, "plate.toml", EXAMPLE_PLATE).unwrap();
     let mut strictly = table(&strict);
     // Of 0.7 g there are 0.3, 0.5 and 0.4 g, and 250 g are exceeded by 150, 50 and 250 g.
-    assert_eq!(strictly.nearest().map(|(design, _)| design), Some(2));
+    assert_eq!(strictly.find_design_nearest_to_limits().map(|(design, _)| design), Some(2));
     let reason = strictly.entries[1].reason.clone().unwrap();
     assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
     let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
-    let finals = Finals { base, best: Vec::new(), tolerance: 1e-3 };
-    let page = report(&strict, &strictly, &finals);
+    let finals = VerifiedFinalists { base, best: Vec::new(), tolerance: 1e-3 };
+    let page = write_report_html(&strict, &strictly, &finals);
     assert!(page.contains(&format!("Design 2 comes nearest: {reason}")), "it is in the report");
-    let written = Written { table: strictly.clone(), finals };
+    let written = StudyResults { table: strictly.clone(), finals };
     let place = std::path::Path::new("here");
-    let text = written.text(&strict, place);
+    let text = written.summarise_as_text(&strict, place);
     assert!(text.contains(&format!("Design 2 comes nearest: {reason}\ndesign 2: actuator.left")), "{text}");
-    assert_eq!(written.summary(&strict, place)["nearest"], serde_json::json!({"design": 2, "reason": reason}));
+    assert_eq!(
+        written.summarise_as_json(&strict, place)["nearest"],
+        serde_json::json!({"design": 2, "reason": reason})
+    );
     // One that failed is near to nothing, and where a design keeps the limits none is needed.
-    strictly.entries.retain(|entry| entry.row.figures().is_none());
-    assert!(strictly.nearest().is_none());
+    strictly.entries.retain(|entry| entry.row.figures_if_found().is_none());
+    assert!(strictly.find_design_nearest_to_limits().is_none());
     // Then no limit is broken, and none is told to be.
-    let page = report(&strict, &strictly, &written.finals);
+    let page = write_report_html(&strict, &strictly, &written.finals);
     assert!(page.contains("All designs failed. The first: no such thing.") && !page.contains("No design keeps"));
-    let failed = Written { table: strictly, finals: written.finals };
-    let text = failed.text(&strict, place);
+    let failed = StudyResults { table: strictly, finals: written.finals };
+    let text = failed.summarise_as_text(&strict, place);
     assert!(
         text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"),
         "{text}"
     );
     let study = study();
-    assert!(table(&study).nearest().is_none());
+    assert!(table(&study).find_design_nearest_to_limits().is_none());
 }

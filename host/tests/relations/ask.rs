@@ -1,8 +1,8 @@
 //! What is asked of the program, and how two answers are held against each other.
 
 use super::spec::Spec;
-use era::model::{Accuracy, Bound, bounded_modes};
-use era::response::bounded_curves;
+use era::model::{Accuracy, Bound, compute_modes_with_error_bounds};
+use era::response::compute_curves_with_error_bounds;
 use num_complex::Complex64;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseResult, TestRng, TestRunner};
@@ -48,14 +48,15 @@ pub fn answers(spec: &Spec, at_mm: [f64; 2]) -> Result<Answers, TestCaseError> {
 
 /// The same with frequencies in units of `1 / time` Hz.
 pub fn answers_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Answers, TestCaseError> {
-    let found = bounded_modes(&spec.scene(), Accuracy::tolerance(TOLERANCE).unwrap(), HIGHEST_HZ / time)
-        .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
+    let found =
+        compute_modes_with_error_bounds(&spec.scene(), Accuracy::from_tolerance(TOLERANCE).unwrap(), HIGHEST_HZ / time)
+            .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
     let modes = found.answer.iter().zip(&found.bounds).map(|(mode, own)| (mode.frequency_hz, number(*own))).collect();
     Ok(Answers { modes, curves: curves_in(spec, at_mm, time)? })
 }
 
 fn number(bound: Bound) -> f64 {
-    bound.value().unwrap_or(f64::INFINITY)
+    bound.known_limit().unwrap_or(f64::INFINITY)
 }
 
 /// Responses alone.
@@ -66,8 +67,13 @@ pub fn curves_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Vec<Curve>, 
 /// The same at frequencies of one's own choice, in Hz.
 pub fn curves_at(spec: &Spec, at_mm: [f64; 2], frequencies_hz: &[f64]) -> Result<Vec<Curve>, TestCaseError> {
     let at = (at_mm[0] / 1e3, at_mm[1] / 1e3);
-    let found = bounded_curves(&spec.scene(), Accuracy::tolerance(TOLERANCE).unwrap(), at, frequencies_hz)
-        .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
+    let found = compute_curves_with_error_bounds(
+        &spec.scene(),
+        Accuracy::from_tolerance(TOLERANCE).unwrap(),
+        at,
+        frequencies_hz,
+    )
+    .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
     let ids = spec.eras.iter().map(|era| era.id.clone());
     Ok(ids.zip(found.answer).zip(&found.bounds).map(|((id, curve), own)| (id, curve, number(*own))).collect())
 }
@@ -124,7 +130,7 @@ pub fn same(name: &str, a: (&Spec, &Answers), b: (&Spec, &Answers), factors: Fac
 
 /// An acceleration per newton that is as good as none: a millionth of the whole surface's under the same force, as at a clamped edge.
 pub fn nothing(spec: &Spec) -> f64 {
-    1e-6 / spec.scene().mass_kg()
+    1e-6 / spec.scene().surface_mass_kg()
 }
 
 /// Largest difference of two curves, the second divided by `factor`, relative to the first one's peak.

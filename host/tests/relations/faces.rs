@@ -3,8 +3,8 @@
 use super::ask::hold;
 use super::spec::{Spec, on, point, scenes};
 use super::support::Daemon;
-use era::model::{Accuracy, bounded_modes};
-use era::response::bounded_curves;
+use era::model::{Accuracy, compute_modes_with_error_bounds};
+use era::response::compute_curves_with_error_bounds;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::process::Command;
@@ -79,7 +79,7 @@ fn modes_and_responses_are_the_librarys() {
         let (file, scene) = (file.to_str().unwrap(), spec.scene());
         let at = on(&spec, at);
         let printed = era(&["modes", "--scene", file, "--max-hz", "400", "--json"], folder.path())?;
-        let found = bounded_modes(&scene, Accuracy::BALANCED, 400.0).unwrap();
+        let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 400.0).unwrap();
         let frequencies: Vec<f64> = found.answer.iter().map(|mode| mode.frequency_hz).collect();
         let numbers = |list: &Value| list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
         let own: Vec<f64> =
@@ -91,7 +91,8 @@ fn modes_and_responses_are_the_librarys() {
             era(&[&["response", "--scene", file, "--at", &place, "--json"][..], &band].concat(), folder.path())?;
         let hz = numbers(&printed["frequency_hz"]);
         prop_assert_eq!(&hz, &vec![50.0, 75.0, 100.0, 125.0, 150.0]);
-        let found = bounded_curves(&scene, Accuracy::BALANCED, (at[0] / 1e3, at[1] / 1e3), &hz).unwrap();
+        let found =
+            compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (at[0] / 1e3, at[1] / 1e3), &hz).unwrap();
         for (own, curve) in printed["actuators"].as_array().unwrap().iter().zip(&found.answer) {
             let (re, im): (Vec<f64>, Vec<f64>) = curve.iter().map(|z| (z.re, z.im)).unzip();
             let printed = [numbers(&own["acceleration_re"]), numbers(&own["acceleration_im"])];

@@ -211,7 +211,7 @@ fn images_have_the_same_plan() {
             2 => (spec.transposed(), [at[1], at[0]]),
             _ => (spec.reordered(), at),
         };
-        let accuracy = Accuracy::tolerance(1e-4).unwrap();
+        let accuracy = Accuracy::from_tolerance(1e-4).unwrap();
         let (one, other) = (table_at(&spec, accuracy)?, table_at(&image, accuracy)?);
         let first = planned(&one, &request(&spec, at, 0.05))?;
         let second = planned(&other, &request(&image, there, 0.05))?;
@@ -254,12 +254,12 @@ fn a_shifted_screen_shifts_its_touches() {
         let (here, there) = (on(0.0, 0.0), on(right, down));
         let at = [pixel[0] * f64::from(pixels[0]), pixel[1] * f64::from(pixels[1])];
         let fail = |error: era::scene::ScreenError| TestCaseError::fail(error.to_string());
-        let (x, y) = here.px_to_surface_m(at[0], at[1]).map_err(fail)?;
-        let (u, v) = there.px_to_surface_m(at[0], at[1]).map_err(fail)?;
+        let (x, y) = here.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
+        let (u, v) = there.convert_px_to_surface_m(at[0], at[1]).map_err(fail)?;
         // Sums of three numbers below a metre.
         let differs = |a: f64, b: f64| (a - b).abs() > 1e-15;
         prop_assert!(!differs(u, x + right * length / 1e3) && !differs(v, y + down * width / 1e3), "{x} {y} {u} {v}");
-        let (back_x, back_y) = there.surface_m_to_px(u, v).map_err(fail)?;
+        let (back_x, back_y) = there.convert_surface_m_to_px(u, v).map_err(fail)?;
         prop_assert!((back_x - at[0]).abs() < 1e-9 && (back_y - at[1]).abs() < 1e-9, "{back_x} {back_y} for {at:?}");
         Ok(())
     });

@@ -13,7 +13,7 @@ use era::daemon::{Access, App, Background, Recorder};
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::{SimControl, SimPanel};
 use era::device::{OpenDevice, Target};
-use era::model::levels::Levels;
+use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::softening::Transducer;
 use era::planner::{PlanTable, TableOptions};
@@ -41,7 +41,7 @@ pub fn table(text: &str) -> PlanTable {
 fn served_table(text: &str) -> PlanTable {
     let scene = Scene::parse("test scene", text).unwrap();
     let options = TableOptions::default();
-    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     PlanTable::with_levels(&scene, levels, options).unwrap()
 }
 

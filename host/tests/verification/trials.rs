@@ -2,10 +2,10 @@
 
 use era::device::sim::{STEP_S, SimPanel};
 use era::model::Accuracy;
-use era::model::levels::Levels;
+use era::model::levels::ReducedLevels;
 use era::planner::{PlanTable, TableOptions, Target};
 use era::scene::Scene;
-use era::scene::random::{Random, scene_text};
+use era::scene::random::{RandomSequence, random_scene_text};
 use era::verify::{Comparison, VerifyError, compare};
 
 /// Difference that passes beyond the plan's own error bound.
@@ -72,16 +72,16 @@ impl Trial {
 
 /// Plans and simulates touches at random places and intensities on one scene of the sequence that begins with `seed`.
 pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
-    let scene = Scene::parse("random", &scene_text(seed, scene_number)).unwrap();
+    let scene = Scene::parse("random", &random_scene_text(seed, scene_number)).unwrap();
     let options = TableOptions::default();
-    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     let table = PlanTable::with_levels(&scene, levels, options).unwrap();
     let panel = SimPanel::from_plan_table(&table);
-    let mut random = Random::new(seed, !scene_number);
+    let mut random = RandomSequence::new(seed, !scene_number);
     let mut try_touch = |touch: u32| {
-        let x_m = random.unit() * scene.surface.length_m;
-        let y_m = random.unit() * scene.surface.width_m;
-        let intensity_g = random.decades(INTENSITY_DECADES.0, INTENSITY_DECADES.1);
+        let x_m = random.next_unit_number() * scene.surface.length_m;
+        let y_m = random.next_unit_number() * scene.surface.width_m;
+        let intensity_g = random.next_power_of_ten(INTENSITY_DECADES.0, INTENSITY_DECADES.1);
         let target = Target { x_m, y_m, intensity_g: Some(intensity_g) };
         let outcome = match compare(&table, &panel, target) {
             Ok(comparison) => {

@@ -94,11 +94,11 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
 
 fn machine<T: Arithmetic + ComplexField>(runs: usize) -> Machine {
     #[expect(clippy::cast_precision_loss, reason = "small")]
-    let entry = |i: usize, j: usize| T::of(((i * 31 + j * 17) % 101) as f64 / 101.0);
+    let entry = |i: usize, j: usize| T::rounded_from_f64(((i * 31 + j * 17) % 101) as f64 / 101.0);
     let (a, b) = (Mat::from_fn(ORDER, ORDER, entry), Mat::from_fn(ORDER, ORDER, entry));
-    let mut c = Mat::from_fn(ORDER, ORDER, |_, _| T::of(0.0));
+    let mut c = Mat::from_fn(ORDER, ORDER, |_, _| T::rounded_from_f64(0.0));
     let product_s = infallible(median_s(runs, || {
-        matmul(c.as_mut(), Accum::Replace, a.as_ref(), b.as_ref(), T::of(1.0), Par::Seq);
+        matmul(c.as_mut(), Accum::Replace, a.as_ref(), b.as_ref(), T::rounded_from_f64(1.0), Par::Seq);
         Ok(c[(0, 0)])
     }));
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
@@ -107,12 +107,12 @@ fn machine<T: Arithmetic + ComplexField>(runs: usize) -> Machine {
     let count = 6_500_000;
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let size = (count * size_of::<T>()) as f64;
-    let fresh_s = infallible(median_s(runs, || Ok(vec![T::of(1.0); count])));
-    let mut buffer = vec![T::of(0.0); count];
+    let fresh_s = infallible(median_s(runs, || Ok(vec![T::rounded_from_f64(1.0); count])));
+    let mut buffer = vec![T::rounded_from_f64(0.0); count];
     let mut again = Vec::new();
     for k in 0..runs {
         #[expect(clippy::cast_precision_loss, reason = "small")]
-        let value = T::of(k as f64);
+        let value = T::rounded_from_f64(k as f64);
         again.push(infallible(median_s(1, || {
             buffer.fill(value);
             Ok(buffer.last().copied())

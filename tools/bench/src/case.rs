@@ -5,9 +5,9 @@ use crate::error::Error;
 use crate::process::json;
 use clap::{Args, Subcommand};
 use era_model::model::Fineness;
-use era_model::model::{Accuracy, Bound, PanelModel, bounded_modes};
-use era_model::response::{Solver, bounded_curves};
-use era_model::scene::{Scene, evenly};
+use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
+use era_model::response::{CoordinateSolver, compute_curves_with_error_bounds};
+use era_model::scene::{Scene, equidistant_numbers};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -94,7 +94,7 @@ pub struct Outcome {
 /// The frequencies of responses.
 #[must_use]
 pub fn frequencies(max_hz: f64) -> Vec<f64> {
-    evenly(50.0, max_hz, COUNT)
+    equidistant_numbers(50.0, max_hz, COUNT)
 }
 
 /// Does a case in this process.
@@ -114,17 +114,18 @@ pub fn run(case: &Case) -> Result<Outcome, Error> {
 }
 
 fn values(bounds: &[Bound]) -> Vec<Option<f64>> {
-    bounds.iter().map(|bound| bound.value()).collect()
+    bounds.iter().map(|bound| bound.known_limit()).collect()
 }
 
 fn modes(question: &Question) -> Result<Outcome, Error> {
     let scene = Scene::load(&question.scene)?;
     let started = Instant::now();
-    let found = bounded_modes(&scene, Accuracy::tolerance(question.tolerance)?, question.max_hz)?;
+    let found =
+        compute_modes_with_error_bounds(&scene, Accuracy::from_tolerance(question.tolerance)?, question.max_hz)?;
     Ok(Outcome {
         elapsed_s: started.elapsed().as_secs_f64(),
-        unknowns: found.model.dofs(),
-        order: found.model.order(),
+        unknowns: found.model.count_unknowns(),
+        order: found.model.element_order(),
         levels: found.steps.len(),
         coordinates: found.answer.len(),
         frequencies_hz: found.answer.iter().map(|mode| mode.frequency_hz).collect(),
@@ -137,7 +138,12 @@ fn response(question: &Question) -> Result<Outcome, Error> {
     let scene = Scene::load(&question.scene)?;
     let frequencies_hz = frequencies(question.max_hz);
     let started = Instant::now();
-    let found = bounded_curves(&scene, Accuracy::tolerance(question.tolerance)?, POINT_M, &frequencies_hz)?;
+    let found = compute_curves_with_error_bounds(
+        &scene,
+        Accuracy::from_tolerance(question.tolerance)?,
+        POINT_M,
+        &frequencies_hz,
+    )?;
     let elapsed_s = started.elapsed().as_secs_f64();
     // Before anything else is allocated.
     let peak_bytes = peak_bytes()?;
@@ -145,10 +151,10 @@ fn response(question: &Question) -> Result<Outcome, Error> {
     Ok(Outcome {
         elapsed_s,
         peak_bytes,
-        unknowns: found.model.dofs(),
-        order: found.model.order(),
+        unknowns: found.model.count_unknowns(),
+        order: found.model.element_order(),
         levels: found.steps.len(),
-        coordinates: reduced.order(),
+        coordinates: reduced.count_coordinates(),
         bounds: values(&found.bounds),
         curves: found.answer.iter().flatten().map(|z| (z.re, z.im)).collect(),
         ..Outcome::default()
@@ -164,19 +170,19 @@ fn mesh_case(mesh: &Mesh) -> Result<Outcome, Error> {
     let reduced = model.reduce(mesh.max_hz, &[])?;
     let modes_s = started.elapsed().as_secs_f64() - mesh_s;
     let begun = Instant::now();
-    let solver = Solver::new(&reduced);
-    for frequency_hz in evenly(50.0, mesh.max_hz, mesh.frequencies) {
-        std::hint::black_box(solver.coordinates(frequency_hz)?);
+    let solver = CoordinateSolver::new(&reduced);
+    for frequency_hz in equidistant_numbers(50.0, mesh.max_hz, mesh.frequencies) {
+        std::hint::black_box(solver.solve_at_frequency(frequency_hz)?);
     }
     Ok(Outcome {
         elapsed_s: started.elapsed().as_secs_f64(),
         mesh_s,
         modes_s,
         sweep_s: begun.elapsed().as_secs_f64(),
-        unknowns: model.dofs(),
+        unknowns: model.count_unknowns(),
         order: mesh.order,
         levels: 1,
-        coordinates: reduced.order(),
+        coordinates: reduced.count_coordinates(),
         ..Outcome::default()
     })
 }

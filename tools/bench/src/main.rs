@@ -200,7 +200,7 @@ fn side_by_side(
     let mut own = Vec::new();
     let mut good_enough = None;
     for tolerance in TRIED {
-        let accuracy = Accuracy::tolerance(tolerance)?;
+        let accuracy = Accuracy::from_tolerance(tolerance)?;
         let double = own::solve::<f64>(problem, accuracy, &reference, runs)?.0;
         if double.error <= WANTED {
             good_enough.get_or_insert(accuracy);

@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::problem::{Curves, MAX_HZ, Problem};
 use era_model::model::Fineness;
 use era_model::model::{Accuracy, PanelModel};
-use era_model::response::bounded_sweep;
-use era_model::response::sweep::{Arithmetic, SurfaceShapes, Sweep};
+use era_model::response::sweep::{AccelerationSweep, Arithmetic, SurfaceShapes};
+use era_model::response::sweep_with_error_bounds;
 use num_complex::Complex64;
 
 /// The mesh of the tightest answer: highest order, cells a third of what the band needs.
@@ -50,7 +50,7 @@ pub fn solve<T: Arithmetic + Into<f64>>(
     accuracy: Accuracy,
     reference: &Curves,
     runs: usize,
-) -> Result<(Own, Sweep<T>), Error> {
+) -> Result<(Own, AccelerationSweep<T>), Error> {
     let once = || -> Result<_, Error> {
         let ((model, reduced), set_up_s) = timed(|| -> Result<_, Error> {
             let model = PanelModel::build(&problem.scene, accuracy, MAX_HZ)?;
@@ -59,7 +59,7 @@ pub fn solve<T: Arithmetic + Into<f64>>(
         })?;
         let ((operations, sweep), sweep_s) = timed(|| -> Result<_, Error> {
             let shapes = SurfaceShapes::<T>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
-            Ok((shapes.operations(), shapes.sweep(&problem.frequencies_hz)?))
+            Ok((shapes.count_operations_per_curve(), shapes.compute_accelerations(&problem.frequencies_hz)?))
         })?;
         Ok((model, reduced, operations, sweep, set_up_s, sweep_s))
     };
@@ -75,9 +75,9 @@ pub fn solve<T: Arithmetic + Into<f64>>(
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let operations = (operations * problem.frequencies_hz.len() * sweep.actuators) as f64;
     let own = Own {
-        name: format!("era, order {}, f{}", model.order(), 8 * size_of::<T>()),
-        unknowns: model.dofs(),
-        coordinates: reduced.order(),
+        name: format!("era, order {}, f{}", model.element_order(), 8 * size_of::<T>()),
+        unknowns: model.count_unknowns(),
+        coordinates: reduced.count_coordinates(),
         set_up_s: median(set_up),
         sweep_s: Some(median(swept)),
         error: reference.error_of(|curve, f| value(&sweep, curve, f)),
@@ -93,7 +93,7 @@ pub fn solve<T: Arithmetic + Into<f64>>(
 pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: usize) -> Result<Own, Error> {
     let once = || {
         let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
-        timed(|| bounded_sweep::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))
+        timed(|| sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))
     };
     let mut times = Vec::new();
     for _ in 1..runs {
@@ -101,13 +101,13 @@ pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, 
     }
     let (found, last_s) = once()?;
     times.push(last_s);
-    let bounds = found.bounds.iter().map(|bound| bound.value().unwrap_or(f64::NAN));
+    let bounds = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::NAN));
     let bound = bounds.reduce(|a, b| if a > b || a.is_nan() { a } else { b }).unwrap_or(f64::NAN);
     let reduced = found.model.reduce(MAX_HZ, &[])?;
     Ok(Own {
-        name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.value()),
-        unknowns: found.model.dofs(),
-        coordinates: reduced.order(),
+        name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.relative_tolerance()),
+        unknowns: found.model.count_unknowns(),
+        coordinates: reduced.count_coordinates(),
         set_up_s: median(times),
         sweep_s: None,
         error: reference.error_of(|curve, f| value(&found.answer, curve, f)),
@@ -116,7 +116,7 @@ pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, 
 }
 
 /// A value of a sweep as [`Curves`] count them: curves are actuator times points plus point.
-pub fn value<T: Arithmetic + Into<f64>>(sweep: &Sweep<T>, curve: usize, frequency: usize) -> Complex64 {
-    let z = sweep.at(frequency, curve / sweep.points, curve % sweep.points);
+pub fn value<T: Arithmetic + Into<f64>>(sweep: &AccelerationSweep<T>, curve: usize, frequency: usize) -> Complex64 {
+    let z = sweep.acceleration_at(frequency, curve / sweep.points, curve % sweep.points);
     Complex64::new(z.re.into(), z.im.into())
 }

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::table::{Table, relative, seconds};
 use era_model::model::Accuracy;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::scene::{EXAMPLE_PLATE, Scene};
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
@@ -46,7 +46,7 @@ fn scene(actuators: usize) -> Result<Scene, Error> {
 }
 
 fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
-    let levels = Levels::build(scene, Accuracy::BALANCED, HIGHEST_HZ)?;
+    let levels = ReducedLevels::build(scene, Accuracy::BALANCED, HIGHEST_HZ)?;
     let options = TableOptions { step_hz, to_hz: HIGHEST_HZ, ..TableOptions::default() };
     Ok(PlanTable::with_levels(scene, levels, options)?)
 }

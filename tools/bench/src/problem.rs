@@ -4,8 +4,8 @@
 use crate::error::Error;
 use era_model::model::Fineness;
 use era_model::model::PanelModel;
-use era_model::response::Solver;
-use era_model::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, evenly};
+use era_model::response::CoordinateSolver;
+use era_model::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, equidistant_numbers};
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 use serde_json::json;
@@ -52,9 +52,9 @@ impl Problem {
         debug_assert_eq!(scene.surface.damping, SurfaceDamping::LossFactor(0.005));
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         Ok(Self {
-            frequencies_hz: evenly(50.0, MAX_HZ, 1000),
-            x_m: evenly(0.0, length, 49),
-            y_m: evenly(0.0, width, 33),
+            frequencies_hz: equidistant_numbers(50.0, MAX_HZ, 1000),
+            x_m: equidistant_numbers(0.0, length, 49),
+            y_m: equidistant_numbers(0.0, width, 33),
             scene,
         })
     }
@@ -142,16 +142,16 @@ pub fn curves(
 ) -> Result<Curves, Error> {
     let residual = if places.len() <= FEW { places } else { &[] };
     let reduced = PanelModel::with_fineness(scene, fineness)?.reduce(MAX_HZ, residual)?;
-    let (n, loads, count) = (reduced.order(), reduced.actuators(), frequencies_hz.len());
+    let (n, loads, count) = (reduced.count_coordinates(), reduced.count_actuators(), frequencies_hz.len());
     let mut shapes = DMatrix::zeros(n, places.len());
     for (mut column, (x, y)) in shapes.column_iter_mut().zip(places) {
-        column.copy_from(&reduced.shape_at(*x, *y));
+        column.copy_from(&reduced.shape_deflections_at(*x, *y));
     }
-    let solver = Solver::new(&reduced);
+    let solver = CoordinateSolver::new(&reduced);
     let mut parts = [DMatrix::zeros(count * loads, n), DMatrix::zeros(count * loads, n)];
     for (f, frequency_hz) in frequencies_hz.iter().enumerate() {
         let scale = -(std::f64::consts::TAU * frequency_hz).powi(2);
-        for (load, q) in solver.coordinates(*frequency_hz)?.iter().enumerate() {
+        for (load, q) in solver.solve_at_frequency(*frequency_hz)?.iter().enumerate() {
             for (i, q) in q.iter().enumerate() {
                 (parts[0][(load * count + f, i)], parts[1][(load * count + f, i)]) = (scale * q.re, scale * q.im);
             }

@@ -6,11 +6,11 @@ use crate::environment::Environment;
 use crate::error::Error;
 use crate::problem::{MAX_HZ, Problem};
 use crate::table::{Table, relative, seconds, three};
-use era_model::model::{Accuracy, PanelModel, bounded_modes};
-use era_model::response::sweep::{SurfaceShapes, Sweep};
-use era_model::response::{acceleration_curves, bounded_curves, bounded_sweep};
-use era_model::scene::random::scene_text;
-use era_model::scene::{Scene, SurfaceKind, evenly};
+use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
+use era_model::response::sweep::{AccelerationSweep, SurfaceShapes};
+use era_model::response::{acceleration_curves, compute_curves_with_error_bounds, sweep_with_error_bounds};
+use era_model::scene::random::random_scene_text;
+use era_model::scene::{Scene, SurfaceKind, equidistant_numbers};
 use num_complex::Complex64;
 
 /// Random scenes.
@@ -37,14 +37,14 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
     let mut table = Table::new("(f) The price of proof: sweep of the example plate", &columns);
     let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
     for tolerance in [1e-2, 1e-3] {
-        let accuracy = Accuracy::tolerance(tolerance)?;
+        let accuracy = Accuracy::from_tolerance(tolerance)?;
         let (mut alone, mut proven, mut then) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounds = (f64::NAN, f64::NAN);
         for _ in 0..runs {
             let (found, elapsed_s) =
-                timed(|| bounded_sweep::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))?;
+                timed(|| sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))?;
             proven.push(elapsed_s);
-            bounds.0 = found.bounds.iter().map(|bound| bound.value().unwrap_or(f64::NAN)).fold(0.0, f64::max);
+            bounds.0 = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::NAN)).fold(0.0, f64::max);
             let fineness = found.model.fineness();
             let (one, elapsed_s) = timed(|| -> Result<_, Error> {
                 sweep(problem, &PanelModel::with_fineness(&problem.scene, fineness)?)
@@ -79,20 +79,22 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
     Ok(table)
 }
 
-fn sweep(problem: &Problem, model: &PanelModel) -> Result<Sweep<f32>, Error> {
+fn sweep(problem: &Problem, model: &PanelModel) -> Result<AccelerationSweep<f32>, Error> {
     let reduced = model.reduce(MAX_HZ, &[])?;
     let shapes = SurfaceShapes::<f32>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
-    Ok(shapes.sweep(&problem.frequencies_hz)?)
+    Ok(shapes.compute_accelerations(&problem.frequencies_hz)?)
 }
 
 /// At every point, relative to the point's own peak.
-fn sweep_differences(coarse: &Sweep<f32>, fine: &Sweep<f32>) -> Vec<f64> {
+fn sweep_differences(coarse: &AccelerationSweep<f32>, fine: &AccelerationSweep<f32>) -> Vec<f64> {
     let frequencies = fine.re.len() / (fine.actuators * fine.points).max(1);
     (0..fine.actuators)
         .map(|actuator| {
             let mut curves = vec![(0.0_f64, 0.0_f64); fine.points];
             for frequency in 0..frequencies {
-                let values = fine.field(frequency, actuator).zip(coarse.field(frequency, actuator));
+                let values = fine
+                    .accelerations_of_all_points(frequency, actuator)
+                    .zip(coarse.accelerations_of_all_points(frequency, actuator));
                 for ((difference, peak), (fine, coarse)) in curves.iter_mut().zip(values) {
                     *difference = difference.max((fine - coarse).norm_sqr());
                     *peak = peak.max(fine.norm_sqr());
@@ -146,11 +148,11 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
         ["what", "levels", "compared", "bounds below the error", "no bound", "levels asked", "bound / error, median"];
     let mut table = Table::new("(f) Bound over error on random scenes", &columns);
     let mut all: [Tightness; 4] = Default::default();
-    let frequencies = evenly(4.0, BAND_HZ, 100);
+    let frequencies = equidistant_numbers(4.0, BAND_HZ, 100);
     for number in 0..scenes {
-        let scene = Scene::parse("random", &scene_text(SEED, number))?;
+        let scene = Scene::parse("random", &random_scene_text(SEED, number))?;
         let tolerance = [1e-2, 1e-3, 1e-4][usize::try_from(number % 3).unwrap_or(0)];
-        let (accuracy, exactly) = (Accuracy::tolerance(tolerance)?, Accuracy::tolerance(EXACT * tolerance)?);
+        let (accuracy, exactly) = (Accuracy::from_tolerance(tolerance)?, Accuracy::from_tolerance(EXACT * tolerance)?);
         frequencies_of(&scene, accuracy, exactly, &mut all)?;
         responses_of(&scene, accuracy, exactly, &frequencies, &mut all)?;
     }
@@ -169,13 +171,18 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
 }
 
 fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mut [Tightness; 4]) -> Result<(), Error> {
-    let (found, exact) = (bounded_modes(scene, accuracy, BAND_HZ)?, bounded_modes(scene, exactly, BAND_HZ)?);
+    let (found, exact) = (
+        compute_modes_with_error_bounds(scene, accuracy, BAND_HZ)?,
+        compute_modes_with_error_bounds(scene, exactly, BAND_HZ)?,
+    );
     let old = before::climb(
         scene,
         accuracy,
         BAND_HZ,
         false,
-        |model| Ok(model.modes(1.3 * BAND_HZ)?.into_iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>()),
+        |model| {
+            Ok(model.compute_damped_modes(1.3 * BAND_HZ)?.into_iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>())
+        },
         |coarse, fine| {
             let pairs = fine.iter().enumerate().take_while(|(_, hz)| **hz <= BAND_HZ);
             pairs
@@ -190,10 +197,10 @@ fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mu
     all[0].levels += found.steps.len();
     all[1].levels += old.levels;
     for (k, exact_mode) in exact.answer.iter().enumerate().filter(|(_, mode)| mode.frequency_hz > 0.0) {
-        let own = exact.bounds[k].value().unwrap_or(f64::INFINITY);
+        let own = exact.bounds[k].known_limit().unwrap_or(f64::INFINITY);
         let error = |hz: f64| (hz / exact_mode.frequency_hz - 1.0).abs();
         if let (Some(mode), Some(bound)) = (found.answer.get(k), found.bounds.get(k)) {
-            all[0].add(bound.value().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
+            all[0].add(bound.known_limit().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
         }
         if let (Some(hz), Some(bound)) = (old.answer.get(k), old.bounds.get(k)) {
             all[1].add(*bound, error(*hz), own);
@@ -211,10 +218,10 @@ fn responses_of(
 ) -> Result<(), Error> {
     let across = if scene.surface.kind == SurfaceKind::Bar { 0.5 } else { 0.47 };
     let at = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
-    let found = bounded_curves(scene, accuracy, at, frequencies)?;
-    let exact = bounded_curves(scene, exactly, at, frequencies)?;
+    let found = compute_curves_with_error_bounds(scene, accuracy, at, frequencies)?;
+    let exact = compute_curves_with_error_bounds(scene, exactly, at, frequencies)?;
     // What counts as no acceleration, of a force on an edge that does not move.
-    let nothing = NOTHING / scene.mass_kg();
+    let nothing = NOTHING / scene.surface_mass_kg();
     let difference = |a: &[Complex64], b: &[Complex64]| {
         let peak = b.iter().map(|z| z.norm()).fold(nothing, f64::max);
         a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak
@@ -226,16 +233,16 @@ fn responses_of(
         true,
         |model| {
             let reduced = model.reduce(BAND_HZ, &[at])?;
-            Ok(acceleration_curves(&reduced, &reduced.shape_at(at.0, at.1), frequencies)?)
+            Ok(acceleration_curves(&reduced, &reduced.shape_deflections_at(at.0, at.1), frequencies)?)
         },
         |coarse, fine| coarse.iter().zip(fine).map(|(coarse, fine)| difference(coarse, fine)).collect(),
     )?;
     all[2].levels += found.steps.len();
     all[3].levels += old.levels;
     for (k, exact_curve) in exact.answer.iter().enumerate() {
-        let Some(own) = exact.bounds[k].value() else { continue };
+        let Some(own) = exact.bounds[k].known_limit() else { continue };
         let error = |curve: &[Complex64]| difference(curve, exact_curve);
-        all[2].add(found.bounds[k].value().unwrap_or(f64::INFINITY), error(&found.answer[k]), own);
+        all[2].add(found.bounds[k].known_limit().unwrap_or(f64::INFINITY), error(&found.answer[k]), own);
         all[3].add(old.bounds[k], error(&old.answer[k]), own);
     }
     Ok(())

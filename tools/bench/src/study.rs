@@ -8,7 +8,7 @@ use crate::problem::Problem;
 use crate::process::json;
 use crate::table::{Table, relative, seconds, times};
 use era_model::model::{Accuracy, PanelModel};
-use era_model::scene::{EXAMPLE_PLATE, Scene, evenly};
+use era_model::scene::{EXAMPLE_PLATE, Scene, equidistant_numbers};
 use era_planner::quick::{QuickPanel, Weakest};
 use era_planner::reach::Measure;
 use era_planner::study::weakest;
@@ -93,8 +93,8 @@ fn peer_s(environment: &Environment, scene: &Scene, options: TableOptions) -> Re
     let problem = Problem {
         scene: scene.clone(),
         frequencies_hz: options.frequencies_hz(),
-        x_m: evenly(0.0, length, CELLS.0 + 1),
-        y_m: evenly(0.0, width, CELLS.1 + 1),
+        x_m: equidistant_numbers(0.0, length, CELLS.0 + 1),
+        y_m: equidistant_numbers(0.0, width, CELLS.1 + 1),
     };
     let reference = problem.reference(crate::own::NEXT)?;
     let path = problem.write(&environment.scratch, &reference)?;

@@ -6,7 +6,8 @@ use crate::error::Error;
 use crate::process::json;
 use crate::table::{Table, relative, seconds, times};
 use era_model::transient::{
-    Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError, as_published, steady_state,
+    HarmonicForce, InitialState, MotionQuantity, OutputRows, Propagator, SecondOrderSystem, TimeGrid, TransientError,
+    as_published, solve_steady_state,
 };
 use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
@@ -30,7 +31,7 @@ const MATRICES: &str = "Full response of n unknowns at 5001 times (0 to 5 s, 1 m
     medians and include the decomposition.";
 
 /// A chain of masses between two walls.
-fn chain(n: usize) -> SecondOrder {
+fn chain(n: usize) -> SecondOrderSystem {
     let mut seed = n as u64;
     let mut next = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -55,7 +56,7 @@ fn chain(n: usize) -> SecondOrder {
             }
         }
     }
-    SecondOrder { m, c, k }
+    SecondOrderSystem { m, c, k }
 }
 
 /// One system, and what it took.
@@ -111,7 +112,7 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
             }
             let mut force_n = DVector::zeros(n);
             (force_n[0], force_n[n - 1]) = (1.0, 1.0);
-            let drive = Harmonic { omega_rad_s: OMEGA_RAD_S, phase_rad: -std::f64::consts::FRAC_PI_2, force_n };
+            let drive = HarmonicForce { omega_rad_s: OMEGA_RAD_S, phase_rad: -std::f64::consts::FRAC_PI_2, force_n };
             measured.push(measure(&system, &drive, damping, runs)?);
             let file = environment.scratch.join(format!("table1-{n}-{damping}.f64"));
             systems.push(written(&system, &drive, file)?);
@@ -152,40 +153,49 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
     Ok(table)
 }
 
-fn full(system: &SecondOrder, drive: &Harmonic, outputs: Outputs<'_>) -> Result<DMatrix<f64>, TransientError> {
-    let rest = Initial::rest(system.unknowns());
-    Propagator::new(system, GRID)?.harmonic(&rest, std::slice::from_ref(drive), outputs, Quantity::Displacement)
+fn full(
+    system: &SecondOrderSystem,
+    drive: &HarmonicForce,
+    outputs: OutputRows<'_>,
+) -> Result<DMatrix<f64>, TransientError> {
+    let rest = InitialState::at_rest(system.count_unknowns());
+    Propagator::new(system, GRID)?.compute_motion_under_harmonics(
+        &rest,
+        std::slice::from_ref(drive),
+        outputs,
+        MotionQuantity::Displacement,
+    )
 }
 
 fn measure(
-    system: &SecondOrder,
-    drive: &Harmonic,
+    system: &SecondOrderSystem,
+    drive: &HarmonicForce,
     damping: &'static str,
     runs: usize,
 ) -> Result<Measured, TransientError> {
-    let n = system.unknowns();
+    let n = system.count_unknowns();
     // The thesis' Figure 11: fourth from the start, third from the end.
     let mut two = DMatrix::zeros(2, n);
     (two[(0, 3)], two[(1, n.max(6) - 3)]) = (1.0, 1.0);
     let ready = Propagator::new(system, GRID)?;
-    let rest = Initial::rest(n);
+    let rest = InitialState::at_rest(n);
     Ok(Measured {
         n,
         damping,
-        two_s: median_s(runs, || full(system, drive, Outputs::Rows(&two)))?,
-        all_s: median_s(runs, || full(system, drive, Outputs::All))?,
-        steady_s: median_s(10 * runs, || steady_state(system, drive))?,
-        again_s: median_s(10 * runs, || ready.steady(drive))?,
+        two_s: median_s(runs, || full(system, drive, OutputRows::Rows(&two)))?,
+        all_s: median_s(runs, || full(system, drive, OutputRows::All))?,
+        steady_s: median_s(10 * runs, || solve_steady_state(system, drive))?,
+        again_s: median_s(10 * runs, || ready.solve_steady_amplitudes(drive))?,
         published_s: median_s(runs.div_ceil(20), || {
-            as_published::displacements(system, &rest, std::slice::from_ref(drive), GRID)
+            as_published::compute_published_displacements(system, &rest, std::slice::from_ref(drive), GRID)
         })?,
     })
 }
 
 /// A system and its answer, as the script reads them.
-fn written(system: &SecondOrder, drive: &Harmonic, file: PathBuf) -> Result<Value, Error> {
+fn written(system: &SecondOrderSystem, drive: &HarmonicForce, file: PathBuf) -> Result<Value, Error> {
     // Row by row is time by time.
-    let answer = full(system, drive, Outputs::All)?;
+    let answer = full(system, drive, OutputRows::All)?;
     let raw: Vec<u8> = answer.transpose().iter().flat_map(|value| value.to_le_bytes()).collect();
     std::fs::write(&file, raw).map_err(Error::file(&file))?;
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {

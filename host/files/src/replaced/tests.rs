@@ -180,7 +180,7 @@ fn a_kill_leaves_the_old_content() {
     let half = || {
         let entries = fs::read_dir(folder.path()).unwrap().map(Result::unwrap);
         entries
-            .filter(|entry| is_unfinished(&entry.file_name()))
+            .filter(|entry| is_unfinished_file_name(&entry.file_name()))
             .any(|entry| entry.metadata().unwrap().len() == 1 << 20)
     };
     while !half() {

@@ -28,7 +28,7 @@ impl Accuracy {
     ///
     /// # Errors
     /// [`ModelError::Tolerance`] outside that range.
-    pub fn tolerance(value: f64) -> Result<Self, ModelError> {
+    pub fn from_tolerance(value: f64) -> Result<Self, ModelError> {
         if (TIGHTEST..=LOOSEST).contains(&value) {
             return Ok(Self { tolerance: value, within: None });
         }
@@ -37,32 +37,32 @@ impl Accuracy {
 
     /// As accurate as can be had within a time, from the first level on: at least two levels are asked, however long they take.
     #[must_use]
-    pub const fn within(time: Duration) -> Self {
+    pub const fn best_within_time(time: Duration) -> Self {
         Self { tolerance: TIGHTEST, within: Some(time) }
     }
 
     /// The time that there is, if that is what was asked for.
     #[must_use]
-    pub const fn time(self) -> Option<Duration> {
+    pub const fn time_limit(self) -> Option<Duration> {
         self.within
     }
 
-    /// The tolerance as a number; the tightest of all where a time was given.
+    /// The relative tolerance; the tightest one where a time limit was given instead.
     #[must_use]
-    pub const fn value(self) -> f64 {
+    pub const fn relative_tolerance(self) -> f64 {
         self.tolerance
     }
 
-    /// What was asked for of a bound; nothing where time was.
+    /// The tolerance that was asked for; `None` where a time limit was.
     #[must_use]
-    pub fn asked(self) -> Option<f64> {
+    pub fn requested_tolerance(self) -> Option<f64> {
         self.within.is_none().then_some(self.tolerance)
     }
 
     /// Order of the elements that usually meets it, for responses of panels with a damping of 1 %: 7 down to 1e-3, 9
     /// down to 1e-5, 11 below.
     #[must_use]
-    pub fn order(self) -> usize {
+    pub fn choose_element_order(self) -> usize {
         match self.tolerance {
             t if t >= 1e-3 => 7,
             t if t >= 1e-5 => 9,

@@ -4,19 +4,19 @@
 //! corners (Bogner, Fox, Schmit 1965). With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of
 //! [`super::shape`], the
 //! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
-//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G], and that of layers likewise ([`super::sections::Bending`]). Across a line between two thicknesses the functions make
+//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G], and that of layers likewise ([`super::sections::RelativeBending`]). Across a line between two thicknesses the functions make
 //! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along
 //! the line); w_xx across it is free to jump, as it must where the rigidity does.
 
 use super::ModelError;
-use super::attached::{Attached, actuators, passive};
-use super::enriched::{EdgeSprings, add_singular, integrate_singular};
+use super::attached::{PointAttachment, actuator_attachments, supports_and_masses};
+use super::enriched::{EdgeSprings, add_singular_function_matrices, integrate_singular_functions};
 use super::fineness::Fineness;
-use super::grid::{Derivative, Grid};
-use super::mesh::Lines;
-use super::sections::{Bending, Section};
-use super::shape::{CellMatrices, gauss};
-use super::sparse::{Entries, SparseVector, Symmetric};
+use super::grid::{DeflectionDerivative, Grid};
+use super::mesh::GridLines;
+use super::sections::{CellSection, RelativeBending};
+use super::shape::{CellMatrices, gauss_legendre_rule};
+use super::sparse::{MatrixEntries, SparseSymmetricMatrix, SparseVector};
 use crate::scene::{EdgeKind, Scene, Side};
 use std::sync::Arc;
 
@@ -48,13 +48,13 @@ pub struct ActuatorVectors {
 
 /// The panel's matrices.
 #[derive(Clone, Debug)]
-pub struct Assembled {
+pub struct PanelMatrices {
     /// The mesh.
     pub grid: Arc<Grid>,
     /// Everything's stiffness, but that of sealed air.
-    pub stiffness: Symmetric,
+    pub stiffness: SparseSymmetricMatrix,
     /// Everything's mass.
-    pub mass: Symmetric,
+    pub mass: SparseSymmetricMatrix,
     /// The stiffness of springs along edges, those of one loss factor in one matrix.
     pub edges: Vec<EdgeStiffness>,
     /// Sealed air: a spring on the mean deflection of the surface, which is a matter of every unknown and would leave no entry of a
@@ -68,7 +68,7 @@ pub struct Assembled {
 #[derive(Clone, Debug)]
 pub struct EdgeStiffness {
     /// Over all unknowns.
-    pub stiffness: Symmetric,
+    pub stiffness: SparseSymmetricMatrix,
     /// What it is times 1 + j eta with.
     pub loss_factor: f64,
 }
@@ -90,34 +90,36 @@ pub struct AttachedVectors {
 
 impl AttachedVectors {
     /// What `scene` attaches to the surface of a mesh, which need not have been made for it.
-    pub(super) fn of(grid: &Grid, scene: &Scene) -> Self {
-        let mut parts = Parts { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
-        for attached in passive(scene) {
-            parts.add(&attached);
+    pub(super) fn from_scene(grid: &Grid, scene: &Scene) -> Self {
+        let mut parts =
+            AttachmentBuilder { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
+        for attached in supports_and_masses(scene) {
+            parts.add_attached_returning_travel_vector(&attached);
         }
         let without_actuators = parts.attachments.len();
-        let actuators = actuators(scene).enumerate().map(|(i, attached)| parts.actuator(i, &attached)).collect();
-        let Parts { unknowns, attachments, moving_masses, .. } = parts;
+        let actuators =
+            actuator_attachments(scene).enumerate().map(|(i, attached)| parts.add_actuator(i, &attached)).collect();
+        let AttachmentBuilder { unknowns, attachments, moving_masses, .. } = parts;
         Self { attachments, without_actuators, actuators, moving_masses, unknowns }
     }
 
-    /// All vectors, of attachments and of actuators.
-    pub(super) fn vectors_mut(&mut self) -> impl Iterator<Item = &mut SparseVector> {
+    /// All vectors: those of the attachments, and loads and travels of the actuators.
+    pub(super) fn all_vectors_mut(&mut self) -> impl Iterator<Item = &mut SparseVector> {
         let own = self.attachments.iter_mut().map(|attachment| &mut attachment.vector);
         own.chain(self.actuators.iter_mut().flat_map(|actuator| [&mut actuator.force, &mut actuator.travel]))
     }
 
-    /// Those of them that are of ERAs.
-    pub(super) fn of_actuators(&self) -> &[Attachment] {
+    /// The attachments that are parts of ERAs.
+    pub(super) fn actuator_attachments(&self) -> &[Attachment] {
         self.attachments.get(self.without_actuators..).unwrap_or(&[])
     }
 }
 
-impl Assembled {
-    /// All unknowns.
+impl PanelMatrices {
+    /// Number of unknowns: those of the mesh and those of the moving masses.
     #[must_use]
-    pub fn unknowns(&self) -> usize {
-        self.stiffness.order()
+    pub fn count_unknowns(&self) -> usize {
+        self.stiffness.dimension()
     }
 }
 
@@ -125,44 +127,59 @@ impl Assembled {
 ///
 /// # Errors
 /// As the matrices' assembly.
-pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelError> {
+pub fn assemble_panel_matrices(scene: &Scene, fineness: Fineness) -> Result<PanelMatrices, ModelError> {
     let grid = Grid::new(scene, fineness);
-    let (stiffness, mass) = surface_matrices(&grid);
-    let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
+    let (stiffness, mass) = assemble_surface_stiffness_and_mass(&grid);
+    let (mut stiffness, mut mass) =
+        (grid.transform_matrix_to_unknowns(stiffness), grid.transform_matrix_to_unknowns(mass));
     if grid.y.is_none() {
-        let numbers = |cell| bar_numbers(&grid, cell);
-        grid.thin.add_bending(&mut stiffness, &cells(&grid, &grid.x), |cell| grid.sections.at(cell, 0), numbers);
+        let numbers = |cell| unknowns_of_bar_cell(&grid, cell);
+        grid.thin.add_bending_stiffness(
+            &mut stiffness,
+            &compute_cell_matrices(&grid, &grid.x),
+            |cell| grid.sections.section_of_cell(cell, 0),
+            numbers,
+        );
     }
-    let edges = elastic_edges(scene, &grid);
-    edges.iter().for_each(|(edges, _)| stiffness.add_all(edges, 1.0));
-    let attached = AttachedVectors::of(&grid, scene);
+    let edges = assemble_elastic_edges_by_loss_factor(scene, &grid);
+    edges.iter().for_each(|(edges, _)| stiffness.add_scaled_entries(edges, 1.0));
+    let attached = AttachedVectors::from_scene(&grid, scene);
     let n = attached.unknowns;
     for attachment in &attached.attachments {
-        stiffness.add_outer(&attachment.vector, attachment.stiffness);
-        mass.add_outer(&attachment.vector, attachment.mass);
+        stiffness.add_outer_product(&attachment.vector, attachment.stiffness);
+        mass.add_outer_product(&attachment.vector, attachment.mass);
     }
     let edges = edges
         .into_iter()
-        .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build(n)?, loss_factor }))
+        .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build_matrix(n)?, loss_factor }))
         .collect::<Result<_, ModelError>>()?;
-    let air = scene.air_stiffness_n_per_m().map(|stiffness| sealed_air(&grid, stiffness));
-    Ok(Assembled { edges, air, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+    let air = scene.air_stiffness_n_per_m().map(|stiffness| build_sealed_air_spring(&grid, stiffness));
+    Ok(PanelMatrices {
+        edges,
+        air,
+        stiffness: stiffness.build_matrix(n)?,
+        mass: mass.build_matrix(n)?,
+        attached,
+        grid: Arc::new(grid),
+    })
 }
 
-/// Air that resists the mean deflection with `stiffness` in N/m.
-fn sealed_air(grid: &Grid, stiffness: f64) -> Attachment {
-    let in_x = integrals_along(grid, &grid.x);
-    let in_y = grid.y.as_ref().map_or_else(|| vec![(1.0, vec![1.0])], |y| integrals_along(grid, y));
+/// Air that resists the mean deflection with `stiffness_n_per_m` in N/m.
+fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
+    let in_x = integrate_functions_of_cells(grid, &grid.x);
+    let in_y = grid.y.as_ref().map_or_else(|| vec![(1.0, vec![1.0])], |y| integrate_functions_of_cells(grid, y));
     let (mut sums, mut size) = (vec![0.0; grid.free], 0.0);
     for (cell_y, (height, own_y)) in in_y.iter().enumerate() {
         for (cell_x, (length, own_x)) in in_x.iter().enumerate() {
-            if grid.sections.at(cell_x, cell_y).is_none() {
+            if grid.sections.section_of_cell(cell_x, cell_y).is_none() {
                 continue;
             }
             size += length * height;
             for (a, along_x) in own_x.iter().enumerate() {
                 for (b, along_y) in own_y.iter().enumerate() {
-                    if let Some(number) = grid.number(grid.function(cell_x, a), grid.function(cell_y, b)) {
+                    if let Some(number) =
+                        grid.unknown_of_function_product(grid.function_index(cell_x, a), grid.function_index(cell_y, b))
+                    {
                         sums[number] += along_x * along_y;
                     }
                 }
@@ -171,20 +188,20 @@ fn sealed_air(grid: &Grid, stiffness: f64) -> Attachment {
     }
     if let Some(y) = &grid.y {
         // Exactly: with a mean that is off otherwise on every mesh, spaces that hold each other would not make levels that do.
-        integrate_singular(grid, y).into_iter().for_each(|(number, integral)| sums[number] += integral);
+        integrate_singular_functions(grid, y).into_iter().for_each(|(number, integral)| sums[number] += integral);
     }
     let mean = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
-    Attachment { vector: grid.row_over_unknowns(mean), stiffness, ..Attachment::default() }
+    Attachment { vector: grid.transform_row_to_unknowns(mean), stiffness: stiffness_n_per_m, ..Attachment::default() }
 }
 
 /// Each cell's length along lines, and the integrals of its functions over it: exactly, as they are polynomials.
-fn integrals_along(grid: &Grid, lines: &Lines) -> Vec<(f64, Vec<f64>)> {
-    let (rule, element) = (gauss(grid.element.order()), grid.element_along(lines));
+fn integrate_functions_of_cells(grid: &Grid, lines: &GridLines) -> Vec<(f64, Vec<f64>)> {
+    let (rule, element) = (gauss_legendre_rule(grid.element.element_order()), grid.element_for_lines(lines));
     let cells = lines.at.windows(2).zip(lines.scale.windows(2)).map(|(at, scale)| {
         let length = at[1] - at[0];
-        let mut sums = vec![0.0; element.order() + 1];
+        let mut sums = vec![0.0; element.element_order() + 1];
         for (place, weight) in &rule {
-            let [values, ..] = element.derivatives(*place, length, [scale[0], scale[1]]);
+            let [values, ..] = element.values_and_derivatives_at(*place, length, [scale[0], scale[1]]);
             sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * length * value);
         }
         (length, sums)
@@ -193,74 +210,87 @@ fn integrals_along(grid: &Grid, lines: &Lines) -> Vec<(f64, Vec<f64>)> {
 }
 
 /// Springs along edges by their loss factors, where there are any.
-fn elastic_edges(scene: &Scene, grid: &Grid) -> Vec<(Entries, f64)> {
-    let mut out: Vec<(Entries, f64)> = Vec::new();
+fn assemble_elastic_edges_by_loss_factor(scene: &Scene, grid: &Grid) -> Vec<(MatrixEntries, f64)> {
+    let mut out: Vec<(MatrixEntries, f64)> = Vec::new();
     for edge in &scene.edges {
         let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind else { continue };
         let known = out.iter().position(|(_, known)| known.total_cmp(&loss_factor).is_eq());
         let at = known.unwrap_or_else(|| {
-            out.push((Entries::default(), loss_factor));
+            out.push((MatrixEntries::default(), loss_factor));
             out.len() - 1
         });
-        elastic_edge(grid, edge.side, stiffness, rotational_stiffness, &mut out[at].0);
+        add_elastic_edge_stiffness(grid, edge.side, stiffness, rotational_stiffness, &mut out[at].0);
     }
-    let over_unknowns = out.into_iter().map(|(entries, loss_factor)| (grid.over_unknowns(entries), loss_factor));
+    let over_unknowns =
+        out.into_iter().map(|(entries, loss_factor)| (grid.transform_matrix_to_unknowns(entries), loss_factor));
     over_unknowns.filter(|(entries, _)| entries.iter().next().is_some()).collect()
 }
 
-fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
+/// The one-dimensional matrices of each cell between these lines.
+fn compute_cell_matrices(grid: &Grid, lines: &GridLines) -> Vec<CellMatrices> {
     let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
-    pairs.map(|(at, scale)| grid.element_along(lines).matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
+    pairs.map(|(at, scale)| grid.element_for_lines(lines).cell_matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
 }
 
-fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
-    let (mut stiffness, mut mass) = (Entries::default(), Entries::default());
-    let in_x = cells(grid, &grid.x);
-    let n = grid.element.order() + 1;
+/// Stiffness and mass of the surface over the functions of its mesh, without what is attached.
+fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEntries) {
+    let (mut stiffness, mut mass) = (MatrixEntries::default(), MatrixEntries::default());
+    let in_x = compute_cell_matrices(grid, &grid.x);
+    let n = grid.element.element_order() + 1;
     match &grid.y {
         None => {
             for (cell, matrices) in in_x.iter().enumerate() {
-                let Some(Section { rigidity, per_area, .. }) = grid.sections.at(cell, 0) else { continue };
-                let numbers = bar_numbers(grid, cell);
+                let Some(CellSection { rigidity, per_area, .. }) = grid.sections.section_of_cell(cell, 0) else {
+                    continue;
+                };
+                let numbers = unknowns_of_bar_cell(grid, cell);
                 // Thin cells' bending comes over other unknowns.
-                if !grid.thin.contains(cell) {
-                    add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
+                if !grid.thin.contains_cell(cell) {
+                    add_dense_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
                 }
-                add_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
+                add_dense_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
             }
         }
         Some(y) => {
-            let in_y = cells(grid, y);
+            let in_y = compute_cell_matrices(grid, y);
             for (cell_y, my) in in_y.iter().enumerate() {
                 for (cell_x, mx) in in_x.iter().enumerate() {
-                    let Some(section) = grid.sections.at(cell_x, cell_y) else { continue };
+                    let Some(section) = grid.sections.section_of_cell(cell_x, cell_y) else { continue };
                     let numbers: Vec<_> = (0..n * n)
-                        .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
+                        .map(|k| {
+                            grid.unknown_of_function_product(
+                                grid.function_index(cell_x, k / n),
+                                grid.function_index(cell_y, k % n),
+                            )
+                        })
                         .collect();
-                    add_plate_cell((mx, my), section, &numbers, &mut stiffness, &mut mass);
+                    add_plate_cell_stiffness_and_mass((mx, my), section, &numbers, &mut stiffness, &mut mass);
                 }
             }
-            add_singular(grid, y, &mut stiffness, &mut mass);
+            add_singular_function_matrices(grid, y, &mut stiffness, &mut mass);
         }
     }
     (stiffness, mass)
 }
 
 /// The unknowns of the functions of a bar's cell.
-fn bar_numbers(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
-    (0..=grid.element.order()).map(|a| grid.number(grid.function(cell, a), 0)).collect()
+fn unknowns_of_bar_cell(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
+    (0..=grid.element.element_order())
+        .map(|a| grid.unknown_of_function_product(grid.function_index(cell, a), 0))
+        .collect()
 }
 
 /// Adds a plate's cell: tensor products of matrices along x (functions a and c) and along y (b and d).
-fn add_plate_cell(
+fn add_plate_cell_stiffness_and_mass(
     (x, y): (&CellMatrices, &CellMatrices),
-    section: Section,
+    section: CellSection,
     numbers: &[Option<usize>],
-    stiffness: &mut Entries,
-    mass: &mut Entries,
+    stiffness: &mut MatrixEntries,
+    mass: &mut MatrixEntries,
 ) {
     let n = x.mass.nrows();
-    let Section { rigidity, per_area, bending: Bending { x: along_x, y: along_y, poisson, twist } } = section;
+    let CellSection { rigidity, per_area, bending: RelativeBending { x: along_x, y: along_y, poisson, twist } } =
+        section;
     for (a, rows) in numbers.chunks_exact(n).enumerate() {
         for (c, columns) in numbers.chunks_exact(n).enumerate() {
             let (bend, slope, own) = (along_x * x.bend[(a, c)], twist * x.slope[(a, c)], x.mass[(a, c)]);
@@ -274,19 +304,20 @@ fn add_plate_cell(
                         + mixed[0] * y.mixed[(d, b)]
                         + mixed[1] * y.mixed[(b, d)]
                         + slope * y.slope[(b, d)];
-                    stiffness.add(*row, *column, rigidity * energy);
-                    mass.add(*row, *column, per_area * own * y.mass[(b, d)]);
+                    stiffness.add_entry(*row, *column, rigidity * energy);
+                    mass.add_entry(*row, *column, per_area * own * y.mass[(b, d)]);
                 }
             }
         }
     }
 }
 
-fn add_block(entries: &mut Entries, numbers: &[Option<usize>], value: impl Fn(usize, usize) -> f64) {
-    for (a, row) in numbers.iter().enumerate() {
-        for (b, column) in numbers.iter().enumerate() {
+/// Adds `entry_value(row, column)` for each pair of functions of a cell; fixed functions have no unknown.
+fn add_dense_block(entries: &mut MatrixEntries, unknowns: &[Option<usize>], entry_value: impl Fn(usize, usize) -> f64) {
+    for (a, row) in unknowns.iter().enumerate() {
+        for (b, column) in unknowns.iter().enumerate() {
             if let (Some(row), Some(column)) = (row, column) {
-                entries.add(*row, *column, value(a, b));
+                entries.add_entry(*row, *column, entry_value(a, b));
             }
         }
     }
@@ -294,26 +325,34 @@ fn add_block(entries: &mut Entries, numbers: &[Option<usize>], value: impl Fn(us
 
 /// Springs along an edge: the integral of k w^2 + k_r w_n^2, which has the mass matrix of the lines along it. At a bar's
 /// end it is a single point.
-fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entries: &mut Entries) {
+fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entries: &mut MatrixEntries) {
     let ends_x = matches!(side, Side::Left | Side::Right);
     let (across, along) = if ends_x { (Some(&grid.x), grid.y.as_ref()) } else { (grid.y.as_ref(), Some(&grid.x)) };
-    let here = grid.edge_function(side);
-    let end = if matches!(side, Side::Left | Side::Top) { 0 } else { across.map_or(0, Lines::cells) };
+    let here = grid.deflection_function_at_edge(side);
+    let end = if matches!(side, Side::Left | Side::Top) { 0 } else { across.map_or(0, GridLines::count_cells) };
     let scale = across.map_or(1.0, |lines| lines.scale[end]);
     let number = |across: usize, along: usize| {
-        if ends_x { grid.number(across, along) } else { grid.number(along, across) }
+        if ends_x {
+            grid.unknown_of_function_product(across, along)
+        } else {
+            grid.unknown_of_function_product(along, across)
+        }
     };
     for (function, value) in [(here, stiffness), (here + 1, rotational / (scale * scale))] {
         let Some(along) = along else {
             if let Some(number) = number(function, 0) {
-                entries.add(number, number, value);
+                entries.add_entry(number, number, value);
             }
             continue;
         };
-        for (cell, matrices) in cells(grid, along).iter().enumerate().filter(|(cell, _)| grid.has_edge(side, *cell)) {
+        for (cell, matrices) in compute_cell_matrices(grid, along)
+            .iter()
+            .enumerate()
+            .filter(|(cell, _)| grid.is_edge_cell_present(side, *cell))
+        {
             let numbers: Vec<_> =
-                (0..=grid.element.order()).map(|a| number(function, grid.function(cell, a))).collect();
-            add_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
+                (0..=grid.element.element_order()).map(|a| number(function, grid.function_index(cell, a))).collect();
+            add_dense_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
         }
     }
     if let (Some(lines), Some(across)) = (along, across) {
@@ -326,21 +365,25 @@ fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entrie
             rotational,
             slope_unit: 1.0 / scale,
         };
-        springs.add(|k, along| number(here + k, along), |cell| grid.has_edge(side, cell), entries);
+        springs.add_stiffness_of_cells(
+            |k, along| number(here + k, along),
+            |cell| grid.is_edge_cell_present(side, cell),
+            entries,
+        );
     }
 }
 
 /// What is attached, under construction.
-struct Parts<'a> {
+struct AttachmentBuilder<'a> {
     grid: &'a Grid,
     unknowns: usize,
     attachments: Vec<Attachment>,
     moving_masses: Vec<(usize, usize)>,
 }
 
-impl Parts<'_> {
-    /// Keeps what does anything: on a clamped point nothing moves.
-    fn attach(&mut self, attachment: Attachment) {
+impl AttachmentBuilder<'_> {
+    /// Adds an attachment unless it has no effect: on a clamped point nothing moves.
+    fn keep_if_effective(&mut self, attachment: Attachment) {
         let Attachment { vector, stiffness, damping, mass, .. } = &attachment;
         if !vector.is_empty() && (*stiffness > 0.0 || *damping > 0.0 || *mass > 0.0) {
             self.attachments.push(attachment);
@@ -348,10 +391,10 @@ impl Parts<'_> {
     }
 
     /// Adds something at a point; what a force between it and its other side acts on, and what the travel between them is.
-    fn add(&mut self, attached: &Attached) -> Vec<(usize, f64)> {
+    fn add_attached_returning_travel_vector(&mut self, attached: &PointAttachment) -> Vec<(usize, f64)> {
         let (x_m, y_m) = attached.at;
-        let surface = self.grid.attachment(x_m, y_m);
-        self.attach(Attachment {
+        let surface = self.grid.deflection_row_of_attachment(x_m, y_m);
+        self.keep_if_effective(Attachment {
             vector: surface.clone(),
             stiffness: attached.stiffness_n_per_m,
             loss_factor: attached.loss_factor,
@@ -361,19 +404,25 @@ impl Parts<'_> {
         });
         let (stiffness, loss_factor) = (attached.turning_n_m_per_rad, attached.loss_factor);
         if stiffness > 0.0 {
-            let (x_m, y_m) = self.grid.attached_at(x_m, y_m);
-            for slope in [Derivative::SlopeX, Derivative::SlopeY] {
-                let vector = self.grid.row_at(x_m, y_m, slope);
-                self.attach(Attachment { vector, stiffness, loss_factor, is_slope: true, ..Attachment::default() });
+            let (x_m, y_m) = self.grid.merged_attachment_position_m(x_m, y_m);
+            for slope in [DeflectionDerivative::SlopeX, DeflectionDerivative::SlopeY] {
+                let vector = self.grid.deflection_row_at(x_m, y_m, slope);
+                self.keep_if_effective(Attachment {
+                    vector,
+                    stiffness,
+                    loss_factor,
+                    is_slope: true,
+                    ..Attachment::default()
+                });
             }
         }
         let Some(carried) = attached.carried else { return surface };
         let own = self.unknowns;
         self.unknowns += 1;
-        self.attach(Attachment { vector: vec![(own, 1.0)], mass: carried.mass_kg, ..Attachment::default() });
+        self.keep_if_effective(Attachment { vector: vec![(own, 1.0)], mass: carried.mass_kg, ..Attachment::default() });
         let mut between = surface;
         between.push((own, -1.0));
-        self.attach(Attachment {
+        self.keep_if_effective(Attachment {
             vector: between.clone(),
             stiffness: carried.stiffness_n_per_m,
             damping: carried.damping_n_s_per_m,
@@ -382,11 +431,12 @@ impl Parts<'_> {
         between
     }
 
-    fn actuator(&mut self, index: usize, attached: &Attached) -> ActuatorVectors {
+    /// Adds the parts of an ERA; returns its load per newton and the row of its travel.
+    fn add_actuator(&mut self, index: usize, attached: &PointAttachment) -> ActuatorVectors {
         if attached.carried.is_some() {
             self.moving_masses.push((self.unknowns, index));
         }
-        let between = self.add(attached);
+        let between = self.add_attached_returning_travel_vector(attached);
         ActuatorVectors { force: between.clone(), travel: between }
     }
 }

@@ -12,18 +12,18 @@ pub enum Bound {
 }
 
 impl Bound {
-    /// The number, if there is one.
+    /// The largest possible error; `None` if no bound is known.
     #[must_use]
-    pub fn value(self) -> Option<f64> {
+    pub fn known_limit(self) -> Option<f64> {
         match self {
             Bound::AtMost(value) => Some(value),
             Bound::Unknown(_) => None,
         }
     }
 
-    /// Why there is none.
+    /// Why no bound is known; `None` if one is.
     #[must_use]
-    pub fn reason(self) -> Option<&'static str> {
+    pub fn reason_if_unknown(self) -> Option<&'static str> {
         match self {
             Bound::AtMost(_) => None,
             Bound::Unknown(reason) => Some(reason),
@@ -32,11 +32,11 @@ impl Bound {
 
     /// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
     #[must_use]
-    pub fn are_met(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
-        let tolerance = accuracy.asked()?;
-        if bounds.iter().filter_map(|bound| bound.value()).any(|bound| bound > tolerance) {
+    pub fn all_meet_accuracy(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
+        let tolerance = accuracy.requested_tolerance()?;
+        if bounds.iter().filter_map(|bound| bound.known_limit()).any(|bound| bound > tolerance) {
             return Some(false);
         }
-        bounds.iter().all(|bound| bound.value().is_some()).then_some(true)
+        bounds.iter().all(|bound| bound.known_limit().is_some()).then_some(true)
     }
 }

@@ -6,19 +6,21 @@
 //! that meets it, so what a tight one meets a loose one meets, too. Levels beyond the best are forgotten: where rounding has
 //! taken over, bounds grow with every step.
 //!
-//! [`Accuracy::within`] turns it round: the climb goes on as long as the next level, as predicted from the times of those before
+//! [`Accuracy::best_within_time`] turns it round: the climb goes on as long as the next level, as predicted from the times of those before
 //! on this machine, fits in the time.
 
 use super::bound::Bound;
 use super::corners::has_singular_corner;
-use super::estimator::{Estimator, NOT_SETTLED, POINT_MOMENT, RESPONSE_SAFETY, Rounding, has_point_moment};
+use super::estimator::{
+    ErrorEstimator, FrequencyRounding, NOT_SETTLED, POINT_MOMENT, RESPONSE_SAFETY, has_rotational_point_spring,
+};
 use super::fineness::Fineness;
-use super::grid::expected_unknowns;
-use super::panel::{PanelModel, Parts, fineness};
-use super::placement::{has_close_points, is_singular};
+use super::grid::estimate_unknown_count;
+use super::panel::{MeshCounts, PanelModel, choose_fineness};
+use super::placement::{has_close_attachments, has_unresolved_singularity};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
-use crate::stop::Stop;
+use crate::stop::StopRequest;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -45,11 +47,11 @@ const GROWTH: (f64, f64) = (1.0, 2.5);
 
 /// One level of the ladder, for `--explain`.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct Step {
+pub struct RefinementLevel {
     /// The mesh.
     pub fineness: Fineness,
     /// What it is made of.
-    pub parts: Parts,
+    pub parts: MeshCounts,
     /// Its unknowns.
     pub dofs: usize,
     /// Time for mesh, factors and answer in ms.
@@ -60,57 +62,57 @@ pub struct Step {
 
 /// An answer, and how wrong it may be.
 #[derive(Debug)]
-pub struct Bounded<T> {
+pub struct BoundedAnswer<T> {
     /// From the level with the smallest bound.
     pub answer: T,
     /// One for each part of the answer that has its own.
     pub bounds: Vec<Bound>,
     /// The levels, in the order they were asked in.
-    pub steps: Vec<Step>,
+    pub steps: Vec<RefinementLevel>,
     /// The level that answered.
     pub model: PanelModel,
 }
 
 /// Something that is asked at every level.
-pub trait Question {
+pub trait RefinableQuestion {
     /// What comes back.
     type Answer;
     /// What may go wrong.
     type Error: From<ModelError>;
 
-    /// Asks a level.
+    /// Answers the question with a model of one level.
     ///
     /// # Errors
     /// Those of the model, and the question's own.
-    fn ask(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error>;
+    fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error>;
 
-    /// Asks a level that is there to be compared with only: at least what [`Question::differences`] needs of it.
+    /// Asks a level that is there to be compared with only: at least what [`RefinableQuestion::relative_differences`] needs of it.
     ///
     /// # Errors
-    /// As [`Question::ask`].
-    fn ask_to_compare(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error> {
-        self.ask(model)
+    /// As [`RefinableQuestion::answer_from_model`].
+    fn answer_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error> {
+        self.answer_from_model(model)
     }
 
     /// Relative differences of the parts of `fine` from those of `coarse`; infinite where they cannot be compared. `coarse` may
-    /// come from [`Question::ask_to_compare`].
-    fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
+    /// come from [`RefinableQuestion::answer_for_comparison`].
+    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
 
     /// How many of the `parts`, the first ones, decide how far is climbed; the others are told with what bound comes of it.
-    fn deciding(&self, parts: usize) -> usize {
+    fn count_deciding_parts(&self, parts: usize) -> usize {
         parts
     }
 
-    /// Of what the answer consists.
-    fn values(&self) -> Values;
+    /// The kind of numbers that the answer consists of.
+    fn kind_of_compared_values(&self) -> ComparedValues;
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
-    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64>;
+    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64>;
 }
 
 /// What is compared from level to level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Values {
+pub enum ComparedValues {
     /// Frequencies, which fall towards the exact ones.
     Frequencies,
     /// Responses, so many that two levels cannot agree on all of them by chance. Errors of frequencies are multiplied by the quality
@@ -121,12 +123,13 @@ pub enum Values {
 }
 
 /// Order of the first level whose bound is looked at.
-fn first_order(scene: &Scene, accuracy: Accuracy, values: Values) -> usize {
+fn choose_first_element_order(scene: &Scene, accuracy: Accuracy, values: ComparedValues) -> usize {
     // Loose enough for order 9: of frequencies, and of responses.
     let (frequencies, responses) = (1e-3, 1e-2);
-    if accuracy.time().is_some() {
+    if accuracy.time_limit().is_some() {
         FIRST_ORDER_WITHIN
-    } else if accuracy.value() >= if values == Values::Frequencies { frequencies } else { responses }
+    } else if accuracy.relative_tolerance()
+        >= if values == ComparedValues::Frequencies { frequencies } else { responses }
         || has_singular_corner(scene)
     {
         FIRST_ORDER
@@ -139,13 +142,13 @@ fn first_order(scene: &Scene, accuracy: Accuracy, values: Values) -> usize {
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored; and the question's own.
-pub fn bounded<Q: Question>(
+pub fn answer_with_error_bounds<Q: RefinableQuestion>(
     question: &Q,
     scene: &Scene,
     accuracy: Accuracy,
     max_hz: f64,
-) -> Result<Bounded<Q::Answer>, Q::Error> {
-    let first = first_order(scene, accuracy, question.values());
+) -> Result<BoundedAnswer<Q::Answer>, Q::Error> {
+    let first = choose_first_element_order(scene, accuracy, question.kind_of_compared_values());
     let mut ladder = Ladder {
         question,
         scene,
@@ -156,38 +159,42 @@ pub fn bounded<Q: Question>(
         best: None,
         steps: Vec::new(),
     };
-    ladder.mesh(Rung { order: first, part: 1.0 })?;
-    let mut rung = Rung { order: first, part: 1.0 };
-    while let Some(next) = ladder.next(rung) {
+    ladder.start_on_new_mesh(MeshRefinement { order: first, part: 1.0 })?;
+    let mut rung = MeshRefinement { order: first, part: 1.0 };
+    while let Some(next) = ladder.choose_next_refinement(rung) {
         // Part of a rung may have failed for want of memory or time; what was found before stands.
-        let climbed = if next.part < rung.part { ladder.mesh(next) } else { ladder.climb(next.order, next.part, true) };
+        let climbed = if next.part < rung.part {
+            ladder.start_on_new_mesh(next)
+        } else {
+            ladder.add_level_of_higher_order(next.order, next.part, true)
+        };
         if let Err(error) = climbed {
-            if Stop::current().is_asked() {
+            if StopRequest::current_request_of_thread().is_stop_requested() {
                 return Err(error);
             }
             tracing::warn!("a finer level has no answer, the best before it is given");
-            return ladder.finish().ok_or(error);
+            return ladder.into_best_answer().ok_or(error);
         }
         rung = next;
     }
-    ladder.finish().ok_or_else(|| ModelError::NotConverged { max_hz, vectors: 0 }.into())
+    ladder.into_best_answer().ok_or_else(|| ModelError::NotConverged { max_hz, vectors: 0 }.into())
 }
 
 /// A level's order, and its cells as a part of the usual ones.
 #[derive(Clone, Copy)]
-struct Rung {
+struct MeshRefinement {
     order: usize,
     part: f64,
 }
 
-struct Level<T> {
+struct AnsweredLevel<T> {
     model: PanelModel,
     answer: T,
     /// Which step it was.
     step: usize,
 }
 
-struct Best {
+struct BestLevel {
     /// Which step it was.
     step: usize,
     bounds: Vec<f64>,
@@ -196,77 +203,95 @@ struct Best {
     deciding: usize,
 }
 
-impl Best {
-    fn largest(&self) -> f64 {
-        largest(&self.bounds[..self.deciding])
+impl BestLevel {
+    /// The largest of the bounds that decide how far the mesh is refined.
+    fn largest_deciding_bound(&self) -> f64 {
+        largest_bound(&self.bounds[..self.deciding])
     }
 
-    /// Whether rounding is all, or nearly all, that is left.
-    fn is_near_floor(&self, times: f64) -> bool {
-        self.bounds.iter().zip(&self.floors).take(self.deciding).all(|(bound, floor)| *bound <= times * floor)
+    /// Whether every deciding bound is at most this multiple of its error floor: finer meshes gain no more.
+    fn is_within_factor_of_error_floors(&self, factor: f64) -> bool {
+        self.bounds.iter().zip(&self.floors).take(self.deciding).all(|(bound, floor)| *bound <= factor * floor)
     }
 }
 
-struct Ladder<'a, Q: Question> {
+struct Ladder<'a, Q: RefinableQuestion> {
     question: &'a Q,
     scene: &'a Scene,
     accuracy: Accuracy,
     max_hz: f64,
     started: Instant,
     /// The last ones on the present mesh, and the best.
-    levels: Vec<Level<Q::Answer>>,
-    best: Option<Best>,
-    steps: Vec<Step>,
+    levels: Vec<AnsweredLevel<Q::Answer>>,
+    best: Option<BestLevel>,
+    steps: Vec<RefinementLevel>,
 }
 
-impl<Q: Question> Ladder<'_, Q> {
-    /// The levels of a new mesh up to a rung.
-    fn mesh(&mut self, rung: Rung) -> Result<(), Q::Error> {
+impl<Q: RefinableQuestion> Ladder<'_, Q> {
+    /// Solves the first levels of a new mesh, up to the given order.
+    fn start_on_new_mesh(&mut self, refinement: MeshRefinement) -> Result<(), Q::Error> {
         let best = self.best.as_ref().map(|best| best.step);
         self.levels.retain(|level| Some(level.step) == best);
-        let fineness = fineness(self.scene, rung.order, rung.part, self.max_hz)?;
+        let fineness = choose_fineness(self.scene, refinement.order, refinement.part, self.max_hz)?;
         let first = self.steps.len();
-        if is_doubtful(self.scene, fineness) {
-            self.ask(rung.order - 4, rung.part, false)?;
+        if needs_third_level(self.scene, fineness) {
+            self.solve_and_record_level(refinement.order - 4, refinement.part, false)?;
         }
-        self.ask(rung.order - 2, rung.part, false)?;
-        self.ask(rung.order, rung.part, true)?;
-        self.judge(first);
+        self.solve_and_record_level(refinement.order - 2, refinement.part, false)?;
+        self.solve_and_record_level(refinement.order, refinement.part, true)?;
+        self.bound_error_of_last_level(first);
         Ok(())
     }
 
-    /// One level more on the present mesh.
-    fn climb(&mut self, order: usize, part: f64, is_finest: bool) -> Result<(), Q::Error> {
+    /// Solves one more level on the present mesh.
+    fn add_level_of_higher_order(&mut self, order: usize, cell_fraction: f64, is_finest: bool) -> Result<(), Q::Error> {
         let first = self.steps.len().saturating_sub(2);
-        self.ask(order, part, is_finest)?;
-        self.judge(first);
+        self.solve_and_record_level(order, cell_fraction, is_finest)?;
+        self.bound_error_of_last_level(first);
         Ok(())
     }
 
-    fn ask(&mut self, order: usize, part: f64, is_finest: bool) -> Result<(), Q::Error> {
-        if Stop::current().is_asked() {
+    /// Meshes, factors and solves a level, and records what it took.
+    fn solve_and_record_level(&mut self, order: usize, cell_fraction: f64, is_finest: bool) -> Result<(), Q::Error> {
+        if StopRequest::current_request_of_thread().is_stop_requested() {
             return Err(ModelError::Stopped.into());
         }
         let started = Instant::now();
-        let fineness = fineness(self.scene, order, part, self.max_hz)?;
+        let fineness = choose_fineness(self.scene, order, cell_fraction, self.max_hz)?;
         let model = PanelModel::with_fineness(self.scene, fineness)?;
-        let answer = if is_finest { self.question.ask(&model)? } else { self.question.ask_to_compare(&model)? };
+        let answer = if is_finest {
+            self.question.answer_from_model(&model)?
+        } else {
+            self.question.answer_for_comparison(&model)?
+        };
         let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-        tracing::debug!(order = fineness.order, dofs = model.dofs(), elapsed_ms, max_hz = self.max_hz, "level");
+        tracing::debug!(
+            order = fineness.order,
+            dofs = model.count_unknowns(),
+            elapsed_ms,
+            max_hz = self.max_hz,
+            "level"
+        );
         let step = self.steps.len();
-        self.steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
-        self.levels.push(Level { model, answer, step });
+        self.steps.push(RefinementLevel {
+            fineness,
+            parts: model.count_mesh_parts(),
+            dofs: model.count_unknowns(),
+            elapsed_ms,
+            bound: f64::INFINITY,
+        });
+        self.levels.push(AnsweredLevel { model, answer, step });
         Ok(())
     }
 
-    /// The bounds of the last level from those before it, of which `first` is the first on its mesh.
-    fn judge(&mut self, first: usize) {
-        let mut before = self.levels.iter().rev().filter(|level| level.step >= first);
+    /// The bounds of the last level from those before it, of which `first_level_of_mesh` is the first on its mesh.
+    fn bound_error_of_last_level(&mut self, first_level_of_mesh: usize) {
+        let mut before = self.levels.iter().rev().filter(|level| level.step >= first_level_of_mesh);
         let (Some(fine), Some(middle)) = (before.next(), before.next()) else { return };
-        let last = self.question.differences(&middle.answer, &fine.answer);
-        let earlier = before.next().map(|coarse| self.question.differences(&coarse.answer, &middle.answer));
-        let estimator = Estimator::new(self.scene, &fine.model);
-        let floors = self.question.floors(&fine.answer, Rounding::new(self.scene, &fine.model));
+        let last = self.question.relative_differences(&middle.answer, &fine.answer);
+        let earlier = before.next().map(|coarse| self.question.relative_differences(&coarse.answer, &middle.answer));
+        let estimator = ErrorEstimator::new(self.scene, &fine.model);
+        let floors = self.question.error_floors(&fine.answer, FrequencyRounding::new(self.scene, &fine.model));
         // The level before may have had fewer parts to compare.
         let before = |k: usize| earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
         let differences: Vec<(Option<f64>, f64)> =
@@ -274,23 +299,29 @@ impl<Q: Question> Ladder<'_, Q> {
         let responses = |estimate: &dyn Fn(Option<f64>, f64) -> f64| -> Vec<f64> {
             differences.iter().map(|(before, last)| RESPONSE_SAFETY * estimate(*before, *last)).collect()
         };
-        let deciding = self.question.deciding(differences.len());
-        let estimates = match self.question.values() {
-            Values::Frequencies => {
+        let deciding = self.question.count_deciding_parts(differences.len());
+        let estimates = match self.question.kind_of_compared_values() {
+            ComparedValues::Frequencies => {
                 let (modes, others) = differences.split_at(deciding);
-                let others = others.iter().map(|(before, last)| estimator.estimate(*before, *last));
-                estimator.estimate_modes(modes).into_iter().chain(others).collect()
+                let others = others.iter().map(|(before, last)| estimator.estimate_error_bound(*before, *last));
+                estimator.estimate_mode_error_bounds(modes).into_iter().chain(others).collect()
             }
-            Values::Curves => responses(&|before, last| estimator.estimate_curves(before, last)),
-            Values::FewResponses => responses(&|before, last| estimator.estimate_few(before, last)),
+            ComparedValues::Curves => responses(&|before, last| estimator.estimate_curve_error_bound(before, last)),
+            ComparedValues::FewResponses => {
+                responses(&|before, last| estimator.estimate_few_responses_error_bound(before, last))
+            }
         };
         let bounds: Vec<f64> = estimates.iter().zip(&floors).map(|(estimate, floor)| estimate + floor).collect();
-        let (step, found) = (fine.step, largest(&bounds[..deciding]));
+        let (step, found) = (fine.step, largest_bound(&bounds[..deciding]));
         if let Some(step) = self.steps.get_mut(step) {
             step.bound = found;
         }
-        if self.best.as_ref().is_none_or(|best| found <= best.largest() || !best.largest().is_finite()) {
-            self.best = Some(Best { step, bounds, floors, deciding });
+        if self
+            .best
+            .as_ref()
+            .is_none_or(|best| found <= best.largest_deciding_bound() || !best.largest_deciding_bound().is_finite())
+        {
+            self.best = Some(BestLevel { step, bounds, floors, deciding });
         }
         let best = self.best.as_ref().map(|best| best.step);
         let kept = self.steps.len().saturating_sub(2);
@@ -298,31 +329,35 @@ impl<Q: Question> Ladder<'_, Q> {
     }
 
     /// The next rung; `None` where the answer is good enough, or nothing better can be had.
-    fn next(&self, rung: Rung) -> Option<Rung> {
+    fn choose_next_refinement(&self, current: MeshRefinement) -> Option<MeshRefinement> {
         let best = self.best.as_ref()?;
         let last = self.steps.last()?.bound;
         // Nothing to gain where rounding is all that is left, or has begun to grow.
-        let is_rounding =
-            best.is_near_floor(2.0) || (last > GETTING_WORSE * best.largest() && best.is_near_floor(NEAR_FLOOR));
-        if best.largest() <= self.accuracy.value() || is_rounding || has_point_moment(self.scene) {
+        let is_rounding = best.is_within_factor_of_error_floors(2.0)
+            || (last > GETTING_WORSE * best.largest_deciding_bound()
+                && best.is_within_factor_of_error_floors(NEAR_FLOOR));
+        if best.largest_deciding_bound() <= self.accuracy.relative_tolerance()
+            || is_rounding
+            || has_rotational_point_spring(self.scene)
+        {
             return None;
         }
-        let next = if rung.order + 2 <= MOST_ORDER {
-            Rung { order: rung.order + 2, ..rung }
+        let next = if current.order + 2 <= MOST_ORDER {
+            MeshRefinement { order: current.order + 2, ..current }
         } else {
-            Rung { order: FIRST_ORDER_TIGHT, part: rung.part * SMALLER }
+            MeshRefinement { order: FIRST_ORDER_TIGHT, part: current.part * SMALLER }
         };
-        let finer = fineness(self.scene, next.order, next.part, self.max_hz).ok()?;
-        let unknowns = expected_unknowns(self.scene, finer);
-        let most = if best.largest().is_finite() { MOST_UNKNOWNS } else { MOST_UNKNOWNS_UNSETTLED };
-        (unknowns <= most && self.has_time(unknowns, next.part < rung.part)).then_some(next)
+        let finer = choose_fineness(self.scene, next.order, next.part, self.max_hz).ok()?;
+        let unknowns = estimate_unknown_count(self.scene, finer);
+        let most = if best.largest_deciding_bound().is_finite() { MOST_UNKNOWNS } else { MOST_UNKNOWNS_UNSETTLED };
+        (unknowns <= most && self.has_time_for_level(unknowns, next.part < current.part)).then_some(next)
     }
 
     /// Whether a level of so many unknowns fits in the time that is left: by the last level's time and the power of the
     /// unknowns that the last two levels grew with. A new mesh begins with two levels.
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
-    fn has_time(&self, unknowns: usize, is_new_mesh: bool) -> bool {
-        let Some(within) = self.accuracy.time() else { return true };
+    fn has_time_for_level(&self, unknowns: usize, is_new_mesh: bool) -> bool {
+        let Some(within) = self.accuracy.time_limit() else { return true };
         let [.., before, last] = self.steps.as_slice() else { return true };
         let grown = last.dofs as f64 / before.dofs.max(1) as f64;
         let power = if grown > 1.0 { (last.elapsed_ms / before.elapsed_ms).ln() / grown.ln() } else { GROWTH.1 };
@@ -332,25 +367,26 @@ impl<Q: Question> Ladder<'_, Q> {
         self.started.elapsed() + Duration::from_secs_f64(predicted_ms / 1e3) <= within
     }
 
-    /// The best level's answer; `None` if there is none.
-    fn finish(mut self) -> Option<Bounded<Q::Answer>> {
+    /// The answer with the smallest bound; `None` if no level has been solved.
+    fn into_best_answer(mut self) -> Option<BoundedAnswer<Q::Answer>> {
         let best = self.best?;
         let at = self.levels.iter().position(|level| level.step == best.step)?;
-        let Level { model, answer, .. } = self.levels.swap_remove(at);
+        let AnsweredLevel { model, answer, .. } = self.levels.swap_remove(at);
         let bound = |bound: f64| match bound {
-            _ if has_point_moment(self.scene) => Bound::Unknown(POINT_MOMENT),
+            _ if has_rotational_point_spring(self.scene) => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
         };
-        Some(Bounded { answer, bounds: best.bounds.into_iter().map(bound).collect(), steps: self.steps, model })
+        Some(BoundedAnswer { answer, bounds: best.bounds.into_iter().map(bound).collect(), steps: self.steps, model })
     }
 }
 
-fn largest(bounds: &[f64]) -> f64 {
+/// The largest of some bounds; 0 without any.
+fn largest_bound(bounds: &[f64]) -> f64 {
     bounds.iter().copied().fold(0.0, f64::max)
 }
 
 /// Whether errors may fall so slowly that two levels do not show it: a third is asked.
-fn is_doubtful(scene: &Scene, fineness: Fineness) -> bool {
-    has_singular_corner(scene) || is_singular(scene, fineness) || has_close_points(scene, fineness)
+fn needs_third_level(scene: &Scene, fineness: Fineness) -> bool {
+    has_singular_corner(scene) || has_unresolved_singularity(scene, fineness) || has_close_attachments(scene, fineness)
 }

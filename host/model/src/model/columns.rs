@@ -15,7 +15,7 @@ const TOGETHER: usize = 4;
 
 /// Columns of one length.
 #[derive(Clone, Debug)]
-pub(super) struct Columns {
+pub(super) struct BasisColumns {
     rows: usize,
     /// Column by column.
     values: Vec<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Columns {
 /// The values of up to [`LANES`] vectors at each place.
 type Lanes = [f64; LANES];
 
-impl Columns {
+impl BasisColumns {
     /// None yet, of this length.
     pub(super) fn new(rows: usize) -> Self {
         Self { rows, values: Vec::new() }
@@ -35,16 +35,16 @@ impl Columns {
         self.values.len().checked_div(self.rows).unwrap_or(0)
     }
 
-    /// Adds those of a matrix.
-    pub(super) fn push(&mut self, columns: &DMatrix<f64>) {
+    /// Appends the columns of a matrix.
+    pub(super) fn append_columns(&mut self, columns: &DMatrix<f64>) {
         self.values.extend_from_slice(columns.as_slice());
     }
 
-    /// V' X.
-    pub(super) fn inner(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
+    /// Inner products of every column with every vector: V' X.
+    pub(super) fn inner_products_with(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(self.len(), vectors.ncols());
         for first in (0..vectors.ncols()).step_by(LANES) {
-            let lanes = interleaved(vectors, first);
+            let lanes = interleave_columns(vectors, first);
             let mut sums = vec![[0.0; LANES]; self.len()];
             Arch::new().dispatch(AddInner(&self.values, &lanes, &mut sums));
             for (mut column, lane) in out.columns_range_mut(first..).column_iter_mut().zip(0..LANES) {
@@ -54,11 +54,11 @@ impl Columns {
         out
     }
 
-    /// X - V C into X.
-    pub(super) fn take_out(&self, vectors: &mut DMatrix<f64>, coefficients: &DMatrix<f64>) {
+    /// Subtracts combinations of the columns from vectors: X - V C into X.
+    pub(super) fn subtract_combinations_from(&self, vectors: &mut DMatrix<f64>, coefficients: &DMatrix<f64>) {
         for first in (0..vectors.ncols()).step_by(LANES) {
-            let mut lanes = interleaved(vectors, first);
-            let coefficients = interleaved(coefficients, first);
+            let mut lanes = interleave_columns(vectors, first);
+            let coefficients = interleave_columns(coefficients, first);
             Arch::new().dispatch(Subtract(&self.values, &coefficients, &mut lanes));
             for (mut column, lane) in vectors.columns_range_mut(first..).column_iter_mut().zip(0..LANES) {
                 column.iter_mut().zip(&lanes).for_each(|(out, value)| *out = value[lane]);
@@ -66,25 +66,26 @@ impl Columns {
         }
     }
 
-    /// V C.
-    pub(super) fn times(&self, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
+    /// Combinations of the columns: V C.
+    pub(super) fn combine_columns(&self, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
         nalgebra::DMatrixView::from_slice(&self.values, self.rows, self.len()) * coefficients
     }
 }
 
-fn interleaved(vectors: &DMatrix<f64>, first: usize) -> Vec<Lanes> {
+/// Up to [`LANES`] columns from `first_column` on, the values of one row side by side.
+fn interleave_columns(vectors: &DMatrix<f64>, first_column: usize) -> Vec<Lanes> {
     let mut out = vec![[0.0; LANES]; vectors.nrows()];
-    for (column, lane) in vectors.columns_range(first..).column_iter().zip(0..LANES) {
+    for (column, lane) in vectors.columns_range(first_column..).column_iter().zip(0..LANES) {
         out.iter_mut().zip(column.iter()).for_each(|(out, value)| out[lane] = *value);
     }
     out
 }
 
-kernel!(AddInner<'a>(values: &'a [f64], vectors: &'a [Lanes], out: &'a mut [Lanes]) -> () = add_inner);
+kernel!(AddInner<'a>(values: &'a [f64], vectors: &'a [Lanes], out: &'a mut [Lanes]) -> () = add_inner_products);
 
 /// `out[c]` += the sum over places of `values[c]` times `vectors`.
 #[inline(always)]
-fn add_inner(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
+fn add_inner_products(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
     let rows = vectors.len().max(1);
     for (columns, out) in values.chunks(TOGETHER * rows).zip(out.chunks_mut(TOGETHER)) {
         let mut sums = [[0.0; LANES]; TOGETHER];
@@ -110,11 +111,11 @@ fn add_inner(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
     }
 }
 
-kernel!(Subtract<'a>(values: &'a [f64], coefficients: &'a [Lanes], vectors: &'a mut [Lanes]) -> () = subtract);
+kernel!(Subtract<'a>(values: &'a [f64], coefficients: &'a [Lanes], vectors: &'a mut [Lanes]) -> () = subtract_weighted_columns);
 
 /// `vectors` -= the sum over columns of `values[c]` times `coefficients[c]`.
 #[inline(always)]
-fn subtract(values: &[f64], coefficients: &[Lanes], vectors: &mut [Lanes]) {
+fn subtract_weighted_columns(values: &[f64], coefficients: &[Lanes], vectors: &mut [Lanes]) {
     let rows = vectors.len().max(1);
     for (columns, by) in values.chunks(TOGETHER * rows).zip(coefficients.chunks(TOGETHER)) {
         let column = |k: usize| columns.get(k * rows..(k + 1) * rows).unwrap_or(&[]);
@@ -145,14 +146,16 @@ mod tests {
         for (rows, columns, width) in [(7, 1, 1), (10, 4, 4), (23, 9, 3), (12, 6, 6)] {
             let basis = DMatrix::from_fn(rows, columns, |i, j| ((3 * i + 7 * j) % 11) as f64 - 5.0);
             let vectors = DMatrix::from_fn(rows, width, |i, j| ((5 * i + 2 * j) % 13) as f64 - 6.0);
-            let mut tall = Columns::new(rows);
-            basis.column_iter().for_each(|column| tall.push(&DMatrix::from_column_slice(rows, 1, column.as_slice())));
-            let inner = tall.inner(&vectors);
+            let mut tall = BasisColumns::new(rows);
+            basis
+                .column_iter()
+                .for_each(|column| tall.append_columns(&DMatrix::from_column_slice(rows, 1, column.as_slice())));
+            let inner = tall.inner_products_with(&vectors);
             assert_eq!(inner, basis.tr_mul(&vectors));
             let mut rest = vectors.clone();
-            tall.take_out(&mut rest, &inner);
+            tall.subtract_combinations_from(&mut rest, &inner);
             assert_eq!(rest, &vectors - &basis * &inner);
-            assert_eq!(tall.times(&inner), &basis * &inner);
+            assert_eq!(tall.combine_columns(&inner), &basis * &inner);
         }
     }
 }

@@ -12,12 +12,12 @@
 //! corner of 90 degrees no root is below 1. A corner of a patch is a wedge of two materials: between 1, where they are
 //! alike, and 0.54, where one is rigid (kappa = 1 above, with the sign of clamped edges).
 
-use super::edges::{edge_kind, is_thin};
-use crate::scene::{EdgeKind, Layer, Layout, Scene, Side, SurfaceKind, Vertex};
+use super::edges::{find_edge_kind, needs_fine_cells_at_elastic_corner};
+use crate::scene::{EdgeKind, LayoutVertex, Scene, Side, SurfaceKind, SurfaceLayer, SurfaceLayout};
 
 /// What is at a corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CornerKind {
     /// Material on one of four sides, its borders `[across x, across y]`: those of the surface, or a cut-out's (`None`).
     Convex([Option<Side>; 2]),
     /// Material on three of four sides.
@@ -28,27 +28,31 @@ pub enum Kind {
 
 /// A corner of the plate, of a cut-out or of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Corner {
+pub struct PlateCorner {
     /// In m.
     pub at: (f64, f64),
     /// What is there.
-    pub kind: Kind,
+    pub kind: CornerKind,
 }
 
-/// All corners.
-pub fn corners(layout: &Layout) -> Vec<Corner> {
-    let (right, bottom) = (layout.x_m().len() - 1, layout.y_m().len() - 1);
-    let size = (layout.x_m()[right], layout.y_m()[bottom]);
-    layout.vertices().filter_map(|vertex| Some(Corner { at: vertex.at, kind: kind(&vertex, size)? })).collect()
+/// All corners of a plate, its cut-outs and its patches.
+pub fn find_plate_corners(layout: &SurfaceLayout) -> Vec<PlateCorner> {
+    let (right, bottom) = (layout.border_lines_x_m().len() - 1, layout.border_lines_y_m().len() - 1);
+    let size = (layout.border_lines_x_m()[right], layout.border_lines_y_m()[bottom]);
+    layout
+        .border_vertices()
+        .filter_map(|vertex| Some(PlateCorner { at: vertex.at, kind: classify_corner(&vertex, size)? }))
+        .collect()
 }
 
+/// What kind of corner a vertex is; `None` if it is none.
 #[expect(clippy::float_cmp, reason = "borders are exactly at 0 and at the side's length")]
-fn kind(vertex: &Vertex, (length, width): (f64, f64)) -> Option<Kind> {
-    let solid: Vec<(usize, Layer)> =
+fn classify_corner(vertex: &LayoutVertex, (length, width): (f64, f64)) -> Option<CornerKind> {
+    let solid: Vec<(usize, SurfaceLayer)> =
         vertex.around.iter().enumerate().filter_map(|(k, part)| part.map(|layer| (k, layer))).collect();
     let (first, layer) = *solid.first()?;
     if solid.iter().any(|(_, other)| *other != layer) {
-        return (!vertex.is_straight()).then_some(Kind::Patch);
+        return (!vertex.has_straight_border()).then_some(CornerKind::Patch);
     }
     let (x, y) = vertex.at;
     match solid.len() {
@@ -62,9 +66,9 @@ fn kind(vertex: &Vertex, (length, width): (f64, f64)) -> Option<Kind> {
                 0 | 1 => (y == width).then_some(Side::Bottom),
                 _ => (y == 0.0).then_some(Side::Top),
             };
-            Some(Kind::Convex([across_x, across_y]))
+            Some(CornerKind::Convex([across_x, across_y]))
         }
-        3 => Some(Kind::Reentrant),
+        3 => Some(CornerKind::Reentrant),
         _ => None,
     }
 }
@@ -78,26 +82,32 @@ const MOST_LAYERS_REENTRANT: usize = 2;
 /// The same at a patch's corner, which is nearer to regular.
 const MOST_LAYERS_PATCH: usize = 1;
 
-/// Cells that shrink towards a corner, of at most `layers`: 0 where moments are bounded, other than between a clamped and a
+/// Cells that shrink towards a corner, of at most `most_layers`: 0 where moments are bounded, other than between a clamped and a
 /// free edge, at the end of an edge on stiff springs, where a border turns inwards and at patches.
-pub fn layers(scene: &Scene, corner: &Corner, layers: usize) -> usize {
+pub fn count_cell_layers_towards_corner(scene: &Scene, corner: &PlateCorner, most_layers: usize) -> usize {
     match corner.kind {
-        Kind::Reentrant => layers.min(MOST_LAYERS_REENTRANT),
-        Kind::Patch => layers.min(MOST_LAYERS_PATCH),
-        Kind::Convex(sides) => {
-            let kinds = sides.map(|side| side.and_then(|side| edge_kind(scene, side)));
+        CornerKind::Reentrant => most_layers.min(MOST_LAYERS_REENTRANT),
+        CornerKind::Patch => most_layers.min(MOST_LAYERS_PATCH),
+        CornerKind::Convex(sides) => {
+            let kinds = sides.map(|side| side.and_then(|side| find_edge_kind(scene, side)));
             let is_clamped = |kind: &Option<EdgeKind>| matches!(kind, Some(EdgeKind::Clamped));
             // Springs along an edge change nothing about what is singular, but may be nearly so.
             let is_free = |kind: &Option<EdgeKind>| matches!(kind, None | Some(EdgeKind::Elastic { .. }));
             let is_singular = kinds.iter().any(is_clamped) && kinds.iter().any(is_free);
-            if is_singular || is_thin(scene, sides) { layers.min(MOST_LAYERS) } else { 0 }
+            if is_singular || needs_fine_cells_at_elastic_corner(scene, sides) {
+                most_layers.min(MOST_LAYERS)
+            } else {
+                0
+            }
         }
     }
 }
 
-/// Whether the plate has such a corner.
+/// Whether the plate has a corner with unbounded moments.
 #[must_use]
 pub fn has_singular_corner(scene: &Scene) -> bool {
     scene.surface.kind == SurfaceKind::Plate
-        && corners(&scene.layout()).iter().any(|corner| layers(scene, corner, 1) > 0)
+        && find_plate_corners(&scene.layout())
+            .iter()
+            .any(|corner| count_cell_layers_towards_corner(scene, corner, 1) > 0)
 }

@@ -10,14 +10,14 @@
 
 mod compliance;
 
-pub use compliance::Yields;
+pub use compliance::SurfaceCompliance;
 
 use super::assembly::{AttachedVectors, Attachment};
-use super::attached::{Attached, actuators, passive};
-use super::damping::Damping;
-use super::eigen::{Eigen, Modes};
+use super::attached::{PointAttachment, actuator_attachments, supports_and_masses};
+use super::damping::DampingMatrices;
+use super::eigen::{DenseEigenpairs, Modes};
 use super::grid::Grid;
-use super::panel::{PanelModel, fineness};
+use super::panel::{PanelModel, choose_fineness};
 use super::reduced::ReducedModel;
 use super::sparse::SparseVector;
 use super::{Accuracy, Fineness, ModelError};
@@ -61,17 +61,17 @@ pub struct BarePanel {
     mass_modes: DMatrix<f64>,
     /// What the surface's losses leave unbalanced along its edges, whatever the design.
     along_edges: Vec<SparseVector>,
-    points: Mutex<HashMap<Key, Arc<Shapes>>>,
+    points: Mutex<HashMap<LoadKey, Arc<LoadShapes>>>,
     /// Of the grid whose yield was asked for last.
-    yields: Mutex<Option<Arc<compliance::Points>>>,
+    yields: Mutex<Option<Arc<compliance::CompliancePoints>>>,
 }
 
 /// Where a load is and what it pushes: its entries, bit by bit.
-type Key = Vec<(usize, u64)>;
+type LoadKey = Vec<(usize, u64)>;
 
 /// What a load does to the bare panel.
 #[derive(Debug)]
-struct Shapes {
+struct LoadShapes {
     load: SparseVector,
     /// Over the modes.
     modes: DVector<f64>,
@@ -83,8 +83,8 @@ struct Shapes {
 
 /// A basis for one design, and the bare panel's matrices over it: of the modes and of the residual shapes, which are
 /// M-orthogonal to those.
-struct Basis {
-    loads: Vec<Arc<Shapes>>,
+struct ResidualBasis {
+    loads: Vec<Arc<LoadShapes>>,
     /// Residual shapes that are orthonormal by M, as sums of the loads': (loads x shapes) x kept.
     sums: DMatrix<f64>,
     /// Bare stiffness over them, kept x kept.
@@ -98,15 +98,15 @@ impl BarePanel {
     /// # Errors
     /// As [`PanelModel::build`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        let bare = without_attachments(scene);
-        let (order, part) = match (scene.surface.kind, accuracy.value()) {
+        let bare = copy_without_attachments(scene);
+        let (order, part) = match (scene.surface.kind, accuracy.relative_tolerance()) {
             // A point force's third derivative jumps inside a cell: small ones, which cost a bar next to nothing.
             (SurfaceKind::Bar, _) => (11, 0.34),
             (SurfaceKind::Plate, 1e-2..) => (9, 1.0),
             (SurfaceKind::Plate, 1e-3..) => (11, 1.0),
             (SurfaceKind::Plate, _) => (13, 0.5),
         };
-        Self::new(&bare, fineness(&bare, order, part, max_hz)?, max_hz)
+        Self::new(&bare, choose_fineness(&bare, order, part, max_hz)?, max_hz)
     }
 
     /// The same with elements of one's own choice.
@@ -114,13 +114,13 @@ impl BarePanel {
     /// # Errors
     /// As [`PanelModel::with_fineness`].
     pub fn new(scene: &Scene, fineness: Fineness, max_hz: f64) -> Result<Self, ModelError> {
-        let bare = without_attachments(scene);
+        let bare = copy_without_attachments(scene);
         let model = PanelModel::with_fineness(&bare, fineness)?;
         let order = fineness.order.saturating_sub(LOWER).max(3);
         let lower = PanelModel::with_fineness(&bare, Fineness { order, ..fineness })?;
-        let modes = model.modes_to_reduce(max_hz)?;
-        let mass_modes = model.operator().mass.times(&modes.vectors);
-        let along_edges = model.unbalanced(&modes, max_hz);
+        let modes = model.compute_modes_for_reduction(max_hz)?;
+        let mass_modes = model.shift_invert_operator().mass.multiply_columns(&modes.vectors);
+        let along_edges = model.find_unbalanced_loads(&modes, max_hz);
         Ok(Self {
             scene: bare,
             model,
@@ -134,15 +134,15 @@ impl BarePanel {
         })
     }
 
-    /// Unknowns of its mesh.
+    /// Number of unknowns of its mesh.
     #[must_use]
-    pub fn dofs(&self) -> usize {
-        self.model.dofs()
+    pub fn count_unknowns(&self) -> usize {
+        self.model.count_unknowns()
     }
 
-    /// Modes that are kept.
+    /// Number of modes that are kept.
     #[must_use]
-    pub fn modes(&self) -> usize {
+    pub fn count_modes(&self) -> usize {
         self.modes.lambda.len()
     }
 
@@ -151,26 +151,29 @@ impl BarePanel {
     /// # Errors
     /// [`ModelError::OtherPanel`] if its surface, patches, cut-outs or edges are not this panel's; [`ModelError::Factorisation`] if
     /// numbers are beyond what can be computed with.
-    pub fn coupled(&self, scene: &Scene) -> Result<ReducedModel, ModelError> {
-        self.check(scene)?;
+    pub fn couple_to_design(&self, scene: &Scene) -> Result<ReducedModel, ModelError> {
+        self.check_same_bare_panel(scene)?;
         let grid = self.model.grid();
-        let mut attached = AttachedVectors::of(grid, scene);
-        let free = self.dofs();
-        let basis = Basis::new(self.loads(&attached.attachments, free), self.model.shift());
-        let local = self.local(&attached, scene, &basis.loads);
-        let (modes, residual, carried) = (self.modes(), basis.sums.ncols(), attached.unknowns - free);
+        let mut attached = AttachedVectors::from_scene(grid, scene);
+        let free = self.count_unknowns();
+        let basis = ResidualBasis::new(
+            self.collect_load_shapes(&attached.attachments, free),
+            self.model.spectral_shift_rad2_per_s2(),
+        );
+        let local = self.compute_local_motions(&attached, scene, &basis.loads);
+        let (modes, residual, carried) = (self.count_modes(), basis.sums.ncols(), attached.unknowns - free);
         let size = modes + residual + carried + local.ncols();
         // What elements miss where a force acts: an unknown of its own at each place.
-        for vector in attached.vectors_mut() {
-            let own = position(&basis.loads, vector, free);
+        for vector in attached.all_vectors_mut() {
+            let own = find_load_of_vector(&basis.loads, vector, free);
             vector.extend(own.map(|k| (free + carried + k, 1.0)));
         }
         attached.unknowns += basis.loads.len();
         let along = |vector: &SparseVector| {
             let mut out = DVector::zeros(size);
-            if let Some(load) = position(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
+            if let Some(load) = find_load_of_vector(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
                 out.rows_mut(0, modes).copy_from(&load.modes);
-                out.rows_mut(modes, residual).copy_from(&basis.along(load));
+                out.rows_mut(modes, residual).copy_from(&basis.residual_shape_deflections_at(load));
             }
             for (unknown, value) in vector.iter().filter(|(unknown, _)| *unknown >= free) {
                 let row = unknown - free;
@@ -191,17 +194,17 @@ impl BarePanel {
         }
         stiffness.view_mut((modes, modes), (residual, residual)).copy_from(&basis.stiffness);
         for k in modes + residual + carried..size {
-            stiffness[(k, k)] = self.local_lambda();
+            stiffness[(k, k)] = self.local_motion_squared_frequency();
         }
         for attachment in &mut attached.attachments {
             let shape = along(&attachment.vector);
-            let most = RIGID / self.flexibility(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
+            let most = RIGID / self.static_flexibility_at_load(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
             // For its losses too, which are a part of the energy in it.
             attachment.stiffness = attachment.stiffness.min(most);
             stiffness.ger(attachment.stiffness, &shape, &shape, 1.0);
             mass.ger(attachment.mass, &shape, &shape, 1.0);
         }
-        let (lambda, vectors) = eigen(stiffness, mass)?;
+        let (lambda, vectors) = solve_generalised_eigenproblem(stiffness, mass)?;
         let mut all = DMatrix::zeros(attached.unknowns, lambda.len());
         let mut surface = all.rows_mut(0, free);
         surface.gemm(1.0, &self.modes.vectors, &vectors.rows(0, modes), 0.0);
@@ -212,21 +215,28 @@ impl BarePanel {
         all.rows_mut(free, carried).copy_from(&vectors.rows(modes + residual, carried));
         let local = &local * vectors.rows(modes + residual + carried, local.ncols());
         all.rows_mut(free + carried, basis.loads.len()).copy_from(&local);
-        let damping = Damping::over(scene.surface.damping, &attached, self.model.springs(), &lambda, &all);
+        let damping = DampingMatrices::project_onto_vectors(
+            scene.surface.damping,
+            &attached,
+            self.model.distributed_springs(),
+            &lambda,
+            &all,
+        );
         let mut model = ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid));
-        for (point_m, load) in loaded_points(grid, scene, &basis.loads, free) {
+        for (point_m, load) in points_with_load_indices(grid, scene, &basis.loads, free) {
             model.add_local_motion(point_m, local.row(load).transpose());
         }
         Ok(model)
     }
 
-    /// Whether a scene is a design of this panel.
+    /// Whether a scene is a design of this panel: nothing but what is attached at points differs.
     #[must_use]
-    pub fn is_of(&self, scene: &Scene) -> bool {
-        self.check(scene).is_ok()
+    pub fn is_panel_of_design(&self, scene: &Scene) -> bool {
+        self.check_same_bare_panel(scene).is_ok()
     }
 
-    fn check(&self, scene: &Scene) -> Result<(), ModelError> {
+    /// Refuses a scene whose surface, patches, cut-outs, edges or sealed air are not this panel's.
+    fn check_same_bare_panel(&self, scene: &Scene) -> Result<(), ModelError> {
         let own = &self.scene;
         let parts = [
             ("surface", own.surface == scene.surface),
@@ -238,21 +248,29 @@ impl BarePanel {
         parts.iter().find(|(_, is_same)| !is_same).map_or(Ok(()), |(part, _)| Err(ModelError::OtherPanel { part }))
     }
 
-    fn local_lambda(&self) -> f64 {
+    /// Squared frequency in rad^2/s^2 that the local motions get: far above all that is asked for.
+    fn local_motion_squared_frequency(&self) -> f64 {
         (LOCAL * std::f64::consts::TAU * self.max_hz).powi(2)
     }
 
     /// What the mesh misses of the deflection that forces at the loads' places make there, as mass-normalised motions of
-    /// [`Self::local_lambda`]: loads x motions.
-    fn local(&self, attached: &AttachedVectors, scene: &Scene, loads: &[Arc<Shapes>]) -> DMatrix<f64> {
+    /// [`Self::local_motion_squared_frequency`]: loads x motions.
+    fn compute_local_motions(
+        &self,
+        attached: &AttachedVectors,
+        scene: &Scene,
+        loads: &[Arc<LoadShapes>],
+    ) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(loads.len(), 0);
-        let Some(missing) = self.missing(attached, scene, loads) else { return nothing };
-        let Some(eigen) = Eigen::of(&(0.5 * (&missing + missing.transpose()))) else { return nothing };
+        let Some(missing) = self.estimate_missing_flexibility(attached, scene, loads) else { return nothing };
+        let Some(eigen) = DenseEigenpairs::from_symmetric_matrix(&(0.5 * (&missing + missing.transpose()))) else {
+            return nothing;
+        };
         let most = eigen.values.amax();
         let kept: Vec<usize> = (0..loads.len()).filter(|k| eigen.values[*k] > DEPENDENT * most).collect();
         let mut motions = eigen.vectors.select_columns(&kept);
         for (mut column, k) in motions.column_iter_mut().zip(&kept) {
-            column.scale_mut((eigen.values[*k] * self.local_lambda()).sqrt());
+            column.scale_mut((eigen.values[*k] * self.local_motion_squared_frequency()).sqrt());
         }
         motions
     }
@@ -260,88 +278,101 @@ impl BarePanel {
     /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
     /// the elements; `None` on a bar, whose elements miss too little to be told in a
     /// response.
-    fn missing(&self, attached: &AttachedVectors, scene: &Scene, of: &[Arc<Shapes>]) -> Option<DMatrix<f64>> {
-        let (n, free, lower_free) = (of.len(), self.dofs(), self.lower.dofs());
-        let part = self.extrapolated().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
-        let lower = AttachedVectors::of(self.lower.grid(), scene);
+    fn estimate_missing_flexibility(
+        &self,
+        attached: &AttachedVectors,
+        scene: &Scene,
+        load_shapes: &[Arc<LoadShapes>],
+    ) -> Option<DMatrix<f64>> {
+        let (n, free, lower_free) = (load_shapes.len(), self.count_unknowns(), self.lower.count_unknowns());
+        let part = self.extrapolation_factor().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
+        let lower = AttachedVectors::from_scene(self.lower.grid(), scene);
         if lower.attachments.len() != attached.attachments.len() {
             return None;
         }
         let mut loads = DMatrix::zeros(lower_free, n);
         for (own, below) in attached.attachments.iter().zip(&lower.attachments).filter(|(own, _)| !own.is_slope) {
-            if let Some(k) = position(of, &own.vector, free) {
+            if let Some(k) = find_load_of_vector(load_shapes, &own.vector, free) {
                 loads.column_mut(k).fill(0.0);
                 let on_surface = below.vector.iter().filter(|(unknown, _)| *unknown < lower_free);
                 on_surface.for_each(|(unknown, value)| loads[(*unknown, k)] = *value);
             }
         }
-        let below = loads.tr_mul(&self.lower.operator().factor.solve(&loads));
+        let below = loads.tr_mul(&self.lower.shift_invert_operator().factor.solve_for_columns(&loads));
         Some(DMatrix::from_fn(n, n, |i, j| {
             let is_known = loads.column(i).amax() > 0.0 && loads.column(j).amax() > 0.0;
-            if is_known { part * (self.static_at(&of[i], &of[j]) - below[(i, j)]) } else { 0.0 }
+            if is_known {
+                part * (self.static_deflection_between_loads(&load_shapes[i], &load_shapes[j]) - below[(i, j)])
+            } else {
+                0.0
+            }
         }))
     }
 
     /// What the finer mesh misses of a point force's deflection, over the difference between the meshes; `None` if there is one mesh only.
     #[expect(clippy::cast_precision_loss, reason = "orders of elements")]
-    fn extrapolated(&self) -> Option<f64> {
-        if self.lower.order() >= self.model.order() {
+    fn extrapolation_factor(&self) -> Option<f64> {
+        if self.lower.element_order() >= self.model.element_order() {
             return None;
         }
         let power = if self.scene.surface.kind == SurfaceKind::Bar { FALLS_ON_BARS } else { FALLS };
-        let [below, own] = [self.lower.order(), self.model.order()].map(|order| (order as f64 - SHORT).powi(-power));
+        let [below, own] =
+            [self.lower.element_order(), self.model.element_order()].map(|order| (order as f64 - SHORT).powi(-power));
         Some(own / (below - own))
     }
 
     /// Deflection at one load's place for the other, of the bare panel with its shift, static.
-    fn static_at(&self, one: &Shapes, other: &Shapes) -> f64 {
-        let shift = self.model.shift();
+    fn static_deflection_between_loads(&self, one: &LoadShapes, other: &LoadShapes) -> f64 {
+        let shift = self.model.spectral_shift_rad2_per_s2();
         let modes = one.modes.iter().zip(other.modes.iter()).zip(&self.modes.lambda);
-        modes.map(|((a, b), lambda)| a * b / (lambda + shift)).sum::<f64>() + dot(&one.load, &other.shapes, 0)
+        modes.map(|((a, b), lambda)| a * b / (lambda + shift)).sum::<f64>()
+            + multiply_row_with_column(&one.load, &other.shapes, 0)
     }
 
-    /// Static flexibility of the bare panel, shifted, at what moves an attachment; of one that is not on the surface, 0.
-    fn flexibility(&self, vector: &SparseVector, free: usize, basis: &Basis) -> f64 {
-        position(&basis.loads, vector, free).map_or(0.0, |k| self.static_at(&basis.loads[k], &basis.loads[k]))
+    /// Static deflection per newton of the bare, shifted panel at a load; 0 for a vector that is not on the surface.
+    fn static_flexibility_at_load(&self, vector: &SparseVector, free: usize, basis: &ResidualBasis) -> f64 {
+        find_load_of_vector(&basis.loads, vector, free)
+            .map_or(0.0, |k| self.static_deflection_between_loads(&basis.loads[k], &basis.loads[k]))
     }
 
     /// The shapes of everything that pushes the surface, each load once: those of attachments first.
-    fn loads(&self, attachments: &[Attachment], free: usize) -> Vec<Arc<Shapes>> {
-        let mut out: Vec<Arc<Shapes>> = Vec::new();
+    fn collect_load_shapes(&self, attachments: &[Attachment], free: usize) -> Vec<Arc<LoadShapes>> {
+        let mut out: Vec<Arc<LoadShapes>> = Vec::new();
         let on_surface = |attachment: &Attachment| -> SparseVector {
             attachment.vector.iter().copied().filter(|(unknown, _)| *unknown < free).collect()
         };
         for load in attachments.iter().map(on_surface).chain(self.along_edges.iter().cloned()) {
             if !load.is_empty() && out.iter().all(|other| other.load != load) {
-                out.push(self.shapes(load));
+                out.push(self.cached_shapes_of_load(load));
             }
         }
         out
     }
 
-    fn shapes(&self, load: SparseVector) -> Arc<Shapes> {
-        let key: Key = load.iter().map(|(unknown, value)| (*unknown, value.to_bits())).collect();
+    /// Modal and residual shapes of a load: kept ones, or newly computed ones.
+    fn cached_shapes_of_load(&self, load: SparseVector) -> Arc<LoadShapes> {
+        let key: LoadKey = load.iter().map(|(unknown, value)| (*unknown, value.to_bits())).collect();
         if let Some(known) = self.points.lock().unwrap_or_else(PoisonError::into_inner).get(&key) {
             return Arc::clone(known);
         }
-        let operator = self.model.operator();
-        let mut right = DMatrix::zeros(self.dofs(), 1);
+        let operator = self.model.shift_invert_operator();
+        let mut right = DMatrix::zeros(self.count_unknowns(), 1);
         load.iter().for_each(|(unknown, value)| right[(*unknown, 0)] += value);
         let modes = self.modes.vectors.tr_mul(&right).column(0).into_owned();
-        let mut shapes = DMatrix::zeros(self.dofs(), SHAPES);
+        let mut shapes = DMatrix::zeros(self.count_unknowns(), SHAPES);
         let mut mass_shapes = shapes.clone();
         for k in 0..SHAPES {
             // The modes are taken out before a solution as well as after it: of the second shape they are (lambda_next / s)^2.
             right -= &self.mass_modes * self.modes.vectors.tr_mul(&right);
-            let mut shape = operator.factor.solve(&right);
+            let mut shape = operator.factor.solve_for_columns(&right);
             shape -= &self.modes.vectors * self.mass_modes.tr_mul(&shape);
-            right = operator.mass.times(&shape);
+            right = operator.mass.multiply_columns(&shape);
             shapes.set_column(k, &shape.column(0));
             mass_shapes.set_column(k, &right.column(0));
         }
-        let found = Arc::new(Shapes { load, modes, shapes, mass_shapes });
+        let found = Arc::new(LoadShapes { load, modes, shapes, mass_shapes });
         let mut points = self.points.lock().unwrap_or_else(PoisonError::into_inner);
-        if points.len() * 2 * SHAPES * self.dofs() >= KEPT {
+        if points.len() * 2 * SHAPES * self.count_unknowns() >= KEPT {
             points.clear();
         }
         points.insert(key, Arc::clone(&found));
@@ -349,8 +380,8 @@ impl BarePanel {
     }
 }
 
-impl Basis {
-    fn new(loads: Vec<Arc<Shapes>>, shift: f64) -> Self {
+impl ResidualBasis {
+    fn new(loads: Vec<Arc<LoadShapes>>, shift: f64) -> Self {
         let n = SHAPES * loads.len();
         // (K + s M) z1 = b and (K + s M) z2 = M z1, so that every product with K is a deflection or a product with M.
         let (mut shifted, mut mass) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
@@ -361,7 +392,7 @@ impl Basis {
                         let (row, column) = (SHAPES * i + a, SHAPES * j + b);
                         let inertia = one.mass_shapes.column(a).dot(&other.shapes.column(b));
                         let held = match a {
-                            0 => dot(&one.load, &other.shapes, b),
+                            0 => multiply_row_with_column(&one.load, &other.shapes, b),
                             _ => one.mass_shapes.column(a - 1).dot(&other.shapes.column(b)),
                         };
                         (mass[(row, column)], mass[(column, row)]) = (inertia, inertia);
@@ -372,7 +403,7 @@ impl Basis {
         }
         let scale = DVector::from_fn(n, |i, _| 1.0 / mass[(i, i)].max(f64::MIN_POSITIVE).sqrt());
         let scaled = |matrix: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] * scale[i] * scale[j]);
-        let Some(eigen) = Eigen::of(&scaled(&mass)).filter(|_| n > 0) else {
+        let Some(eigen) = DenseEigenpairs::from_symmetric_matrix(&scaled(&mass)).filter(|_| n > 0) else {
             return Self { loads, sums: DMatrix::zeros(n, 0), stiffness: DMatrix::zeros(0, 0) };
         };
         let kept: Vec<usize> = (0..n).filter(|k| eigen.values[*k] > DEPENDENT).collect();
@@ -385,37 +416,49 @@ impl Basis {
         Self { loads, sums, stiffness }
     }
 
-    /// The residual shapes' deflections where a load is.
-    fn along(&self, load: &Shapes) -> DVector<f64> {
-        let each = self.loads.iter().flat_map(|other| (0..SHAPES).map(|k| dot(&load.load, &other.shapes, k)));
+    /// Deflections of the residual shapes where a load acts.
+    fn residual_shape_deflections_at(&self, load: &LoadShapes) -> DVector<f64> {
+        let each = self
+            .loads
+            .iter()
+            .flat_map(|other| (0..SHAPES).map(|k| multiply_row_with_column(&load.load, &other.shapes, k)));
         self.sums.tr_mul(&DVector::from_iterator(SHAPES * self.loads.len(), each))
     }
 }
 
 /// The points of the surface (m) at which something is attached, each once, with the index of the load there.
-fn loaded_points(grid: &Grid, scene: &Scene, loads: &[Arc<Shapes>], free: usize) -> Vec<((f64, f64), usize)> {
+fn points_with_load_indices(
+    grid: &Grid,
+    scene: &Scene,
+    loads: &[Arc<LoadShapes>],
+    free: usize,
+) -> Vec<((f64, f64), usize)> {
     let mut points: Vec<((f64, f64), usize)> = Vec::new();
-    for Attached { at: (x_m, y_m), .. } in passive(scene).chain(actuators(scene)) {
-        let load = position(loads, &grid.attachment(x_m, y_m), free);
+    for PointAttachment { at: (x_m, y_m), .. } in supports_and_masses(scene).chain(actuator_attachments(scene)) {
+        let load = find_load_of_vector(loads, &grid.deflection_row_of_attachment(x_m, y_m), free);
         points.extend(load.map(|load| ((x_m, y_m), load)).filter(|found| !points.contains(found)));
     }
     points
 }
 
-/// Which load pushes the surface as a vector does; none for one that is not on the surface.
-fn position(loads: &[Arc<Shapes>], vector: &SparseVector, free: usize) -> Option<usize> {
+/// Index of the load that pushes the surface like this vector; `None` if there is no such load.
+fn find_load_of_vector(loads: &[Arc<LoadShapes>], vector: &SparseVector, free: usize) -> Option<usize> {
     let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
     loads.iter().position(|load| load.load.iter().eq(on_surface()))
 }
 
-/// K x = lambda M x for symmetric matrices, M positive definite: ascending, vectors M-orthonormal.
-fn eigen(stiffness: DMatrix<f64>, mass: DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>), ModelError> {
+/// Solves K x = lambda M x for symmetric matrices, M positive definite: lambda ascending, vectors M-orthonormal.
+fn solve_generalised_eigenproblem(
+    stiffness: DMatrix<f64>,
+    mass: DMatrix<f64>,
+) -> Result<(Vec<f64>, DMatrix<f64>), ModelError> {
     let failed = |what: &str| ModelError::Factorisation { reason: format!("coupled design: {what}") };
     let lower = mass.cholesky().ok_or_else(|| failed("its mass"))?.unpack();
     let half = lower.solve_lower_triangular(&stiffness).ok_or_else(|| failed("its mass"))?;
     let matrix = lower.solve_lower_triangular(&half.transpose()).ok_or_else(|| failed("its mass"))?;
     let matrix = 0.5 * (&matrix + matrix.transpose());
-    let Eigen { values, vectors } = Eigen::of(&matrix).ok_or_else(|| failed("its modes"))?;
+    let DenseEigenpairs { values, vectors } =
+        DenseEigenpairs::from_symmetric_matrix(&matrix).ok_or_else(|| failed("its modes"))?;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
     let vectors = lower.tr_solve_lower_triangular(&vectors.select_columns(&order)).ok_or_else(|| failed("its mass"))?;
@@ -424,12 +467,14 @@ fn eigen(stiffness: DMatrix<f64>, mass: DMatrix<f64>) -> Result<(Vec<f64>, DMatr
     Ok((order.iter().map(lambda).collect(), vectors))
 }
 
-fn dot(row: &SparseVector, columns: &DMatrix<f64>, column: usize) -> f64 {
-    row.iter().map(|(unknown, value)| value * columns[(*unknown, column)]).sum()
+/// Product of a sparse row with one column of a matrix.
+fn multiply_row_with_column(row: &SparseVector, matrix: &DMatrix<f64>, column: usize) -> f64 {
+    row.iter().map(|(unknown, value)| value * matrix[(*unknown, column)]).sum()
 }
 
-fn without_attachments(scene: &Scene) -> Scene {
-    Scene { supports: Vec::new(), masses: Vec::new(), actuators: Vec::new(), ..scene.clone() }
+/// The scene without supports, masses and actuators.
+fn copy_without_attachments(panel_scene: &Scene) -> Scene {
+    Scene { supports: Vec::new(), masses: Vec::new(), actuators: Vec::new(), ..panel_scene.clone() }
 }
 
 #[cfg(test)]

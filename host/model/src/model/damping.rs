@@ -1,8 +1,8 @@
 //! Damping over a basis, and the one kind that needs modes of its own: a ratio on every mode.
 
-use super::assembly::{Assembled, AttachedVectors, Attachment, EdgeStiffness};
+use super::assembly::{AttachedVectors, Attachment, EdgeStiffness, PanelMatrices};
 use super::eigen::Modes;
-use super::sparse::{SparseVector, Symmetric, row_times};
+use super::sparse::{SparseSymmetricMatrix, SparseVector, multiply_row_with_matrix};
 use crate::scene::{ModalRatio, Scene, SurfaceDamping};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::f64::consts::TAU;
@@ -22,12 +22,17 @@ const HELD: f64 = 1e-10;
 /// With eta K_s + K_springs in place of a loss of everything, and with springs of another loss than the surface's, modes are coupled through the springs' forces (and with a loss of
 /// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
 /// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
-pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
-    let own = OwnLosses::of(scene.surface.damping).unwrap_or_default();
+pub(super) fn find_unbalanced_loads(
+    scene: &Scene,
+    assembled: &PanelMatrices,
+    modes: &Modes,
+    max_hz: f64,
+) -> Vec<SparseVector> {
+    let own = SurfaceLosses::from_proportional_damping(scene.surface.damping).unwrap_or_default();
     let omega = std::f64::consts::TAU * max_hz;
-    let rigid = omega * omega * scene.mass_kg() / HELD;
+    let rigid = omega * omega * scene.surface_mass_kg() / HELD;
     let couples = |part: &&Attachment| {
-        let by_stiffness = own.differ_from(part.loss_factor) && part.stiffness > 0.0;
+        let by_stiffness = own.differs_from_spring_loss(part.loss_factor) && part.stiffness > 0.0;
         let damps = part.damping > 0.0 || by_stiffness || own.alpha > 0.0 && part.mass > 0.0;
         damps && part.stiffness < rigid
     };
@@ -35,9 +40,9 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
     let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
     // Where no mode is that slow there are no amplitudes either.
     let edges = assembled.edges.iter().filter(|_| !modes.lambda.is_empty());
-    for edges in edges.filter(|edges| own.differ_from(edges.loss_factor)) {
+    for edges in edges.filter(|edges| own.differs_from_spring_loss(edges.loss_factor)) {
         // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
-        let mut forces = edges.stiffness.times(&modes.vectors);
+        let mut forces = edges.stiffness.multiply_columns(&modes.vectors);
         for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {
             column.scale_mut(1.0 / (lambda + omega * omega));
         }
@@ -49,13 +54,13 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
             |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
     }
-    loads.extend(assembled.air.iter().filter(|_| own.differ_from(0.0)).map(|air| air.vector.clone()));
+    loads.extend(assembled.air.iter().filter(|_| own.differs_from_spring_loss(0.0)).map(|air| air.vector.clone()));
     loads
 }
 
 /// The surface's own losses that are multiples of its own matrices.
 #[derive(Clone, Copy, Debug, Default)]
-struct OwnLosses {
+struct SurfaceLosses {
     /// Loss factor.
     eta: f64,
     /// Per mass, in 1/s.
@@ -64,9 +69,9 @@ struct OwnLosses {
     beta: f64,
 }
 
-impl OwnLosses {
-    /// `None` where the damping is no such multiple.
-    fn of(surface: SurfaceDamping) -> Option<Self> {
+impl SurfaceLosses {
+    /// The losses of a surface's damping that is a multiple of its own matrices; `None` for a ratio of modes.
+    fn from_proportional_damping(surface: SurfaceDamping) -> Option<Self> {
         match surface {
             SurfaceDamping::None => Some(Self::default()),
             SurfaceDamping::LossFactor(eta) => Some(Self { eta, ..Self::default() }),
@@ -75,15 +80,15 @@ impl OwnLosses {
         }
     }
 
-    /// Whether springs of this loss factor lose something else than the surface's stiffness does.
-    fn differ_from(self, loss_factor: f64) -> bool {
+    /// Whether springs with this loss factor lose another part of their energy than the surface does.
+    fn differs_from_spring_loss(self, loss_factor: f64) -> bool {
         self.beta > 0.0 || self.eta.total_cmp(&loss_factor).is_ne()
     }
 }
 
 /// Springs that hold a surface otherwise than at points.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Springs<'a> {
+pub(super) struct DistributedSprings<'a> {
     /// Along edges.
     pub edges: &'a [EdgeStiffness],
     /// Sealed air, which loses nothing.
@@ -92,32 +97,32 @@ pub(super) struct Springs<'a> {
 
 /// Damping matrices over some basis.
 #[derive(Clone, Debug)]
-pub struct Damping {
+pub struct DampingMatrices {
     /// Viscous, multiplies velocities.
     pub viscous: DMatrix<f64>,
     /// Hysteretic, already times the loss factor: multiplies j times displacements.
     pub structural: DMatrix<f64>,
     /// Both as a diagonal and a few couplings, where they are that over a basis of modes.
-    pub structured: Option<Structured>,
+    pub structured: Option<StructuredDamping>,
 }
 
-impl Damping {
+impl DampingMatrices {
     /// The damping of a scene's surface, of what is attached to it and of its other `springs`, over mass-normalised `vectors` of the squared
     /// frequencies `lambda`.
-    pub(super) fn over(
+    pub(super) fn project_onto_vectors(
         surface: SurfaceDamping,
         attached: &AttachedVectors,
-        springs: Springs<'_>,
+        springs: DistributedSprings<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Self {
-        if let Some(structured) = Structured::new(surface, &attached.attachments, springs, lambda, vectors) {
-            return structured.full();
+        if let Some(structured) = StructuredDamping::new(surface, &attached.attachments, springs, lambda, vectors) {
+            return structured.into_full_matrices();
         }
         let n = vectors.ncols();
         let mut damping = Self { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
         for attachment in &attached.attachments {
-            let along = row_times(&attachment.vector, vectors);
+            let along = multiply_row_with_matrix(&attachment.vector, vectors);
             damping.viscous += attachment.damping * along.transpose() * &along;
             let loss = attachment.loss_factor * attachment.stiffness;
             if loss > 0.0 {
@@ -125,12 +130,12 @@ impl Damping {
             }
         }
         for edges in springs.edges.iter().filter(|edges| edges.loss_factor > 0.0) {
-            for shape in edge_shapes(&edges.stiffness, lambda, vectors) {
+            for shape in factor_edge_stiffness_into_shapes(&edges.stiffness, lambda, vectors) {
                 damping.structural.ger(edges.loss_factor, &shape, &shape, 1.0);
             }
         }
         if let SurfaceDamping::ModalRatio(ratio) = surface {
-            damping.viscous += by_modes(ratio, lambda, vectors, attached.of_actuators());
+            damping.viscous += compute_modal_ratio_damping(ratio, lambda, vectors, attached.actuator_attachments());
         }
         damping
     }
@@ -141,10 +146,14 @@ impl Damping {
 /// of an edge are few.
 ///
 /// Entries are compared with sqrt(lambda_i lambda_j), above which none can be: a stiff vector's are not to hide those of the slow modes.
-pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f64>) -> Vec<DVector<f64>> {
+pub(super) fn factor_edge_stiffness_into_shapes(
+    edges: &SparseSymmetricMatrix,
+    lambda: &[f64],
+    vectors: &DMatrix<f64>,
+) -> Vec<DVector<f64>> {
     let n = lambda.len();
-    let own = vectors.rows(0, edges.order()).into_owned();
-    let over = own.tr_mul(&edges.times(&own));
+    let own = vectors.rows(0, edges.dimension()).into_owned();
+    let over = own.tr_mul(&edges.multiply_columns(&own));
     let Some(between) = median_of_positive(lambda) else { return Vec::new() };
     let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
     let eigen =
@@ -162,7 +171,7 @@ fn median_of_positive(lambda: &[f64]) -> Option<f64> {
 
 /// Damping of a rank that is lower than the basis is long: of one motion, a point's or an edge's.
 #[derive(Clone, Debug)]
-pub struct Coupling {
+pub struct DampingCoupling {
     /// The motion d = shape . q, length n.
     pub shape: DVector<f64>,
     /// Force over the velocity of d, in N s/m.
@@ -176,37 +185,37 @@ pub struct Coupling {
 /// The surface's own stiffness is all stiffness less that of the springs attached, V' K_s V = Lambda - sum of k_i b_i b_i'
 /// (the thesis' proportional damping with the discrete part taken out), and its mass likewise.
 #[derive(Clone, Debug)]
-pub struct Structured {
+pub struct StructuredDamping {
     /// Diagonal of C in 1/s.
     pub viscous: DVector<f64>,
     /// Diagonal of S in rad^2/s^2.
     pub structural: DVector<f64>,
     /// What couples the modes.
-    pub couplings: Vec<Coupling>,
+    pub couplings: Vec<DampingCoupling>,
 }
 
-impl Structured {
+impl StructuredDamping {
     /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it and along its
     /// edges by dashpots and loss factors, over mass-normalised vectors with the squared frequencies `lambda`.
     pub(super) fn new(
         surface: SurfaceDamping,
         attachments: &[Attachment],
-        Springs { edges, air }: Springs<'_>,
+        DistributedSprings { edges, air }: DistributedSprings<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Option<Self> {
-        let own = OwnLosses::of(surface)?;
-        let OwnLosses { eta, alpha, beta } = own;
+        let own = SurfaceLosses::from_proportional_damping(surface)?;
+        let SurfaceLosses { eta, alpha, beta } = own;
         let couplings = attachments.iter().chain(air).map(
-            |Attachment { vector, stiffness, loss_factor, damping, mass, .. }| Coupling {
-                shape: row_times(vector, vectors).transpose(),
+            |Attachment { vector, stiffness, loss_factor, damping, mass, .. }| DampingCoupling {
+                shape: multiply_row_with_matrix(vector, vectors).transpose(),
                 viscous: damping - beta * stiffness - alpha * mass,
                 structural: (loss_factor - eta) * stiffness,
             },
         );
-        let of_edges = edges.iter().filter(|edges| own.differ_from(edges.loss_factor)).flat_map(|edges| {
-            let shapes = edge_shapes(&edges.stiffness, lambda, vectors).into_iter();
-            shapes.map(|shape| Coupling { shape, viscous: -beta, structural: edges.loss_factor - eta })
+        let of_edges = edges.iter().filter(|edges| own.differs_from_spring_loss(edges.loss_factor)).flat_map(|edges| {
+            let shapes = factor_edge_stiffness_into_shapes(&edges.stiffness, lambda, vectors).into_iter();
+            shapes.map(|shape| DampingCoupling { shape, viscous: -beta, structural: edges.loss_factor - eta })
         });
         let couplings = couplings.chain(of_edges);
         let lambda = DVector::from_column_slice(lambda);
@@ -217,27 +226,28 @@ impl Structured {
         })
     }
 
-    /// The same over some of the coordinates.
-    pub(super) fn restricted_to(&self, coordinates: &[usize]) -> Self {
+    /// The damping over some of the coordinates.
+    pub(super) fn restrict_to_coordinates(&self, coordinates: &[usize]) -> Self {
         Self {
             viscous: self.viscous.select_rows(coordinates),
             structural: self.structural.select_rows(coordinates),
             couplings: self
                 .couplings
                 .iter()
-                .map(|coupling| Coupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
+                .map(|coupling| DampingCoupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
                 .collect(),
         }
-        .condensed()
+        .merge_similar_couplings()
     }
 
     /// With couplings that are alike replaced by fewer: Z B B' = Z (U S) (U S)' for B = U S V', without the columns that
     /// are nothing, as when the springs of a panel's corners are asked about one parity of its modes.
-    fn condensed(self) -> Self {
-        let mut couplings: Vec<Coupling> = Vec::new();
+    fn merge_similar_couplings(self) -> Self {
+        let mut couplings: Vec<DampingCoupling> = Vec::new();
         let mut left = self.couplings;
         while let Some(first) = left.first() {
-            let alike = |other: &Coupling| (other.viscous, other.structural) == (first.viscous, first.structural);
+            let alike =
+                |other: &DampingCoupling| (other.viscous, other.structural) == (first.viscous, first.structural);
             let (viscous, structural) = (first.viscous, first.structural);
             let (group, others): (Vec<_>, Vec<_>) = left.iter().cloned().partition(alike);
             left = others;
@@ -246,23 +256,23 @@ impl Structured {
             let largest = svd.singular_values.amax();
             for (direction, size) in svd.u.iter().flat_map(DMatrix::column_iter).zip(&svd.singular_values) {
                 if *size > NOTHING_LEFT * largest {
-                    couplings.push(Coupling { shape: direction * *size, viscous, structural });
+                    couplings.push(DampingCoupling { shape: direction * *size, viscous, structural });
                 }
             }
         }
         Self { couplings, ..self }
     }
 
-    /// The same as full matrices.
+    /// The damping as full matrices.
     #[must_use]
-    pub fn full(self) -> Damping {
+    pub fn into_full_matrices(self) -> DampingMatrices {
         let mut viscous = DMatrix::from_diagonal(&self.viscous);
         let mut structural = DMatrix::from_diagonal(&self.structural);
-        for Coupling { shape, viscous: c, structural: s } in &self.couplings {
+        for DampingCoupling { shape, viscous: c, structural: s } in &self.couplings {
             viscous.ger(*c, shape, shape, 1.0);
             structural.ger(*s, shape, shape, 1.0);
         }
-        Damping { viscous, structural, structured: Some(self) }
+        DampingMatrices { viscous, structural, structured: Some(self) }
     }
 }
 
@@ -272,27 +282,39 @@ impl Structured {
 /// On each such mode it is 2 zeta omega, so that with one zeta for all it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
 /// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
 /// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
-fn by_modes(ratio: ModalRatio, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
+fn compute_modal_ratio_damping(
+    ratio: ModalRatio,
+    lambda: &[f64],
+    vectors: &DMatrix<f64>,
+    actuators: &[Attachment],
+) -> DMatrix<f64> {
     let mut mass = DMatrix::identity(lambda.len(), lambda.len());
     let mut stiffness = DMatrix::from_diagonal(&DVector::from_column_slice(lambda));
     for Attachment { vector, stiffness: spring, mass: own, .. } in actuators {
-        let along = row_times(vector, vectors).transpose();
+        let along = multiply_row_with_matrix(vector, vectors).transpose();
         mass.ger(-own, &along, &along, 1.0);
         stiffness.ger(-spring, &along, &along, 1.0);
     }
-    2.0 * weighted_mean(&mass, &stiffness, lambda, |lambda| ratio.at(lambda.sqrt() / TAU))
+    2.0 * weighted_geometric_mean_of_matrices(&mass, &stiffness, lambda, |lambda| {
+        ratio.ratio_at_frequency(lambda.sqrt() / TAU)
+    })
 }
 
 /// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B that are at most the identity and the diagonal
-/// `largest`; zero where both are. What it is in each direction in which B x = lambda A x is multiplied by `weight(lambda)`.
+/// `largest_diagonal`; zero where both are. What it is in each direction in which B x = lambda A x is multiplied by `weight(lambda)`.
 ///
 /// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))), lambda = 1 / a - s. With
 /// s of the size of the slow modes, a is of the size of one for these and goes to zero for stiff ones: points held all but
 /// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
-fn weighted_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64], weight: impl Fn(f64) -> f64) -> DMatrix<f64> {
+fn weighted_geometric_mean_of_matrices(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    largest_diagonal: &[f64],
+    weight: impl Fn(f64) -> f64,
+) -> DMatrix<f64> {
     let n = a.nrows();
-    let Some(between) = median_of_positive(largest) else { return DMatrix::zeros(n, n) };
-    let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
+    let Some(between) = median_of_positive(largest_diagonal) else { return DMatrix::zeros(n, n) };
+    let scale: Vec<f64> = largest_diagonal.iter().map(|lambda| (lambda + between).sqrt()).collect();
     let scaled = |value: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))
     };
@@ -321,7 +343,7 @@ fn weighted_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64], weight: im
 
 #[cfg(test)]
 mod tests {
-    use super::super::sparse::Entries;
+    use super::super::sparse::MatrixEntries;
     use super::*;
 
     /// X = A # B is what solves X A^-1 X = B, whatever way it is computed.
@@ -329,7 +351,7 @@ mod tests {
     fn the_geometric_mean_solves_its_equation() {
         let a = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0]) / 8.0;
         let b = DMatrix::from_row_slice(3, 3, &[9.0, -2.0, 1.0, -2.0, 5.0, 0.3, 1.0, 0.3, 70.0]);
-        let x = weighted_mean(&a, &b, &[20.0, 20.0, 80.0], |_| 1.0);
+        let x = weighted_geometric_mean_of_matrices(&a, &b, &[20.0, 20.0, 80.0], |_| 1.0);
         let back = &x * a.try_inverse().unwrap() * &x;
         assert!((back - b).amax() < 1e-11, "{x}");
     }
@@ -337,16 +359,16 @@ mod tests {
     /// Against the product itself, entry by entry relative to what it is of, with a vector that is all but rigidly held.
     #[test]
     fn shapes_of_edges_make_up_their_stiffness() {
-        let mut entries = Entries::default();
+        let mut entries = MatrixEntries::default();
         for (row, value) in [(0, 3e4), (1, 5e4), (3, 2e4)] {
-            entries.add_outer(&[(row, 1.0), (row + 1, -0.4)], value);
+            entries.add_outer_product(&[(row, 1.0), (row + 1, -0.4)], value);
         }
-        let edges = entries.build(5).unwrap();
+        let edges = entries.build_matrix(5).unwrap();
         let lambda: [f64; 4] = [1e4, 4e5, 2e6, 1e19];
         let vectors =
             DMatrix::from_fn(5, 4, |i, j| lambda[j].sqrt() / 4e2 * [0.3, -0.9, 0.7, 0.1, -0.5][(2 * i + 3 * j) % 5]);
-        let wanted = vectors.tr_mul(&edges.times(&vectors));
-        let shapes = edge_shapes(&edges, &lambda, &vectors);
+        let wanted = vectors.tr_mul(&edges.multiply_columns(&vectors));
+        let shapes = factor_edge_stiffness_into_shapes(&edges, &lambda, &vectors);
         assert!(shapes.len() <= 3, "rank 3");
         let off = DMatrix::from_fn(4, 4, |i, j| {
             let found: f64 = shapes.iter().map(|shape| shape[i] * shape[j]).sum();
@@ -362,7 +384,7 @@ mod tests {
         let (mut a, mut b) = (DMatrix::identity(4, 4), DMatrix::from_diagonal(&DVector::from_row_slice(&lambda)));
         a.ger(-0.3, &along, &along, 1.0);
         b.ger(-2e3, &along, &along, 1.0);
-        let x = weighted_mean(&a, &b, &lambda, |_| 1.0);
+        let x = weighted_geometric_mean_of_matrices(&a, &b, &lambda, |_| 1.0);
         let back = &x * a.try_inverse().unwrap() * &x;
         let off = DMatrix::from_fn(4, 4, |i, j| (back[(i, j)] - b[(i, j)]) / (lambda[i] * lambda[j]).sqrt());
         assert!(off.amax() < 1e-6, "{off}");

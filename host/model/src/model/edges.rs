@@ -4,11 +4,11 @@
 //! b = (D / k)^1/3, the only one that D in N m and k in N/m^2 make. The edge gives way there by about R / (k b), so that modes are
 //! slower than with a rigid edge by a part that goes with (b / L)^2: much more than D / (k L^3), what the edge's middle gives way.
 
-use super::sections::Waves;
+use super::sections::WaveRigidities;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
 
 /// How an edge is held.
-pub fn edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
+pub fn find_edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
     scene.edges.iter().find(|edge| edge.side == side).map(|edge| edge.kind)
 }
 
@@ -28,7 +28,7 @@ const RIGID_SLOPE: f64 = 1e-11;
 const THIN: f64 = 0.02;
 
 /// What stiffnesses are held against.
-struct Scale {
+struct EdgeStiffnessScale {
     is_plate: bool,
     /// The least, which springs are held against, and the largest, which says how much they give way.
     rigidity: f64,
@@ -36,41 +36,43 @@ struct Scale {
     length: f64,
 }
 
-impl Scale {
-    fn of(scene: &Scene) -> Self {
+impl EdgeStiffnessScale {
+    fn from_scene(scene: &Scene) -> Self {
         let surface = &scene.surface;
         let is_plate = surface.kind == SurfaceKind::Plate;
         let length = if is_plate { surface.length_m.min(surface.width_m) } else { surface.length_m };
-        let waves = Waves::of(scene);
+        let waves = WaveRigidities::from_scene(scene);
         Self { is_plate, rigidity: waves.softest, stiffest: waves.stiffest, length }
     }
 
-    /// b / L, and on a bar EI / (k L^3).
-    fn deflection(&self, stiffness: f64) -> f64 {
-        self.part(self.rigidity, stiffness)
+    /// How far springs of this stiffness give way, relative: b / L, and on a bar EI / (k L^3).
+    fn relative_edge_deflection(&self, stiffness: f64) -> f64 {
+        self.relative_edge_deflection_for_rigidity(self.rigidity, stiffness)
     }
 
-    fn part(&self, rigidity: f64, stiffness: f64) -> f64 {
+    /// Relative deflection b / L (on a bar EI / (k L^3)) for a given rigidity of the surface.
+    fn relative_edge_deflection_for_rigidity(&self, rigidity: f64, stiffness: f64) -> f64 {
         let part = rigidity / (stiffness * self.length.powi(3));
         if self.is_plate { part.cbrt() } else { part }
     }
 
-    /// The stiffness at which springs are taken for a support.
-    fn rigid(&self) -> f64 {
+    /// Stiffness above which springs along an edge are replaced by a support.
+    fn stiffness_limit_of_rigid_edge(&self) -> f64 {
         let part = if self.is_plate { RIGID.powi(3) } else { RIGID_SLOPE };
         self.rigidity / (part * self.length.powi(3))
     }
 
-    /// The same of rotational springs.
-    fn rigid_slope(&self) -> f64 {
+    /// Stiffness above which rotational springs along an edge are replaced by a clamped edge.
+    fn rotational_stiffness_limit_of_rigid_edge(&self) -> f64 {
         self.rigidity / (RIGID_SLOPE * self.length)
     }
 }
 
-/// The scene with supports in place of elastic edges that are as good as rigid.
-pub fn idealised(scene: &Scene) -> Scene {
-    let scale = Scale::of(scene);
-    let (rigid, rigid_slope) = (scale.rigid(), scale.rigid_slope());
+/// The scene with pinned and clamped edges in place of elastic edges that are as good as rigid.
+pub fn replace_rigid_springs_with_supports(scene: &Scene) -> Scene {
+    let scale = EdgeStiffnessScale::from_scene(scene);
+    let (rigid, rigid_slope) =
+        (scale.stiffness_limit_of_rigid_edge(), scale.rotational_stiffness_limit_of_rigid_edge());
     let mut ideal = scene.clone();
     for edge in &mut ideal.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind {
@@ -88,31 +90,32 @@ pub fn idealised(scene: &Scene) -> Scene {
     ideal
 }
 
-/// What a frequency may be wrong by, relative, for springs that were taken for a support.
-pub fn unresolved(scene: &Scene) -> f64 {
-    let scale = Scale::of(scene);
+/// Relative error of a frequency because stiff springs along edges were replaced by supports.
+pub fn frequency_error_of_rigid_edges(scene: &Scene) -> f64 {
+    let scale = EdgeStiffnessScale::from_scene(scene);
     let part = |kind: &EdgeKind| -> f64 {
         let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = *kind else { return 0.0 };
-        let slope = if rotational_stiffness > scale.rigid_slope() { RIGID_SLOPE } else { 0.0 };
-        if stiffness <= scale.rigid() {
+        let slope =
+            if rotational_stiffness > scale.rotational_stiffness_limit_of_rigid_edge() { RIGID_SLOPE } else { 0.0 };
+        if stiffness <= scale.stiffness_limit_of_rigid_edge() {
             return slope;
         }
-        let part = scale.part(scale.stiffest, stiffness);
+        let part = scale.relative_edge_deflection_for_rigidity(scale.stiffest, stiffness);
         slope + if scale.is_plate { GIVES_WAY * part * part } else { END_GIVES_WAY * part }
     };
     scene.edges.iter().map(|edge| part(&edge.kind)).sum()
 }
 
 /// Whether the force at a corner between two sides is borne by springs over a length that cells have to shrink for.
-pub fn is_thin(scene: &Scene, sides: [Option<Side>; 2]) -> bool {
-    let scale = Scale::of(scene);
-    let kinds = sides.map(|side| side.and_then(|side| edge_kind(scene, side)));
+pub fn needs_fine_cells_at_elastic_corner(scene: &Scene, sides: [Option<Side>; 2]) -> bool {
+    let scale = EdgeStiffnessScale::from_scene(scene);
+    let kinds = sides.map(|side| side.and_then(|side| find_edge_kind(scene, side)));
     // A support beside it bears the force by itself.
     if kinds.iter().any(|kind| matches!(kind, Some(EdgeKind::Pinned | EdgeKind::Clamped))) {
         return false;
     }
     kinds.iter().flatten().any(|kind| match kind {
-        EdgeKind::Elastic { stiffness, .. } => *stiffness > 0.0 && scale.deflection(*stiffness) < THIN,
+        EdgeKind::Elastic { stiffness, .. } => *stiffness > 0.0 && scale.relative_edge_deflection(*stiffness) < THIN,
         EdgeKind::Pinned | EdgeKind::Clamped => false,
     })
 }

@@ -5,9 +5,9 @@
 //! orthogonalised against all others twice.
 
 use super::ModelError;
-use super::columns::{Columns, LANES};
-use super::sparse::{Factor, Symmetric};
-use crate::stop::Stop;
+use super::columns::{BasisColumns, LANES};
+use super::sparse::{CholeskyFactor, SparseSymmetricMatrix};
+use crate::stop::StopRequest;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Vectors in a block: symmetric panels have pairs, equal ERAs on them up to four equal modes.
@@ -36,11 +36,11 @@ pub struct Modes {
 
 /// What the iteration works with.
 #[derive(Clone, Copy, Debug)]
-pub struct Operator<'a> {
+pub struct ShiftInvertOperator<'a> {
     /// Factors of K + shift M.
-    pub factor: &'a Factor,
+    pub factor: &'a CholeskyFactor,
     /// M.
-    pub mass: &'a Symmetric,
+    pub mass: &'a SparseSymmetricMatrix,
     /// In rad^2/s^2, positive.
     pub shift: f64,
 }
@@ -49,36 +49,40 @@ pub struct Operator<'a> {
 ///
 /// # Errors
 /// [`ModelError::NotConverged`].
-pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<Modes, ModelError> {
-    let n = operator.mass.order();
+pub fn compute_modes_up_to(
+    operator: ShiftInvertOperator<'_>,
+    known: &Modes,
+    lambda_max: f64,
+) -> Result<Modes, ModelError> {
+    let n = operator.mass.dimension();
     let most = n.saturating_sub(known.lambda.len()).min(MOST_VECTORS);
-    let mut space = Space::new(operator, known, n);
+    let mut space = LanczosSpace::new(operator, known, n);
     if most == 0 {
         return Ok(Modes { lambda: known.lambda.clone(), vectors: known.vectors.clone() });
     }
-    let start = operator.factor.solve(&operator.mass.times(&start_block(n)));
+    let start = operator.factor.solve_for_columns(&operator.mass.multiply_columns(&pseudo_random_start_block(n)));
     let nothing = DMatrix::zeros(0, start.ncols());
-    let mut block = space.orthonormal(start, &nothing);
+    let mut block = space.orthonormalise_block(start, &nothing);
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
-    let stop = Stop::current();
+    let stop = StopRequest::current_request_of_thread();
     loop {
-        if stop.is_asked() {
+        if stop.is_stop_requested() {
             return Err(ModelError::Stopped);
         }
-        let next = space.extend(&block);
+        let next = space.add_block_and_compute_next(&block);
         let size = space.vectors.len();
         let ended = next.vectors.ncols() == 0 || size >= most;
         if ended || size >= next_check {
-            let eigen = Eigen::of(&space.projected)
+            let eigen = DenseEigenpairs::from_symmetric_matrix(&space.projected)
                 .ok_or_else(|| ModelError::Factorisation { reason: "projected eigenproblem".to_owned() })?;
             // Twice as many vectors as modes is the least that was seen to do; a check costs as much as dozens of them.
             let found = eigen.values.iter().filter(|theta| **theta >= theta_min).count();
             next_check = (size + (size / 8).max(2 * BLOCK)).max(2 * found + 2 * BLOCK);
             // In all of the space nothing is left to converge to.
             let is_whole = next.vectors.ncols() == 0 || size >= n - known.lambda.len();
-            if ended && is_whole || is_converged(&eigen, &next.coupling, theta_min) {
-                return Ok(space.result(&eigen, known, lambda_max));
+            if ended && is_whole || are_eigenvalues_converged(&eigen, &next.coupling, theta_min) {
+                return Ok(space.extract_modes_up_to(&eigen, known, lambda_max));
             }
             if ended {
                 let max_hz = lambda_max.sqrt() / std::f64::consts::TAU;
@@ -90,9 +94,9 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
 }
 
 /// Deterministic pseudo-random vectors (the 64-bit mix of Steele et al., "SplitMix"): the same scene gives the same bits.
-fn start_block(n: usize) -> DMatrix<f64> {
+fn pseudo_random_start_block(row_count: usize) -> DMatrix<f64> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
-    DMatrix::from_fn(n, BLOCK, |_, _| {
+    DMatrix::from_fn(row_count, BLOCK, |_, _| {
         state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = state;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -105,7 +109,7 @@ fn start_block(n: usize) -> DMatrix<f64> {
 
 /// Whether every Ritz value down to `theta_min` is settled, and there is one below it: nothing is missing in between.
 #[expect(clippy::cast_precision_loss, reason = "a few thousand vectors at most")]
-fn is_converged(eigen: &Eigen, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
+fn are_eigenvalues_converged(eigen: &DenseEigenpairs, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
     let size = eigen.values.len();
     let tail = coupling.ncols();
     // The dense eigenproblem is right to the rounding of its largest value: the residual of a small one gets no smaller than that.
@@ -126,14 +130,14 @@ fn is_converged(eigen: &Eigen, coupling: &DMatrix<f64>, theta_min: f64) -> bool 
 }
 
 /// Eigenvalues and vectors of a dense symmetric matrix, in any order.
-pub(super) struct Eigen {
+pub(super) struct DenseEigenpairs {
     pub values: DVector<f64>,
     pub vectors: DMatrix<f64>,
 }
 
-impl Eigen {
-    /// `None` if the iteration does not end.
-    pub fn of(matrix: &DMatrix<f64>) -> Option<Self> {
+impl DenseEigenpairs {
+    /// Decomposes a symmetric matrix; `None` if the iteration does not end.
+    pub fn from_symmetric_matrix(matrix: &DMatrix<f64>) -> Option<Self> {
         let n = matrix.nrows();
         if n == 0 {
             return Some(Self { values: DVector::zeros(0), vectors: DMatrix::zeros(0, 0) });
@@ -152,15 +156,15 @@ impl Eigen {
 }
 
 /// M-orthonormal vectors Q, M Q, and R with block = Q R + what lies in the space before.
-struct Block {
+struct LanczosBlock {
     vectors: DMatrix<f64>,
     mass: DMatrix<f64>,
     coupling: DMatrix<f64>,
 }
 
-impl Block {
+impl LanczosBlock {
     /// Takes these vectors out of the one that becomes column `j` of the block; `mass` follows by linearity.
-    fn take_out(&mut self, vector: &mut DMatrix<f64>, mass: &mut DMatrix<f64>, j: usize) {
+    fn orthogonalise_column(&mut self, vector: &mut DMatrix<f64>, mass: &mut DMatrix<f64>, j: usize) {
         let inner = self.mass.tr_mul(vector);
         vector.gemm(-1.0, &self.vectors, &inner, 1.0);
         mass.gemm(-1.0, &self.mass, &inner, 1.0);
@@ -170,40 +174,40 @@ impl Block {
     }
 }
 
-struct Space<'a> {
-    operator: Operator<'a>,
-    known: Columns,
-    mass_known: Columns,
-    vectors: Columns,
-    mass_vectors: Columns,
+struct LanczosSpace<'a> {
+    operator: ShiftInvertOperator<'a>,
+    known: BasisColumns,
+    mass_known: BasisColumns,
+    vectors: BasisColumns,
+    mass_vectors: BasisColumns,
     /// V' M (K + s M)^-1 M V.
     projected: DMatrix<f64>,
 }
 
-impl<'a> Space<'a> {
-    fn new(operator: Operator<'a>, known: &Modes, n: usize) -> Self {
+impl<'a> LanczosSpace<'a> {
+    fn new(operator: ShiftInvertOperator<'a>, known: &Modes, n: usize) -> Self {
         let of = |matrix: &DMatrix<f64>| {
-            let mut columns = Columns::new(n);
-            columns.push(matrix);
+            let mut columns = BasisColumns::new(n);
+            columns.append_columns(matrix);
             columns
         };
         Self {
-            mass_known: of(&operator.mass.times(&known.vectors)),
+            mass_known: of(&operator.mass.multiply_columns(&known.vectors)),
             known: of(&known.vectors),
-            vectors: Columns::new(n),
-            mass_vectors: Columns::new(n),
+            vectors: BasisColumns::new(n),
+            mass_vectors: BasisColumns::new(n),
             projected: DMatrix::zeros(0, 0),
             operator,
         }
     }
 
     /// Adds an orthonormal block and returns the next one.
-    fn extend(&mut self, block: &Block) -> Block {
+    fn add_block_and_compute_next(&mut self, block: &LanczosBlock) -> LanczosBlock {
         let (old, width) = (self.vectors.len(), block.vectors.ncols());
-        self.vectors.push(&block.vectors);
-        self.mass_vectors.push(&block.mass);
-        let image = self.operator.factor.solve(&block.mass);
-        let column = self.mass_vectors.inner(&image);
+        self.vectors.append_columns(&block.vectors);
+        self.mass_vectors.append_columns(&block.mass);
+        let image = self.operator.factor.solve_for_columns(&block.mass);
+        let column = self.mass_vectors.inner_products_with(&image);
         let mut projected = std::mem::take(&mut self.projected).resize(old + width, old + width, 0.0);
         for j in 0..width {
             for i in 0..old + width {
@@ -212,44 +216,44 @@ impl<'a> Space<'a> {
             }
         }
         self.projected = projected;
-        self.orthonormal(image, &column)
+        self.orthonormalise_block(image, &column)
     }
 
     /// The part of `block` that is M-orthogonal to everything so far, made orthonormal; `inner` is what it has of the space.
-    fn orthonormal(&self, block: DMatrix<f64>, inner: &DMatrix<f64>) -> Block {
-        let mass = self.operator.mass.times(&block);
+    fn orthonormalise_block(&self, block: DMatrix<f64>, inner: &DMatrix<f64>) -> LanczosBlock {
+        let mass = self.operator.mass.multiply_columns(&block);
         let lengths =
             (0..block.ncols()).map(|j| block.column(j).dot(&mass.column(j)).max(0.0).sqrt()).collect::<Vec<_>>();
         let mut rest = block;
-        self.vectors.take_out(&mut rest, inner);
-        self.take_out_known(&mut rest);
+        self.vectors.subtract_combinations_from(&mut rest, inner);
+        self.subtract_known_modes(&mut rest);
         // Once more for what rounding of the long vectors has left in the short ones.
-        self.take_out(&mut rest);
-        let (first, kept) = self.within_block(&rest, &lengths);
+        self.subtract_known_space(&mut rest);
+        let (first, kept) = self.orthonormalise_within_block(&rest, &lengths);
         if kept >= KEPT {
             return first;
         }
         let mut rest = first.vectors;
-        self.take_out(&mut rest);
-        let (again, _) = self.within_block(&rest, &vec![1.0; rest.ncols()]);
+        self.subtract_known_space(&mut rest);
+        let (again, _) = self.orthonormalise_within_block(&rest, &vec![1.0; rest.ncols()]);
         let coupling = &again.coupling * &first.coupling;
-        Block { coupling, ..again }
+        LanczosBlock { coupling, ..again }
     }
 
     /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left; and the least
     /// part that one keeps beside the others.
-    fn within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> (Block, f64) {
+    fn orthonormalise_within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> (LanczosBlock, f64) {
         let (rows, width) = vectors.shape();
-        let mass = self.operator.mass.times(vectors);
+        let mass = self.operator.mass.multiply_columns(vectors);
         let none = || DMatrix::zeros(rows, 0);
-        let mut out = Block { vectors: none(), mass: none(), coupling: DMatrix::zeros(0, width) };
+        let mut out = LanczosBlock { vectors: none(), mass: none(), coupling: DMatrix::zeros(0, width) };
         let mut kept = 1.0_f64;
         for (j, length) in lengths.iter().enumerate() {
             let mut vector = vectors.columns(j, 1).into_owned();
             let mut mass = mass.columns(j, 1).into_owned();
             let before = vector.dot(&mass).max(0.0).sqrt();
             for _ in 0..2 {
-                out.take_out(&mut vector, &mut mass, j);
+                out.orthogonalise_column(&mut vector, &mut mass, j);
             }
             let norm = vector.dot(&mass).max(0.0).sqrt();
             if norm <= EXHAUSTED * length || norm == 0.0 {
@@ -259,27 +263,29 @@ impl<'a> Space<'a> {
             let rows = out.coupling.nrows();
             out.coupling = out.coupling.resize_vertically(rows + 1, 0.0);
             out.coupling[(rows, j)] = norm;
-            out.vectors = append(out.vectors, &(vector / norm));
-            out.mass = append(out.mass, &(mass / norm));
+            out.vectors = append_columns(out.vectors, &(vector / norm));
+            out.mass = append_columns(out.mass, &(mass / norm));
         }
         (out, kept)
     }
 
     /// Takes out of `vectors` what lies in the space found so far or is known.
-    fn take_out(&self, vectors: &mut DMatrix<f64>) {
-        self.take_out_known(vectors);
-        self.vectors.take_out(vectors, &self.mass_vectors.inner(vectors));
+    fn subtract_known_space(&self, vectors: &mut DMatrix<f64>) {
+        self.subtract_known_modes(vectors);
+        self.vectors.subtract_combinations_from(vectors, &self.mass_vectors.inner_products_with(vectors));
     }
 
-    fn take_out_known(&self, vectors: &mut DMatrix<f64>) {
-        self.known.take_out(vectors, &self.mass_known.inner(vectors));
+    /// Makes vectors M-orthogonal to the modes that are known already.
+    fn subtract_known_modes(&self, vectors: &mut DMatrix<f64>) {
+        self.known.subtract_combinations_from(vectors, &self.mass_known.inner_products_with(vectors));
     }
 
-    fn result(&self, eigen: &Eigen, known: &Modes, lambda_max: f64) -> Modes {
+    /// The modes up to `lambda_max`: those known before and those found by the iteration, ascending.
+    fn extract_modes_up_to(&self, eigen: &DenseEigenpairs, known: &Modes, lambda_max: f64) -> Modes {
         let lambda_of = |i: usize| 1.0 / eigen.values[i] - self.operator.shift;
         let found: Vec<usize> =
             (0..eigen.values.len()).filter(|i| eigen.values[*i] > 0.0 && lambda_of(*i) <= lambda_max).collect();
-        let elastic = self.vectors.times(&eigen.vectors.select_columns(&found));
+        let elastic = self.vectors.combine_columns(&eigen.vectors.select_columns(&found));
         // The shift loses digits of an eigenvalue far below it; it stays positive, as only rigid modes are zero.
         let found = found.iter().map(|i| lambda_of(*i).max(f64::MIN_POSITIVE));
         let all: Vec<f64> = known.lambda.iter().copied().chain(found).collect();
@@ -287,13 +293,13 @@ impl<'a> Space<'a> {
         order.sort_by(|a, b| all[*a].total_cmp(&all[*b]));
         Modes {
             lambda: order.iter().map(|i| all[*i]).collect(),
-            vectors: append(known.vectors.clone(), &elastic).select_columns(&order),
+            vectors: append_columns(known.vectors.clone(), &elastic).select_columns(&order),
         }
     }
 }
 
 /// `left` with the columns of `right` behind its own.
-fn append(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+fn append_columns(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let old = left.ncols();
     let mut all = left.resize_horizontally(old + right.ncols(), 0.0);
     all.columns_mut(old, right.ncols()).copy_from(right);
@@ -302,25 +308,26 @@ fn append(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sparse::Entries;
+    use super::super::sparse::MatrixEntries;
     use super::*;
 
     /// The thesis' example, equations (29) and (30): m = 18, 2 kg, k = 48, 6 N/m have eigenvalues 2 and 4 and modes
     /// (1/6, 1/2), (1/6, -1/2) up to sign.
     #[test]
     fn thesis_example_with_two_degrees_of_freedom() {
-        let (mut k, mut m) = (Entries::default(), Entries::default());
+        let (mut k, mut m) = (MatrixEntries::default(), MatrixEntries::default());
         for (row, column, value) in [(0, 0, 54.0), (0, 1, -6.0), (1, 0, -6.0), (1, 1, 6.0)] {
-            k.add(row, column, value);
+            k.add_entry(row, column, value);
         }
-        m.add(0, 0, 18.0);
-        m.add(1, 1, 2.0);
+        m.add_entry(0, 0, 18.0);
+        m.add_entry(1, 1, 2.0);
         let shift = 3.0;
         let mut shifted = k.clone();
-        shifted.add_all(&m, shift);
-        let (mass, factor) = (m.build(2).unwrap(), shifted.build(2).unwrap().factor().unwrap());
+        shifted.add_scaled_entries(&m, shift);
+        let (mass, factor) = (m.build_matrix(2).unwrap(), shifted.build_matrix(2).unwrap().factorise().unwrap());
         let none = Modes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
-        let found = modes(Operator { factor: &factor, mass: &mass, shift }, &none, 100.0).unwrap();
+        let found =
+            compute_modes_up_to(ShiftInvertOperator { factor: &factor, mass: &mass, shift }, &none, 100.0).unwrap();
         assert!((found.lambda[0] - 2.0).abs() < 1e-12 && (found.lambda[1] - 4.0).abs() < 1e-12, "{:?}", found.lambda);
         for (j, sign) in [(0, 1.0), (1, -1.0)] {
             let shape = found.vectors.column(j);

@@ -5,11 +5,11 @@
 //! functions is used: along x first, then along y.
 
 use super::grid::Grid;
-use super::mesh::Lines;
-use super::sections::{Bending, Section};
-use super::shape::gauss;
-use super::singular::{Jet, Singular};
-use super::sparse::Entries;
+use super::mesh::GridLines;
+use super::sections::{CellSection, RelativeBending};
+use super::shape::gauss_legendre_rule;
+use super::singular::{FunctionJet, SingularFunction};
+use super::sparse::MatrixEntries;
 use crate::kernel;
 use pulp::Arch;
 
@@ -39,35 +39,42 @@ struct EnrichedCell<'a> {
     /// Along x and along y.
     at: [usize; 2],
     bounds: Rectangle,
-    section: Section,
+    section: CellSection,
     /// The functions, with their unknowns.
-    active: Vec<(usize, &'a Singular)>,
-    parts: Vec<Part>,
+    active: Vec<(usize, &'a SingularFunction)>,
+    parts: Vec<QuadratureRectangle>,
 }
 
-/// All such cells.
-fn enriched_cells<'a>(grid: &'a Grid, y: &'a Lines) -> impl Iterator<Item = EnrichedCell<'a>> {
-    let cells = (0..y.cells()).flat_map(|cell_y| (0..grid.x.cells()).map(move |cell_x| [cell_x, cell_y]));
+/// All cells that singular functions reach, cut up for integration.
+fn find_enriched_cells<'a>(grid: &'a Grid, y: &'a GridLines) -> impl Iterator<Item = EnrichedCell<'a>> {
+    let cells = (0..y.count_cells()).flat_map(|cell_y| (0..grid.x.count_cells()).map(move |cell_x| [cell_x, cell_y]));
     cells.filter_map(|at| {
         let [cell_x, cell_y] = at;
         let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
-        let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
-        let section = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty())?;
-        let parts = rectangles(bounds, &centres(&active), &ends(&active), size(bounds));
+        let active: Vec<(usize, &SingularFunction)> = grid.singular_functions_in_rectangle(bounds).collect();
+        let section = grid.sections.section_of_cell(cell_x, cell_y).filter(|_| !active.is_empty())?;
+        let parts = cut_cell_into_rectangles(
+            bounds,
+            &collect_singular_centres(&active),
+            &collect_function_ends(&active),
+            longer_side(bounds),
+        );
         Some(EnrichedCell { at, bounds, section, active, parts })
     })
 }
 
 /// The integral of every singular function of `grid` over the surface that is there in m^2 (functions have no unit), with its number.
-pub(super) fn integrate_singular(grid: &Grid, y: &Lines) -> Vec<(usize, f64)> {
-    let rules = Rules::new(grid.element.order() + 1 + EXTRA_POINTS);
+pub(super) fn integrate_singular_functions(grid: &Grid, y: &GridLines) -> Vec<(usize, f64)> {
+    let rules = GaussRules::new(grid.element.element_order() + 1 + EXTRA_POINTS);
     let mut integrals = Vec::new();
-    for EnrichedCell { bounds, active, parts, .. } in enriched_cells(grid, y) {
+    for EnrichedCell { bounds, active, parts, .. } in find_enriched_cells(grid, y) {
         for (number, f) in active {
-            let over_part = |part: &Part| {
-                let (rule, [left, right, top, bottom]) = (rules.of(part, bounds), part.bounds);
+            let over_part = |part: &QuadratureRectangle| {
+                let (rule, [left, right, top, bottom]) = (rules.rule_for_rectangle(part, bounds), part.bounds);
                 let row = |y_m: f64| -> f64 {
-                    rule.iter().map(|(at, weight)| weight * f.at(left + at * (right - left), y_m).value).sum()
+                    rule.iter()
+                        .map(|(at, weight)| weight * f.evaluate_jet_at(left + at * (right - left), y_m).value)
+                        .sum()
                 };
                 let sum: f64 = rule.iter().map(|(at, weight)| weight * row(top + at * (bottom - top))).sum();
                 sum * (right - left) * (bottom - top)
@@ -79,64 +86,77 @@ pub(super) fn integrate_singular(grid: &Grid, y: &Lines) -> Vec<(usize, f64)> {
 }
 
 /// Adds the surface's stiffness and mass that the singular functions of `grid` bring.
-pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass: &mut Entries) {
-    let n = grid.element.order() + 1;
-    let rules = Rules::new(n + EXTRA_POINTS);
-    for EnrichedCell { at: [cell_x, cell_y], bounds, section, active, parts } in enriched_cells(grid, y) {
-        let mut block = Block::new(n, active.len());
+pub(super) fn add_singular_function_matrices(
+    grid: &Grid,
+    y: &GridLines,
+    stiffness: &mut MatrixEntries,
+    mass: &mut MatrixEntries,
+) {
+    let n = grid.element.element_order() + 1;
+    let rules = GaussRules::new(n + EXTRA_POINTS);
+    for EnrichedCell { at: [cell_x, cell_y], bounds, section, active, parts } in find_enriched_cells(grid, y) {
+        let mut block = EnrichedCellIntegrals::new(n, active.len());
         for part in parts {
-            let rule = rules.of(&part, bounds);
+            let rule = rules.rule_for_rectangle(&part, bounds);
             let part = part.bounds;
-            let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
-            let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
-            block.add(&x, &y, &active, section.bending);
+            let x = DirectionQuadrature::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
+            let y = DirectionQuadrature::new(grid, y, cell_y, [part[2], part[3]], rule);
+            block.add_quadrature_rectangle(&x, &y, &active, section.bending);
         }
-        let numbers: Vec<_> =
-            (0..n * n).map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n))).collect();
+        let numbers: Vec<_> = (0..n * n)
+            .map(|k| {
+                grid.unknown_of_function_product(grid.function_index(cell_x, k / n), grid.function_index(cell_y, k % n))
+            })
+            .collect();
         for (e, (number, _)) in active.iter().enumerate() {
             for (k, other) in numbers.iter().enumerate() {
                 if let Some(other) = other {
                     let [bend, inertia] = block.with_cell[e * n * n + k];
-                    both(stiffness, *number, *other, section.rigidity * bend);
-                    both(mass, *number, *other, section.per_area * inertia);
+                    add_symmetric_entries(stiffness, *number, *other, section.rigidity * bend);
+                    add_symmetric_entries(mass, *number, *other, section.per_area * inertia);
                 }
             }
             for (f, (other, _)) in active.iter().enumerate() {
-                let [bend, inertia] = block.of_two(e, f);
-                stiffness.add(*number, *other, section.rigidity * bend);
-                mass.add(*number, *other, section.per_area * inertia);
+                let [bend, inertia] = block.integrals_of_function_pair(e, f);
+                stiffness.add_entry(*number, *other, section.rigidity * bend);
+                mass.add_entry(*number, *other, section.per_area * inertia);
             }
         }
     }
 }
 
-fn both(entries: &mut Entries, row: usize, column: usize, value: f64) {
-    entries.add(row, column, value);
-    entries.add(column, row, value);
+/// Adds a value at (row, column) and at (column, row).
+fn add_symmetric_entries(entries: &mut MatrixEntries, row: usize, column: usize, value: f64) {
+    entries.add_entry(row, column, value);
+    entries.add_entry(column, row, value);
 }
 
-/// The longer side.
-fn size(r: Rectangle) -> f64 {
+/// The longer side of a rectangle.
+fn longer_side(r: Rectangle) -> f64 {
     (r[1] - r[0]).max(r[3] - r[2])
 }
 
 /// Gauss rules by the number of their points.
-struct Rules(Vec<Vec<(f64, f64)>>);
+struct GaussRules(Vec<Vec<(f64, f64)>>);
 
-impl Rules {
+impl GaussRules {
     fn new(most: usize) -> Self {
-        Self((0..=most).map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss(points) }).collect())
+        Self(
+            (0..=most)
+                .map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss_legendre_rule(points) })
+                .collect(),
+        )
     }
 
-    /// The rule for a part of a cell of this size.
+    /// The Gauss rule that integrates a part of a cell to the digits that count.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    fn of(&self, part: &Part, cell: Rectangle) -> &[(f64, f64)] {
-        let own = size(part.bounds);
+    fn rule_for_rectangle(&self, part: &QuadratureRectangle, cell: Rectangle) -> &[(f64, f64)] {
+        let own = longer_side(part.bounds);
         let cuts = (part.cut_from / own).log(4.0).max(0.0);
         let most = self.0.len() - 1;
         let cut = most as f64 - FEWER_POINTS * cuts;
@@ -153,7 +173,7 @@ impl Rules {
 }
 
 /// Integrals of one cell, each [bending over rigidity, inertia over mass per area].
-struct Block {
+struct EnrichedCellIntegrals {
     n: usize,
     with_cell: Vec<[f64; 2]>,
     /// Bending, and inertia: functions x functions, of which one half is summed.
@@ -161,21 +181,24 @@ struct Block {
 }
 
 /// Points and weights of one rectangle in one direction, with the cell's functions there.
-struct Along {
+struct DirectionQuadrature {
     at: Vec<f64>,
     weight: Vec<f64>,
     /// Value, first and second derivative, points x functions.
     functions: Vec<[Vec<f64>; 3]>,
 }
 
-impl Along {
-    fn new(grid: &Grid, lines: &Lines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
+impl DirectionQuadrature {
+    fn new(grid: &Grid, lines: &GridLines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
         let (from, width) = (lines.at[cell], lines.at[cell + 1] - lines.at[cell]);
         let scale = [lines.scale[cell], lines.scale[cell + 1]];
-        let (length, element) = (part[1] - part[0], grid.element_along(lines));
+        let (length, element) = (part[1] - part[0], grid.element_for_lines(lines));
         let at: Vec<f64> = rule.iter().map(|(t, _)| part[0] + t * length).collect();
         Self {
-            functions: at.iter().map(|at| element.derivatives((at - from) / width, width, scale)).collect(),
+            functions: at
+                .iter()
+                .map(|at| element.values_and_derivatives_at((at - from) / width, width, scale))
+                .collect(),
             weight: rule.iter().map(|(_, weight)| weight * length).collect(),
             at,
         }
@@ -190,20 +213,26 @@ struct Jets {
     xy: Vec<f64>,
 }
 
-impl Block {
+impl EnrichedCellIntegrals {
     fn new(n: usize, singular: usize) -> Self {
         Self { n, with_cell: vec![[0.0; 2]; singular * n * n], among: [0; 2].map(|_| vec![0.0; singular * singular]) }
     }
 
-    /// Two functions' integrals.
-    fn of_two(&self, e: usize, f: usize) -> [f64; 2] {
+    /// The integrals of two singular functions: bending over rigidity, inertia over mass per area.
+    fn integrals_of_function_pair(&self, e: usize, f: usize) -> [f64; 2] {
         let count = self.among[0].len().isqrt();
         // Only one half is summed.
         let at = e.max(f) * count + e.min(f);
         [self.among[0][at], self.among[1][at]]
     }
 
-    fn add(&mut self, x: &Along, y: &Along, active: &[(usize, &Singular)], bending: Bending) {
+    fn add_quadrature_rectangle(
+        &mut self,
+        x: &DirectionQuadrature,
+        y: &DirectionQuadrature,
+        active: &[(usize, &SingularFunction)],
+        bending: RelativeBending,
+    ) {
         let (n, count) = (self.n, active.len());
         let zeros = || vec![0.0; count];
         let mut jets = Jets { value: zeros(), xx: zeros(), yy: zeros(), xy: zeros() };
@@ -215,9 +244,9 @@ impl Block {
                 let weight = weight_x * weight_y;
                 let [value, first, second] = &x.functions[at_x];
                 for (e, (_, f)) in active.iter().enumerate() {
-                    let Jet { value: own, xx, yy, xy, .. } = f.at(*x_m, *y_m);
+                    let FunctionJet { value: own, xx, yy, xy, .. } = f.evaluate_jet_at(*x_m, *y_m);
                     (jets.value[e], jets.xx[e], jets.yy[e], jets.xy[e]) = (own, xx, yy, xy);
-                    let [bend_x, bend_y, twist] = bending.moments(xx, yy, xy).map(|moment| weight * moment);
+                    let [bend_x, bend_y, twist] = bending.bending_moments(xx, yy, xy).map(|moment| weight * moment);
                     let inertia = weight * own;
                     for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
                         sum[0] += second[a] * bend_x;
@@ -239,15 +268,15 @@ impl Block {
     }
 }
 
-kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, bending: Bending, sums: &'a mut [Vec<f64>; 2]) -> () = add_among);
+kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, bending: RelativeBending, sums: &'a mut [Vec<f64>; 2]) -> () = add_mutual_integrals);
 
 /// Adds a point to the lower half of the functions' integrals among themselves: with hundreds of functions' rectangles times
 /// their squared number, most of the work.
 #[inline(always)]
-fn add_among(jets: &Jets, weight: f64, bending: Bending, [bend, inertia]: &mut [Vec<f64>; 2]) {
+fn add_mutual_integrals(jets: &Jets, weight: f64, bending: RelativeBending, [bend, inertia]: &mut [Vec<f64>; 2]) {
     let count = jets.value.len();
     for e in 0..count {
-        let moments = bending.moments(jets.xx[e], jets.yy[e], jets.xy[e]);
+        let moments = bending.bending_moments(jets.xx[e], jets.yy[e], jets.xy[e]);
         let [along_x, along_y, twist] = moments.map(|moment| weight * moment);
         let own = weight * jets.value[e];
         let (row, others) = (e * count..e * count + e + 1, ..=e);
@@ -261,19 +290,19 @@ fn add_among(jets: &Jets, weight: f64, bending: Bending, [bend, inertia]: &mut [
 
 /// A place where functions are singular, or where their blending has its joints.
 #[derive(Clone, Copy, Debug)]
-struct Centre {
+struct SingularCentre {
     at: (f64, f64),
     /// The least distance that a function about it varies over, other than towards it; infinite if there is none.
     finest: f64,
 }
 
-/// All of them, each once.
-fn centres(active: &[(usize, &Singular)]) -> Vec<Centre> {
-    let of = |f: &Singular| {
-        let sources = f.sources.iter().map(|source| Centre { at: source.centre, finest: f.finest });
-        sources.chain([Centre { at: (f.x.centre, f.y.centre), finest: f64::INFINITY }]).collect::<Vec<_>>()
+/// All places where functions are singular or their blending has joints, each once.
+fn collect_singular_centres(active: &[(usize, &SingularFunction)]) -> Vec<SingularCentre> {
+    let of = |f: &SingularFunction| {
+        let sources = f.sources.iter().map(|source| SingularCentre { at: source.centre, finest: f.finest });
+        sources.chain([SingularCentre { at: (f.x.centre, f.y.centre), finest: f64::INFINITY }]).collect::<Vec<_>>()
     };
-    let mut all: Vec<Centre> = active.iter().flat_map(|(_, f)| of(f)).collect();
+    let mut all: Vec<SingularCentre> = active.iter().flat_map(|(_, f)| of(f)).collect();
     all.sort_by(|a, b| a.at.0.total_cmp(&b.at.0).then(a.at.1.total_cmp(&b.at.1)).then(a.finest.total_cmp(&b.finest)));
     // The finest of each place comes first, and stays.
     all.dedup_by(|b, a| a.at == b.at);
@@ -282,14 +311,14 @@ fn centres(active: &[(usize, &Singular)]) -> Vec<Centre> {
 
 /// Where functions end along x and along y. That is on lines of the mesh, unless cells shrink towards an attachment beside a patch:
 /// its own lines move those between. The second derivative jumps there.
-fn ends(active: &[(usize, &Singular)]) -> [Vec<f64>; 2] {
-    let along = |reach: &dyn Fn(&Singular) -> [f64; 2]| active.iter().flat_map(|(_, f)| reach(f)).collect();
+fn collect_function_ends(active: &[(usize, &SingularFunction)]) -> [Vec<f64>; 2] {
+    let along = |reach: &dyn Fn(&SingularFunction) -> [f64; 2]| active.iter().flat_map(|(_, f)| reach(f)).collect();
     [along(&|f| [f.x.from, f.x.to]), along(&|f| [f.y.from, f.y.to])]
 }
 
 /// A part of a rectangle.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct QuadratureRectangle {
     bounds: Rectangle,
     /// Distance of the nearest centre.
     distance: f64,
@@ -299,9 +328,14 @@ struct Part {
 
 /// The rectangle cut up for integration. All centres' coordinates become borders, as the blending has its joints there, and all `ends`
 /// along x and along y.
-fn rectangles(bounds: Rectangle, centres: &[Centre], ends: &[Vec<f64>; 2], cell: f64) -> Vec<Part> {
+fn cut_cell_into_rectangles(
+    bounds: Rectangle,
+    centres: &[SingularCentre],
+    ends: &[Vec<f64>; 2],
+    cell: f64,
+) -> Vec<QuadratureRectangle> {
     let finest = centres.iter().map(|centre| centre.finest).fold(cell, f64::min);
-    let stops = |from: f64, to: f64, at: &dyn Fn(&Centre) -> f64, ends: &[f64]| {
+    let stops = |from: f64, to: f64, at: &dyn Fn(&SingularCentre) -> f64, ends: &[f64]| {
         if from >= to {
             // A stretch of a line.
             return vec![from, to];
@@ -320,29 +354,36 @@ fn rectangles(bounds: Rectangle, centres: &[Centre], ends: &[Vec<f64>; 2], cell:
     let mut out = Vec::new();
     for y in in_y.windows(2) {
         for x in in_x.windows(2) {
-            cut([x[0], x[1], y[0], y[1]], centres, cell, &mut out);
+            cut_towards_singular_centres([x[0], x[1], y[0], y[1]], centres, cell, &mut out);
         }
     }
     out
 }
 
-fn cut(part: Rectangle, centres: &[Centre], cell: f64, out: &mut Vec<Part>) {
+/// Cuts a rectangle into parts that are small against their distance to every singular centre.
+fn cut_towards_singular_centres(
+    part: Rectangle,
+    centres: &[SingularCentre],
+    cell: f64,
+    parts: &mut Vec<QuadratureRectangle>,
+) {
     let (width, height) = (part[1] - part[0], part[3] - part[2]);
     let largest = width.max(height);
     let beside = |from: f64, to: f64, at: f64| (from - at).max(at - to).max(0.0);
-    let away = |centre: &Centre| {
+    let away = |centre: &SingularCentre| {
         let (x, y) = centre.at;
         beside(part[0], part[1], x).hypot(beside(part[2], part[3], y))
     };
     // The one that asks for the smallest parts, of those that ask for smaller ones than this.
-    let is_large =
-        |centre: &(f64, &Centre)| largest > NEAREST * centre.0 && largest > SMALLEST * cell.min(centre.1.finest);
+    let is_large = |centre: &(f64, &SingularCentre)| {
+        largest > NEAREST * centre.0 && largest > SMALLEST * cell.min(centre.1.finest)
+    };
     let all = centres.iter().map(|centre| (away(centre), centre));
-    let nearest = |a: &(f64, &Centre), b: &(f64, &Centre)| a.0.total_cmp(&b.0);
+    let nearest = |a: &(f64, &SingularCentre), b: &(f64, &SingularCentre)| a.0.total_cmp(&b.0);
     let Some((_, centre)) = all.clone().filter(is_large).min_by(nearest) else {
         let (distance, finest) =
             all.min_by(nearest).map_or((f64::INFINITY, f64::INFINITY), |(distance, centre)| (distance, centre.finest));
-        return out.push(Part { bounds: part, distance, cut_from: cell.min(finest) });
+        return parts.push(QuadratureRectangle { bounds: part, distance, cut_from: cell.min(finest) });
     };
     let (x, y) = centre.at;
     // At a quarter from the end that is nearer to the point; a long rectangle is first cut across.
@@ -354,7 +395,7 @@ fn cut(part: Rectangle, centres: &[Centre], cell: f64, out: &mut Vec<Part>) {
     let in_y = if 2.0 * height > width { vec![[part[2], at_y], [at_y, part[3]]] } else { vec![[part[2], part[3]]] };
     for [y0, y1] in in_y {
         for [x0, x1] in &in_x {
-            cut([*x0, *x1, y0, y1], centres, cell, out);
+            cut_towards_singular_centres([*x0, *x1, y0, y1], centres, cell, parts);
         }
     }
 }
@@ -366,7 +407,7 @@ pub(super) struct EdgeSprings<'a> {
     /// The mesh.
     pub grid: &'a Grid,
     /// Lines along the edge.
-    pub lines: &'a Lines,
+    pub lines: &'a GridLines,
     /// Whether the edge runs along y.
     pub along_y: bool,
     /// Its place across.
@@ -380,74 +421,95 @@ pub(super) struct EdgeSprings<'a> {
 }
 
 impl EdgeSprings<'_> {
-    /// Adds them for the cells along the edge that are there.
-    pub(super) fn add(
+    /// Adds the edge springs' stiffness for the cells along the edge that exist.
+    pub(super) fn add_stiffness_of_cells(
         &self,
         number: impl Fn(usize, usize) -> Option<usize>,
         is_there: impl Fn(usize) -> bool,
-        entries: &mut Entries,
+        entries: &mut MatrixEntries,
     ) {
         let grid = self.grid;
-        let n = grid.element.order() + 1;
-        let rule = gauss(n + EXTRA_POINTS);
-        for cell in (0..self.lines.cells()).filter(|cell| is_there(*cell)) {
+        let n = grid.element.element_order() + 1;
+        let rule = gauss_legendre_rule(n + EXTRA_POINTS);
+        for cell in (0..self.lines.count_cells()).filter(|cell| is_there(*cell)) {
             let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
-            let [x, y] = self.place([from, to]);
-            let active: Vec<(usize, &Singular)> = grid.singular_in([x[0], x[1], y[0], y[1]]).collect();
+            let [x, y] = self.bounds_of_edge_stretch([from, to]);
+            let active: Vec<(usize, &SingularFunction)> =
+                grid.singular_functions_in_rectangle([x[0], x[1], y[0], y[1]]).collect();
             if active.is_empty() {
                 continue;
             }
             // A rectangle without height: the same cuts, by the distance from the line.
-            let (centres, ends) = (centres(&active), ends(&active));
+            let (centres, ends) = (collect_singular_centres(&active), collect_function_ends(&active));
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
-            for Part { bounds: part, .. } in rectangles(bounds, &centres, &ends, size(bounds)) {
+            for QuadratureRectangle { bounds: part, .. } in
+                cut_cell_into_rectangles(bounds, &centres, &ends, longer_side(bounds))
+            {
                 let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
-                let along = Along::new(grid, self.lines, cell, stretch, &rule);
+                let along = DirectionQuadrature::new(grid, self.lines, cell, stretch, &rule);
                 for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
-                    self.add_point(*at, *weight, &functions[0], cell, &active, &number, entries);
+                    self.add_stiffness_at_quadrature_point(
+                        *at,
+                        *weight,
+                        &functions[0],
+                        cell,
+                        &active,
+                        &number,
+                        entries,
+                    );
                 }
             }
         }
     }
 
     /// x and y ranges of a stretch of the edge, with a hair of width across so that functions reaching it are found.
-    fn place(&self, stretch: [f64; 2]) -> [[f64; 2]; 2] {
+    fn bounds_of_edge_stretch(&self, stretch: [f64; 2]) -> [[f64; 2]; 2] {
         let hair = 1e-9 * (stretch[1] - stretch[0]);
         let across = [self.position - hair, self.position + hair];
         if self.along_y { [across, stretch] } else { [stretch, across] }
     }
 
+    /// Adds what one quadrature point of the edge contributes.
     #[expect(clippy::too_many_arguments, reason = "a loop's body")]
-    fn add_point(
+    fn add_stiffness_at_quadrature_point(
         &self,
         at: f64,
         weight: f64,
         functions: &[f64],
         cell: usize,
-        active: &[(usize, &Singular)],
+        active: &[(usize, &SingularFunction)],
         number: &impl Fn(usize, usize) -> Option<usize>,
-        entries: &mut Entries,
+        entries: &mut MatrixEntries,
     ) {
         let jets: Vec<(f64, f64)> = active
             .iter()
             .map(|(_, f)| {
-                let jet = if self.along_y { f.at(self.position, at) } else { f.at(at, self.position) };
+                let jet = if self.along_y {
+                    f.evaluate_jet_at(self.position, at)
+                } else {
+                    f.evaluate_jet_at(at, self.position)
+                };
                 (jet.value, if self.along_y { jet.x } else { jet.y })
             })
             .collect();
         for ((e, _), (value, slope)) in active.iter().zip(&jets) {
             for (a, function) in functions.iter().enumerate() {
-                let along = self.grid.function(cell, a);
+                let along = self.grid.function_index(cell, a);
                 if let Some(other) = number(0, along) {
-                    both(entries, *e, other, weight * self.stiffness * value * function);
+                    add_symmetric_entries(entries, *e, other, weight * self.stiffness * value * function);
                 }
                 if let Some(other) = number(1, along) {
-                    both(entries, *e, other, weight * self.rotational * slope * function * self.slope_unit);
+                    add_symmetric_entries(
+                        entries,
+                        *e,
+                        other,
+                        weight * self.rotational * slope * function * self.slope_unit,
+                    );
                 }
             }
             for ((f, _), (other_value, other_slope)) in active.iter().zip(&jets) {
                 let value = self.stiffness * value * other_value + self.rotational * slope * other_slope;
-                entries.add(*e, *f, weight * value);
+                entries.add_entry(*e, *f, weight * value);
             }
         }
     }
@@ -461,12 +523,12 @@ mod tests {
     /// (log 2 + pi/2 - 3) / 2.
     #[test]
     fn rectangles_integrate_a_logarithm() {
-        let rule = gauss(12);
+        let rule = gauss_legendre_rule(12);
         let integral = |bounds: Rectangle, at: (f64, f64)| {
             let mut sum = 0.0;
-            let centre = Centre { at, finest: f64::INFINITY };
-            for Part { bounds: [x0, x1, y0, y1], .. } in
-                rectangles(bounds, &[centre], &[Vec::new(), Vec::new()], size(bounds))
+            let centre = SingularCentre { at, finest: f64::INFINITY };
+            for QuadratureRectangle { bounds: [x0, x1, y0, y1], .. } in
+                cut_cell_into_rectangles(bounds, &[centre], &[Vec::new(), Vec::new()], longer_side(bounds))
             {
                 for (u, wu) in &rule {
                     for (v, wv) in &rule {

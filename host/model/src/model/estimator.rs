@@ -11,12 +11,12 @@
 //! with orders 7 and 9 the difference is at least 2.6 times the error of order 9, 9 times in the median; with 9 and 11 it is
 //! 2.6 and 3.5 times. `host/model/tests/numerics/model_reference.rs` holds bounds against closed references.
 
-use super::attached::attached;
+use super::attached::all_point_attachments;
 use super::bound::Bound;
 use super::corners::has_singular_corner;
 use super::panel::PanelModel;
-use super::placement::{has_close_points, is_singular};
-use super::sections::Waves;
+use super::placement::{has_close_attachments, has_unresolved_singularity};
+use super::sections::WaveRigidities;
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 
 /// Times the estimate.
@@ -79,13 +79,15 @@ const SLOWER: f64 = 6.0;
 /// Times [`SLOWER`], the difference of levels below which a steady deflection is settled, whether or not it was less before.
 const SETTLED: f64 = 1e-3;
 
-pub(super) fn has_point_moment(scene: &Scene) -> bool {
-    scene.surface.kind == SurfaceKind::Plate && attached(scene).any(|attached| attached.turning_n_m_per_rad > 0.0)
+/// Whether a rotational spring acts on a point of a plate: frequencies then have no limit.
+pub(super) fn has_rotational_point_spring(scene: &Scene) -> bool {
+    scene.surface.kind == SurfaceKind::Plate
+        && all_point_attachments(scene).any(|attached| attached.turning_n_m_per_rad > 0.0)
 }
 
 /// Relative error of a frequency by rounding, and by what is the same on every mesh.
 #[derive(Clone, Copy, Debug)]
-pub struct Rounding {
+pub struct FrequencyRounding {
     /// On a regular mesh.
     regular: f64,
     /// What thin cells add for a mode that bends the panel.
@@ -96,37 +98,38 @@ pub struct Rounding {
     unresolved: f64,
 }
 
-impl Rounding {
+impl FrequencyRounding {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         let length = scene.surface.length_m.max(scene.surface.width_m);
         // The cantilever's first mode, the slowest that `thin` was measured on: (k L)^2 = 3.52.
-        let bending_hz = 3.52 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
+        let bending_hz =
+            3.52 / (length * length) * WaveRigidities::from_scene(scene).mean.sqrt() / std::f64::consts::TAU;
         let per_aspect =
-            if model.parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
+            if model.count_mesh_parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
         Self {
             regular: ROUNDING,
-            thin: per_aspect * model.aspect().powi(3),
+            thin: per_aspect * model.mesh_aspect_ratio().powi(3),
             bending_hz,
-            unresolved: model.unresolved(),
+            unresolved: model.unresolved_frequency_error(),
         }
     }
 
-    /// Of a frequency. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
+    /// Relative error of a frequency by rounding and by what no mesh resolves. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
     #[must_use]
-    pub fn of(&self, frequency_hz: f64) -> f64 {
+    pub fn relative_error_at(&self, frequency_hz: f64) -> f64 {
         self.unresolved + self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
     }
 
-    /// Of modes that bend the panel.
+    /// Relative error of the frequencies of modes that bend the panel.
     #[must_use]
-    pub fn of_bending(&self) -> f64 {
+    pub fn relative_error_of_bending_modes(&self) -> f64 {
         self.unresolved + self.regular + self.thin
     }
 }
 
 /// What a scene's and a mesh's kind says about how fast differences shrink.
 #[derive(Clone, Copy, Debug)]
-pub struct Estimator {
+pub struct ErrorEstimator {
     order: usize,
     /// Least power that errors fall with.
     power: f64,
@@ -147,12 +150,12 @@ pub struct Estimator {
     has_point_moment: bool,
 }
 
-impl Estimator {
+impl ErrorEstimator {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
-        let singular = is_singular(scene, model.fineness());
-        let has_points = model.parts().point_functions > 0;
-        let has_close_points = has_close_points(scene, model.fineness());
+        let singular = has_unresolved_singularity(scene, model.fineness());
+        let has_points = model.count_mesh_parts().point_functions > 0;
+        let has_close_points = has_close_attachments(scene, model.fineness());
         let power = if has_points && has_close_points {
             LEAST_POWER_AT_CLOSE_POINTS
         } else if singular {
@@ -174,75 +177,97 @@ impl Estimator {
             least_ratio_of_few: if singular { LEAST_RATIO_IN_STEPS } else { 0.0 },
             least_ratio_of_curves: if has_close_points { LEAST_RATIO_AT_CLOSE_POINTS } else { 0.0 },
             may_stall: has_close_points,
-            rounding: Rounding::new(scene, model).of_bending(),
-            has_point_moment: has_point_moment(scene),
+            rounding: FrequencyRounding::new(scene, model).relative_error_of_bending_modes(),
+            has_point_moment: has_rotational_point_spring(scene),
         }
     }
 
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
-    pub(super) fn estimate(&self, before: Option<f64>, last: f64) -> f64 {
-        self.with_power(
+    pub(super) fn estimate_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+        self.estimate_bound_for_power(
             self.power,
-            before,
-            no_less(if self.modes_in_steps { LEAST_RATIO_IN_STEPS } else { 0.0 }, before, last),
+            previous_difference,
+            raise_to_least_believed_difference(
+                if self.modes_in_steps { LEAST_RATIO_IN_STEPS } else { 0.0 },
+                previous_difference,
+                last_difference,
+            ),
         )
     }
 
-    /// The same of all modes, each with its difference before and its last.
-    pub(super) fn estimate_modes(&self, differences: &[(Option<f64>, f64)]) -> Vec<f64> {
-        let own: Vec<f64> = differences.iter().map(|(before, last)| self.estimate(*before, *last)).collect();
+    /// Error bounds of all modes, each from its previous and its last difference.
+    pub(super) fn estimate_mode_error_bounds(&self, differences: &[(Option<f64>, f64)]) -> Vec<f64> {
+        let own: Vec<f64> =
+            differences.iter().map(|(before, last)| self.estimate_error_bound(*before, *last)).collect();
         let worst = own.iter().copied().filter(|own| own.is_finite()).fold(0.0, f64::max);
         let least = if self.modes_in_steps { LEAST_OF_WORST * worst } else { 0.0 };
         // A rigid motion's is nothing.
         own.into_iter().map(|own| if own > 0.0 { own.max(least) } else { own }).collect()
     }
 
-    /// The same for curves of responses, without [`RESPONSE_SAFETY`].
-    pub(super) fn estimate_curves(&self, before: Option<f64>, last: f64) -> f64 {
-        self.with_power(self.response_power, before, no_less(self.least_ratio_of_curves, before, last))
+    /// Error bound of curves of responses, without [`RESPONSE_SAFETY`].
+    pub(super) fn estimate_curve_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+        self.estimate_bound_for_power(
+            self.response_power,
+            previous_difference,
+            raise_to_least_believed_difference(self.least_ratio_of_curves, previous_difference, last_difference),
+        )
     }
 
-    /// The same for a few responses, on which two levels may agree by chance.
-    pub(super) fn estimate_few(&self, before: Option<f64>, last: f64) -> f64 {
-        self.with_power(self.response_power, before, no_less(self.least_ratio_of_few, before, last))
+    /// Error bound of a few responses, on which two levels may agree by chance.
+    pub(super) fn estimate_few_responses_error_bound(
+        &self,
+        previous_difference: Option<f64>,
+        last_difference: f64,
+    ) -> f64 {
+        self.estimate_bound_for_power(
+            self.response_power,
+            previous_difference,
+            raise_to_least_believed_difference(self.least_ratio_of_few, previous_difference, last_difference),
+        )
     }
 
-    fn with_power(&self, power: f64, before: Option<f64>, last: f64) -> f64 {
-        if last == 0.0 {
+    /// Error bound if errors fall with this power of the element order; infinite where differences do not shrink.
+    fn estimate_bound_for_power(&self, power: f64, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+        if last_difference == 0.0 {
             return 0.0;
         }
-        if last.is_nan() || last > SMALL {
+        if last_difference.is_nan() || last_difference > SMALL {
             return f64::INFINITY;
         }
-        let ratio = match before {
-            Some(before) if before.is_finite() && before > 0.0 => last / before,
+        let ratio = match previous_difference {
+            Some(previous_difference) if previous_difference.is_finite() && previous_difference > 0.0 => {
+                last_difference / previous_difference
+            }
             _ => 0.0,
         };
         let ratio = if ratio > self.largest_ratio {
             // By rounding, or by chance: a response's differences are those of several modes, which may cancel for once. Where
             // the power is known they have to shrink all the same.
-            if self.may_stall && last > self.rounding {
+            if self.may_stall && last_difference > self.rounding {
                 return f64::INFINITY;
             }
             self.largest_ratio
         } else {
             ratio
         };
-        SAFETY * last * self.rest(power).max(ratio / (1.0 - ratio))
+        SAFETY * last_difference * self.remaining_error_over_difference(power).max(ratio / (1.0 - ratio))
     }
 
     /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
     #[expect(clippy::cast_precision_loss, reason = "orders are small")]
-    fn rest(&self, power: f64) -> f64 {
+    fn remaining_error_over_difference(&self, power: f64) -> f64 {
         let p = self.order as f64;
         1.0 / ((p / (p - 2.0)).powf(power) - 1.0)
     }
 
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
-    pub fn response_bound(&self, before: f64, last: f64) -> Bound {
-        match RESPONSE_SAFETY * self.estimate_few(Some(before), last) + SHARPEST * self.rounding {
+    pub fn response_error_bound(&self, previous_difference: f64, last_difference: f64) -> Bound {
+        match RESPONSE_SAFETY * self.estimate_few_responses_error_bound(Some(previous_difference), last_difference)
+            + SHARPEST * self.rounding
+        {
             _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
@@ -250,19 +275,19 @@ impl Estimator {
     }
 }
 
-impl Estimator {
+impl ErrorEstimator {
     /// The bound of a steady deflection from the relative differences of the two coarser levels and of the two finer ones.
     ///
     /// Where they no longer shrink, by rounding beside heavy masses or at points near to each other, the larger one counts as the last: what is left is
     /// settled to that, and may be wrong by as much as errors fall no faster from there.
     #[must_use]
-    pub fn steady_bound(&self, before: f64, last: f64) -> Bound {
+    pub fn steady_deflection_error_bound(&self, before: f64, last: f64) -> Bound {
         let (before, last) = (SLOWER * before, SLOWER * last);
         let is_stalled = last > self.largest_ratio * before;
         let largest = before.max(last);
-        match self.response_bound(before, last) {
+        match self.response_error_bound(before, last) {
             _ if is_stalled && !self.has_point_moment && largest <= SETTLED => {
-                self.response_bound(largest / self.largest_ratio, largest)
+                self.response_error_bound(largest / self.largest_ratio, largest)
             }
             Bound::Unknown(NOT_SETTLED) => Bound::Unknown(NOT_SETTLED_AT_REST),
             bound => bound,
@@ -271,10 +296,10 @@ impl Estimator {
 }
 
 /// The last difference, or what is believed at least of it after the one before.
-fn no_less(least_ratio: f64, before: Option<f64>, last: f64) -> f64 {
-    let before = before.filter(|before| before.is_finite());
-    let least = before.map_or(0.0, |before| least_ratio * before.min(SMALL));
-    if last < least { least } else { last }
+fn raise_to_least_believed_difference(least_ratio: f64, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+    let previous_difference = previous_difference.filter(|previous_difference| previous_difference.is_finite());
+    let least = previous_difference.map_or(0.0, |previous_difference| least_ratio * previous_difference.min(SMALL));
+    if last_difference < least { least } else { last_difference }
 }
 
 /// Factor on the bound of a response: it has errors of shapes, frequencies and truncation, which need not shrink together.
@@ -288,8 +313,8 @@ pub const SHARPEST: f64 = 500.0;
 mod tests {
     use super::*;
 
-    fn of(order: usize, may_stall: bool) -> Estimator {
-        Estimator {
+    fn of(order: usize, may_stall: bool) -> ErrorEstimator {
+        ErrorEstimator {
             order,
             power: LEAST_POWER,
             response_power: LEAST_POWER,
@@ -308,7 +333,7 @@ mod tests {
         // Errors q^p: the ratio of differences over two orders is q^2.
         for q in [0.01_f64, 0.2, 0.5, 0.8] {
             let error = |p: i32| q.powi(p);
-            let bound = of(9, true).estimate(Some(error(5) - error(7)), error(7) - error(9));
+            let bound = of(9, true).estimate_error_bound(Some(error(5) - error(7)), error(7) - error(9));
             assert!(bound >= error(9), "{q}");
         }
         // Errors p^-k, without and with the level before.
@@ -316,7 +341,7 @@ mod tests {
             let error = |p: f64| p.powi(-k);
             let last = error(7.0) - error(9.0);
             for before in [None, Some(error(5.0) - error(7.0))] {
-                let bound = of(9, true).estimate(before, last);
+                let bound = of(9, true).estimate_error_bound(before, last);
                 assert!(bound >= error(9.0) && bound < 20.0 * error(9.0), "{k}: {bound:e} {:e}", error(9.0));
             }
         }
@@ -325,19 +350,21 @@ mod tests {
     /// Of 1e-2 and 1e-5 in succession the second is taken for chance where errors fall in steps, and for a fact elsewhere.
     #[test]
     fn what_shrinks_at_once_is_not_believed_where_errors_fall_in_steps() {
-        let regular = of(9, false).estimate_few(Some(1e-2), 1e-5);
-        let in_steps = Estimator { modes_in_steps: true, least_ratio_of_few: LEAST_RATIO_IN_STEPS, ..of(9, false) };
-        assert!(in_steps.estimate_few(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate_few(Some(1e-2), f64::NAN).is_infinite());
+        let regular = of(9, false).estimate_few_responses_error_bound(Some(1e-2), 1e-5);
+        let in_steps =
+            ErrorEstimator { modes_in_steps: true, least_ratio_of_few: LEAST_RATIO_IN_STEPS, ..of(9, false) };
+        assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert!(in_steps.estimate_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), f64::NAN).is_infinite());
     }
 
     /// A rigid motion, one that is all but settled and the worst one.
     #[test]
     fn no_mode_is_far_better_than_the_worst_where_errors_fall_in_steps() {
         let differences = [(None, 0.0), (None, 1e-9), (None, 1e-5), (None, f64::INFINITY)];
-        let [regular, in_steps] = [false, true]
-            .map(|modes_in_steps| Estimator { modes_in_steps, ..of(9, false) }.estimate_modes(&differences));
+        let [regular, in_steps] = [false, true].map(|modes_in_steps| {
+            ErrorEstimator { modes_in_steps, ..of(9, false) }.estimate_mode_error_bounds(&differences)
+        });
         assert_eq!((regular[0], in_steps[0]), (0.0, 0.0));
         assert!(in_steps[1] == LEAST_OF_WORST * in_steps[2] && regular[1] < 1e-3 * regular[2]);
         assert_eq!((regular[2], regular[3]), (in_steps[2], in_steps[3]));
@@ -347,23 +374,23 @@ mod tests {
     #[test]
     fn small_differences_bound_what_stands_still() {
         for may_stall in [false, true] {
-            let at_rest = |before, last| of(9, may_stall).steady_bound(before, last).value();
+            let at_rest = |before, last| of(9, may_stall).steady_deflection_error_bound(before, last).known_limit();
             let [shrinking, stalled, growing] =
                 [(2e-7, 2e-8), (2e-7, 2e-7), (2e-8, 2e-7)].map(|(before, last)| at_rest(before, last).unwrap());
             assert!(shrinking < stalled && stalled <= growing, "{shrinking:e} {stalled:e} {growing:e}");
             assert!(growing > 10.0 * 2e-7 && growing < 1e-4, "{growing:e}");
             assert!(at_rest(1e-2, 9e-2).is_none(), "{may_stall}");
         }
-        let reason = of(9, true).steady_bound(1e-2, 9e-2).reason().unwrap();
+        let reason = of(9, true).steady_deflection_error_bound(1e-2, 9e-2).reason_if_unknown().unwrap();
         assert!(!reason.contains("frequency"), "{reason}");
     }
 
     #[test]
     fn what_does_not_shrink_or_is_not_small_has_no_bound() {
-        assert_eq!(of(9, true).estimate(Some(1e-3), 2e-3), f64::INFINITY);
-        assert!(of(9, false).estimate(Some(1e-3), 2e-3) > 2e-3);
-        assert_eq!(of(9, true).estimate(None, 0.5), f64::INFINITY);
-        assert_eq!(of(9, true).estimate(None, f64::NAN), f64::INFINITY);
-        assert_eq!(of(9, true).estimate(Some(1e-3), f64::INFINITY), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_error_bound(Some(1e-3), 2e-3), f64::INFINITY);
+        assert!(of(9, false).estimate_error_bound(Some(1e-3), 2e-3) > 2e-3);
+        assert_eq!(of(9, true).estimate_error_bound(None, 0.5), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_error_bound(None, f64::NAN), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_error_bound(Some(1e-3), f64::INFINITY), f64::INFINITY);
     }
 }

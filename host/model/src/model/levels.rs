@@ -1,14 +1,14 @@
 //! Models of three orders, for answers that are asked for over and over.
 
-use super::bounded::Step;
-use super::estimator::Estimator;
+use super::bounded::RefinementLevel;
+use super::estimator::ErrorEstimator;
 use super::fineness::Fineness;
-use super::grid::expected_unknowns;
-use super::panel::{PanelModel, fineness};
-use super::sections::Section;
+use super::grid::estimate_unknown_count;
+use super::panel::{PanelModel, choose_fineness};
+use super::sections::CellSection;
 use super::{Accuracy, ModelError, ReducedModel};
-use crate::scene::{Layer, Scene, SurfaceKind};
-use crate::stop::Stop;
+use crate::scene::{Scene, SurfaceKind, SurfaceLayer};
+use crate::stop::StopRequest;
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
@@ -25,99 +25,112 @@ const MORE_ON_BARS: usize = 4;
 
 /// Reduced models of three levels, for answers that are asked for over and over.
 #[derive(Clone, Debug)]
-pub struct Levels {
+pub struct ReducedLevels {
     /// The finest.
     pub fine: ReducedModel,
     /// The next coarser one, and the one before that.
     pub coarser: [ReducedModel; 2],
     /// What makes a bound of their differences.
-    pub estimator: Estimator,
+    pub estimator: ErrorEstimator,
     /// The levels, coarsest first; bounds belong to each answer.
-    pub steps: Vec<Step>,
+    pub steps: Vec<RefinementLevel>,
 }
 
-impl Levels {
+impl ReducedLevels {
     /// About how many unknowns the finest level has, before anything is built.
     ///
     /// # Errors
-    /// As [`super::bounded::bounded()`], if the mesh would be too fine.
+    /// As [`super::bounded::answer_with_error_bounds()`], if the mesh would be too fine.
     #[expect(clippy::cast_precision_loss, reason = "about")]
-    pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
-        Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
+    pub fn estimate_unknown_count(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
+        Ok(estimate_unknown_count(scene, Self::choose_meshes(scene, accuracy, max_hz)?[0]) as f64)
     }
 
     /// About how many modes a model for frequencies up to `max_hz` keeps, before anything is built: by Weyl's law, which counts those of a plate
     /// as its area times the square of the wave number over 4 pi, and those of a bar as its length times the wave number over pi.
     #[must_use]
-    pub fn expected_modes(scene: &Scene, max_hz: f64) -> f64 {
+    pub fn estimate_mode_count(scene: &Scene, max_hz: f64) -> f64 {
         let omega = TAU * KEPT_MODES * max_hz;
-        let of_layer = |(extent, layer): (f64, Layer)| {
-            let section = Section::of(scene.surface.kind, &layer);
+        let of_layer = |(extent, layer): (f64, SurfaceLayer)| {
+            let section = CellSection::from_layer(scene.surface.kind, &layer);
             // Of free waves, in rad/m, squared.
             let square = omega * (section.per_area / section.rigidity).sqrt();
             extent * if scene.surface.kind == SurfaceKind::Bar { square.sqrt() / PI } else { square / (4.0 * PI) }
         };
-        scene.layout().layers().map(of_layer).sum()
+        scene.layout().areas_with_layers().map(of_layer).sum()
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
     ///
     /// # Errors
-    /// As [`super::bounded::bounded()`].
+    /// As [`super::bounded::answer_with_error_bounds()`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        Self::of_meshes(scene, Self::meshes(scene, accuracy, max_hz)?, max_hz)
+        Self::build_on_meshes(scene, Self::choose_meshes(scene, accuracy, max_hz)?, max_hz)
     }
 
     /// The meshes for frequencies up to `max_hz`, finest first: of higher order than a first try, as nobody climbs from here, and
     /// cells of half the size where a cut-out's corners let errors fall with the square of the order only.
     ///
     /// # Errors
-    /// As [`super::bounded::bounded()`].
-    pub(super) fn meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+    /// As [`super::bounded::answer_with_error_bounds()`].
+    pub(super) fn choose_meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
         let part = if scene.cutouts.is_empty() { 1.0 } else { BESIDE_CUTOUTS };
         let more = if scene.surface.kind == SurfaceKind::Bar { MORE_ON_BARS } else { MORE };
-        Self::meshes_of(scene, accuracy.order() + more, part, max_hz)
+        Self::choose_meshes_of_order(scene, accuracy.choose_element_order() + more, part, max_hz)
     }
 
-    fn meshes_of(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
-        let of = |order| fineness(scene, order, part, max_hz);
+    /// The meshes of an order and of the orders 2 and 4 below it, finest first.
+    fn choose_meshes_of_order(
+        scene: &Scene,
+        order: usize,
+        cell_fraction: f64,
+        max_hz: f64,
+    ) -> Result<[Fineness; 3], ModelError> {
+        let of = |order| choose_fineness(scene, order, cell_fraction, max_hz);
         Ok([of(order)?, of(order - 2)?, of(order - 4)?])
     }
 
     /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.
     ///
     /// # Errors
-    /// As [`super::bounded::bounded()`].
-    pub fn of_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
-        Self::of_meshes(scene, Self::meshes_of(scene, order, 1.0, max_hz)?, max_hz)
+    /// As [`super::bounded::answer_with_error_bounds()`].
+    pub fn build_with_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
+        Self::build_on_meshes(scene, Self::choose_meshes_of_order(scene, order, 1.0, max_hz)?, max_hz)
     }
 
     /// The finest level alone, with what makes a bound of its differences to others.
     ///
     /// # Errors
-    /// As [`super::bounded::bounded()`].
+    /// As [`super::bounded::answer_with_error_bounds()`].
     pub(super) fn build_finest(
         scene: &Scene,
         fineness: Fineness,
         max_hz: f64,
-    ) -> Result<(Estimator, ReducedModel), ModelError> {
+    ) -> Result<(ErrorEstimator, ReducedModel), ModelError> {
         let model = PanelModel::with_fineness(scene, fineness)?;
         let reduced = model.reduce(max_hz, &[])?;
-        Ok((Estimator::new(scene, &model), reduced))
+        Ok((ErrorEstimator::new(scene, &model), reduced))
     }
 
-    fn of_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
+    /// Solves the three levels, coarsest first.
+    fn build_on_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
         let mut level = |fineness: Fineness| -> Result<_, ModelError> {
-            if Stop::current().is_asked() {
+            if StopRequest::current_request_of_thread().is_stop_requested() {
                 return Err(ModelError::Stopped);
             }
             let started = Instant::now();
             let model = PanelModel::with_fineness(scene, fineness)?;
             let reduced = model.reduce(max_hz, &[])?;
             let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-            steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
-            Ok((Estimator::new(scene, &model), reduced))
+            steps.push(RefinementLevel {
+                fineness,
+                parts: model.count_mesh_parts(),
+                dofs: model.count_unknowns(),
+                elapsed_ms,
+                bound: f64::INFINITY,
+            });
+            Ok((ErrorEstimator::new(scene, &model), reduced))
         };
         let (_, coarse) = level(coarse)?;
         let (_, middle) = level(middle)?;

@@ -12,7 +12,7 @@ const MOST_LAYERS: usize = 12;
 
 /// One direction of the mesh.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Lines {
+pub struct GridLines {
     /// Ascending positions in m, the first 0 and the last the side's length.
     pub at: Vec<f64>,
     /// Length that the slope at each line is scaled with: the mean of the cells beside it.
@@ -23,19 +23,19 @@ pub struct Lines {
 
 /// A position that must have a line of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Forced {
+pub struct RequiredLine {
     /// In m.
     pub at: f64,
     /// Largest width of the cells beside it; infinite where regular cells will do.
     pub width: f64,
 }
 
-impl Lines {
+impl GridLines {
     /// Lines from 0 to `length` with cells of at most `cell`, one line at every forced position.
     #[must_use]
-    pub fn new(length: f64, cell: f64, forced: &[Forced]) -> Self {
-        let mut stops: Vec<Forced> =
-            vec![Forced { at: 0.0, width: f64::INFINITY }, Forced { at: length, width: f64::INFINITY }];
+    pub fn new(length: f64, cell: f64, forced: &[RequiredLine]) -> Self {
+        let mut stops: Vec<RequiredLine> =
+            vec![RequiredLine { at: 0.0, width: f64::INFINITY }, RequiredLine { at: length, width: f64::INFINITY }];
         for stop in forced {
             match stops.iter_mut().find(|known| (known.at - stop.at).abs() <= MERGE * length) {
                 Some(known) => known.width = known.width.min(stop.width),
@@ -46,7 +46,7 @@ impl Lines {
         let mut at = vec![0.0];
         for pair in stops.windows(2) {
             if let [from, to] = pair {
-                fill(&mut at, *from, *to, cell);
+                add_lines_between(&mut at, *from, *to, cell);
             }
         }
         let scale = (0..at.len())
@@ -64,24 +64,25 @@ impl Lines {
 
     /// Number of cells.
     #[must_use]
-    pub fn cells(&self) -> usize {
+    pub fn count_cells(&self) -> usize {
         self.at.len().saturating_sub(1)
     }
 
-    /// Index of the line at `x`, which must be a forced position (or within the merging distance of one).
+    /// Index of the line nearest to a position, which must be a required one (or within the merging distance of one).
     #[must_use]
-    pub fn nearest(&self, x: f64) -> usize {
-        let after = self.at.partition_point(|at| *at < x).min(self.at.len() - 1);
+    pub fn nearest_line_index(&self, position_m: f64) -> usize {
+        let after = self.at.partition_point(|at| *at < position_m).min(self.at.len() - 1);
         let before = after.saturating_sub(1);
-        if x - self.at[before] < self.at[after] - x { before } else { after }
+        if position_m - self.at[before] < self.at[after] - position_m { before } else { after }
     }
 
-    /// The cell that holds `x`, and the place in it from 0 to 1.
+    /// The cell that contains a position, and where it is in the cell, 0 to 1.
     #[must_use]
-    pub fn locate(&self, x: f64) -> (usize, f64) {
-        let cell = self.at.partition_point(|at| *at <= x).saturating_sub(1).min(self.cells().saturating_sub(1));
+    pub fn locate_cell(&self, position_m: f64) -> (usize, f64) {
+        let cell =
+            self.at.partition_point(|at| *at <= position_m).saturating_sub(1).min(self.count_cells().saturating_sub(1));
         let (from, to) = (self.at[cell], self.at[cell + 1]);
-        (cell, ((x - from) / (to - from)).clamp(0.0, 1.0))
+        (cell, ((position_m - from) / (to - from)).clamp(0.0, 1.0))
     }
 }
 
@@ -93,9 +94,9 @@ impl Lines {
     clippy::cast_precision_loss,
     reason = "a positive count, bounded by the caller"
 )]
-fn fill(at: &mut Vec<f64>, from: Forced, to: Forced, cell: f64) {
+fn add_lines_between(positions_m: &mut Vec<f64>, from: RequiredLine, to: RequiredLine, largest_cell_m: f64) {
     let length = to.at - from.at;
-    let mut cells = ((length / cell - 1e-9).ceil() as usize).max(1);
+    let mut cells = ((length / largest_cell_m - 1e-9).ceil() as usize).max(1);
     let both = from.width < length && to.width < length;
     if both {
         cells = cells.max(2);
@@ -110,10 +111,10 @@ fn fill(at: &mut Vec<f64>, from: Forced, to: Forced, cell: f64) {
         }
         cuts
     };
-    at.extend(layers(from.width).into_iter().rev().map(|cut| from.at + cut));
-    at.extend((1..cells).map(|i| from.at + width * i as f64));
-    at.extend(layers(to.width).into_iter().map(|cut| to.at - cut));
-    at.push(to.at);
+    positions_m.extend(layers(from.width).into_iter().rev().map(|cut| from.at + cut));
+    positions_m.extend((1..cells).map(|i| from.at + width * i as f64));
+    positions_m.extend(layers(to.width).into_iter().map(|cut| to.at - cut));
+    positions_m.push(to.at);
 }
 
 #[cfg(test)]
@@ -123,26 +124,27 @@ mod tests {
     #[test]
     fn every_forced_position_is_a_line_and_cells_are_small_enough() {
         let forced = [
-            Forced { at: 0.1, width: 0.005 },
-            Forced { at: 0.1001, width: f64::INFINITY },
-            Forced { at: 0.1 + 1e-9, width: f64::INFINITY },
-            Forced { at: 0.2, width: 1e-4 },
-            Forced { at: 0.3, width: 0.005 },
+            RequiredLine { at: 0.1, width: 0.005 },
+            RequiredLine { at: 0.1001, width: f64::INFINITY },
+            RequiredLine { at: 0.1 + 1e-9, width: f64::INFINITY },
+            RequiredLine { at: 0.2, width: 1e-4 },
+            RequiredLine { at: 0.3, width: 0.005 },
         ];
-        let lines = Lines::new(0.3, 0.02, &forced);
+        let lines = GridLines::new(0.3, 0.02, &forced);
         assert!(lines.at.windows(2).all(|pair| pair[1] > pair[0] && pair[1] - pair[0] <= 0.02 * (1.0 + 1e-9)));
         for stop in forced {
-            let line = lines.nearest(stop.at);
+            let line = lines.nearest_line_index(stop.at);
             assert!((lines.at[line] - stop.at).abs() < 1e-8);
             let beside = lines.at.windows(2).filter(|pair| pair.contains(&lines.at[line]));
             assert!(beside.map(|pair| pair[1] - pair[0]).all(|width| width <= stop.width * (1.0 + 1e-9)));
         }
-        assert_eq!((lines.at[0], lines.at[lines.cells()]), (0.0, 0.3));
+        assert_eq!((lines.at[0], lines.at[lines.count_cells()]), (0.0, 0.3));
     }
 
     #[test]
     fn smaller_cells_add_lines_and_move_none() {
-        let lines = |width| Lines::new(1.0, 0.3, &[Forced { at: 0.4, width }, Forced { at: 1.0, width }]).at;
+        let lines =
+            |width| GridLines::new(1.0, 0.3, &[RequiredLine { at: 0.4, width }, RequiredLine { at: 1.0, width }]).at;
         for (coarse, fine) in [(f64::INFINITY, 0.1), (0.1, 0.03), (0.03, 1e-3)] {
             let (coarse, fine) = (lines(coarse), lines(fine));
             assert!(coarse.iter().all(|at| fine.contains(at)) && fine.len() > coarse.len());
@@ -151,11 +153,11 @@ mod tests {
 
     #[test]
     fn places_are_located() {
-        let lines = Lines::new(1.0, 0.25, &[]);
-        assert_eq!(lines.locate(0.0), (0, 0.0));
-        assert_eq!(lines.locate(1.0), (3, 1.0));
-        assert_eq!(lines.locate(0.25), (1, 0.0));
-        let (cell, place) = lines.locate(0.6);
+        let lines = GridLines::new(1.0, 0.25, &[]);
+        assert_eq!(lines.locate_cell(0.0), (0, 0.0));
+        assert_eq!(lines.locate_cell(1.0), (3, 1.0));
+        assert_eq!(lines.locate_cell(0.25), (1, 0.0));
+        let (cell, place) = lines.locate_cell(0.6);
         assert!(cell == 2 && (place - 0.4).abs() < 1e-12);
     }
 }

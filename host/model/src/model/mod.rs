@@ -69,11 +69,11 @@ mod wave;
 
 pub use accuracy::Accuracy;
 pub use bound::Bound;
-pub use bounded::Bounded;
-pub use coupled::{BarePanel, Yields};
+pub use bounded::BoundedAnswer;
+pub use coupled::{BarePanel, SurfaceCompliance};
 pub use error::ModelError;
 pub use fineness::Fineness;
-pub use panel::{Mode, PanelModel, Parts};
+pub use panel::{MeshCounts, PanelMode, PanelModel};
 pub use poles::Pole;
-pub use questions::bounded_modes;
+pub use questions::compute_modes_with_error_bounds;
 pub use reduced::ReducedModel;

@@ -7,9 +7,9 @@
 //! the difference quotients against its neighbour, (w' - w) r / d and (f' - f) r / d, with a length r of the mesh: a dipole's
 //! function, of the size of one whatever d is.
 
-use super::attached::{Attached, attached};
+use super::attached::{PointAttachment, all_point_attachments};
 use super::mesh::MERGE;
-use super::sections::shift;
+use super::sections::choose_spectral_shift_rad2_per_s2;
 use crate::scene::Scene;
 
 /// Places nearer to each other than this part of a cell are neighbours. Where they are not, differences of functions lose up
@@ -18,23 +18,27 @@ pub(super) const NEAR: f64 = 0.02;
 
 /// Two attachments that are not at one place, and are nearer to each other than that.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pair {
+pub(super) struct CloseAttachmentPair {
     /// In m.
     pub distance_m: f64,
     /// With what they hold the slope between them over the square of their distance, in N/m: both in series.
     pub held: f64,
 }
 
-/// All pairs of attachments that are apart by more than nothing and at most `most_m`.
-pub(super) fn pairs(scene: &Scene, most_m: f64) -> Vec<Pair> {
-    let shift = shift(scene);
-    let all: Vec<((f64, f64), f64)> = attached(scene).map(|own| (own.at, own.held(shift))).collect();
+/// All pairs of attachments that are apart by more than nothing and by at most `most_m`.
+pub(super) fn find_close_attachment_pairs(scene: &Scene, most_m: f64) -> Vec<CloseAttachmentPair> {
+    let shift = choose_spectral_shift_rad2_per_s2(scene);
+    let all: Vec<((f64, f64), f64)> =
+        all_point_attachments(scene).map(|own| (own.at, own.shifted_stiffness_n_per_m(shift))).collect();
     let mut out = Vec::new();
     for (k, (at, held)) in all.iter().enumerate() {
         for (other_at, other) in &all[k + 1..] {
-            let distance_m = distance(*at, *other_at);
+            let distance_m = distance_between_points(*at, *other_at);
             if distance_m > 0.0 && distance_m <= most_m {
-                out.push(Pair { distance_m, held: held * other / (held + other).max(f64::MIN_POSITIVE) });
+                out.push(CloseAttachmentPair {
+                    distance_m,
+                    held: held * other / (held + other).max(f64::MIN_POSITIVE),
+                });
             }
         }
     }
@@ -43,7 +47,7 @@ pub(super) fn pairs(scene: &Scene, most_m: f64) -> Vec<Pair> {
 
 /// Something attached.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct AttachmentPlace {
     /// In m.
     pub at: (f64, f64),
     /// What resists a motion there in the matrix that is factored, in N/m: stiffness, and mass times the shift.
@@ -52,15 +56,18 @@ pub(super) struct Place {
 
 /// All places of the scene's attachments, one for those that are within the merging distance of each other, the most firmly
 /// held first. A neighbour held more firmly than what it is a neighbour of would cancel with it.
-pub(super) fn places(scene: &Scene) -> Vec<Place> {
-    let shift = shift(scene);
-    let place = |attached: Attached| Place { at: attached.at, held: attached.held(shift) };
-    let mut all: Vec<Place> = attached(scene).map(place).collect();
+pub(super) fn merge_attachments_into_places(scene: &Scene) -> Vec<AttachmentPlace> {
+    let shift = choose_spectral_shift_rad2_per_s2(scene);
+    let place = |attached: PointAttachment| AttachmentPlace {
+        at: attached.at,
+        held: attached.shifted_stiffness_n_per_m(shift),
+    };
+    let mut all: Vec<AttachmentPlace> = all_point_attachments(scene).map(place).collect();
     all.sort_by(|a, b| b.held.total_cmp(&a.held));
     let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
-    let mut out: Vec<Place> = Vec::new();
+    let mut out: Vec<AttachmentPlace> = Vec::new();
     for place in all {
-        match out.iter_mut().find(|known| distance(known.at, place.at) <= merged) {
+        match out.iter_mut().find(|known| distance_between_points(known.at, place.at) <= merged) {
             Some(known) => known.held += place.held,
             None => out.push(place),
         }
@@ -69,13 +76,14 @@ pub(super) fn places(scene: &Scene) -> Vec<Place> {
     out
 }
 
-pub(super) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
+/// Distance of two points.
+pub(super) fn distance_between_points(a: (f64, f64), b: (f64, f64)) -> f64 {
     (a.0 - b.0).hypot(a.1 - b.1)
 }
 
 /// Places in clusters, as they come.
 #[derive(Clone, Debug)]
-pub(super) struct Clusters {
+pub(super) struct PlaceClusters {
     /// The mesh's length that distances are measured in.
     unit: f64,
     /// Places, each with the first of its cluster.
@@ -84,7 +92,7 @@ pub(super) struct Clusters {
 
 /// What a place is near to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Neighbour {
+pub(super) struct NearestPlace {
     /// The first of the cluster, in the order in which places came.
     pub first: usize,
     /// The nearest before it.
@@ -95,21 +103,22 @@ pub(super) struct Neighbour {
     pub ratio: f64,
 }
 
-impl Clusters {
+impl PlaceClusters {
     /// None yet, on a mesh with cells of this width (m).
     pub(super) fn new(cell_m: f64) -> Self {
         Self { unit: cell_m, members: Vec::new() }
     }
 
-    /// Adds a place; `None` if nothing is near.
-    pub(super) fn add(&mut self, at: (f64, f64)) -> Option<Neighbour> {
-        let of_cluster =
-            |(_, (_, first)): &(usize, &((f64, f64), usize))| distance(self.members[*first].0, at) <= NEAR * self.unit;
+    /// Adds a place; returns the nearest earlier one of its cluster, `None` if no place is near.
+    pub(super) fn add_place_and_find_nearest(&mut self, at: (f64, f64)) -> Option<NearestPlace> {
+        let of_cluster = |(_, (_, first)): &(usize, &((f64, f64), usize))| {
+            distance_between_points(self.members[*first].0, at) <= NEAR * self.unit
+        };
         let nearest = self.members.iter().enumerate().filter(of_cluster);
         let nearest = nearest
-            .map(|(k, (other, first))| (k, *first, distance(*other, at)))
+            .map(|(k, (other, first))| (k, *first, distance_between_points(*other, at)))
             .min_by(|a, b| a.2.total_cmp(&b.2))
-            .map(|(nearest, first, distance_m)| Neighbour {
+            .map(|(nearest, first, distance_m)| NearestPlace {
                 first,
                 nearest,
                 distance_m,
@@ -126,15 +135,15 @@ mod tests {
 
     #[test]
     fn a_place_belongs_to_the_nearest_of_its_cluster() {
-        let mut clusters = Clusters::new(1.0);
-        assert_eq!(clusters.add((0.0, 0.0)), None);
-        assert_eq!(clusters.add((0.5, 0.0)), None, "far");
-        let beside = clusters.add((0.01, 0.0)).unwrap();
+        let mut clusters = PlaceClusters::new(1.0);
+        assert_eq!(clusters.add_place_and_find_nearest((0.0, 0.0)), None);
+        assert_eq!(clusters.add_place_and_find_nearest((0.5, 0.0)), None, "far");
+        let beside = clusters.add_place_and_find_nearest((0.01, 0.0)).unwrap();
         assert_eq!((beside.first, beside.nearest), (0, 0));
-        let beside = clusters.add((0.01, 0.001)).unwrap();
+        let beside = clusters.add_place_and_find_nearest((0.01, 0.001)).unwrap();
         assert_eq!((beside.first, beside.nearest), (0, 2));
         assert!((beside.ratio - 0.001).abs() < 1e-15);
         // Within reach of a member, but not of the first: clusters do not grow along a chain.
-        assert_eq!(clusters.add((0.025, 0.0)), None);
+        assert_eq!(clusters.add_place_and_find_nearest((0.025, 0.0)), None);
     }
 }

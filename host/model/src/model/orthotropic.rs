@@ -7,9 +7,9 @@
 //! reflects sums of e^(-l_m k n), whose amplitudes follow from what the edge demands; each is singular at an image of its own behind the edge.
 //! With equal roots all of it is [`super::singular`].
 
-use super::sections::Bending;
-use super::singular::{Source, Terms, clamped_edge, free_edge};
-use super::wave::Wave;
+use super::sections::RelativeBending;
+use super::singular::{SingularSource, SingularTerms, image_source_of_clamped_edge, image_source_of_free_edge};
+use super::wave::LogWave;
 use crate::scene::Side;
 use num_complex::Complex64;
 
@@ -19,65 +19,77 @@ const APART: f64 = 0.02;
 
 /// What the plate around a point force is.
 #[derive(Clone, Copy, Debug)]
-pub enum Medium {
+pub enum PlateMedium {
     /// With Poisson's ratio.
     Isotropic(f64),
     /// With rigidities of its own along x and y.
-    Orthotropic(Bending),
+    Orthotropic(RelativeBending),
 }
 
-impl Medium {
-    /// Of a plate.
-    pub fn of(bending: Bending) -> Self {
+impl PlateMedium {
+    /// The medium that a plate of these rigidities is.
+    pub fn from_bending(bending: RelativeBending) -> Self {
         if bending.is_isotropic() { Self::Isotropic(bending.poisson) } else { Self::Orthotropic(bending) }
     }
 
     /// What a force inside the plate does, 8 pi sqrt(D_11 D_22) times: r^2 log r where it is isotropic.
     /// Written by the waves across `side`, as a clamped edge there needs it: those of another differ by polynomials, with which it would move.
-    pub fn inside(self, at: (f64, f64), side: Side) -> Vec<Source> {
+    pub fn sources_of_inner_point_force(self, at: (f64, f64), side: Side) -> Vec<SingularSource> {
         match self {
-            Self::Isotropic(_) => vec![Source::inside(at)],
+            Self::Isotropic(_) => vec![SingularSource::from_inner_point_force(at)],
             Self::Orthotropic(bending) => {
-                let across = Across::new(bending, side);
-                let wave = |j: usize| Wave { factor: across.force(j), root: across.roots[j] };
-                [0, 1].map(|j| Source { centre: at, side, terms: Terms::Wave(wave(j)) }).to_vec()
+                let across = EdgeWaves::new(bending, side);
+                let wave = |j: usize| LogWave { factor: across.incident_wave_amplitude(j), root: across.roots[j] };
+                [0, 1].map(|j| SingularSource { centre: at, side, terms: SingularTerms::Wave(wave(j)) }).to_vec()
             }
         }
     }
 
     /// What a free edge adds; the force is `distance` from it, in units of `scale` (m), and its mirror image at `image`.
-    pub fn free_edge(self, side: Side, image: (f64, f64), distance: f64, scale: f64) -> Vec<Source> {
+    pub fn image_sources_of_free_edge(
+        self,
+        side: Side,
+        image: (f64, f64),
+        distance: f64,
+        scale: f64,
+    ) -> Vec<SingularSource> {
         match self {
-            Self::Isotropic(poisson) => vec![free_edge(side, image, distance, poisson)],
+            Self::Isotropic(poisson) => vec![image_source_of_free_edge(side, image, distance, poisson)],
             Self::Orthotropic(bending) => {
-                let across = Across::new(bending, side);
-                across.images(across.free(), image, distance, scale)
+                let across = EdgeWaves::new(bending, side);
+                across.reflected_wave_sources(across.reflection_amplitudes_of_free_edge(), image, distance, scale)
             }
         }
     }
 
-    /// What a clamped edge adds.
-    pub fn clamped_edge(self, side: Side, image: (f64, f64), distance: f64, scale: f64) -> Vec<Source> {
+    /// Sources that make a clamped edge neither move nor turn.
+    pub fn image_sources_of_clamped_edge(
+        self,
+        side: Side,
+        image: (f64, f64),
+        distance: f64,
+        scale: f64,
+    ) -> Vec<SingularSource> {
         match self {
-            Self::Isotropic(_) => vec![clamped_edge(side, image, distance)],
+            Self::Isotropic(_) => vec![image_source_of_clamped_edge(side, image, distance)],
             Self::Orthotropic(bending) => {
-                let across = Across::new(bending, side);
-                across.images(across.clamped(), image, distance, scale)
+                let across = EdgeWaves::new(bending, side);
+                across.reflected_wave_sources(across.reflection_amplitudes_of_clamped_edge(), image, distance, scale)
             }
         }
     }
 }
 
 /// A plate as an edge sees it.
-struct Across {
+struct EdgeWaves {
     side: Side,
     roots: [Complex64; 2],
     /// D_12 over D_n.
     poisson: f64,
 }
 
-impl Across {
-    fn new(bending: Bending, side: Side) -> Self {
+impl EdgeWaves {
+    fn new(bending: RelativeBending, side: Side) -> Self {
         let (normal, along) =
             if matches!(side, Side::Left | Side::Right) { (bending.x, bending.y) } else { (bending.y, bending.x) };
         let mixed = (bending.poisson + 0.5 * bending.twist) / (normal * along).sqrt();
@@ -92,22 +104,22 @@ impl Across {
     }
 
     /// The amplitude of a force's wave, with signs as of s^2 log s: 2 l_2 / (l_1^2 - l_2^2), and with 1 and 2 exchanged.
-    fn force(&self, j: usize) -> Complex64 {
+    fn incident_wave_amplitude(&self, j: usize) -> Complex64 {
         let (own, other) = (self.roots[j], self.roots[1 - j]);
         2.0 * other / (own * own - other * other)
     }
 
     /// Amplitudes that a free edge reflects, `[of the wave][for the wave that comes]`: neither moment, D_n w_nn - D_12 k^2 w, nor shear,
     /// D_n w_nnn - (D_12 + 4 D_66) k^2 w_n, whose coefficient of a wave is l_1 times the other's of the moment.
-    fn free(&self) -> [[Complex64; 2]; 2] {
+    fn reflection_amplitudes_of_free_edge(&self) -> [[Complex64; 2]; 2] {
         let [l1, l2] = self.roots;
         let [p1, p2] = [l1 * l1 - self.poisson, l2 * l2 - self.poisson];
         let (direct, whole) = (l2 * p1 * p1 + l1 * p2 * p2, l2 * p1 * p1 - l1 * p2 * p2);
         [[-direct / whole, -2.0 * l2 * p1 * p2 / whole], [2.0 * l1 * p1 * p2 / whole, direct / whole]]
     }
 
-    /// The same of a clamped edge: neither w nor w_n.
-    fn clamped(&self) -> [[Complex64; 2]; 2] {
+    /// Amplitudes that a clamped edge reflects: neither w nor w_n.
+    fn reflection_amplitudes_of_clamped_edge(&self) -> [[Complex64; 2]; 2] {
         let [l1, l2] = self.roots;
         let (sum, whole) = (l1 + l2, l2 - l1);
         [[-sum / whole, -2.0 * l2 / whole], [2.0 * l1 / whole, sum / whole]]
@@ -115,7 +127,13 @@ impl Across {
 
     /// What the edge reflects: a wave that came with l_j over the distance d and goes with l_m is singular where
     /// l_m n + l_j d + j t = 0, behind the edge.
-    fn images(&self, reflected: [[Complex64; 2]; 2], image: (f64, f64), distance: f64, scale: f64) -> Vec<Source> {
+    fn reflected_wave_sources(
+        &self,
+        reflected: [[Complex64; 2]; 2],
+        image: (f64, f64),
+        distance: f64,
+        scale: f64,
+    ) -> Vec<SingularSource> {
         let mut out = Vec::new();
         for (m, row) in reflected.iter().enumerate() {
             for (j, amplitude) in row.iter().enumerate() {
@@ -131,8 +149,8 @@ impl Across {
                     Side::Top => (x + aside, y + deeper),
                     Side::Bottom => (x + aside, y - deeper),
                 };
-                let wave = Wave { factor: amplitude * self.force(j), root: goes };
-                out.push(Source { centre, side: self.side, terms: Terms::Wave(wave) });
+                let wave = LogWave { factor: amplitude * self.incident_wave_amplitude(j), root: goes };
+                out.push(SingularSource { centre, side: self.side, terms: SingularTerms::Wave(wave) });
             }
         }
         out
@@ -141,29 +159,31 @@ impl Across {
 
 #[cfg(test)]
 mod tests {
-    use super::super::singular::{End, Reach, Singular};
+    use super::super::singular::{FunctionEnd, FunctionReach, SingularFunction};
     use super::*;
 
     /// Conjugate roots, real ones, and nearly equal ones.
-    const PLATES: [Bending; 3] = [
-        Bending { x: 1.4, y: 0.7, poisson: 0.2, twist: 0.5 },
-        Bending { x: 0.5, y: 2.0, poisson: 0.3, twist: 3.9 },
-        Bending { x: 1.1, y: 0.9, poisson: 0.25, twist: 1.5 },
+    const PLATES: [RelativeBending; 3] = [
+        RelativeBending { x: 1.4, y: 0.7, poisson: 0.2, twist: 0.5 },
+        RelativeBending { x: 0.5, y: 2.0, poisson: 0.3, twist: 3.9 },
+        RelativeBending { x: 1.1, y: 0.9, poisson: 0.25, twist: 1.5 },
     ];
 
-    fn function(sources: Vec<Source>) -> Singular {
-        let open = Reach { centre: 0.0, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
-        Singular { x: open, y: open, sources, scale: 0.7, finest: f64::INFINITY }
+    fn function(sources: Vec<SingularSource>) -> SingularFunction {
+        let open =
+            FunctionReach { centre: 0.0, from: -10.0, to: 10.0, at_from: FunctionEnd::Open, at_to: FunctionEnd::Open };
+        SingularFunction { x: open, y: open, sources, scale: 0.7, finest: f64::INFINITY }
     }
 
     /// Second derivatives along a line across the force are continuous, and smooth away from it.
     #[test]
     fn forces_are_smooth_beside_their_point() {
         for bending in PLATES {
-            let f = function(Medium::of(bending).inside((0.1, 0.2), Side::Left));
+            let f = function(PlateMedium::from_bending(bending).sources_of_inner_point_force((0.1, 0.2), Side::Left));
             let h = 1e-5;
             for (x, y) in [(0.1, 0.6), (0.1, -0.3), (0.4, 0.2), (-0.2, 0.5)] {
-                let (before, after, here) = (f.at(x - h, y), f.at(x + h, y), f.at(x, y));
+                let (before, after, here) =
+                    (f.evaluate_jet_at(x - h, y), f.evaluate_jet_at(x + h, y), f.evaluate_jet_at(x, y));
                 for (a, b, c) in
                     [(before.xx, after.xx, here.xx), (before.xy, after.xy, here.xy), (before.yy, after.yy, here.yy)]
                 {
@@ -180,11 +200,16 @@ mod tests {
     #[test]
     fn forces_are_of_one() {
         for bending in &PLATES[..2] {
-            let f = function(Medium::of(*bending).inside((0.0, 0.0), Side::Left));
+            let f = function(PlateMedium::from_bending(*bending).sources_of_inner_point_force((0.0, 0.0), Side::Left));
             let both = bending.poisson + 0.5 * bending.twist;
             let h = 1e-4;
             let shear = |x: f64, y: f64| {
-                let (e, w, s, n) = (f.at(x + h, y), f.at(x - h, y), f.at(x, y + h), f.at(x, y - h));
+                let (e, w, s, n) = (
+                    f.evaluate_jet_at(x + h, y),
+                    f.evaluate_jet_at(x - h, y),
+                    f.evaluate_jet_at(x, y + h),
+                    f.evaluate_jet_at(x, y - h),
+                );
                 let along_x = bending.x * (e.xx - w.xx) + both * (e.yy - w.yy);
                 let along_y = bending.y * (s.yy - n.yy) + both * (s.xx - n.xx);
                 [along_x / (2.0 * h), along_y / (2.0 * h)]
@@ -210,18 +235,20 @@ mod tests {
     #[test]
     fn half_planes_have_their_edges() {
         for bending in &PLATES[..2] {
-            let medium = Medium::of(*bending);
+            let medium = PlateMedium::from_bending(*bending);
             for (side, flip) in [(Side::Left, 1.0), (Side::Right, -1.0), (Side::Top, 1.0), (Side::Bottom, -1.0)] {
                 let across_x = matches!(side, Side::Left | Side::Right);
                 let place = |n: f64, t: f64| if across_x { (flip * n, t) } else { (t, flip * n) };
                 let (d, scale) = (0.21, 0.7);
-                let edge = |images: Vec<Source>| function([medium.inside(place(d, 0.0), side), images].concat());
-                let free = edge(medium.free_edge(side, place(-d, 0.0), d / scale, scale));
-                let clamped = edge(medium.clamped_edge(side, place(-d, 0.0), d / scale, scale));
+                let edge = |images: Vec<SingularSource>| {
+                    function([medium.sources_of_inner_point_force(place(d, 0.0), side), images].concat())
+                };
+                let free = edge(medium.image_sources_of_free_edge(side, place(-d, 0.0), d / scale, scale));
+                let clamped = edge(medium.image_sources_of_clamped_edge(side, place(-d, 0.0), d / scale, scale));
                 let normal = if across_x { bending.x } else { bending.y };
                 let curvatures = |n: f64, t: f64| {
                     let (x, y) = place(n, t);
-                    let jet = free.at(x, y);
+                    let jet = free.evaluate_jet_at(x, y);
                     if across_x { [jet.xx, jet.yy] } else { [jet.yy, jet.xx] }
                 };
                 // Up to polynomials: a constant moment, and no shear.
@@ -241,7 +268,7 @@ mod tests {
                     assert!((moment(t) - moment(0.02)).abs() < 1e-10, "{side:?} {t}: {} {}", moment(t), moment(0.02));
                     assert!(shear(t).abs() < 1e-4, "{side:?} {t}: {}", shear(t));
                     let (x, y) = place(0.0, t);
-                    let jet = clamped.at(x, y);
+                    let jet = clamped.evaluate_jet_at(x, y);
                     let slope = if across_x { jet.x } else { jet.y };
                     assert!(jet.value.abs() < 1e-12 && slope.abs() < 1e-12, "{side:?} {t}: {jet:?}");
                 }

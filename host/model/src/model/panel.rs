@@ -1,15 +1,15 @@
 //! The panel model that the rest of the program uses.
 
-use super::assembly::{Assembled, assemble};
-use super::damping::{Damping, Springs};
-use super::eigen::{Modes, Operator, modes};
+use super::assembly::{PanelMatrices, assemble_panel_matrices};
+use super::damping::{DampingMatrices, DistributedSprings};
+use super::eigen::{Modes, ShiftInvertOperator, compute_modes_up_to};
 use super::fineness::Fineness;
-use super::grid::{Derivative, Grid};
-use super::poles::{Pole, poles};
+use super::grid::{DeflectionDerivative, Grid};
+use super::poles::{Pole, compute_poles_of_modes};
 use super::reduced::ReducedModel;
-use super::rigid::{RigidModes, rigid_modes};
-use super::sections::{Waves, shift};
-use super::sparse::{Entries, Factor, SparseVector};
+use super::rigid::{RigidModes, find_rigid_and_slow_modes};
+use super::sections::{WaveRigidities, choose_spectral_shift_rad2_per_s2};
+use super::sparse::{CholeskyFactor, MatrixEntries, SparseVector};
 use super::{Accuracy, Bound, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
@@ -57,7 +57,7 @@ const CELL_PER_POINT: f64 = 1.0;
 
 /// A mode of the panel with everything attached to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mode {
+pub struct PanelMode {
     /// Undamped frequency in Hz; exactly 0 for a motion that nothing holds.
     pub frequency_hz: f64,
     /// Damping ratio of the pole that continues from it ([`Pole::damping_ratio`]); 0 for a rigid mode.
@@ -75,7 +75,7 @@ pub struct Mode {
 
 /// What a mesh is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Parts {
+pub struct MeshCounts {
     /// Cells along x and along y.
     pub cells: [usize; 2],
     /// Functions of point forces.
@@ -93,8 +93,8 @@ pub struct PanelModel {
     unresolved: f64,
     /// With supports in place of such edges.
     scene: Scene,
-    assembled: Assembled,
-    factor: Factor,
+    assembled: PanelMatrices,
+    factor: CholeskyFactor,
     shift: f64,
     /// Modes that the shift is too far from, or that are known in closed form.
     slow: Modes,
@@ -105,7 +105,7 @@ pub struct PanelModel {
 
 /// How a reduced model is made.
 #[derive(Clone, Copy)]
-struct Reduction {
+struct ReductionSettings {
     /// Modes are kept up to this multiple of the highest frequency.
     modes_beyond: f64,
     /// Residual shapes of each load.
@@ -117,17 +117,17 @@ impl PanelModel {
     /// is carried by n residual shapes of each load, whose error falls as r^-4n. The multiple grows with the order of the
     /// elements, so that the difference between two orders shows both errors.
     #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
-    fn reduction(&self, max_hz: f64) -> Reduction {
+    fn choose_reduction_settings(&self, max_hz: f64) -> ReductionSettings {
         let modes_beyond = 0.75 + 0.25 * self.fineness.order as f64;
         let shapes_each = match self.scene.surface.damping {
             SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
             SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
         };
-        if has_many_modes(&self.scene, max_hz) {
+        if has_many_modes_below(&self.scene, max_hz) {
             // At r = 4, (r / 2)^-8n is r^-4n: as good with half the modes.
-            Reduction { modes_beyond: 0.5 * modes_beyond, shapes_each: 2 * shapes_each }
+            ReductionSettings { modes_beyond: 0.5 * modes_beyond, shapes_each: 2 * shapes_each }
         } else {
-            Reduction { modes_beyond, shapes_each }
+            ReductionSettings { modes_beyond, shapes_each }
         }
     }
 
@@ -137,37 +137,37 @@ impl PanelModel {
     /// # Errors
     /// [`ModelError`]: a frequency out of range, a mesh that would be too fine, or matrices that cannot be factored.
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        Self::with_fineness(scene, fineness(scene, accuracy.order(), 1.0, max_hz)?)
+        Self::with_fineness(scene, choose_fineness(scene, accuracy.choose_element_order(), 1.0, max_hz)?)
     }
 
-    /// Meshes the scene as said.
+    /// Meshes the scene with cells and elements of the given fineness.
     ///
     /// # Errors
     /// As [`PanelModel::build`].
     pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
-        let unresolved = super::edges::unresolved(scene);
-        let scene = super::edges::idealised(scene);
-        let assembled = assemble(&scene, fineness)?;
-        let shift = shift(&scene);
-        let factor = shifted(&assembled, shift)?;
-        let (slow, straight) = slow_modes(&scene, &assembled, shift)?;
+        let unresolved = super::edges::frequency_error_of_rigid_edges(scene);
+        let scene = super::edges::replace_rigid_springs_with_supports(scene);
+        let assembled = assemble_panel_matrices(&scene, fineness)?;
+        let shift = choose_spectral_shift_rad2_per_s2(&scene);
+        let factor = factor_shifted_stiffness(&assembled, shift)?;
+        let (slow, straight) = compute_slow_modes(&scene, &assembled, shift)?;
         Ok(Self { unresolved, scene, assembled, factor, shift, slow, straight, fineness })
     }
 
     /// Number of unknowns.
     #[must_use]
-    pub fn dofs(&self) -> usize {
-        self.assembled.unknowns()
+    pub fn count_unknowns(&self) -> usize {
+        self.assembled.count_unknowns()
     }
 
     /// Cells along x and y (1 on a bar), functions of point forces, and stiffly held points with unknowns of their own.
     #[must_use]
-    pub fn parts(&self) -> Parts {
+    pub fn count_mesh_parts(&self) -> MeshCounts {
         let grid = &self.assembled.grid;
-        Parts {
-            cells: [grid.x.cells(), grid.y.as_ref().map_or(1, super::mesh::Lines::cells)],
-            point_functions: grid.point_functions(),
-            stiff_points: grid.stiff_points_held(),
+        MeshCounts {
+            cells: [grid.x.count_cells(), grid.y.as_ref().map_or(1, super::mesh::GridLines::count_cells)],
+            point_functions: grid.count_point_force_functions(),
+            stiff_points: grid.count_stiff_points(),
             known_modes: self.slow.lambda.len(),
         }
     }
@@ -176,8 +176,8 @@ impl PanelModel {
     /// corner or at a patch, strips that are modelled as bars around points; and for edges on springs that are all but rigid. 0
     /// where there is nothing of the kind.
     #[must_use]
-    pub fn unresolved(&self) -> f64 {
-        self.unresolved + super::placement::unresolved(&self.scene, self.fineness)
+    pub fn unresolved_frequency_error(&self) -> f64 {
+        self.unresolved + super::placement::frequency_error_at_attachments(&self.scene, self.fineness)
     }
 
     /// The mesh.
@@ -188,24 +188,24 @@ impl PanelModel {
 
     /// Order of the elements.
     #[must_use]
-    pub fn order(&self) -> usize {
+    pub fn element_order(&self) -> usize {
         self.fineness.order
     }
 
     /// The panel's longer side over the mesh's least cell; a strip's width does not count, whose functions are made for it.
     #[must_use]
-    pub fn aspect(&self) -> f64 {
+    pub fn mesh_aspect_ratio(&self) -> f64 {
         let grid = &self.assembled.grid;
         let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
         let lengths = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0]).enumerate());
         // A bar's thin cells show no rounding.
         let least =
-            lengths.filter(|(cell, _)| grid.y.is_some() || !grid.thin.contains(*cell)).map(|(_, length)| length);
+            lengths.filter(|(cell, _)| grid.y.is_some() || !grid.thin.contains_cell(*cell)).map(|(_, length)| length);
         let least = least.fold(f64::INFINITY, f64::min);
-        let (length, width) = grid.size();
+        let (length, width) = grid.length_and_width_m();
         let aspect = (if grid.y.is_some() { length.max(width) } else { length }) / least;
         // Functions of point forces that end after some widths of a strip do not meet those of the other cells.
-        let is_narrow = super::placement::narrow_strip(&self.scene, self.fineness).is_some();
+        let is_narrow = super::placement::narrow_strip_width_in_cells(&self.scene, self.fineness).is_some();
         if is_narrow { (aspect * IN_STRIPS).max(1.0) } else { aspect }
     }
 
@@ -213,9 +213,9 @@ impl PanelModel {
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
-    pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
-        let found = self.raw_modes(max_hz)?;
-        let poles = self.poles(&found, max_hz)?;
+    pub fn compute_damped_modes(&self, max_hz: f64) -> Result<Vec<PanelMode>, ModelError> {
+        let found = self.compute_undamped_modes(max_hz)?;
+        let poles = self.compute_poles_of_modes(&found, max_hz)?;
         let attached = found.vectors.column_iter().map(|shape| -> f64 {
             let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
             self.assembled.attached.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
@@ -231,7 +231,7 @@ impl PanelModel {
             .take_while(|(_, (lambda, _))| **lambda <= highest)
             .map(|(i, (lambda, pole))| {
                 let omega = lambda.sqrt();
-                Mode {
+                PanelMode {
                     frequency_hz: omega / std::f64::consts::TAU,
                     damping_ratio: pole.damping_ratio,
                     pole,
@@ -249,149 +249,183 @@ impl PanelModel {
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
     pub fn reduce(&self, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, ModelError> {
-        let shapes_each = self.reduction(max_hz).shapes_each;
-        let found = self.modes_to_reduce(max_hz)?;
+        let shapes_each = self.choose_reduction_settings(max_hz).shapes_each;
+        let found = self.compute_modes_for_reduction(max_hz)?;
         let loads: Vec<_> = self
             .assembled
             .attached
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(self.unbalanced(&found, max_hz))
-            .chain(self.loads_of_damping())
-            .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
+            .chain(self.find_unbalanced_loads(&found, max_hz))
+            .chain(self.loads_of_modal_damping())
+            .chain(
+                points.iter().map(|(x, y)| self.assembled.grid.deflection_row_at(*x, *y, DeflectionDerivative::Value)),
+            )
             .collect();
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, shapes_each);
-        let damping = self.damping(&lambda, &vectors);
+        let (lambda, vectors) =
+            super::reduced::build_reduction_basis(self.shift_invert_operator(), &found, &loads, shapes_each);
+        let damping = self.project_damping_onto_vectors(&lambda, &vectors);
         Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled.attached, Arc::clone(&self.assembled.grid)))
     }
 
-    /// The modes that a model for frequencies up to `max_hz` keeps.
-    pub(super) fn modes_to_reduce(&self, max_hz: f64) -> Result<Modes, ModelError> {
+    /// The undamped modes that a reduced model for frequencies up to `max_hz` keeps.
+    pub(super) fn compute_modes_for_reduction(&self, max_hz: f64) -> Result<Modes, ModelError> {
         // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
         // difference between orders shows what the modes left out do.
         let least = self.fineness.order + LEAST_MODES;
-        self.raw_modes((self.reduction(max_hz).modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))
+        self.compute_undamped_modes(
+            (self.choose_reduction_settings(max_hz).modes_beyond * max_hz)
+                .max(estimate_frequency_of_mode_hz(&self.scene, least)),
+        )
     }
 
     /// The poles that continue from modes up to `max_hz`: over these, others above them, and the residual shapes of what dashpots and losses
     /// leave unbalanced, where there are such.
     #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
-    fn poles(&self, modes: &Modes, max_hz: f64) -> Result<Vec<Pole>, ModelError> {
+    fn compute_poles_of_modes(&self, modes: &Modes, max_hz: f64) -> Result<Vec<Pole>, ModelError> {
         let failed = || ModelError::Factorisation { reason: "poles of the damped modes".to_owned() };
-        let loads: Vec<_> = self.unbalanced(modes, max_hz).into_iter().chain(self.loads_of_damping()).collect();
+        let loads: Vec<_> =
+            self.find_unbalanced_loads(modes, max_hz).into_iter().chain(self.loads_of_modal_damping()).collect();
         let count = modes.lambda.len();
         if loads.is_empty() {
-            return poles(&modes.lambda, &self.damping(&modes.lambda, &modes.vectors), count, count).ok_or_else(failed);
+            return compute_poles_of_modes(
+                &modes.lambda,
+                &self.project_damping_onto_vectors(&modes.lambda, &modes.vectors),
+                count,
+                count,
+            )
+            .ok_or_else(failed);
         }
         // More at higher orders, as of a reduced model.
         let beyond = POLES_BEYOND + POLES_BEYOND_PER_ORDER * self.fineness.order as f64;
         let most_hz = beyond * max_hz;
-        let more =
-            if modes_below(&self.scene, most_hz) > MOST_MODES { modes.clone() } else { self.raw_modes(most_hz)? };
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, SHAPES_FOR_POLES);
-        poles(&lambda, &self.damping(&lambda, &vectors), more.lambda.len(), count).ok_or_else(failed)
+        let more = if estimate_mode_count_below(&self.scene, most_hz) > MOST_MODES {
+            modes.clone()
+        } else {
+            self.compute_undamped_modes(most_hz)?
+        };
+        let (lambda, vectors) =
+            super::reduced::build_reduction_basis(self.shift_invert_operator(), &more, &loads, SHAPES_FOR_POLES);
+        compute_poles_of_modes(&lambda, &self.project_damping_onto_vectors(&lambda, &vectors), more.lambda.len(), count)
+            .ok_or_else(failed)
     }
 
-    /// The loads whose shapes the damping is computed over: those of the ERAs, where it is a ratio of the modes without them.
-    fn loads_of_damping(&self) -> impl Iterator<Item = SparseVector> {
+    /// The loads whose shapes modal damping needs: those of the ERAs, where damping is a ratio of the modes without them.
+    fn loads_of_modal_damping(&self) -> impl Iterator<Item = SparseVector> {
         let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
-        let of_actuators = self.assembled.attached.of_actuators().iter();
+        let of_actuators = self.assembled.attached.actuator_attachments().iter();
         of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
     }
 
     /// Loads that dashpots and the surface's losses leave unbalanced.
-    pub(super) fn unbalanced(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
-        super::damping::unbalanced(&self.scene, &self.assembled, modes, max_hz)
+    pub(super) fn find_unbalanced_loads(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+        super::damping::find_unbalanced_loads(&self.scene, &self.assembled, modes, max_hz)
     }
 
-    /// Its mesh.
+    /// The mesh.
     pub(super) fn grid(&self) -> &Arc<Grid> {
         &self.assembled.grid
     }
 
-    /// The springs that belong to it whatever is attached at points: along its edges, and sealed air.
-    pub(super) fn springs(&self) -> Springs<'_> {
-        Springs { edges: &self.assembled.edges, air: self.assembled.air.as_ref() }
+    /// The springs that are not attached at points: along edges, and sealed air.
+    pub(super) fn distributed_springs(&self) -> DistributedSprings<'_> {
+        DistributedSprings { edges: &self.assembled.edges, air: self.assembled.air.as_ref() }
     }
 
-    /// What its mass is multiplied with and added to its stiffness, in rad^2/s^2.
-    pub(super) fn shift(&self) -> f64 {
+    /// The shift s of K + s M in rad^2/s^2.
+    pub(super) fn spectral_shift_rad2_per_s2(&self) -> f64 {
         self.shift
     }
 
-    pub(super) fn operator(&self) -> Operator<'_> {
-        Operator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
+    /// The factored operator (K + s M)^-1 M for the eigenvalue iteration.
+    pub(super) fn shift_invert_operator(&self) -> ShiftInvertOperator<'_> {
+        ShiftInvertOperator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
     }
 
+    /// All undamped modes up to a frequency, refused if there are too many.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn raw_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
-        let expected = modes_below(&self.scene, max_hz);
+    fn compute_undamped_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
+        let expected = estimate_mode_count_below(&self.scene, max_hz);
         if expected > MOST_MODES {
             return Err(ModelError::TooManyModes { max_hz, modes: expected as usize, limit: MOST_MODES as usize });
         }
-        modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
+        compute_modes_up_to(self.shift_invert_operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
-    /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
-    fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
-        Damping::over(self.scene.surface.damping, &self.assembled.attached, self.springs(), lambda, vectors)
+    /// The scene's damping over mass-normalised `vectors` of the squared frequencies `lambda`.
+    fn project_damping_onto_vectors(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> DampingMatrices {
+        DampingMatrices::project_onto_vectors(
+            self.scene.surface.damping,
+            &self.assembled.attached,
+            self.distributed_springs(),
+            lambda,
+            vectors,
+        )
     }
 }
 
-fn shifted(assembled: &Assembled, shift: f64) -> Result<Factor, ModelError> {
-    let mut entries = Entries::default();
-    entries.add_all(&assembled.stiffness.entries(), 1.0);
-    entries.add_all(&assembled.mass.entries(), shift);
-    let factor = entries.build(assembled.unknowns())?.factor()?;
+/// Factors K + shift M, sealed air included.
+fn factor_shifted_stiffness(assembled: &PanelMatrices, shift: f64) -> Result<CholeskyFactor, ModelError> {
+    let mut entries = MatrixEntries::default();
+    entries.add_scaled_entries(&assembled.stiffness.to_entries(), 1.0);
+    entries.add_scaled_entries(&assembled.mass.to_entries(), shift);
+    let factor = entries.build_matrix(assembled.count_unknowns())?.factorise()?;
     Ok(match &assembled.air {
         None => factor,
-        Some(air) => factor.with_spring(assembled.unknowns(), &air.vector, air.stiffness),
+        Some(air) => factor.add_rank_one_spring(assembled.count_unknowns(), &air.vector, air.stiffness),
     })
 }
 
 /// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
 /// masses or on soft springs, by a second factorisation with a shift of their own size.
-fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<(Modes, f64), ModelError> {
-    let RigidModes { known, slow } = rigid_modes(scene, assembled, shift);
+fn compute_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift: f64) -> Result<(Modes, f64), ModelError> {
+    let RigidModes { known, slow } = find_rigid_and_slow_modes(scene, assembled, shift);
     let straight = known.lambda.iter().copied().fold(-1.0, f64::max);
     let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok((known, straight)) };
     // Below a billionth of the usual shift K + s M would be indefinite by rounding.
     let own = slowest.max(1e-9 * shift);
-    let factor = shifted(assembled, own)?;
+    let factor = factor_shifted_stiffness(assembled, own)?;
     let fastest = slow.iter().copied().fold(0.0, f64::max);
-    Ok((modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)?, straight))
+    Ok((
+        compute_modes_up_to(
+            ShiftInvertOperator { factor: &factor, mass: &assembled.mass, shift: own },
+            &known,
+            fastest,
+        )?,
+        straight,
+    ))
 }
 
 /// About where the surface's mode of a number is, in Hz: (n pi / L)^2 on a bar, Weyl's 4 pi n / area on a plate, times the
 /// root of the wave ratio.
 #[expect(clippy::cast_precision_loss, reason = "a dozen or two")]
-fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
+fn estimate_frequency_of_mode_hz(scene: &Scene, mode_number: usize) -> f64 {
     let (surface, pi) = (&scene.surface, std::f64::consts::PI);
     let wavenumber_squared = match surface.kind {
-        SurfaceKind::Plate => 4.0 * pi * n as f64 / (surface.length_m * surface.width_m),
-        SurfaceKind::Bar => (n as f64 * pi / surface.length_m).powi(2),
+        SurfaceKind::Plate => 4.0 * pi * mode_number as f64 / (surface.length_m * surface.width_m),
+        SurfaceKind::Bar => (mode_number as f64 * pi / surface.length_m).powi(2),
     };
-    wavenumber_squared * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU
+    wavenumber_squared * WaveRigidities::from_scene(scene).mean.sqrt() / std::f64::consts::TAU
 }
 
-/// About how many modes the surface has below a frequency: [`hz_of_mode`] the other way round.
-fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
-    let part = max_hz / hz_of_mode(scene, 1);
+/// About how many modes the surface has below a frequency: [`estimate_frequency_of_mode_hz`] inverted.
+fn estimate_mode_count_below(scene: &Scene, max_hz: f64) -> f64 {
+    let part = max_hz / estimate_frequency_of_mode_hz(scene, 1);
     if scene.surface.kind == SurfaceKind::Bar { part.sqrt() } else { part }
 }
 
 /// Whether there are so many modes below a frequency that reduced models keep half as many beyond it, and twice the residual
 /// shapes.
-pub fn has_many_modes(scene: &Scene, max_hz: f64) -> bool {
-    modes_below(scene, max_hz) > MANY_MODES
+pub fn has_many_modes_below(scene: &Scene, max_hz: f64) -> bool {
+    estimate_mode_count_below(scene, max_hz) > MANY_MODES
 }
 
 /// Largest cells in which functions of point forces do not crowd. They reach over a cell or so, and each pair that meets is integrated
 /// over all that it shares: 66 dashpots around a panel of four cells were 2300 pairs and 12 s, of 40 cells a tenth of both.
 #[expect(clippy::cast_precision_loss, reason = "a count of lines in a file")]
-fn uncrowded(scene: &Scene) -> f64 {
-    let points = super::placement::attachments(scene).count();
+fn largest_uncrowded_cell_m(scene: &Scene) -> f64 {
+    let points = super::placement::attachment_positions_m(scene).count();
     if scene.surface.kind == SurfaceKind::Bar || points <= MANY_POINTS {
         return f64::INFINITY;
     }
@@ -399,7 +433,7 @@ fn uncrowded(scene: &Scene) -> f64 {
     CELL_PER_POINT * (area / points.min(MOST_POINTS) as f64).sqrt()
 }
 
-/// The mesh for frequencies up to `max_hz`: elements of an order, in cells that are `part` of the usual ones.
+/// The mesh for frequencies up to `max_hz`: elements of an order, in cells that are `cell_fraction` of the usual ones.
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, or too many unknowns.
@@ -409,16 +443,22 @@ fn uncrowded(scene: &Scene) -> f64 {
     clippy::cast_sign_loss,
     reason = "`as` saturates"
 )]
-pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
+pub(super) fn choose_fineness(
+    scene: &Scene,
+    order: usize,
+    cell_fraction: f64,
+    max_hz: f64,
+) -> Result<Fineness, ModelError> {
     if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
         return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
     }
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let omega = std::f64::consts::TAU * max_hz;
-    let wavelength = std::f64::consts::TAU * (Waves::of(scene).least / (omega * omega)).powf(0.25);
+    let wavelength = std::f64::consts::TAU * (WaveRigidities::from_scene(scene).least / (omega * omega)).powf(0.25);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let longest = if is_bar { length } else { length.max(width) };
-    let cell_m = part * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL).min(uncrowded(scene));
+    let cell_m =
+        cell_fraction * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL).min(largest_uncrowded_cell_m(scene));
     let functions = |side: f64| (side / cell_m).ceil().max(1.0) * (order as f64 - 1.0) + 2.0;
     let unknowns = functions(length) * if is_bar { 1.0 } else { functions(width) };
     if unknowns > MOST_UNKNOWNS as f64 {

@@ -4,7 +4,7 @@
 //! stiffer than the panel. So the deflection v = R u of each such point takes the place of one unknown u_P that has part
 //! in it: u_P = R_P^-1 (v - R_F u_F), and the spring is a single number on the diagonal.
 
-use super::sparse::{Entries, SparseVector};
+use super::sparse::{MatrixEntries, SparseVector};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ const PREFERRED: f64 = 0.1;
 
 /// A stiffly held point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Held {
+pub(super) struct StiffPoint {
     /// In m.
     pub at: (f64, f64),
     /// Which of the points before it is its neighbour, and their distance over the mesh's length (`neighbours`): its row is then
@@ -23,19 +23,19 @@ pub(super) struct Held {
 
 /// The change of unknowns; the identity where nothing is stiff.
 #[derive(Clone, Debug, Default)]
-pub struct Points {
+pub struct StiffPointUnknowns {
     /// The points that have unknowns.
-    held: Vec<Held>,
+    held: Vec<StiffPoint>,
     /// The unknown that each has become.
     unknowns: Vec<usize>,
     /// What a replaced unknown is in the new ones.
     replaced: BTreeMap<usize, SparseVector>,
 }
 
-impl Points {
+impl StiffPointUnknowns {
     /// The change for deflections (or differences of them) `rows` of `points`; `inner` tells functions that live in one cell.
     /// Points that depend on others stay as they are, and so do their neighbours.
-    pub(super) fn new(points: &[Held], rows: &[SparseVector], inner: impl Fn(usize) -> bool) -> Self {
+    pub(super) fn new(points: &[StiffPoint], rows: &[SparseVector], inner: impl Fn(usize) -> bool) -> Self {
         let mut pivots: Vec<usize> = Vec::new();
         let mut kept: Vec<usize> = Vec::new();
         // Elimination row by row; each is cleared of the pivots before it.
@@ -88,18 +88,18 @@ impl Points {
             let beside = points[*m].beside;
             // Where the neighbour is among those kept.
             let beside = beside.and_then(|(other, ratio)| Some((kept.iter().position(|k| *k == other)?, ratio)));
-            Held { beside, ..points[*m] }
+            StiffPoint { beside, ..points[*m] }
         });
         Self { held: held.collect(), unknowns: pivots, replaced }
     }
 
-    /// A change that replaces unknowns without holding any point.
-    pub(super) const fn replacing(replaced: BTreeMap<usize, SparseVector>) -> Self {
+    /// A change of unknowns that replaces some without holding any point.
+    pub(super) const fn from_replacements(replaced: BTreeMap<usize, SparseVector>) -> Self {
         Self { held: Vec::new(), unknowns: Vec::new(), replaced }
     }
 
     /// The deflection at a place over the unknowns, if it is one of these: its own, or its neighbours' and the differences.
-    pub(super) fn deflection(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
+    pub(super) fn deflection_row_at(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
         let mut point = self.held.iter().position(|held| held.at == (x_m, y_m))?;
         let mut out = Vec::new();
         while let Some((other, ratio)) = self.held[point].beside {
@@ -116,22 +116,27 @@ impl Points {
     }
 
     /// Each one's unknown with the value that it has where the deflection is linear: c at (0, 0), and slopes cx and cy.
-    pub(super) fn linear(&self, c: f64, cx: f64, cy: f64) -> impl Iterator<Item = (usize, f64)> {
+    pub(super) fn values_for_linear_deflection(
+        &self,
+        c: f64,
+        slope_x: f64,
+        slope_y: f64,
+    ) -> impl Iterator<Item = (usize, f64)> {
         self.held.iter().zip(&self.unknowns).map(move |(held, unknown)| {
             let (x, y) = held.at;
             let value = match held.beside {
-                None => c + cx * x + cy * y,
+                None => c + slope_x * x + slope_y * y,
                 Some((other, ratio)) => {
                     let from = self.held[other].at;
-                    (cx * (x - from.0) + cy * (y - from.1)) / ratio
+                    (slope_x * (x - from.0) + slope_y * (y - from.1)) / ratio
                 }
             };
             (*unknown, value)
         })
     }
 
-    /// A row over the old unknowns, over the new ones.
-    pub(super) fn row(&self, row: SparseVector) -> SparseVector {
+    /// Transforms a row over the old unknowns to one over the new ones.
+    pub(super) fn transform_row(&self, row: SparseVector) -> SparseVector {
         if row.iter().all(|(index, _)| !self.replaced.contains_key(index)) {
             return row;
         }
@@ -147,21 +152,21 @@ impl Points {
         row
     }
 
-    /// A matrix over the old unknowns, over the new ones.
-    pub(super) fn matrix(&self, entries: Entries) -> Entries {
+    /// Transforms a matrix over the old unknowns to one over the new ones.
+    pub(super) fn transform_matrix(&self, entries: MatrixEntries) -> MatrixEntries {
         if self.replaced.is_empty() {
             return entries;
         }
         let order = entries.iter().map(|(row, column, _)| row.max(column) + 1).max().unwrap_or(0);
         let order = self.replaced.values().flatten().map(|(index, _)| index + 1).fold(order, usize::max);
-        let mut out = Entries::default();
+        let mut out = MatrixEntries::default();
         // First the columns, then the rows; what either touches is summed up in full rows, as replaced unknowns become sums of
         // hundreds, and their products with each other would be tens of thousands for every entry.
         let mut rows: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (row, column, value) in entries.iter() {
             let columns = self.replaced.get(&column);
             if columns.is_none() && !self.replaced.contains_key(&row) {
-                out.add(row, column, value);
+                out.add_entry(row, column, value);
                 continue;
             }
             let sums = rows.entry(row).or_insert_with(|| vec![0.0; order]);
@@ -180,7 +185,7 @@ impl Points {
             }
         }
         for (row, sums) in rows {
-            sums.iter().enumerate().for_each(|(column, value)| out.add(row, column, *value));
+            sums.iter().enumerate().for_each(|(column, value)| out.add_entry(row, column, *value));
         }
         out
     }
@@ -194,35 +199,36 @@ mod tests {
     fn deflections_become_unknowns() {
         let rows = vec![vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(1, 0.9), (2, 0.4), (3, -0.3)]];
         let places = [(0.1, 0.2), (0.3, 0.4)].map(alone);
-        let points = Points::new(&places, &rows, |index| index == 2);
+        let points = StiffPointUnknowns::new(&places, &rows, |index| index == 2);
         for (row, held) in rows.iter().zip(places) {
-            let [(unknown, 1.0)] = points.deflection(held.at.0, held.at.1).unwrap()[..] else { panic!("alone") };
-            let new = points.row(row.clone());
+            let [(unknown, 1.0)] = points.deflection_row_at(held.at.0, held.at.1).unwrap()[..] else { panic!("alone") };
+            let new = points.transform_row(row.clone());
             for (index, value) in new {
                 assert!((value - if index == unknown { 1.0 } else { 0.0 }).abs() < 1e-15, "{index} {value}");
             }
         }
         // The same numbers in old and new unknowns: u' A u.
-        let mut matrix = Entries::default();
+        let mut matrix = MatrixEntries::default();
         for i in 0..4 {
             for j in 0..4 {
-                matrix.add(i, j, 1.0 / (1.0 + i as f64 + j as f64));
+                matrix.add_entry(i, j, 1.0 / (1.0 + i as f64 + j as f64));
             }
         }
         let new = [0.3, -0.7, 0.2, 1.1];
-        let old: Vec<f64> =
-            (0..4).map(|i| points.row(vec![(i, 1.0)]).iter().map(|(j, value)| value * new[*j]).sum()).collect();
-        let form = |entries: &Entries, u: &[f64]| entries.iter().map(|(i, j, a)| u[i] * a * u[j]).sum::<f64>();
-        let transformed = points.matrix(matrix.clone());
+        let old: Vec<f64> = (0..4)
+            .map(|i| points.transform_row(vec![(i, 1.0)]).iter().map(|(j, value)| value * new[*j]).sum())
+            .collect();
+        let form = |entries: &MatrixEntries, u: &[f64]| entries.iter().map(|(i, j, a)| u[i] * a * u[j]).sum::<f64>();
+        let transformed = points.transform_matrix(matrix.clone());
         assert!((form(&matrix, &old) - form(&transformed, &new)).abs() < 1e-12);
     }
 
     #[test]
     fn dependent_points_are_left_alone() {
         let rows = vec![vec![(0, 0.5), (1, 1.0)], vec![(0, 1.0), (1, 2.0)], vec![]];
-        let points = Points::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)].map(alone), &rows, |_| true);
-        assert!(points.deflection(0.1, 0.0).is_some() && points.deflection(0.2, 0.0).is_none());
-        assert!(points.deflection(0.3, 0.0).is_none());
+        let points = StiffPointUnknowns::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)].map(alone), &rows, |_| true);
+        assert!(points.deflection_row_at(0.1, 0.0).is_some() && points.deflection_row_at(0.2, 0.0).is_none());
+        assert!(points.deflection_row_at(0.3, 0.0).is_none());
     }
 
     /// A neighbour's deflection is that of the first and a part of the difference.
@@ -230,23 +236,24 @@ mod tests {
     fn differences_of_neighbours_become_unknowns() {
         let (first, second) = (vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(0, 0.5), (1, 1.001), (2, 0.2005)]);
         let rows = vec![first.clone(), vec![(1, 1.0), (2, 0.5)]];
-        let places = [alone((0.1, 0.0)), Held { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
-        let points = Points::new(&places, &rows, |_| true);
+        let places = [alone((0.1, 0.0)), StiffPoint { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
+        let points = StiffPointUnknowns::new(&places, &rows, |_| true);
         for (row, held) in [first, second].into_iter().zip(places) {
-            let mut expected = points.deflection(held.at.0, held.at.1).unwrap();
+            let mut expected = points.deflection_row_at(held.at.0, held.at.1).unwrap();
             expected.sort_by_key(|(index, _)| *index);
-            let found = points.row(row).into_iter().filter(|(_, value)| value.abs() > 1e-12).collect::<Vec<_>>();
+            let found =
+                points.transform_row(row).into_iter().filter(|(_, value)| value.abs() > 1e-12).collect::<Vec<_>>();
             assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
             for ((i, found), (j, expected)) in found.into_iter().zip(expected) {
                 assert!(i == j && (found - expected).abs() < 1e-12);
             }
         }
         // A slope of 2 along x.
-        let slopes: Vec<f64> = points.linear(0.0, 2.0, 0.0).map(|(_, value)| value).collect();
+        let slopes: Vec<f64> = points.values_for_linear_deflection(0.0, 2.0, 0.0).map(|(_, value)| value).collect();
         assert!((slopes[0] - 0.2).abs() < 1e-15 && (slopes[1] - 2.0).abs() < 1e-10, "{slopes:?}");
     }
 
-    fn alone(at: (f64, f64)) -> Held {
-        Held { at, beside: None }
+    fn alone(at: (f64, f64)) -> StiffPoint {
+        StiffPoint { at, beside: None }
     }
 }

@@ -12,7 +12,7 @@
 //!
 //! Motions that nothing holds stay at s = 0, as often as twice each. Those are no mode's poles, and rounding leaves them anywhere near.
 
-use super::damping::{Coupling, Damping};
+use super::damping::{DampingCoupling, DampingMatrices};
 use nalgebra::{ComplexField, DMatrix, DVector};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -87,8 +87,8 @@ impl Pole {
         is_coupled: true,
     };
 
-    /// With Im s > 0, or the only one of a mode. One that grows by more than rounding does is none.
-    fn swinging(s: Complex64) -> Self {
+    /// The pole of an eigenvalue with Im s > 0, or of the only one of a mode. One that grows by more than rounding is unknown.
+    fn from_oscillating_eigenvalue(s: Complex64) -> Self {
         let modulus = s.norm();
         if s.re > PASSIVE * modulus {
             return Self::UNKNOWN;
@@ -98,8 +98,8 @@ impl Pole {
         Self { damping_ratio, frequency_hz: modulus / TAU, s, slower: None, is_whole: true, is_coupled: false }
     }
 
-    /// Of two that are real.
-    fn pair(a: Complex64, b: Complex64) -> Self {
+    /// The pole of a mode with two real eigenvalues, which does not oscillate.
+    fn from_real_eigenvalue_pair(a: Complex64, b: Complex64) -> Self {
         let (faster, slower) = if a.re <= b.re { (a.re, b.re) } else { (b.re, a.re) };
         if slower > 0.0 {
             return Self::UNKNOWN;
@@ -110,19 +110,19 @@ impl Pole {
         Self { damping_ratio, frequency_hz: mean / TAU, s, slower: Some(slower), is_whole: true, is_coupled: false }
     }
 
-    /// The same where the faster one of two, or the only one, was not found: what is left is the slower one.
+    /// The pole without its faster eigenvalue, which was not found: the slower one is left.
     #[must_use]
     pub const fn without_faster(self) -> Self {
         Self { slower: self.slower, ..Self::UNKNOWN }
     }
 
-    /// Whether it is one that dies out before it swings.
+    /// Whether the motion decays before it oscillates.
     #[must_use]
-    pub fn dies_out(&self) -> bool {
+    pub fn decays_before_oscillating(&self) -> bool {
         self.slower.is_some() || -self.s.re > DIES_OUT * self.s.norm()
     }
 
-    /// Whether it was found.
+    /// Whether the pole was found.
     #[must_use]
     pub const fn is_known(&self) -> bool {
         !self.frequency_hz.is_nan()
@@ -137,7 +137,7 @@ impl Pole {
     /// How far it is from another, relative: of s, or of what two have in common. Infinite where one of them is not known, or not from all
     /// coordinates.
     #[must_use]
-    pub fn distance(&self, other: &Self) -> f64 {
+    pub fn relative_distance_to(&self, other: &Self) -> f64 {
         if !(self.is_known() && other.is_known() && self.is_whole && other.is_whole) {
             return f64::INFINITY;
         }
@@ -151,31 +151,37 @@ impl Pole {
         }
     }
 
-    /// Of a mode by itself: s^2 + c s + lambda + j loss = 0, in rad^2/s^2 and 1/s.
+    /// The pole of a mode by itself: s^2 + c s + lambda + j loss = 0, in rad^2/s^2 and 1/s.
     #[must_use]
-    pub fn alone(lambda: f64, viscous: f64, loss: f64) -> Self {
-        if lambda == 0.0 {
+    pub fn from_uncoupled_mode(squared_frequency: f64, viscous: f64, loss: f64) -> Self {
+        if squared_frequency == 0.0 {
             return Self::FREE;
         }
-        let root = (Complex64::new(0.25 * viscous * viscous - lambda, -loss)).sqrt();
+        let root = (Complex64::new(0.25 * viscous * viscous - squared_frequency, -loss)).sqrt();
         let (plus, minus) = (-0.5 * viscous + root, -0.5 * viscous - root);
         // The slower one without cancellation.
-        let slower = Complex64::new(lambda, loss) / minus;
-        if 0.25 * viscous * viscous > lambda && is_real(minus) && is_real(slower) {
-            return Self::pair(minus, slower);
+        let slower = Complex64::new(squared_frequency, loss) / minus;
+        if 0.25 * viscous * viscous > squared_frequency && is_numerically_real(minus) && is_numerically_real(slower) {
+            return Self::from_real_eigenvalue_pair(minus, slower);
         }
-        Self::swinging(if plus.im >= minus.im { plus } else { minus })
+        Self::from_oscillating_eigenvalue(if plus.im >= minus.im { plus } else { minus })
     }
 }
 
 /// The poles that continue from the first `count` of the undamped modes, the first `modes` of a mass-normalised basis of the squared
 /// frequencies `lambda` in rad^2/s^2; those are ascending, and what follows them are shapes of loads. `None` if an eigenproblem has no solution.
 #[must_use]
-pub fn poles(lambda: &[f64], damping: &Damping, modes: usize, count: usize) -> Option<Vec<Pole>> {
+pub fn compute_poles_of_modes(
+    lambda: &[f64],
+    damping: &DampingMatrices,
+    modes: usize,
+    count: usize,
+) -> Option<Vec<Pole>> {
     let n = lambda.len();
-    let alone =
-        |i: usize| Pole::alone(lambda[i], damping.viscous[(i, i)].max(0.0), damping.structural[(i, i)].max(0.0));
-    if is_diagonal(&damping.viscous) && is_diagonal(&damping.structural) {
+    let alone = |i: usize| {
+        Pole::from_uncoupled_mode(lambda[i], damping.viscous[(i, i)].max(0.0), damping.structural[(i, i)].max(0.0))
+    };
+    if is_nearly_diagonal(&damping.viscous) && is_nearly_diagonal(&damping.structural) {
         return Some((0..count).map(alone).collect());
     }
     let mut found = Vec::with_capacity(count);
@@ -184,15 +190,15 @@ pub fn poles(lambda: &[f64], damping: &Damping, modes: usize, count: usize) -> O
         let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(modes));
         let kept: Vec<usize> = (first..last).chain(modes..n).collect();
         let part = |matrix: &DMatrix<f64>| matrix.select_rows(&kept).select_columns(&kept);
-        let viscous = damping.structured.as_ref().map(|own| Viscous {
+        let viscous = damping.structured.as_ref().map(|own| ViscousDamping {
             diagonal: own.viscous.select_rows(&kept),
             couplings: own
                 .couplings
                 .iter()
-                .map(|coupling| Coupling { shape: coupling.shape.select_rows(&kept), ..*coupling })
+                .map(|coupling| DampingCoupling { shape: coupling.shape.select_rows(&kept), ..*coupling })
                 .collect(),
         });
-        let system = System::new(
+        let system = PoleTracker::new(
             kept.iter().map(|i| lambda[*i]).collect(),
             part(&damping.viscous),
             part(&damping.structural),
@@ -202,16 +208,18 @@ pub fn poles(lambda: &[f64], damping: &Damping, modes: usize, count: usize) -> O
         );
         let is_whole = kept.len() == n;
         let told = |pole: Pole| Pole { is_whole: pole.is_whole && is_whole, is_coupled: pole != Pole::FREE, ..pole };
-        found.extend(system.follow()?.into_iter().map(told));
+        found.extend(system.follow_poles_to_full_damping()?.into_iter().map(told));
     }
     Some(found)
 }
 
-fn is_real(s: Complex64) -> bool {
+/// Whether the imaginary part is no more than rounding.
+fn is_numerically_real(s: Complex64) -> bool {
     s.im.abs() <= REAL * s.norm()
 }
 
-fn is_diagonal(matrix: &DMatrix<f64>) -> bool {
+/// Whether the entries off the diagonal are no more than rounding.
+fn is_nearly_diagonal(matrix: &DMatrix<f64>) -> bool {
     let n = matrix.nrows();
     let coupled =
         |i: usize, j: usize| matrix[(i, j)].abs() > UNCOUPLED * (matrix[(i, i)] * matrix[(j, j)]).abs().sqrt();
@@ -220,28 +228,28 @@ fn is_diagonal(matrix: &DMatrix<f64>) -> bool {
 
 /// C as a diagonal and what dashpots add: of these little is left in a shape that leaves them at rest, and nothing but rounding of it in a sum over
 /// the entries of C.
-struct Viscous {
+struct ViscousDamping {
     diagonal: DVector<f64>,
-    couplings: Vec<Coupling>,
+    couplings: Vec<DampingCoupling>,
 }
 
-impl Viscous {
-    /// x' C x.
+impl ViscousDamping {
+    /// The value of x' C x.
     fn evaluate_quadratic_form(&self, x: &DVector<Complex64>) -> Complex64 {
         let own: Complex64 = x.iter().zip(&self.diagonal).map(|(x, c)| x * x * *c).sum();
         let couplings = self.couplings.iter().filter(|coupling| coupling.viscous != 0.0);
-        let along = |coupling: &Coupling| x.iter().zip(&coupling.shape).map(|(x, b)| x * *b).sum::<Complex64>();
+        let along = |coupling: &DampingCoupling| x.iter().zip(&coupling.shape).map(|(x, b)| x * *b).sum::<Complex64>();
         own + couplings.map(|coupling| along(coupling).powi(2) * coupling.viscous).sum::<Complex64>()
     }
 }
 
 /// Coordinates that move together, of which some modes are followed.
-struct System {
+struct PoleTracker {
     lambda: Vec<f64>,
     viscous: DMatrix<f64>,
     structural: DMatrix<f64>,
     /// The same as `viscous`, where it is known in parts.
-    viscous_parts: Option<Viscous>,
+    viscous_parts: Option<ViscousDamping>,
     /// Whether there is a loss factor anywhere.
     is_lossy: bool,
     from: usize,
@@ -254,18 +262,18 @@ struct System {
 
 /// Eigenvalues s and their states (scaled q, s q), of length one, without those of motions that nothing holds. As many as there are coordinates swing or
 /// are the faster of two that do not; the slower ones have no part in what is followed.
-struct States {
+struct PoleStates {
     s: Vec<Complex64>,
     states: DMatrix<Complex64>,
     is_slower: Vec<bool>,
 }
 
-impl System {
+impl PoleTracker {
     fn new(
         lambda: Vec<f64>,
         viscous: DMatrix<f64>,
         structural: DMatrix<f64>,
-        viscous_parts: Option<Viscous>,
+        viscous_parts: Option<ViscousDamping>,
         from: usize,
         to: usize,
     ) -> Self {
@@ -277,13 +285,15 @@ impl System {
         Self { lambda, viscous, structural, viscous_parts, is_lossy, from, to, sigma, scale }
     }
 
-    /// All eigenvalues with a part `t` of the damping; without loss factors those below the real axis are left out.
-    fn states(&self, t: f64) -> Option<States> {
+    /// All eigenvalues with a part `damping_fraction` of the damping; without loss factors those below the real axis are left out.
+    fn solve_with_damping_fraction(&self, damping_fraction: f64) -> Option<PoleStates> {
         let found = if self.is_lossy {
-            let matrix = self.inverted(t, |stiffness, loss| Complex64::new(stiffness, t * loss))?;
+            let matrix = self.build_shift_inverted_state_matrix(damping_fraction, |stiffness, loss| {
+                Complex64::new(stiffness, damping_fraction * loss)
+            })?;
             faer::Mat::from_fn(matrix.nrows(), matrix.nrows(), |i, j| matrix[(i, j)]).eigen()
         } else {
-            let matrix = self.inverted(t, |stiffness, _| stiffness)?;
+            let matrix = self.build_shift_inverted_state_matrix(damping_fraction, |stiffness, _| stiffness)?;
             faer::MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.nrows()).eigen()
         };
         let found = found.ok()?;
@@ -307,13 +317,13 @@ impl System {
             state.unscale_mut(length.max(f64::MIN_POSITIVE));
         }
         let s: Vec<Complex64> = wanted.into_iter().map(|k| s[k]).collect();
-        let is_slower = s.iter().enumerate().map(|(k, s)| self.is_slower(*s, &states, k)).collect();
-        Some(States { s, states, is_slower })
+        let is_slower = s.iter().enumerate().map(|(k, s)| self.is_slower_of_real_pair(*s, &states, k)).collect();
+        Some(PoleStates { s, states, is_slower })
     }
 
     /// Whether an eigenvalue is the slower one of its shape's two, m s^2 + c s + k = 0 with the product k / m. With a loss factor that is the one below
     /// the real axis.
-    fn is_slower(&self, s: Complex64, states: &DMatrix<Complex64>, k: usize) -> bool {
+    fn is_slower_of_real_pair(&self, s: Complex64, states: &DMatrix<Complex64>, k: usize) -> bool {
         // Nearer to the axis the sign is rounding: a shape that has no part in the losses, or hardly any.
         if s.im.abs() > REAL * s.norm() {
             return s.im < 0.0;
@@ -327,9 +337,9 @@ impl System {
 
     /// (A - sigma)^-1 over scaled coordinates and their velocities: with P = K + sigma C + sigma^2,
     /// [[-P^-1 (C + sigma), -P^-1], [P^-1 K, -sigma P^-1]].
-    fn inverted<T: ComplexField<RealField = f64>>(
+    fn build_shift_inverted_state_matrix<T: ComplexField<RealField = f64>>(
         &self,
-        t: f64,
+        damping_fraction: f64,
         stiffness: impl Fn(f64, f64) -> T,
     ) -> Option<DMatrix<T>> {
         let (n, sigma) = (self.lambda.len(), self.sigma);
@@ -338,7 +348,7 @@ impl System {
             stiffness(if i == j { self.lambda[i] } else { 0.0 }, self.structural[(i, j)]).scale(over(i, j))
         });
         let viscous = DMatrix::from_fn(n, n, |i, j| {
-            T::from_real((t * self.viscous[(i, j)] + if i == j { sigma } else { 0.0 }) * over(i, j))
+            T::from_real((damping_fraction * self.viscous[(i, j)] + if i == j { sigma } else { 0.0 }) * over(i, j))
         });
         let inverse = (&elastic + &viscous * T::from_real(sigma)).try_inverse()?;
         let by_spring = &inverse * &elastic;
@@ -357,8 +367,8 @@ impl System {
         Some(out)
     }
 
-    /// The undamped modes that are followed; among equal ones those mixtures that the damping leaves apart.
-    fn undamped(&self) -> States {
+    /// States of the undamped modes that are followed; among equal modes the mixtures that damping keeps apart.
+    fn undamped_states(&self) -> PoleStates {
         let n = self.lambda.len();
         let omega: Vec<f64> = self.lambda.iter().map(|own| own.sqrt()).collect();
         let mut mixtures = DMatrix::<f64>::identity(n, n);
@@ -391,23 +401,23 @@ impl System {
             states.column_mut(k).unscale_mut(length);
         }
         let s = (self.from..self.to).map(|i| Complex64::new(0.0, omega[i])).collect();
-        States { s, states, is_slower: vec![false; count] }
+        PoleStates { s, states, is_slower: vec![false; count] }
     }
 
-    /// What has become of the modes under all of the damping.
-    fn follow(&self) -> Option<Vec<Pole>> {
-        let mut known = self.undamped();
+    /// Follows the modes' poles while damping grows from none to all; `None` if an eigenproblem has no solution.
+    fn follow_poles_to_full_damping(&self) -> Option<Vec<Pole>> {
+        let mut known = self.undamped_states();
         let (mut t, mut next) = (0.0, 1.0);
         for _ in 0..MOST_STEPS {
-            let all = self.states(next)?;
-            let (chosen, is_clear) = self.continued(&known, &all);
+            let all = self.solve_with_damping_fraction(next)?;
+            let (chosen, is_clear) = self.match_states_to_previous(&known, &all);
             let is_short = next <= LEAST || t > 0.0 && next <= GROWTH.0 * t;
             if !is_clear && !is_short {
                 next = if t > 0.0 { t * (next / t).sqrt() } else { next * FIRST };
                 continue;
             }
             if next >= 1.0 {
-                return Some(self.told(&chosen, &all));
+                return Some(self.collect_poles(&chosen, &all));
             }
             for (k, at) in chosen.iter().enumerate() {
                 let Some(at) = at else { continue };
@@ -425,7 +435,7 @@ impl System {
     }
 
     /// Which of the states continue those that are known, and whether that is clear; `None` for motions that nothing holds, which stay at s = 0.
-    fn continued(&self, known: &States, all: &States) -> (Vec<Option<usize>>, bool) {
+    fn match_states_to_previous(&self, known: &PoleStates, all: &PoleStates) -> (Vec<Option<usize>>, bool) {
         let overlap = (known.states.adjoint() * &all.states).map(|own| own.norm_sqr());
         let count = known.s.len();
         let mut chosen = vec![None; count];
@@ -449,8 +459,8 @@ impl System {
         (chosen, is_clear)
     }
 
-    /// The poles, with those beside them that do not swing.
-    fn told(&self, chosen: &[Option<usize>], all: &States) -> Vec<Pole> {
+    /// The poles of the chosen states, each with the slower one beside it where it does not oscillate.
+    fn collect_poles(&self, chosen: &[Option<usize>], all: &PoleStates) -> Vec<Pole> {
         let mut taken = vec![false; all.s.len()];
         chosen.iter().flatten().for_each(|at| taken[*at] = true);
         let mut out = Vec::with_capacity(chosen.len());
@@ -461,11 +471,12 @@ impl System {
                 out.push(if lambda > 0.0 { Pole::UNKNOWN } else { Pole::FREE });
                 continue;
             };
-            let s = self.improved(all.s[at], &all.states.column(at).into_owned());
-            let slower = is_real(s)
+            let s = self.refine_eigenvalue(all.s[at], &all.states.column(at).into_owned());
+            let slower = is_numerically_real(s)
                 .then(|| {
                     let is_slower = |j: &usize| all.is_slower[*j] || (all.s[*j] - s).norm() < NEARLY_ONE * s.norm();
-                    let free = (0..all.s.len()).filter(|j| is_slower(j) && !taken[*j] && is_real(all.s[*j]));
+                    let free =
+                        (0..all.s.len()).filter(|j| is_slower(j) && !taken[*j] && is_numerically_real(all.s[*j]));
                     let misses = |j: &usize| (s.norm() * all.s[*j].norm() / lambda).ln().abs();
                     free.min_by(|a, b| misses(a).total_cmp(&misses(b)))
                 })
@@ -473,16 +484,19 @@ impl System {
             out.push(match slower {
                 Some(other) => {
                     taken[other] = true;
-                    Pole::pair(s, self.improved(all.s[other], &all.states.column(other).into_owned()))
+                    Pole::from_real_eigenvalue_pair(
+                        s,
+                        self.refine_eigenvalue(all.s[other], &all.states.column(other).into_owned()),
+                    )
                 }
-                None => Pole::swinging(s),
+                None => Pole::from_oscillating_eigenvalue(s),
             });
         }
         out
     }
 
     /// A step of Newton's method on x' (s^2 + s C + K) x = 0, x the eigenvalue's own shape: exact to the square of what that is wrong by.
-    fn improved(&self, s: Complex64, state: &DVector<Complex64>) -> Complex64 {
+    fn refine_eigenvalue(&self, s: Complex64, state: &DVector<Complex64>) -> Complex64 {
         let n = self.lambda.len();
         let x = DVector::from_fn(n, |i, _| state[i] / self.scale[i]);
         let times = |matrix: &DMatrix<f64>| -> Complex64 {

@@ -1,8 +1,8 @@
 //! The questions that [`super::bounded`] puts to a panel: its modes.
 
-use super::bounded::{Bounded, Question, Values, bounded};
-use super::estimator::Rounding;
-use super::panel::{Mode, PanelModel};
+use super::bounded::{BoundedAnswer, ComparedValues, RefinableQuestion, answer_with_error_bounds};
+use super::estimator::FrequencyRounding;
+use super::panel::{PanelMode, PanelModel};
 use super::poles::Pole;
 use super::{Accuracy, Bound, ModelError};
 use crate::scene::Scene;
@@ -26,70 +26,70 @@ const SAME_MODE: f64 = 0.01;
 struct ModesUpTo(f64);
 
 impl ModesUpTo {
-    fn listed<'a>(&self, fine: &'a [Mode]) -> &'a [Mode] {
+    fn modes_within_limit<'a>(&self, fine: &'a [PanelMode]) -> &'a [PanelMode] {
         &fine[..fine.iter().take_while(|mode| mode.frequency_hz <= self.0).count()]
     }
 
     /// Whether a pole is far above all modes that are known: what it is depends on every finer mesh, unless it is that of a mode by itself.
-    fn is_beyond(&self, pole: &Pole) -> bool {
+    fn is_pole_unresolved(&self, pole: &Pole) -> bool {
         pole.is_coupled && pole.s.norm() > TAU * RESOLVED * self.0
     }
 
     /// Whether a pole is one of the mesh: on a motion that dies out before it swings, and fast, levels do not agree. Beside a dashpot at a point there is less
     /// mass the finer the mesh, and no limit.
-    fn is_of_the_mesh(&self, mode: &Mode, frequency: Bound) -> bool {
-        let is_told = mode.pole_bound.value().is_some() || frequency.value().is_none();
-        let is_left_out = !mode.pole.is_whole && !self.is_beyond(&mode.pole);
-        !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.dies_out()
+    fn is_pole_mesh_dependent(&self, mode: &PanelMode, frequency: Bound) -> bool {
+        let is_told = mode.pole_bound.known_limit().is_some() || frequency.known_limit().is_none();
+        let is_left_out = !mode.pole.is_whole && !self.is_pole_unresolved(&mode.pole);
+        !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.decays_before_oscillating()
     }
 }
 
-impl Question for ModesUpTo {
-    type Answer = Vec<Mode>;
+impl RefinableQuestion for ModesUpTo {
+    type Answer = Vec<PanelMode>;
     type Error = ModelError;
 
-    fn ask(&self, model: &PanelModel) -> Result<Vec<Mode>, ModelError> {
-        model.modes(FURTHER * self.0)
+    fn answer_from_model(&self, model: &PanelModel) -> Result<Vec<PanelMode>, ModelError> {
+        model.compute_damped_modes(FURTHER * self.0)
     }
 
     /// For each mode of the fine level up to the frequency: relative for an elastic one, 0 for a rigid one, whose
     /// frequency is exact. Then the same for its pole.
-    fn differences(&self, coarse: &Vec<Mode>, fine: &Vec<Mode>) -> Vec<f64> {
-        let listed = self.listed(fine);
-        let of_frequency = |(k, fine): (usize, &Mode)| match coarse.get(k) {
+    fn relative_differences(&self, coarse: &Vec<PanelMode>, fine: &Vec<PanelMode>) -> Vec<f64> {
+        let listed = self.modes_within_limit(fine);
+        let of_frequency = |(k, fine): (usize, &PanelMode)| match coarse.get(k) {
             _ if fine.frequency_hz == 0.0 => 0.0,
             Some(coarse) => (coarse.frequency_hz / fine.frequency_hz - 1.0).abs(),
             None => f64::INFINITY,
         };
-        let of_pole = |fine: &Mode| {
+        let of_pole = |fine: &PanelMode| {
             if fine.frequency_hz == 0.0 {
                 return 0.0;
             }
-            if !fine.pole.is_known() || self.is_beyond(&fine.pole) {
+            if !fine.pole.is_known() || self.is_pole_unresolved(&fine.pole) {
                 return f64::INFINITY;
             }
-            let is_near = |coarse: &&Mode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
-            let distances = coarse.iter().filter(is_near).map(|coarse| fine.pole.distance(&coarse.pole));
+            let is_near = |coarse: &&PanelMode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
+            let distances = coarse.iter().filter(is_near).map(|coarse| fine.pole.relative_distance_to(&coarse.pole));
             POLE_SAFETY * distances.fold(f64::INFINITY, f64::min)
         };
         listed.iter().enumerate().map(of_frequency).chain(listed.iter().map(of_pole)).collect()
     }
 
-    fn deciding(&self, parts: usize) -> usize {
+    fn count_deciding_parts(&self, parts: usize) -> usize {
         parts / 2
     }
 
-    fn values(&self) -> Values {
-        Values::Frequencies
+    fn kind_of_compared_values(&self) -> ComparedValues {
+        ComparedValues::Frequencies
     }
 
-    fn floors(&self, fine: &Vec<Mode>, rounding: Rounding) -> Vec<f64> {
-        let floor = |mode: &Mode| match mode {
+    fn error_floors(&self, fine: &Vec<PanelMode>, rounding: FrequencyRounding) -> Vec<f64> {
+        let floor = |mode: &PanelMode| match mode {
             _ if mode.frequency_hz == 0.0 => 0.0,
             _ if mode.straight => STRAIGHT,
-            _ => rounding.of(mode.unloaded_hz),
+            _ => rounding.relative_error_at(mode.unloaded_hz),
         };
-        let listed = self.listed(fine);
+        let listed = self.modes_within_limit(fine);
         listed.iter().chain(listed).map(floor).collect()
     }
 }
@@ -100,14 +100,18 @@ impl Question for ModesUpTo {
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored.
-pub fn bounded_modes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Bounded<Vec<Mode>>, ModelError> {
+pub fn compute_modes_with_error_bounds(
+    scene: &Scene,
+    accuracy: Accuracy,
+    max_hz: f64,
+) -> Result<BoundedAnswer<Vec<PanelMode>>, ModelError> {
     let question = ModesUpTo(max_hz);
-    let mut found = bounded(&question, scene, accuracy, max_hz)?;
+    let mut found = answer_with_error_bounds(&question, scene, accuracy, max_hz)?;
     found.answer.retain(|mode| mode.frequency_hz <= max_hz);
     let of_poles = found.bounds.split_off(found.answer.len().min(found.bounds.len()));
     for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
         mode.pole_bound = bound;
-        if question.is_of_the_mesh(mode, *frequency) {
+        if question.is_pole_mesh_dependent(mode, *frequency) {
             mode.pole = mode.pole.without_faster();
             mode.damping_ratio = mode.pole.damping_ratio;
         }

@@ -7,10 +7,10 @@
 //! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
 
 use super::assembly::AttachedVectors;
-use super::damping::{Damping, Structured};
-use super::eigen::{Modes, Operator};
-use super::grid::{Derivative, Grid};
-use super::sparse::{SparseVector, row_times};
+use super::damping::{DampingMatrices, StructuredDamping};
+use super::eigen::{Modes, ShiftInvertOperator};
+use super::grid::{DeflectionDerivative, Grid};
+use super::sparse::{SparseVector, multiply_row_with_matrix};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub struct ReducedModel {
     /// Viscous damping C in rad/s, n x n.
     pub viscous: DMatrix<f64>,
     /// S and C as a diagonal and a few couplings, where they are that.
-    pub structured: Option<Structured>,
+    pub structured: Option<StructuredDamping>,
     /// B in kg^-1/2, n x p: 1 N at each actuator.
     pub force: DMatrix<f64>,
     /// Travel of each actuator's mass relative to its electrodes, p x n.
@@ -56,14 +56,14 @@ impl ReducedModel {
     pub(super) fn new(
         lambda: Vec<f64>,
         vectors: DMatrix<f64>,
-        damping: Damping,
+        damping: DampingMatrices,
         attached: &AttachedVectors,
         grid: Arc<Grid>,
     ) -> Self {
         let rows = |of: &dyn Fn(usize) -> SparseVector| {
             let mut out = DMatrix::zeros(attached.actuators.len(), vectors.ncols());
             for (i, mut row) in out.row_iter_mut().enumerate() {
-                row.copy_from(&row_times(&of(i), &vectors));
+                row.copy_from(&multiply_row_with_matrix(&of(i), &vectors));
             }
             out
         };
@@ -82,76 +82,76 @@ impl ReducedModel {
         }
     }
 
-    /// The same with a deflection (length n) at a point of the surface (m) beside that of the mesh's functions there.
+    /// Adds a deflection (length n) of a point of the surface (m) to what the mesh's functions have there.
     pub(super) fn add_local_motion(&mut self, point_m: (f64, f64), deflections: DVector<f64>) {
         self.local.push(LocalMotion { point_m, deflections });
     }
 
     /// Number of coordinates n.
     #[must_use]
-    pub fn order(&self) -> usize {
+    pub fn count_coordinates(&self) -> usize {
         self.lambda.len()
     }
 
     /// The model over some of its coordinates: for those that nothing couples to the others.
     #[must_use]
-    pub fn restricted_to(&self, coordinates: &[usize]) -> Self {
+    pub fn restrict_to_coordinates(&self, coordinates: &[usize]) -> Self {
         Self {
             lambda: self.lambda.select_rows(coordinates),
             structural: self.structural.select_rows(coordinates).select_columns(coordinates),
             viscous: self.viscous.select_rows(coordinates).select_columns(coordinates),
-            structured: self.structured.as_ref().map(|structured| structured.restricted_to(coordinates)),
+            structured: self.structured.as_ref().map(|structured| structured.restrict_to_coordinates(coordinates)),
             force: self.force.select_rows(coordinates),
             travel: self.travel.select_columns(coordinates),
             grid: Arc::clone(&self.grid),
             shapes: Arc::new(self.shapes.select_rows(coordinates)),
-            local: self.local.iter().map(|local| local.restricted_to(coordinates)).collect(),
+            local: self.local.iter().map(|local| local.restrict_to_coordinates(coordinates)).collect(),
         }
     }
 
     /// Number of actuators p.
     #[must_use]
-    pub fn actuators(&self) -> usize {
+    pub fn count_actuators(&self) -> usize {
         self.force.ncols()
     }
 
-    /// Unknowns of the mesh behind it.
+    /// Number of unknowns of the mesh that it was made from.
     #[must_use]
-    pub fn dofs(&self) -> usize {
+    pub fn count_mesh_unknowns(&self) -> usize {
         self.shapes.ncols()
     }
 
-    /// Bytes that its matrices take.
+    /// Size of its matrices in bytes.
     #[must_use]
-    pub fn bytes(&self) -> usize {
+    pub fn size_in_bytes(&self) -> usize {
         let matrices = [&self.structural, &self.viscous, &self.force, &self.travel, &*self.shapes];
         size_of::<f64>() * (self.lambda.len() + matrices.iter().map(|matrix| matrix.len()).sum::<usize>())
     }
 
     /// The shapes' deflections at a point of the surface (m), length n: w = shape . q.
     #[must_use]
-    pub fn shape_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
-        let mut out = DVector::zeros(self.order());
-        self.add_shape(x_m, y_m, out.as_mut_slice());
+    pub fn shape_deflections_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
+        let mut out = DVector::zeros(self.count_coordinates());
+        self.add_shape_deflections_at(x_m, y_m, out.as_mut_slice());
         out
     }
 
     /// The shapes' deflections at the points of a grid (m), row by row with x first: points x n.
     #[must_use]
-    pub fn shapes_on(&self, x_m: &[f64], y_m: &[f64]) -> DMatrix<f64> {
+    pub fn shape_deflections_on_grid(&self, x_m: &[f64], y_m: &[f64]) -> DMatrix<f64> {
         // A point per column first, which then lies in one piece.
-        let n = self.order();
+        let n = self.count_coordinates();
         let mut out = DMatrix::zeros(n, x_m.len() * y_m.len());
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
         for ((x, y), at) in points.zip(out.as_mut_slice().chunks_exact_mut(n.max(1))) {
-            self.add_shape(x, y, at);
+            self.add_shape_deflections_at(x, y, at);
         }
         out.transpose()
     }
 
-    fn add_shape(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
-        let n = self.order();
-        for (unknown, value) in self.grid.row_at(x_m, y_m, Derivative::Value) {
+    fn add_shape_deflections_at(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
+        let n = self.count_coordinates();
+        for (unknown, value) in self.grid.deflection_row_at(x_m, y_m, DeflectionDerivative::Value) {
             let shapes = &self.shapes.as_slice()[unknown * n..(unknown + 1) * n];
             for (out, shape) in out.iter_mut().zip(shapes) {
                 *out += value * shape;
@@ -164,35 +164,35 @@ impl ReducedModel {
         }
     }
 
-    /// What gives an actuator's travel for the model's coordinates.
+    /// Row whose product with the coordinates is an actuator's travel.
     #[must_use]
-    pub fn travel_row(&self, actuator: usize) -> DVector<f64> {
+    pub fn actuator_travel_row(&self, actuator: usize) -> DVector<f64> {
         self.travel.row(actuator).transpose()
     }
 
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.
     #[must_use]
-    pub fn travel(&self, actuator: usize, coordinates: &DVector<Complex64>) -> Complex64 {
+    pub fn actuator_travel(&self, actuator: usize, coordinates: &DVector<Complex64>) -> Complex64 {
         self.travel.row(actuator).iter().zip(coordinates.iter()).map(|(row, q)| q * *row).sum()
     }
 }
 
 /// Squared frequencies and shapes of the basis for `loads`, with `shapes_each` residual shapes for each of them.
-pub(super) fn basis(
-    operator: Operator<'_>,
+pub(super) fn build_reduction_basis(
+    operator: ShiftInvertOperator<'_>,
     modes: &Modes,
     loads: &[SparseVector],
     shapes_each: usize,
 ) -> (Vec<f64>, DMatrix<f64>) {
-    let n = operator.mass.order();
+    let n = operator.mass.dimension();
     let mut load = DMatrix::zeros(n, loads.len());
     for (mut column, sparse) in load.column_iter_mut().zip(loads) {
         for (index, value) in sparse {
             column[*index] += *value;
         }
     }
-    let load = independent(&load);
-    let mass_modes = operator.mass.times(&modes.vectors);
+    let load = drop_dependent_loads(&load);
+    let mass_modes = operator.mass.multiply_columns(&modes.vectors);
     // A load without what it does to the modes, and a shape without the modes in it.
     let load_beside = |load: DMatrix<f64>| &load - &mass_modes * modes.vectors.tr_mul(&load);
     let shape_beside = |shape: DMatrix<f64>| &shape - &modes.vectors * mass_modes.tr_mul(&shape);
@@ -201,13 +201,13 @@ pub(super) fn basis(
     let mut next = load_beside(load);
     for _ in 0..shapes_each {
         let load = load_beside(next);
-        let shape = shape_beside(operator.factor.solve(&load));
-        next = operator.mass.times(&shape);
-        (f, y) = (beside(&f, &load), beside(&y, &shape));
+        let shape = shape_beside(operator.factor.solve_for_columns(&load));
+        next = operator.mass.multiply_columns(&shape);
+        (f, y) = (join_columns(&f, &load), join_columns(&y, &shape));
     }
     // All three change together from here on, so that no product with K is needed.
-    let mut mass_y = operator.mass.times(&y);
-    let kept = orthonormalise(&mut y, [&mut mass_y, &mut f]);
+    let mut mass_y = operator.mass.multiply_columns(&y);
+    let kept = mass_orthonormalise_columns(&mut y, [&mut mass_y, &mut f]);
     if kept.is_empty() {
         // No load, or only such as push against what cannot move.
         return (modes.lambda.clone(), modes.vectors.clone());
@@ -221,10 +221,11 @@ pub(super) fn basis(
     let shapes = &y * eigen.eigenvectors.select_columns(&order);
     let mut lambda = modes.lambda.clone();
     lambda.extend(order.iter().map(|i| eigen.eigenvalues[*i] - operator.shift));
-    (lambda, beside(&modes.vectors, &shapes))
+    (lambda, join_columns(&modes.vectors, &shapes))
 }
 
-fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+/// The columns of two matrices side by side.
+fn join_columns(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(left.nrows(), left.ncols() + right.ncols());
     all.columns_mut(0, left.ncols()).copy_from(left);
     all.columns_mut(left.ncols(), right.ncols()).copy_from(right);
@@ -233,7 +234,7 @@ fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// The loads without those that are sums of others, as are the forces of an ERA's drive, spring and masses. The shapes of such
 /// differ by rounding alone, of which a free panel leaves more than [`DEPENDENT`].
-fn independent(loads: &DMatrix<f64>) -> DMatrix<f64> {
+fn drop_dependent_loads(loads: &DMatrix<f64>) -> DMatrix<f64> {
     let mut axes: Vec<DVector<f64>> = Vec::new();
     let mut kept = Vec::new();
     for (j, load) in loads.column_iter().enumerate() {
@@ -262,14 +263,14 @@ fn independent(loads: &DMatrix<f64>) -> DMatrix<f64> {
 ///
 /// On the columns themselves: from their products alone, lengths are known to the root of the rounding, which is a hundredth of
 /// the least that is kept.
-fn orthonormalise(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
+fn mass_orthonormalise_columns(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::new();
     for j in 0..y.ncols() {
         let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
         if length == 0.0 {
             continue;
         }
-        scale(&mut [y, mass_y, f], j, 1.0 / length);
+        scale_column_of_each(&mut [y, mass_y, f], j, 1.0 / length);
         for _ in 0..2 {
             for k in &kept {
                 let inner = mass_y.column(*k).dot(&y.column(j));
@@ -281,21 +282,22 @@ fn orthonormalise(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> 
         }
         let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
         if length > DEPENDENT {
-            scale(&mut [y, mass_y, f], j, 1.0 / length);
+            scale_column_of_each(&mut [y, mass_y, f], j, 1.0 / length);
             kept.push(j);
         }
     }
     kept
 }
 
-fn scale(matrices: &mut [&mut DMatrix<f64>], column: usize, factor: f64) {
+/// Multiplies the same column of several matrices by a factor.
+fn scale_column_of_each(matrices: &mut [&mut DMatrix<f64>], column: usize, factor: f64) {
     for matrix in matrices {
         matrix.column_mut(column).scale_mut(factor);
     }
 }
 
 impl LocalMotion {
-    fn restricted_to(&self, coordinates: &[usize]) -> Self {
+    fn restrict_to_coordinates(&self, coordinates: &[usize]) -> Self {
         Self { point_m: self.point_m, deflections: self.deflections.select_rows(coordinates) }
     }
 }

@@ -4,8 +4,8 @@
 //! 1e-9 N/m is a support, and rounding is not. The motions themselves are c + cx x + cy y, and that of an inertial ERA's
 //! mass by itself; they are known in closed form and are kept out of the eigenvalue iteration.
 
-use super::assembly::Assembled;
-use super::attached::attached;
+use super::assembly::PanelMatrices;
+use super::attached::all_point_attachments;
 use super::eigen::Modes;
 use crate::scene::{Actuator, EdgeKind, Scene, Side, SurfaceKind};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -40,7 +40,7 @@ pub struct RigidModes {
 }
 
 /// One thing that holds: stiffness times the square of vector . (c, cx L, cy W), hard or soft.
-struct Hold {
+struct HoldingSpring {
     vector: [f64; 3],
     stiffness: f64,
     hard: bool,
@@ -48,25 +48,25 @@ struct Hold {
 
 /// The slowest motions of `assembled`, whose shift is `shift` (> 0).
 #[must_use]
-pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidModes {
+pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift: f64) -> RigidModes {
     let dimensions = match scene.surface.kind {
         SurfaceKind::Plate => 3,
         SurfaceKind::Bar => 2,
     };
-    let holds = holds(scene, assembled);
-    let allowed = null_space(&holds, dimensions);
+    let holds = collect_holding_springs(scene, assembled);
+    let allowed = find_motions_hard_edges_allow(&holds, dimensions);
     let moving = &assembled.attached.moving_masses;
     let columns = allowed.ncols() + moving.len();
-    let nothing = || Modes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.unknowns(), 0) };
+    let nothing = || Modes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.count_unknowns(), 0) };
     if columns == 0 {
         return RigidModes { known: nothing(), slow: Vec::new() };
     }
     // The surface with all masses riding on it, then each mass by itself.
-    let mut all = surface_vectors(assembled, &allowed).resize_horizontally(columns, 0.0);
+    let mut all = expand_rigid_motions_to_unknowns(assembled, &allowed).resize_horizontally(columns, 0.0);
     for (k, (unknown, _)) in moving.iter().enumerate() {
         all[(*unknown, allowed.ncols() + k)] = 1.0;
     }
-    let Some(to_orthonormal) = orthonormaliser(&all, assembled) else {
+    let Some(to_orthonormal) = compute_mass_orthonormaliser(&all, assembled) else {
         return RigidModes { known: nothing(), slow: Vec::new() };
     };
     // What resists these motions: rows of the square root of the stiffness, and the same without their sizes.
@@ -93,14 +93,14 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
         roots.set_row(row, &(along.transpose() * stiffness.sqrt()));
         directions += along * along.transpose();
     }
-    let free = columns - rank(&directions);
+    let free = columns - numerical_rank(&directions);
 
-    let straight = STAYS_STRAIGHT * shift * scene.mass_kg();
+    let straight = STAYS_STRAIGHT * shift * scene.surface_mass_kg();
     let mut known = nothing();
     let mut slow = Vec::new();
-    for (lambda, motion) in eigenpairs(&(roots * &to_orthonormal), free) {
+    for (lambda, motion) in compute_staged_eigenpairs(&(roots * &to_orthonormal), free) {
         let motion = &to_orthonormal * motion;
-        if lambda <= straight * motion.norm_squared() && holding_stiffness(&held_by, &motion) <= straight {
+        if lambda <= straight * motion.norm_squared() && mean_stiffness_held_against(&held_by, &motion) <= straight {
             let at = known.lambda.len();
             known.lambda.push(lambda);
             known.vectors = known.vectors.resize_horizontally(at + 1, 0.0);
@@ -115,7 +115,7 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
 /// Stiffness of what a motion works against, the mean weighted by energy: sum of (k d)^2 over sum of k d^2. With forces k d a surface of
 /// rigidity that makes k_b lowers the eigenvalue by this over k_b. Three springs that are nearly in a line hold a slow motion, each with little
 /// travel and all of its stiffness.
-fn holding_stiffness(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> f64 {
+fn mean_stiffness_held_against(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> f64 {
     let (mut forces, mut energy) = (0.0, 0.0);
     for (along, stiffness) in held_by {
         let travel = along.dot(motion);
@@ -128,18 +128,18 @@ fn holding_stiffness(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> 
     if energy > 0.0 { forces / energy } else { 0.0 }
 }
 
-/// Eigenvalues and vectors of roots' roots, ascending, of which `free` are known to be zero. Stage by stage from the
+/// Eigenvalues and vectors of roots' roots, ascending, of which `zero_count` are known to be zero. Stage by stage from the
 /// stiffest down, each on the space that the stiffer ones leave: every eigenvalue keeps its own digits.
-fn eigenpairs(roots: &DMatrix<f64>, free: usize) -> Vec<(f64, DVector<f64>)> {
+fn compute_staged_eigenpairs(roots: &DMatrix<f64>, zero_count: usize) -> Vec<(f64, DVector<f64>)> {
     let mut rest = DMatrix::identity(roots.ncols(), roots.ncols());
     let mut pairs = Vec::with_capacity(roots.ncols());
-    while rest.ncols() > free {
+    while rest.ncols() > zero_count {
         let here = roots * &rest;
         let eigen = SymmetricEigen::new(here.tr_mul(&here));
         let mut order: Vec<usize> = (0..rest.ncols()).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
         let largest = eigen.eigenvalues[order[0]];
-        let held = rest.ncols() - free;
+        let held = rest.ncols() - zero_count;
         let taken = order.iter().take(held).take_while(|k| eigen.eigenvalues[**k] >= STAGE * largest).count().max(1);
         for k in order.iter().take(taken) {
             pairs.push((eigen.eigenvalues[*k].max(0.0), &rest * eigen.eigenvectors.column(*k)));
@@ -151,19 +151,20 @@ fn eigenpairs(roots: &DMatrix<f64>, free: usize) -> Vec<(f64, DVector<f64>)> {
     pairs
 }
 
-fn holds(scene: &Scene, assembled: &Assembled) -> Vec<Hold> {
+/// Everything that holds the surface against rigid motions: springs, edges, sealed air.
+fn collect_holding_springs(scene: &Scene, assembled: &PanelMatrices) -> Vec<HoldingSpring> {
     let grid = &assembled.grid;
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let at = |x: f64, y: f64| [1.0, x / length, if is_bar { 0.0 } else { y / width }];
     // Where the matrices have it: attachments that share a bar's node hold nothing against each other.
     let at_node = |x: f64, y: f64| {
-        let (x, y) = grid.attached_at(x, y);
+        let (x, y) = grid.merged_attachment_position_m(x, y);
         at(x, y)
     };
     let mut holds = Vec::new();
-    let mut soft = |vector, stiffness| holds.push(Hold { vector, stiffness, hard: false });
-    for attached in attached(scene) {
+    let mut soft = |vector, stiffness| holds.push(HoldingSpring { vector, stiffness, hard: false });
+    for attached in all_point_attachments(scene) {
         soft(at_node(attached.at.0, attached.at.1), attached.stiffness_n_per_m);
         // The slope is cx L / L.
         let turning = attached.turning_n_m_per_rad;
@@ -174,7 +175,7 @@ fn holds(scene: &Scene, assembled: &Assembled) -> Vec<Hold> {
     }
     if let Some(air) = &assembled.air {
         let mean = |c: f64, cx: f64, cy: f64| -> f64 {
-            let motion = grid.linear(c, cx, cy);
+            let motion = grid.unknowns_of_rigid_deflection(c, cx, cy);
             air.vector.iter().map(|(unknown, value)| value * motion[*unknown]).sum()
         };
         let along_y = if is_bar { 0.0 } else { mean(0.0, 0.0, 1.0 / width) };
@@ -197,20 +198,20 @@ fn holds(scene: &Scene, assembled: &Assembled) -> Vec<Hold> {
         };
         // Two Gauss points integrate the square of a linear function exactly; on a bar both are the same point.
         let gauss = [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()];
-        for [from, to] in layout.side(edge.side) {
+        for [from, to] in layout.remaining_stretches_of_side_m(edge.side) {
             let weight = if is_bar { 1.0 } else { to - from };
             for along in gauss.map(|t| from + t * (to - from)) {
                 let vector = if is_upright { at(across, along) } else { at(along, across) };
-                holds.push(Hold { vector, stiffness: stiffness * 0.5 * weight, hard });
+                holds.push(HoldingSpring { vector, stiffness: stiffness * 0.5 * weight, hard });
             }
-            holds.push(Hold { vector: turn, stiffness: turning * weight / (lever * lever), hard });
+            holds.push(HoldingSpring { vector: turn, stiffness: turning * weight / (lever * lever), hard });
         }
     }
     holds
 }
 
 /// Orthonormal basis of the motions (c, cx L, cy W) that hard edges allow.
-fn null_space(holds: &[Hold], dimensions: usize) -> DMatrix<f64> {
+fn find_motions_hard_edges_allow(holds: &[HoldingSpring], dimensions: usize) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(dimensions, dimensions);
     for hold in holds.iter().filter(|hold| hold.hard && hold.stiffness > 0.0) {
         let vector = DVector::from_iterator(dimensions, hold.vector.iter().copied().take(dimensions));
@@ -222,21 +223,22 @@ fn null_space(holds: &[Hold], dimensions: usize) -> DMatrix<f64> {
     eigen.eigenvectors.select_columns(&free)
 }
 
-fn rank(gram: &DMatrix<f64>) -> usize {
+/// The number of eigenvalues that are more than rounding.
+fn numerical_rank(gram: &DMatrix<f64>) -> usize {
     let eigenvalues = SymmetricEigen::new(gram.clone()).eigenvalues;
     let largest = eigenvalues.amax();
     eigenvalues.iter().filter(|value| largest > 0.0 && **value > RANK * largest).count()
 }
 
 /// The allowed motions over all unknowns: the surface, and the moving masses that ride on it.
-fn surface_vectors(assembled: &Assembled, allowed: &DMatrix<f64>) -> DMatrix<f64> {
+fn expand_rigid_motions_to_unknowns(assembled: &PanelMatrices, allowed: &DMatrix<f64>) -> DMatrix<f64> {
     let grid = &assembled.grid;
-    let (length, width) = grid.size();
-    let mut out = DMatrix::zeros(assembled.unknowns(), allowed.ncols());
+    let (length, width) = grid.length_and_width_m();
+    let mut out = DMatrix::zeros(assembled.count_unknowns(), allowed.ncols());
     for (motion, mut column) in allowed.column_iter().zip(out.column_iter_mut()) {
         let (c, cx) = (motion[0], motion[1] / length);
         let cy = motion.get(2).copied().unwrap_or(0.0) / width;
-        for (entry, value) in column.iter_mut().zip(grid.linear(c, cx, cy)) {
+        for (entry, value) in column.iter_mut().zip(grid.unknowns_of_rigid_deflection(c, cx, cy)) {
             *entry = value;
         }
         for (unknown, actuator) in &assembled.attached.moving_masses {
@@ -250,9 +252,9 @@ fn surface_vectors(assembled: &Assembled, allowed: &DMatrix<f64>) -> DMatrix<f64
     out
 }
 
-/// T such that (V T)' M (V T) = 1.
-fn orthonormaliser(vectors: &DMatrix<f64>, assembled: &Assembled) -> Option<DMatrix<f64>> {
-    let gram = vectors.transpose() * assembled.mass.times(vectors);
+/// The matrix T with (V T)' M (V T) = 1; `None` if the vectors depend on each other.
+fn compute_mass_orthonormaliser(vectors: &DMatrix<f64>, assembled: &PanelMatrices) -> Option<DMatrix<f64>> {
+    let gram = vectors.transpose() * assembled.mass.multiply_columns(vectors);
     let lower = gram.cholesky()?.l();
     lower.transpose().try_inverse()
 }

@@ -1,24 +1,24 @@
 //! What each cell is made of, and what the whole surface's waves are like.
 
-use super::mesh::Lines;
-use crate::scene::{Layer, Layout, Rigidities, Scene, SurfaceKind};
+use super::mesh::GridLines;
+use crate::scene::{PlateRigidities, Scene, SurfaceKind, SurfaceLayer, SurfaceLayout};
 
 /// What a cell is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Section {
+pub struct CellSection {
     /// Flexural rigidity in N m (plate), E h^3 / (12 (1 - nu^2)), or bending stiffness in N m^2 (bar), E b h^3 / 12. Of layers that
     /// differ along x and y the geometric mean of D11 and D22.
     pub rigidity: f64,
     /// Mass per area (plate) or length (bar), in kg/m^2 or kg/m.
     pub per_area: f64,
     /// How a plate bends in the one direction and in the other.
-    pub bending: Bending,
+    pub bending: RelativeBending,
 }
 
 /// A plate's rigidities over one of them: with w_xx, w_yy and w_xy twice its energy is x w_xx^2 + y w_yy^2 + 2 poisson w_xx w_yy +
 /// twist w_xy^2 times that.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bending {
+pub struct RelativeBending {
     /// D11.
     pub x: f64,
     /// D22.
@@ -29,41 +29,45 @@ pub struct Bending {
     pub twist: f64,
 }
 
-impl Bending {
-    /// Of a plate that is the same in all directions.
+impl RelativeBending {
+    /// The bending of an isotropic plate with this Poisson's ratio.
     #[must_use]
-    pub const fn isotropic(poisson: f64) -> Self {
+    pub const fn from_poisson_ratio(poisson: f64) -> Self {
         Self { x: 1.0, y: 1.0, poisson, twist: 2.0 * (1.0 - poisson) }
     }
 
-    /// Of rigidities over one of them.
-    fn over(rigidity: f64, of: &Rigidities) -> Self {
-        let Rigidities { d11, d12, d22, d66 } = of;
+    /// Rigidities relative to one of them.
+    fn from_rigidities_over(rigidity: f64, rigidities: &PlateRigidities) -> Self {
+        let PlateRigidities { d11, d12, d22, d66 } = rigidities;
         Self { x: d11 / rigidity, y: d22 / rigidity, poisson: d12 / rigidity, twist: 4.0 * d66 / rigidity }
     }
 
-    /// Whether it is that of an isotropic plate.
+    /// Whether the plate is isotropic.
     #[must_use]
     pub fn is_isotropic(&self) -> bool {
-        *self == Self::isotropic(self.poisson)
+        *self == Self::from_poisson_ratio(self.poisson)
     }
 
-    /// The moments of curvatures: about the one axis, about the other, and twice the twisting one.
+    /// Bending moments of curvatures: about one axis, about the other, and twice the twisting moment.
     #[inline(always)]
-    pub fn moments(&self, xx: f64, yy: f64, xy: f64) -> [f64; 3] {
-        [self.x * xx + self.poisson * yy, self.y * yy + self.poisson * xx, self.twist * xy]
+    pub fn bending_moments(&self, curvature_x: f64, curvature_y: f64, twist_curvature: f64) -> [f64; 3] {
+        [
+            self.x * curvature_x + self.poisson * curvature_y,
+            self.y * curvature_y + self.poisson * curvature_x,
+            self.twist * twist_curvature,
+        ]
     }
 
-    fn rigidities(&self) -> Rigidities {
-        Rigidities { d11: self.x, d12: self.poisson, d22: self.y, d66: 0.25 * self.twist }
+    fn to_rigidities(&self) -> PlateRigidities {
+        PlateRigidities { d11: self.x, d12: self.poisson, d22: self.y, d66: 0.25 * self.twist }
     }
 
     /// The rigidity of the isotropic plate with as many modes: by Weyl's law a plate's count goes with the mean of 1 over its square root.
-    fn mean(&self) -> f64 {
-        let rigidities = self.rigidities();
+    fn mean_modal_rigidity(&self) -> f64 {
+        let rigidities = self.to_rigidities();
         let part = |k: u32| {
             let angle = std::f64::consts::FRAC_PI_2 * (f64::from(k) + 0.5) / f64::from(DIRECTIONS);
-            1.0 / rigidities.along(angle.cos().powi(2)).sqrt()
+            1.0 / rigidities.rigidity_in_direction(angle.cos().powi(2)).sqrt()
         };
         ((0..DIRECTIONS).map(part).sum::<f64>() / f64::from(DIRECTIONS)).powi(-2)
     }
@@ -72,74 +76,74 @@ impl Bending {
 /// Directions of a quarter turn that means are over: what is smooth around the circle converges as a power of their number.
 const DIRECTIONS: u32 = 48;
 
-impl Section {
-    /// Of a layer.
+impl CellSection {
+    /// The section of a cell made of this layer.
     #[must_use]
-    pub fn of(kind: SurfaceKind, layer: &Layer) -> Self {
+    pub fn from_layer(kind: SurfaceKind, layer: &SurfaceLayer) -> Self {
         let nu = layer.material.poisson_ratio;
         let slab = layer.material.youngs_modulus_pa * layer.thickness_m.powi(3) / 12.0;
-        let per_area = layer.per_area_kg_m2();
+        let per_area = layer.mass_per_area_kg_m2();
         match kind {
             SurfaceKind::Plate => {
                 let rigidity = slab / (1.0 - nu * nu);
-                let bending = layer.orthotropic.as_ref().map(|of| Bending::over(rigidity, of));
-                Self { rigidity, per_area, bending: bending.unwrap_or(Bending::isotropic(nu)) }
+                let bending = layer.orthotropic.as_ref().map(|of| RelativeBending::from_rigidities_over(rigidity, of));
+                Self { rigidity, per_area, bending: bending.unwrap_or(RelativeBending::from_poisson_ratio(nu)) }
             }
             SurfaceKind::Bar => Self {
                 rigidity: slab * layer.width_m,
                 per_area: per_area * layer.width_m,
-                bending: Bending::isotropic(nu),
+                bending: RelativeBending::from_poisson_ratio(nu),
             },
         }
     }
 
     /// The least rigidity against waves in any direction, the mean, and the largest.
-    fn of_waves(&self) -> [f64; 3] {
+    fn wave_rigidity_range(&self) -> [f64; 3] {
         if self.bending.is_isotropic() {
             return [self.rigidity; 3];
         }
-        let [least, largest] = self.bending.rigidities().range();
-        [least, self.bending.mean(), largest].map(|part| part * self.rigidity)
+        let [least, largest] = self.bending.to_rigidities().least_and_largest_rigidity();
+        [least, self.bending.mean_modal_rigidity(), largest].map(|part| part * self.rigidity)
     }
 }
 
 /// The sections of a mesh's cells; `None` where the surface is cut away.
 #[derive(Clone, Debug)]
-pub struct Sections {
+pub struct CellSections {
     columns: usize,
-    of: Vec<Option<Section>>,
+    of: Vec<Option<CellSection>>,
     has_cutouts: bool,
 }
 
-impl Sections {
+impl CellSections {
     /// Every border of the layout must have a line.
     #[must_use]
-    pub fn new(kind: SurfaceKind, layout: &Layout, x: &Lines, y: Option<&Lines>) -> Self {
-        let middles = |lines: &Lines| -> Vec<f64> { lines.at.windows(2).map(|at| 0.5 * (at[0] + at[1])).collect() };
+    pub fn new(kind: SurfaceKind, layout: &SurfaceLayout, x: &GridLines, y: Option<&GridLines>) -> Self {
+        let middles = |lines: &GridLines| -> Vec<f64> { lines.at.windows(2).map(|at| 0.5 * (at[0] + at[1])).collect() };
         let in_x = middles(x);
         let mut of = Vec::new();
         for y in y.map_or_else(|| vec![0.0], middles) {
-            of.extend(in_x.iter().map(|x| layout.at(*x, y).map(|layer| Section::of(kind, &layer))));
+            of.extend(in_x.iter().map(|x| layout.layer_at(*x, y).map(|layer| CellSection::from_layer(kind, &layer))));
         }
         Self { columns: in_x.len(), has_cutouts: of.contains(&None), of }
     }
 
-    /// Of a cell.
+    /// The section of a cell; `None` if it is cut away.
     #[must_use]
-    pub fn at(&self, cell_x: usize, cell_y: usize) -> Option<Section> {
+    pub fn section_of_cell(&self, cell_x: usize, cell_y: usize) -> Option<CellSection> {
         self.of.get(cell_y * self.columns + cell_x).copied().flatten()
     }
 
     /// Whether cells are cut away.
     #[must_use]
-    pub fn has_cutouts(&self) -> bool {
+    pub fn has_cut_away_cells(&self) -> bool {
         self.has_cutouts
     }
 }
 
 /// Rigidity over mass per area (plate) or length (bar), in m^4/s^2, over a surface that may have several.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Waves {
+pub struct WaveRigidities {
     /// The least: that of the shortest waves.
     pub least: f64,
     /// That of the uniform surface with as many modes below a frequency: by Weyl's law a plate's count goes with the sum of
@@ -153,17 +157,17 @@ pub struct Waves {
     pub stiffest: f64,
 }
 
-impl Waves {
-    /// Of a scene's surface.
+impl WaveRigidities {
+    /// The wave rigidities of a scene's surface.
     #[must_use]
-    pub fn of(scene: &Scene) -> Self {
+    pub fn from_scene(scene: &Scene) -> Self {
         let kind = scene.surface.kind;
         let layout = scene.layout();
         let all: Vec<(f64, f64, [f64; 3])> = layout
-            .layers()
+            .areas_with_layers()
             .map(|(size, layer)| {
-                let section = Section::of(kind, &layer);
-                (size, section.per_area, section.of_waves())
+                let section = CellSection::from_layer(kind, &layer);
+                (size, section.per_area, section.wave_rigidity_range())
             })
             .collect();
         let least = all.iter().map(|(_, mass, [least, ..])| least / mass).fold(f64::INFINITY, f64::min);
@@ -186,9 +190,9 @@ const LEAST_SHIFT: f64 = 1e-5;
 
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =
 /// 22.4). Small enough to separate the low modes, large enough that K + s M is definite whatever holds the panel.
-pub(super) fn shift(scene: &Scene) -> f64 {
+pub(super) fn choose_spectral_shift_rad2_per_s2(scene: &Scene) -> f64 {
     let length = scene.surface.length_m.max(scene.surface.width_m);
     // With patches the softest part may bend under the heaviest one; a shift much below the other modes separates nothing.
-    let waves = Waves::of(scene);
+    let waves = WaveRigidities::from_scene(scene);
     (22.4 / (length * length)).powi(2) * waves.slowest.max(LEAST_SHIFT * waves.mean) / 16.0
 }

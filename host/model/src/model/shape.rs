@@ -20,15 +20,15 @@ pub const HIGHEST_ORDER: usize = 15;
 
 /// The functions of a cell of unit length, and their integrals.
 #[derive(Clone, Debug)]
-pub struct Element {
+pub struct CellElement {
     order: usize,
-    cubics: Cubics,
+    cubics: CubicForm,
     unit: CellMatrices,
 }
 
 /// How an element's first four functions are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Cubics {
+enum CubicForm {
     /// Value and slope at either end.
     Ends,
     /// A straight one, an inclined one, and two that bend.
@@ -49,28 +49,28 @@ pub struct CellMatrices {
     pub mixed: DMatrix<f64>,
 }
 
-impl Element {
+impl CellElement {
     /// Functions of order `order`, kept between [`LOWEST_ORDER`] and [`HIGHEST_ORDER`].
     #[must_use]
     pub fn new(order: usize) -> Self {
-        Self::with(order, Cubics::Ends)
+        Self::from_order_and_cubics(order, CubicForm::Ends)
     }
 
     /// The same functions of a cell that has no neighbours and whose ends are free: 1 and 2 t - 1 in place of value and slope at
     /// the left end, and two that vanish at both ends in place of those at the right one.
     #[must_use]
-    pub fn straight(order: usize) -> Self {
-        Self::with(order, Cubics::Straight)
+    pub fn new_straight(order: usize) -> Self {
+        Self::from_order_and_cubics(order, CubicForm::Straight)
     }
 
-    fn with(order: usize, cubics: Cubics) -> Self {
+    fn from_order_and_cubics(order: usize, cubics: CubicForm) -> Self {
         let order = order.clamp(LOWEST_ORDER, HIGHEST_ORDER);
         let n = order + 1;
         let zero = || DMatrix::zeros(n, n);
         let mut unit = CellMatrices { mass: zero(), slope: zero(), bend: zero(), mixed: zero() };
         // p + 1 points integrate degree 2 p + 1; the products have 2 p.
-        for (at, weight) in gauss(n) {
-            let [value, first, second] = functions(order, cubics, at);
+        for (at, weight) in gauss_legendre_rule(n) {
+            let [value, first, second] = evaluate_shape_functions(order, cubics, at);
             for i in 0..n {
                 for j in 0..n {
                     unit.mass[(i, j)] += weight * value[i] * value[j];
@@ -90,60 +90,60 @@ impl Element {
 
     /// The order p.
     #[must_use]
-    pub fn order(&self) -> usize {
+    pub fn element_order(&self) -> usize {
         self.order
     }
 
-    /// The matrices of a cell of length `h` whose end slopes are stored times `scale[0]` and `scale[1]`.
+    /// The matrices of a cell of length `cell_length` whose end slopes are stored times `scale[0]` and `scale[1]`.
     #[must_use]
-    pub fn matrices(&self, h: f64, scale: [f64; 2]) -> CellMatrices {
-        let to_unit: Vec<f64> = (0..=self.order).map(|i| self.unit_factor(i, h, scale)).collect();
+    pub fn cell_matrices(&self, cell_length: f64, scale: [f64; 2]) -> CellMatrices {
+        let to_unit: Vec<f64> = (0..=self.order).map(|i| self.unit_cell_factor(i, cell_length, scale)).collect();
         let make = |table: &DMatrix<f64>, factor: f64| {
             DMatrix::from_fn(table.nrows(), table.ncols(), |i, j| table[(i, j)] * factor * to_unit[i] * to_unit[j])
         };
         CellMatrices {
-            mass: make(&self.unit.mass, h),
-            slope: make(&self.unit.slope, 1.0 / h),
-            bend: make(&self.unit.bend, 1.0 / (h * h * h)),
-            mixed: make(&self.unit.mixed, 1.0 / h),
+            mass: make(&self.unit.mass, cell_length),
+            slope: make(&self.unit.slope, 1.0 / cell_length),
+            bend: make(&self.unit.bend, 1.0 / (cell_length * cell_length * cell_length)),
+            mixed: make(&self.unit.mixed, 1.0 / cell_length),
         }
     }
 
     /// Values, first and second derivatives (per metre) of the functions at `t` in 0..=1 of such a cell.
     #[must_use]
-    pub fn derivatives(&self, t: f64, h: f64, scale: [f64; 2]) -> [Vec<f64>; 3] {
-        let mut all = functions(self.order, self.cubics, t);
+    pub fn values_and_derivatives_at(&self, t: f64, cell_length: f64, scale: [f64; 2]) -> [Vec<f64>; 3] {
+        let mut all = evaluate_shape_functions(self.order, self.cubics, t);
         let mut per_length = 1.0;
         for derivative in &mut all {
             derivative
                 .iter_mut()
                 .enumerate()
-                .for_each(|(i, value)| *value *= per_length * self.unit_factor(i, h, scale));
-            per_length /= h;
+                .for_each(|(i, value)| *value *= per_length * self.unit_cell_factor(i, cell_length, scale));
+            per_length /= cell_length;
         }
         all
     }
 
     /// A function's coefficient in the unit cell for one of the real cell: slopes are stored times `scale`, there times h.
-    fn unit_factor(&self, function: usize, h: f64, scale: [f64; 2]) -> f64 {
+    fn unit_cell_factor(&self, function: usize, cell_length: f64, scale: [f64; 2]) -> f64 {
         match (self.cubics, function) {
-            (Cubics::Ends, 1) => h / scale[0],
-            (Cubics::Ends, 3) => h / scale[1],
+            (CubicForm::Ends, 1) => cell_length / scale[0],
+            (CubicForm::Ends, 3) => cell_length / scale[1],
             _ => 1.0,
         }
     }
 }
 
 /// Values, first and second derivatives of all functions at `t` of the unit cell.
-fn functions(order: usize, cubics: Cubics, t: f64) -> [Vec<f64>; 3] {
+fn evaluate_shape_functions(order: usize, cubics: CubicForm, t: f64) -> [Vec<f64>; 3] {
     let u = 1.0 - t;
     let first_four = match cubics {
-        Cubics::Ends => [
+        CubicForm::Ends => [
             [u * u * (1.0 + 2.0 * t), t * u * u, t * t * (3.0 - 2.0 * t), -t * t * u],
             [-6.0 * t * u, u * (1.0 - 3.0 * t), 6.0 * t * u, t * (3.0 * t - 2.0)],
             [12.0 * t - 6.0, 6.0 * t - 4.0, 6.0 - 12.0 * t, 6.0 * t - 2.0],
         ],
-        Cubics::Straight => [
+        CubicForm::Straight => [
             [1.0, t - u, -2.0 * t * u, -2.0 * t * u * (t - u)],
             [0.0, 2.0, 2.0 * (t - u), 2.0 * (1.0 - 6.0 * t * u)],
             [0.0, 0.0, 4.0, 12.0 * (t - u)],
@@ -155,7 +155,7 @@ fn functions(order: usize, cubics: Cubics, t: f64) -> [Vec<f64>; 3] {
         all
     });
     // With x = 2 t - 1 and j = 2, 3, ...: the second integral of P_j, its first, and P_j itself.
-    let p = legendre(order, 2.0 * t - 1.0);
+    let p = evaluate_legendre_polynomials(order, 2.0 * t - 1.0);
     for m in 4..=order {
         let j = m - 2;
         let k = j as f64;
@@ -174,10 +174,10 @@ fn functions(order: usize, cubics: Cubics, t: f64) -> [Vec<f64>; 3] {
 }
 
 /// P_0 .. P_n at x, by their three-term recurrence.
-fn legendre(n: usize, x: f64) -> Vec<f64> {
-    let mut p = Vec::with_capacity(n + 1);
+fn evaluate_legendre_polynomials(highest_order: usize, x: f64) -> Vec<f64> {
+    let mut p = Vec::with_capacity(highest_order + 1);
     p.extend([1.0, x]);
-    for k in 1..n {
+    for k in 1..highest_order {
         let kf = k as f64;
         let next = ((2.0 * kf + 1.0) * x * p[k] - kf * p[k - 1]) / (kf + 1.0);
         p.push(next);
@@ -186,15 +186,15 @@ fn legendre(n: usize, x: f64) -> Vec<f64> {
 }
 
 /// Gauss-Legendre points and weights on 0..=1, by Newton's iteration from Tricomi's estimate.
-pub fn gauss(n: usize) -> Vec<(f64, f64)> {
-    (0..n)
+pub fn gauss_legendre_rule(point_count: usize) -> Vec<(f64, f64)> {
+    (0..point_count)
         .map(|i| {
-            let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+            let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (point_count as f64 + 0.5)).cos();
             let mut derivative = 1.0;
             for _ in 0..8 {
-                let p = legendre(n, x);
-                derivative = n as f64 * (x * p[n] - p[n - 1]) / (x * x - 1.0);
-                x -= p[n] / derivative;
+                let p = evaluate_legendre_polynomials(point_count, x);
+                derivative = point_count as f64 * (x * p[point_count] - p[point_count - 1]) / (x * x - 1.0);
+                x -= p[point_count] / derivative;
             }
             (0.5 * (1.0 + x), 1.0 / ((1.0 - x * x) * derivative * derivative))
         })
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn cubic_matrices_are_the_known_ones() {
         let h = 0.37;
-        let matrices = Element::new(3).matrices(h, [h, h]);
+        let matrices = CellElement::new(3).cell_matrices(h, [h, h]);
         let bend = [[12.0, 6.0, -12.0, 6.0], [6.0, 4.0, -6.0, 2.0], [-12.0, -6.0, 12.0, -6.0], [6.0, 2.0, -6.0, 4.0]];
         let mass = [
             [156.0, 22.0, 54.0, -13.0],
@@ -228,10 +228,10 @@ mod tests {
     #[test]
     fn bubbles_vanish_at_the_ends_with_their_slopes_and_do_not_couple_in_bending() {
         for t in [0.0, 1.0] {
-            let [value, first, _] = functions(HIGHEST_ORDER, Cubics::Ends, t);
+            let [value, first, _] = evaluate_shape_functions(HIGHEST_ORDER, CubicForm::Ends, t);
             assert!(value[4..].iter().chain(&first[4..]).all(|x| x.abs() < 1e-13), "{t}");
         }
-        let unit = Element::new(HIGHEST_ORDER).unit;
+        let unit = CellElement::new(HIGHEST_ORDER).unit;
         for i in 0..=HIGHEST_ORDER {
             for j in 4..=HIGHEST_ORDER {
                 assert!((unit.bend[(i, j)] - if i == j { 12.0 } else { 0.0 }).abs() < 1e-11, "{i} {j}");
@@ -245,16 +245,18 @@ mod tests {
         let order = 7;
         let step = 1e-5;
         for t in [0.13, 0.5, 0.82] {
-            let [value, first, second] = functions(order, Cubics::Ends, t);
-            let ([above, ..], [below, ..]) =
-                (functions(order, Cubics::Ends, t + step), functions(order, Cubics::Ends, t - step));
+            let [value, first, second] = evaluate_shape_functions(order, CubicForm::Ends, t);
+            let ([above, ..], [below, ..]) = (
+                evaluate_shape_functions(order, CubicForm::Ends, t + step),
+                evaluate_shape_functions(order, CubicForm::Ends, t - step),
+            );
             for i in 0..=order {
                 assert!(((above[i] - below[i]) / (2.0 * step) - first[i]).abs() < 1e-7);
                 assert!(((above[i] - 2.0 * value[i] + below[i]) / (step * step) - second[i]).abs() < 1e-3);
             }
         }
-        let unit = Element::new(order).unit;
-        let ends = [0.0, 1.0].map(|t| functions(order, Cubics::Ends, t));
+        let unit = CellElement::new(order).unit;
+        let ends = [0.0, 1.0].map(|t| evaluate_shape_functions(order, CubicForm::Ends, t));
         for i in 0..=order {
             for j in 0..=order {
                 let boundary = ends[1][1][i] * ends[1][0][j] - ends[0][1][i] * ends[0][0][j];
@@ -266,9 +268,10 @@ mod tests {
     /// The same polynomials, written so that two do not bend: values at any place follow from those at the ends.
     #[test]
     fn straight_functions_are_combinations_of_the_cubics() {
-        let ends = [0.0, 1.0].map(|t| functions(5, Cubics::Straight, t));
+        let ends = [0.0, 1.0].map(|t| evaluate_shape_functions(5, CubicForm::Straight, t));
         for t in [0.0, 0.21, 0.5, 0.83, 1.0] {
-            let (straight, cubic) = (functions(5, Cubics::Straight, t), functions(5, Cubics::Ends, t));
+            let (straight, cubic) =
+                (evaluate_shape_functions(5, CubicForm::Straight, t), evaluate_shape_functions(5, CubicForm::Ends, t));
             for k in 0..4 {
                 let [[at, slope, _], [at_end, slope_end, _]] = [&ends[0], &ends[1]];
                 for (straight, cubic) in straight.iter().zip(&cubic) {

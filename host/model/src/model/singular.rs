@@ -6,7 +6,7 @@
 //! to zero where an edge demands it. What is left for the elements begins with r^6 log r. On and near an edge it is the
 //! half-plane's solution, with its mirror image; at a corner a force only twists the plate.
 
-use super::wave::Wave;
+use super::wave::LogWave;
 use crate::scene::Side;
 
 /// Functions about one centre.
@@ -14,7 +14,7 @@ const PARTS: usize = 7;
 
 /// A function's value and derivatives at a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Jet {
+pub struct FunctionJet {
     /// Value.
     pub value: f64,
     /// First derivative along x.
@@ -31,36 +31,36 @@ pub struct Jet {
 
 /// Functions about one centre, with n into the plate and t along an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Source {
+pub struct SingularSource {
     /// Where it is singular (m): at the attachment, or at its mirror image behind a border.
     pub centre: (f64, f64),
     /// The edge that n and t belong to.
     pub side: Side,
     /// What they are.
-    pub terms: Terms,
+    pub terms: SingularTerms,
 }
 
 /// Functions about one centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Terms {
+pub enum SingularTerms {
     /// Of isotropic plates: parts of r^2 log r, Re(z^2 log z), Re(z log z), Re(z* log z), log r, n and 1, z = n + j t = r e^(j angle).
     Round([f64; PARTS]),
     /// Of others.
-    Wave(Wave),
+    Wave(LogWave),
 }
 
-impl Terms {
-    fn times(self, factor: f64) -> Self {
+impl SingularTerms {
+    fn scale_terms_by(self, factor: f64) -> Self {
         match self {
             Self::Round(parts) => Self::Round(parts.map(|part| factor * part)),
-            Self::Wave(wave) => Self::Wave(Wave { factor: factor * wave.factor, ..wave }),
+            Self::Wave(wave) => Self::Wave(LogWave { factor: factor * wave.factor, ..wave }),
         }
     }
 }
 
 /// Where a function lives along one direction: one at the centre, coming to zero at the ends that are blended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reach {
+pub struct FunctionReach {
     /// The attachment.
     pub centre: f64,
     /// Lower end.
@@ -68,15 +68,15 @@ pub struct Reach {
     /// Upper end.
     pub to: f64,
     /// What happens at the lower end.
-    pub at_from: End,
+    pub at_from: FunctionEnd,
     /// At the upper end.
-    pub at_to: End,
+    pub at_to: FunctionEnd,
 }
 
 /// How a function ends. Its first three derivatives at the centre stay what they were, so that what is wrong with it
 /// there is of the order r^6 log r; polynomials of low degree, as the elements have to follow them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum FunctionEnd {
     /// As it is: a border that may move.
     Open,
     /// Zero: times 1 - u^4, u from 0 at the centre to 1 at the end.
@@ -85,30 +85,32 @@ pub enum End {
     Flat,
 }
 
-impl Reach {
-    /// Whether a cell from `from` to `to` overlaps.
+impl FunctionReach {
+    /// Whether the range from `from` to `to` overlaps.
     #[must_use]
-    pub fn overlaps(&self, from: f64, to: f64) -> bool {
+    pub fn overlaps_range(&self, from: f64, to: f64) -> bool {
         from < self.to && to > self.from
     }
 
     /// The blending polynomial and its first two derivatives.
-    fn blend(&self, at: f64) -> [f64; 3] {
-        let away = at - self.centre;
+    fn evaluate_blending_polynomial(&self, coordinate: f64) -> [f64; 3] {
+        let away = coordinate - self.centre;
         let (length, end, sign) = if away >= 0.0 {
             (self.to - self.centre, self.at_to, 1.0)
         } else {
             (self.centre - self.from, self.at_from, -1.0)
         };
-        if at < self.from || at > self.to {
+        if coordinate < self.from || coordinate > self.to {
             return [0.0; 3];
         }
         let u = away.abs() / length;
         match end {
             _ if away == 0.0 => [1.0, 0.0, 0.0],
-            End::Open => [1.0, 0.0, 0.0],
-            End::Pinned => [1.0 - u.powi(4), -4.0 * u.powi(3) / length * sign, -12.0 * u * u / (length * length)],
-            End::Flat => [
+            FunctionEnd::Open => [1.0, 0.0, 0.0],
+            FunctionEnd::Pinned => {
+                [1.0 - u.powi(4), -4.0 * u.powi(3) / length * sign, -12.0 * u * u / (length * length)]
+            }
+            FunctionEnd::Flat => [
                 1.0 - u.powi(4) * (5.0 - 4.0 * u),
                 -20.0 * u.powi(3) * (1.0 - u) / length * sign,
                 -20.0 * u * u * (3.0 - 4.0 * u) / (length * length),
@@ -126,15 +128,15 @@ impl Reach {
 ///
 /// `distance` is d over the functions' scale.
 #[must_use]
-pub fn free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> Source {
+pub fn image_source_of_free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> SingularSource {
     let beta = (1.0 - poisson) / (3.0 + poisson);
     let alpha = (5.0 + 2.0 * poisson + poisson * poisson) / ((1.0 - poisson) * (3.0 + poisson));
     // (n + d) Re(z log z) is half of Re(z^2 log z) + r^2 log r, and (n + d) log r half of Re(z log z) + Re(z* log z).
     let slope = -2.0 * beta * distance;
-    Source {
+    SingularSource {
         centre: image,
         side,
-        terms: Terms::Round([beta, beta - alpha, slope, slope, 4.0 * beta * distance * distance, 0.0, 0.0]),
+        terms: SingularTerms::Round([beta, beta - alpha, slope, slope, 4.0 * beta * distance * distance, 0.0, 0.0]),
     }
 }
 
@@ -143,33 +145,33 @@ pub fn free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> 
 ///
 /// `distance` is d over the functions' scale.
 #[must_use]
-pub fn clamped_edge(side: Side, image: (f64, f64), distance: f64) -> Source {
-    // r^2 = |z|^2 - 4 d (n + d) + 4 d^2, and n log |z| as in `free_edge`.
+pub fn image_source_of_clamped_edge(side: Side, image: (f64, f64), distance: f64) -> SingularSource {
+    // r^2 = |z|^2 - 4 d (n + d) + 4 d^2, and n log |z| as in `image_source_of_free_edge`.
     let (slope, square) = (2.0 * distance, distance * distance);
     let parts = [-1.0, 0.0, slope, slope, -4.0 * square, 2.0 * distance, -2.0 * square];
-    Source { centre: image, side, terms: Terms::Round(parts) }
+    SingularSource { centre: image, side, terms: SingularTerms::Round(parts) }
 }
 
-impl Source {
-    /// What a pinned edge at `at` (m, across it) adds for this: its mirror image, pulling the other way.
+impl SingularSource {
+    /// What a pinned edge at `edge_position_m` (m, across it) adds for this: its mirror image, pulling the other way.
     #[must_use]
-    pub fn mirrored(&self, edge: Side, at: f64) -> Self {
+    pub fn mirror_across_pinned_edge(&self, edge: Side, edge_position_m: f64) -> Self {
         let (x, y) = self.centre;
         let (centre, side) = match edge {
-            Side::Left | Side::Right => ((2.0 * at - x, y), across_x(self.side)),
-            Side::Top | Side::Bottom => ((x, 2.0 * at - y), across_y(self.side)),
+            Side::Left | Side::Right => ((2.0 * edge_position_m - x, y), mirror_side_in_x(self.side)),
+            Side::Top | Side::Bottom => ((x, 2.0 * edge_position_m - y), mirror_side_in_y(self.side)),
         };
         // Mirrored across its edge n goes along, mirrored along it t is turned round.
         let terms = match self.terms {
-            Terms::Wave(wave) if side == self.side => Terms::Wave(wave.turned()),
+            SingularTerms::Wave(wave) if side == self.side => SingularTerms::Wave(wave.reverse_edge_direction()),
             terms => terms,
         };
-        Self { centre, side, terms: terms.times(-1.0) }
+        Self { centre, side, terms: terms.scale_terms_by(-1.0) }
     }
 }
 
-/// The side with x mirrored; the functions are even along the edge.
-fn across_x(side: Side) -> Side {
+/// The side after mirroring x; the functions are even along the edge.
+fn mirror_side_in_x(side: Side) -> Side {
     match side {
         Side::Left => Side::Right,
         Side::Right => Side::Left,
@@ -177,7 +179,8 @@ fn across_x(side: Side) -> Side {
     }
 }
 
-fn across_y(side: Side) -> Side {
+/// The side after mirroring y.
+fn mirror_side_in_y(side: Side) -> Side {
     match side {
         Side::Top => Side::Bottom,
         Side::Bottom => Side::Top,
@@ -187,13 +190,13 @@ fn across_y(side: Side) -> Side {
 
 /// One such function.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Singular {
+pub struct SingularFunction {
     /// Where it lives along x.
-    pub x: Reach,
+    pub x: FunctionReach,
     /// Along y.
-    pub y: Reach,
+    pub y: FunctionReach,
     /// What it is the sum of.
-    pub sources: Vec<Source>,
+    pub sources: Vec<SingularSource>,
     /// Length that distances are measured in, in m.
     pub scale: f64,
     /// Distance (m) of the two places that it is a difference quotient of, infinite where it belongs to one: away from its
@@ -201,18 +204,18 @@ pub struct Singular {
     pub finest: f64,
 }
 
-impl Singular {
+impl SingularFunction {
     /// The function at a point (m), derivatives per metre. At its centre the second derivatives, which are unbounded, are 0.
     #[must_use]
-    pub fn at(&self, x_m: f64, y_m: f64) -> Jet {
-        let (bx, by) = (self.x.blend(x_m), self.y.blend(y_m));
+    pub fn evaluate_jet_at(&self, x_m: f64, y_m: f64) -> FunctionJet {
+        let (bx, by) = (self.x.evaluate_blending_polynomial(x_m), self.y.evaluate_blending_polynomial(y_m));
         if bx == [0.0; 3] || by == [0.0; 3] {
-            return Jet::default();
+            return FunctionJet::default();
         }
         let s = self.scale;
-        let mut f = Jet::default();
+        let mut f = FunctionJet::default();
         for source in &self.sources {
-            let part = source.at((x_m - source.centre.0) / s, (y_m - source.centre.1) / s);
+            let part = source.evaluate_jet_from_centre((x_m - source.centre.0) / s, (y_m - source.centre.1) / s);
             f.value += part.value;
             f.x += part.x;
             f.y += part.y;
@@ -221,7 +224,7 @@ impl Singular {
             f.yy += part.yy;
         }
         let (fx, fy, fxx, fxy, fyy) = (f.x / s, f.y / s, f.xx / (s * s), f.xy / (s * s), f.yy / (s * s));
-        Jet {
+        FunctionJet {
             value: bx[0] * by[0] * f.value,
             x: by[0] * (bx[1] * f.value + bx[0] * fx),
             y: bx[0] * (by[1] * f.value + by[0] * fy),
@@ -232,24 +235,24 @@ impl Singular {
     }
 }
 
-impl Source {
-    /// The function that an attachment inside the plate has.
+impl SingularSource {
+    /// The source of a point force inside of a plate, r^2 log r.
     #[must_use]
-    pub fn inside(centre: (f64, f64)) -> Self {
-        Self { centre, side: Side::Left, terms: Terms::Round([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) }
+    pub fn from_inner_point_force(centre: (f64, f64)) -> Self {
+        Self { centre, side: Side::Left, terms: SingularTerms::Round([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) }
     }
 
-    /// The same times a number.
+    /// The source times a factor.
     #[must_use]
-    pub fn times(&self, factor: f64) -> Self {
-        Self { terms: self.terms.times(factor), ..*self }
+    pub fn scale_by(&self, factor: f64) -> Self {
+        Self { terms: self.terms.scale_terms_by(factor), ..*self }
     }
 
     /// Its value at a distance from the centre in units of the scale; 0 with all derivatives at the centre.
-    fn at(&self, x: f64, y: f64) -> Jet {
+    fn evaluate_jet_from_centre(&self, x: f64, y: f64) -> FunctionJet {
         let square = x * x + y * y;
         if square < f64::MIN_POSITIVE {
-            return Jet::default();
+            return FunctionJet::default();
         }
         let (n, t) = match self.side {
             Side::Left => (x, y),
@@ -258,20 +261,20 @@ impl Source {
             Side::Bottom => (-y, x),
         };
         let [value, dn, dt, dnn, dnt, dtt] = match &self.terms {
-            Terms::Round(parts) => round_at(parts, n, t),
-            Terms::Wave(wave) => wave.at(n, t),
+            SingularTerms::Round(parts) => evaluate_isotropic_terms(parts, n, t),
+            SingularTerms::Wave(wave) => wave.evaluate_wave_and_derivatives(n, t),
         };
         match self.side {
-            Side::Left => Jet { value, x: dn, y: dt, xx: dnn, xy: dnt, yy: dtt },
-            Side::Right => Jet { value, x: -dn, y: dt, xx: dnn, xy: -dnt, yy: dtt },
-            Side::Top => Jet { value, x: dt, y: dn, xx: dtt, xy: dnt, yy: dnn },
-            Side::Bottom => Jet { value, x: dt, y: -dn, xx: dtt, xy: -dnt, yy: dnn },
+            Side::Left => FunctionJet { value, x: dn, y: dt, xx: dnn, xy: dnt, yy: dtt },
+            Side::Right => FunctionJet { value, x: -dn, y: dt, xx: dnn, xy: -dnt, yy: dtt },
+            Side::Top => FunctionJet { value, x: dt, y: dn, xx: dtt, xy: dnt, yy: dnn },
+            Side::Bottom => FunctionJet { value, x: dt, y: -dn, xx: dtt, xy: -dnt, yy: dnn },
         }
     }
 }
 
-/// The functions of [`Terms::Round`]: value, w_n, w_t, w_nn, w_nt, w_tt; not at their centre.
-fn round_at(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
+/// The functions of [`SingularTerms::Round`]: value, w_n, w_t, w_nn, w_nt, w_tt; not at their centre.
+fn evaluate_isotropic_terms(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
     let square = n * n + t * t;
     let [round, edge, slope, turned, single, straight, constant] = *parts;
     let log = 0.5 * square.ln();
@@ -328,8 +331,14 @@ fn round_at(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
 mod tests {
     use super::*;
 
-    fn reach(centre: f64, from: f64, to: f64) -> Reach {
-        Reach { centre, from, to, at_from: if centre > from { End::Flat } else { End::Open }, at_to: End::Flat }
+    fn reach(centre: f64, from: f64, to: f64) -> FunctionReach {
+        FunctionReach {
+            centre,
+            from,
+            to,
+            at_from: if centre > from { FunctionEnd::Flat } else { FunctionEnd::Open },
+            at_to: FunctionEnd::Flat,
+        }
     }
 
     #[test]
@@ -338,8 +347,8 @@ mod tests {
         for (k, side, x_from, y_from) in sources {
             let mut parts = [0.0; PARTS];
             parts[k] = 1.0;
-            let sources = vec![Source { centre: (0.0, 0.0), side, terms: Terms::Round(parts) }];
-            let f = Singular {
+            let sources = vec![SingularSource { centre: (0.0, 0.0), side, terms: SingularTerms::Round(parts) }];
+            let f = SingularFunction {
                 x: reach(0.0, x_from, 0.9),
                 y: reach(0.0, y_from, 1.1),
                 sources,
@@ -348,9 +357,9 @@ mod tests {
             };
             let h = 1e-5;
             for (x, y) in [(0.2, 0.3), (0.55, 0.1), (0.8, 0.9), (1e-3, 2e-3 + 0.04)] {
-                let here = f.at(x, y);
+                let here = f.evaluate_jet_at(x, y);
                 let [east, west, south, north] =
-                    [(h, 0.0), (-h, 0.0), (0.0, h), (0.0, -h)].map(|(a, b)| f.at(x + a, y + b));
+                    [(h, 0.0), (-h, 0.0), (0.0, h), (0.0, -h)].map(|(a, b)| f.evaluate_jet_at(x + a, y + b));
                 let close = |a: f64, b: f64| assert!((a - b).abs() < 2e-6 * (1.0 + a.abs()), "{k} {x} {y}: {a} {b}");
                 close(here.x, (east.value - west.value) / (2.0 * h));
                 close(here.y, (south.value - north.value) / (2.0 * h));
@@ -368,9 +377,9 @@ mod tests {
         for k in 0..PARTS {
             let mut parts = [0.0; PARTS];
             parts[k] = 1.0;
-            let source = Source { centre: (0.0, 0.0), side: Side::Bottom, terms: Terms::Round(parts) };
+            let source = SingularSource { centre: (0.0, 0.0), side: Side::Bottom, terms: SingularTerms::Round(parts) };
             let laplacian = |x: f64, y: f64| {
-                let jet = source.at(x, y);
+                let jet = source.evaluate_jet_from_centre(x, y);
                 jet.xx + jet.yy
             };
             let (x, y, h) = (0.3, -0.4, 3e-4);
@@ -382,35 +391,44 @@ mod tests {
 
     #[test]
     fn functions_vanish_with_their_slopes_where_they_are_blended() {
-        let f = Singular {
+        let f = SingularFunction {
             x: reach(0.0, -0.5, 0.9),
             y: reach(0.0, -0.7, 1.1),
-            sources: vec![Source::inside((0.0, 0.0))],
+            sources: vec![SingularSource::from_inner_point_force((0.0, 0.0))],
             scale: 1.0,
             finest: f64::INFINITY,
         };
         for (x, y) in [(-0.5, 0.2), (0.9, 0.3), (0.1, -0.7), (0.2, 1.1), (2.0, 0.0)] {
-            let jet = f.at(x, y);
+            let jet = f.evaluate_jet_at(x, y);
             assert!(jet.value.abs() < 1e-12 && jet.x.abs() < 1e-12 && jet.y.abs() < 1e-12);
         }
-        assert_eq!(f.at(0.0, 0.0).value, 0.0);
+        assert_eq!(f.evaluate_jet_at(0.0, 0.0).value, 0.0);
     }
 
     /// Neither moment nor shear on the free edge, wherever the force is.
     #[test]
     fn half_plane_has_a_free_edge() {
         let (poisson, d) = (0.33, 0.2);
-        let open = |centre: f64| Reach { centre, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
-        let sources = vec![Source::inside((d, 0.0)), free_edge(Side::Left, (-d, 0.0), d, poisson)];
-        let f = Singular { x: open(d), y: open(0.0), sources, scale: 1.0, finest: f64::INFINITY };
+        let open = |centre: f64| FunctionReach {
+            centre,
+            from: -10.0,
+            to: 10.0,
+            at_from: FunctionEnd::Open,
+            at_to: FunctionEnd::Open,
+        };
+        let sources = vec![
+            SingularSource::from_inner_point_force((d, 0.0)),
+            image_source_of_free_edge(Side::Left, (-d, 0.0), d, poisson),
+        ];
+        let f = SingularFunction { x: open(d), y: open(0.0), sources, scale: 1.0, finest: f64::INFINITY };
         let h = 1e-4;
         let [mut moments, mut shears] = [Vec::new(), Vec::new()];
         for t in [-0.5, -0.1, 0.05, 0.3, 0.9] {
-            let jet = f.at(0.0, t);
-            let inner = [f.at(h, t), f.at(2.0 * h, t)];
+            let jet = f.evaluate_jet_at(0.0, t);
+            let inner = [f.evaluate_jet_at(h, t), f.evaluate_jet_at(2.0 * h, t)];
             moments.push(jet.xx + poisson * jet.yy);
             // w_xxx + (2 - nu) w_xyy, from one-sided differences of the second order.
-            let sum = |jet: &Jet| jet.xx + (2.0 - poisson) * jet.yy;
+            let sum = |jet: &FunctionJet| jet.xx + (2.0 - poisson) * jet.yy;
             shears.push((4.0 * sum(&inner[0]) - sum(&inner[1]) - 3.0 * sum(&jet)) / (2.0 * h));
         }
         // A quadratic polynomial was left out: the moment may be constant, the shear is zero.
@@ -421,18 +439,27 @@ mod tests {
     #[test]
     fn half_planes_are_held_at_their_edges() {
         let d = 0.2;
-        let open = |centre: f64| Reach { centre, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
-        let inside = Source::inside((d, 0.0));
-        let with = |image: Source| Singular {
+        let open = |centre: f64| FunctionReach {
+            centre,
+            from: -10.0,
+            to: 10.0,
+            at_from: FunctionEnd::Open,
+            at_to: FunctionEnd::Open,
+        };
+        let inside = SingularSource::from_inner_point_force((d, 0.0));
+        let with = |image: SingularSource| SingularFunction {
             x: open(d),
             y: open(0.0),
             sources: vec![inside, image],
             scale: 1.0,
             finest: f64::INFINITY,
         };
-        let (clamped, pinned) = (with(clamped_edge(Side::Left, (-d, 0.0), d)), with(inside.mirrored(Side::Left, 0.0)));
+        let (clamped, pinned) = (
+            with(image_source_of_clamped_edge(Side::Left, (-d, 0.0), d)),
+            with(inside.mirror_across_pinned_edge(Side::Left, 0.0)),
+        );
         for t in [-0.5, 0.0, 0.3, 0.9] {
-            let (clamped, pinned) = (clamped.at(0.0, t), pinned.at(0.0, t));
+            let (clamped, pinned) = (clamped.evaluate_jet_at(0.0, t), pinned.evaluate_jet_at(0.0, t));
             assert!(clamped.value.abs() < 1e-15 && clamped.x.abs() < 1e-15, "{clamped:?}");
             assert!(pinned.value.abs() < 1e-15 && pinned.xx.abs() < 1e-14, "{pinned:?}");
         }

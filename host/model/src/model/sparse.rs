@@ -20,21 +20,21 @@ const RESIDUAL_LIMIT: f64 = 1e-6;
 
 /// Entries of a matrix under assembly; entries at one place add up.
 #[derive(Clone, Debug, Default)]
-pub struct Entries(Vec<Triplet<usize, usize, f64>>);
+pub struct MatrixEntries(Vec<Triplet<usize, usize, f64>>);
 
-impl Entries {
-    /// Adds `value` at a place.
-    pub fn add(&mut self, row: usize, column: usize, value: f64) {
+impl MatrixEntries {
+    /// Adds `value` at (row, column).
+    pub fn add_entry(&mut self, row: usize, column: usize, value: f64) {
         if value != 0.0 {
             self.0.push(Triplet::new(row, column, value));
         }
     }
 
     /// Adds `scale` times the outer product of a sparse vector with itself.
-    pub fn add_outer(&mut self, vector: &[(usize, f64)], scale: f64) {
+    pub fn add_outer_product(&mut self, vector: &[(usize, f64)], scale: f64) {
         for (row, a) in vector {
             for (column, b) in vector {
-                self.add(*row, *column, a * b * scale);
+                self.add_entry(*row, *column, a * b * scale);
             }
         }
     }
@@ -44,63 +44,63 @@ impl Entries {
         self.0.iter().map(|entry| (entry.row, entry.col, entry.val))
     }
 
-    /// Adds all of `other`, scaled.
-    pub fn add_all(&mut self, other: &Entries, scale: f64) {
+    /// Adds all entries of `other`, scaled.
+    pub fn add_scaled_entries(&mut self, other: &MatrixEntries, scale: f64) {
         self.0.extend(other.0.iter().map(|entry| Triplet::new(entry.row, entry.col, entry.val * scale)));
     }
 
-    /// The matrix, `n` x `n`.
+    /// The matrix, `dimension` x `dimension`.
     ///
     /// # Errors
     /// [`ModelError::Factorisation`] if an entry lies outside it.
-    pub fn build(&self, n: usize) -> Result<Symmetric, ModelError> {
-        let matrix = SparseColMat::try_new_from_triplets(n, n, &self.0)
+    pub fn build_matrix(&self, dimension: usize) -> Result<SparseSymmetricMatrix, ModelError> {
+        let matrix = SparseColMat::try_new_from_triplets(dimension, dimension, &self.0)
             .map_err(|error| ModelError::Factorisation { reason: format!("assembly: {error:?}") })?;
-        Ok(Symmetric { matrix })
+        Ok(SparseSymmetricMatrix { matrix })
     }
 }
 
 /// A sparse symmetric matrix with both triangles stored.
 #[derive(Clone, Debug)]
-pub struct Symmetric {
+pub struct SparseSymmetricMatrix {
     matrix: SparseColMat<usize, f64>,
 }
 
-impl Symmetric {
-    /// Rows and columns.
+impl SparseSymmetricMatrix {
+    /// Number of rows, and of columns.
     #[must_use]
-    pub fn order(&self) -> usize {
+    pub fn dimension(&self) -> usize {
         self.matrix.nrows()
     }
 
     /// All entries, for assembling sums of matrices.
     #[must_use]
-    pub fn entries(&self) -> Entries {
+    pub fn to_entries(&self) -> MatrixEntries {
         let (starts, rows, values) = (self.matrix.col_ptr(), self.matrix.row_idx(), self.matrix.val());
-        let mut entries = Entries::default();
-        for column in 0..self.order() {
+        let mut entries = MatrixEntries::default();
+        for column in 0..self.dimension() {
             for place in starts[column]..starts[column + 1] {
-                entries.add(rows[place], column, values[place]);
+                entries.add_entry(rows[place], column, values[place]);
             }
         }
         entries
     }
 
-    /// The product with each column of `vectors` (order x any).
+    /// The product of the matrix with each column of `vectors`.
     #[must_use]
-    pub fn times(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(self.order(), vectors.ncols());
+    pub fn multiply_columns(&self, vectors: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(self.dimension(), vectors.ncols());
         for first in (0..vectors.ncols()).step_by(LANES) {
-            self.times_lanes(vectors, first, &mut out);
+            self.multiply_column_block(vectors, first, &mut out);
         }
         out
     }
 
     /// The product with up to [`LANES`] columns at once: every entry is read once for all of them, and as rows are columns
     /// here each result is a sum that stays in registers.
-    fn times_lanes(&self, vectors: &DMatrix<f64>, first: usize, out: &mut DMatrix<f64>) {
+    fn multiply_column_block(&self, vectors: &DMatrix<f64>, first: usize, out: &mut DMatrix<f64>) {
         let lanes = first..vectors.ncols().min(first + LANES);
-        let mut inputs = vec![[0.0; LANES]; self.order()];
+        let mut inputs = vec![[0.0; LANES]; self.dimension()];
         for (lane, column) in lanes.clone().enumerate() {
             for (input, value) in inputs.iter_mut().zip(vectors.column(column).iter()) {
                 input[lane] = *value;
@@ -124,16 +124,16 @@ impl Symmetric {
     ///
     /// # Errors
     /// [`ModelError::Factorisation`].
-    pub fn factor(&self) -> Result<Factor, ModelError> {
+    pub fn factorise(&self) -> Result<CholeskyFactor, ModelError> {
         let failed = |reason: String| ModelError::Factorisation { reason };
         let llt = self.matrix.sp_cholesky(Side::Lower).map_err(|error| failed(format!("{error:?}")))?;
-        let factor = Factor { llt, spring: None };
+        let factor = CholeskyFactor { llt, spring: None };
         // Positive and negative, of one size: touches every row and cancels in none.
-        let n = self.order();
+        let n = self.dimension();
         let trial = DMatrix::from_fn(n, 1, |i, _| if i % 3 == 0 { -1.0 } else { 1.0 + 1e-3 * (i % 7) as f64 });
-        let solution = factor.solve(&trial);
-        let back = self.times(&solution);
-        let scale = self.row_sums(&solution);
+        let solution = factor.solve_for_columns(&trial);
+        let back = self.multiply_columns(&solution);
+        let scale = self.absolute_row_sums(&solution);
         let worst = (0..n).map(|i| (back[i] - trial[i]).abs() / (scale[i] + 1.0)).fold(0.0, f64::max);
         if worst.is_finite() && worst < RESIDUAL_LIMIT {
             return Ok(factor);
@@ -141,9 +141,9 @@ impl Symmetric {
         Err(failed(format!("relative residual {worst:e}")))
     }
 
-    /// |A| |x|: what each row's product is summed from.
-    fn row_sums(&self, vector: &DMatrix<f64>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.order()];
+    /// What each row's product is summed from: |A| |x|.
+    fn absolute_row_sums(&self, vector: &DMatrix<f64>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.dimension()];
         let (starts, rows, values) = (self.matrix.col_ptr(), self.matrix.row_idx(), self.matrix.val());
         for (column, x) in vector.iter().enumerate() {
             let range = starts[column]..starts[column + 1];
@@ -155,8 +155,8 @@ impl Symmetric {
     }
 }
 
-/// A sparse row times a matrix.
-pub(super) fn row_times(row: &[(usize, f64)], matrix: &DMatrix<f64>) -> nalgebra::RowDVector<f64> {
+/// The product of a sparse row with a matrix.
+pub(super) fn multiply_row_with_matrix(row: &[(usize, f64)], matrix: &DMatrix<f64>) -> nalgebra::RowDVector<f64> {
     let mut out = nalgebra::RowDVector::zeros(matrix.ncols());
     for (index, value) in row {
         out += matrix.row(*index) * *value;
@@ -166,14 +166,14 @@ pub(super) fn row_times(row: &[(usize, f64)], matrix: &DMatrix<f64>) -> nalgebra
 
 /// A Cholesky factorisation, of a matrix that may have a spring on a sum of all unknowns beside what is sparse.
 #[derive(Clone, Debug)]
-pub struct Factor {
+pub struct CholeskyFactor {
     llt: Llt<usize, f64>,
-    spring: Option<Spring>,
+    spring: Option<RankOneSpring>,
 }
 
 /// k v v' beside a factored A: (A + k v v')^-1 = A^-1 - z (k / (1 + k v' z)) z' with A z = v (Sherman and Morrison).
 #[derive(Clone, Debug)]
-struct Spring {
+struct RankOneSpring {
     vector: SparseVector,
     /// z.
     solution: DVector<f64>,
@@ -181,26 +181,26 @@ struct Spring {
     part: f64,
 }
 
-impl Factor {
-    /// The same, of a matrix of this order, with a spring of this stiffness on vector . unknowns.
+impl CholeskyFactor {
+    /// Adds a spring of this stiffness on (vector . unknowns) to the factored matrix of this order.
     #[must_use]
-    pub fn with_spring(self, order: usize, vector: &SparseVector, stiffness: f64) -> Self {
+    pub fn add_rank_one_spring(self, order: usize, vector: &SparseVector, stiffness: f64) -> Self {
         let mut right = DMatrix::zeros(order, 1);
         vector.iter().for_each(|(unknown, value)| right[(*unknown, 0)] += value);
-        let solution = self.solve(&right).column(0).into_owned();
+        let solution = self.solve_for_columns(&right).column(0).into_owned();
         let own: f64 = vector.iter().map(|(unknown, value)| value * solution[*unknown]).sum();
-        let spring = Spring { vector: vector.clone(), part: stiffness / (1.0 + stiffness * own), solution };
+        let spring = RankOneSpring { vector: vector.clone(), part: stiffness / (1.0 + stiffness * own), solution };
         Self { spring: Some(spring), ..self }
     }
 
-    /// The solution for each column of `right` (order x any).
+    /// Solves for each column of `right`.
     #[must_use]
-    pub fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
+    pub fn solve_for_columns(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = right.clone();
         let (rows, columns) = out.shape();
         self.llt.solve_in_place(MatMut::from_column_major_slice_mut(out.as_mut_slice(), rows, columns));
-        if let Some(Spring { vector, solution, part }) = &self.spring {
-            let pulls = row_times(vector, &out) * *part;
+        if let Some(RankOneSpring { vector, solution, part }) = &self.spring {
+            let pulls = multiply_row_with_matrix(vector, &out) * *part;
             out -= solution * pulls;
         }
         out

@@ -18,10 +18,10 @@ impl ReducedModel {
     /// Coordinates of the steady displacement for 1 N at an actuator alone (q in m kg^1/2, length n); `None` where that drives a
     /// motion that nothing holds, and where there is no such actuator.
     #[must_use]
-    pub fn steady_coordinates(&self, actuator: usize) -> Option<DVector<f64>> {
-        let force = (actuator < self.actuators()).then(|| self.force.column(actuator))?;
+    pub fn steady_coordinates_per_newton(&self, actuator: usize) -> Option<DVector<f64>> {
+        let force = (actuator < self.count_actuators()).then(|| self.force.column(actuator))?;
         let rounding = NOT_DRIVEN * force.amax();
-        let mut coordinates = DVector::zeros(self.order());
+        let mut coordinates = DVector::zeros(self.count_coordinates());
         for ((q, force), lambda) in coordinates.iter_mut().zip(force.iter()).zip(self.lambda.iter()) {
             if *lambda > 0.0 {
                 *q = force / lambda;
@@ -35,11 +35,11 @@ impl ReducedModel {
     /// Travel of each actuator's mass against its electrodes (row) per steady newton of each one (column) in m/N, with its sign: p x p;
     /// infinite in the column of an actuator that drives a motion that nothing holds.
     #[must_use]
-    pub fn steady_travel(&self) -> DMatrix<f64> {
-        let p = self.actuators();
+    pub fn steady_travel_per_newton(&self) -> DMatrix<f64> {
+        let p = self.count_actuators();
         let mut travel = DMatrix::from_element(p, p, f64::INFINITY);
         for (actuator, mut column) in travel.column_iter_mut().enumerate() {
-            if let Some(coordinates) = self.steady_coordinates(actuator) {
+            if let Some(coordinates) = self.steady_coordinates_per_newton(actuator) {
                 column.copy_from(&(&self.travel * coordinates));
             }
         }
@@ -49,8 +49,8 @@ impl ReducedModel {
     /// Whether the surface has a steady place under any force: nothing that moves it is free.
     #[must_use]
     pub fn is_surface_held(&self) -> bool {
-        let surface = self.grid.free.min(self.dofs());
-        let free = (0..self.order()).filter(|i| self.lambda[*i] == 0.0);
+        let surface = self.grid.free.min(self.count_mesh_unknowns());
+        let free = (0..self.count_coordinates()).filter(|i| self.lambda[*i] == 0.0);
         let mut moved =
             free.map(|i| self.shapes.row(i).columns(0, surface).amax() > AT_REST * self.shapes.row(i).amax());
         !moved.any(|moves| moves)

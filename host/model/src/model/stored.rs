@@ -3,10 +3,10 @@
 //! What follows from the scene in no time (the meshes and their functions) is not kept but made again. Everything that is
 //! read is looked at before it is used: sizes that agree, numbers that are finite.
 
-use super::bounded::Step;
-use super::damping::{Coupling, Structured};
+use super::bounded::RefinementLevel;
+use super::damping::{DampingCoupling, StructuredDamping};
 use super::grid::Grid;
-use super::levels::Levels;
+use super::levels::ReducedLevels;
 use super::{Accuracy, ReducedModel};
 use crate::scene::Scene;
 use nalgebra::{DMatrix, DVector};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// What was read cannot be what was written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Implausible {
+pub enum ImplausibleStore {
     /// A size that does not go with the others.
     #[error("{what}: {found} instead of {expected}")]
     Size {
@@ -38,9 +38,9 @@ pub enum Implausible {
 /// Holds a size against the one that goes with the others.
 ///
 /// # Errors
-/// [`Implausible::Size`].
-pub fn expect_size(what: &'static str, found: usize, expected: usize) -> Result<(), Implausible> {
-    if found == expected { Ok(()) } else { Err(Implausible::Size { what, found, expected }) }
+/// [`ImplausibleStore::Size`].
+pub fn expect_size(what: &'static str, found: usize, expected: usize) -> Result<(), ImplausibleStore> {
+    if found == expected { Ok(()) } else { Err(ImplausibleStore::Size { what, found, expected }) }
 }
 
 /// A matrix, column by column.
@@ -60,10 +60,15 @@ impl StoredMatrix {
     /// The matrix, which has to have `rows` x `columns` finite entries.
     ///
     /// # Errors
-    /// [`Implausible`], naming `what`.
-    pub fn restore(self, what: &'static str, rows: usize, columns: usize) -> Result<DMatrix<f64>, Implausible> {
+    /// [`ImplausibleStore`], naming `what`.
+    pub fn restore_matrix(
+        self,
+        what: &'static str,
+        rows: usize,
+        columns: usize,
+    ) -> Result<DMatrix<f64>, ImplausibleStore> {
         expect_size(what, self.rows, rows)?;
-        let values = numbers(what, self.values, rows.saturating_mul(columns))?;
+        let values = check_finite_numbers(what, self.values, rows.saturating_mul(columns))?;
         Ok(DMatrix::from_vec(rows, columns, values))
     }
 }
@@ -71,26 +76,30 @@ impl StoredMatrix {
 /// `count` finite numbers.
 ///
 /// # Errors
-/// [`Implausible`], naming `what`.
-pub fn numbers(what: &'static str, values: Vec<f64>, count: usize) -> Result<Vec<f64>, Implausible> {
+/// [`ImplausibleStore`], naming `what`.
+pub fn check_finite_numbers(what: &'static str, values: Vec<f64>, count: usize) -> Result<Vec<f64>, ImplausibleStore> {
     expect_size(what, values.len(), count)?;
-    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(Implausible::NotFinite(what)) }
+    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(ImplausibleStore::NotFinite(what)) }
 }
 
-/// Complex numbers as pairs.
+/// Complex numbers as pairs of real and imaginary part.
 #[must_use]
-pub fn pairs(values: &DVector<Complex64>) -> Vec<[f64; 2]> {
+pub fn complex_to_pairs(values: &DVector<Complex64>) -> Vec<[f64; 2]> {
     values.iter().map(|z| [z.re, z.im]).collect()
 }
 
 /// `count` finite complex numbers.
 ///
 /// # Errors
-/// [`Implausible`], naming `what`.
-pub fn complex(what: &'static str, pairs: &[[f64; 2]], count: usize) -> Result<DVector<Complex64>, Implausible> {
+/// [`ImplausibleStore`], naming `what`.
+pub fn restore_complex_vector(
+    what: &'static str,
+    pairs: &[[f64; 2]],
+    count: usize,
+) -> Result<DVector<Complex64>, ImplausibleStore> {
     expect_size(what, pairs.len(), count)?;
     if !pairs.iter().flatten().all(|value| value.is_finite()) {
-        return Err(Implausible::NotFinite(what));
+        return Err(ImplausibleStore::NotFinite(what));
     }
     Ok(DVector::from_iterator(count, pairs.iter().map(|[re, im]| Complex64::new(*re, *im))))
 }
@@ -110,8 +119,8 @@ struct StoredDamping {
 }
 
 impl StoredDamping {
-    fn of(structured: &Structured) -> Self {
-        let coupling = |coupling: &Coupling| StoredCoupling {
+    fn from_structured_damping(structured: &StructuredDamping) -> Self {
+        let coupling = |coupling: &DampingCoupling| StoredCoupling {
             shape: coupling.shape.as_slice().to_vec(),
             viscous: coupling.viscous,
             structural: coupling.structural,
@@ -123,17 +132,17 @@ impl StoredDamping {
         }
     }
 
-    fn restore(self, n: usize) -> Result<Structured, Implausible> {
-        let vector = |values| Ok(DVector::from_vec(numbers("damping", values, n)?));
+    fn restore_damping(self, n: usize) -> Result<StructuredDamping, ImplausibleStore> {
+        let vector = |values| Ok(DVector::from_vec(check_finite_numbers("damping", values, n)?));
         let coupling = |coupling: StoredCoupling| {
             let StoredCoupling { shape, viscous, structural } = coupling;
-            numbers("coupling", vec![viscous, structural], 2)?;
-            Ok(Coupling { shape: vector(shape)?, viscous, structural })
+            check_finite_numbers("coupling", vec![viscous, structural], 2)?;
+            Ok(DampingCoupling { shape: vector(shape)?, viscous, structural })
         };
-        Ok(Structured {
+        Ok(StructuredDamping {
             viscous: vector(self.viscous)?,
             structural: vector(self.structural)?,
-            couplings: self.couplings.into_iter().map(coupling).collect::<Result<_, Implausible>>()?,
+            couplings: self.couplings.into_iter().map(coupling).collect::<Result<_, ImplausibleStore>>()?,
         })
     }
 }
@@ -156,7 +165,7 @@ impl From<&ReducedModel> for StoredModel {
             lambda: model.lambda.as_slice().to_vec(),
             structural: (&model.structural).into(),
             viscous: (&model.viscous).into(),
-            structured: model.structured.as_ref().map(StoredDamping::of),
+            structured: model.structured.as_ref().map(StoredDamping::from_structured_damping),
             force: (&model.force).into(),
             travel: (&model.travel).into(),
             shapes: (&*model.shapes).into(),
@@ -165,20 +174,20 @@ impl From<&ReducedModel> for StoredModel {
 }
 
 impl StoredModel {
-    fn restore(self, scene: &Scene, step: &Step) -> Result<ReducedModel, Implausible> {
+    fn restore_model(self, scene: &Scene, step: &RefinementLevel) -> Result<ReducedModel, ImplausibleStore> {
         let (n, p) = (self.lambda.len(), scene.actuators.len());
         let grid = Grid::new(scene, step.fineness);
         if step.dofs < grid.free {
-            return Err(Implausible::Size { what: "unknowns", found: step.dofs, expected: grid.free });
+            return Err(ImplausibleStore::Size { what: "unknowns", found: step.dofs, expected: grid.free });
         }
         Ok(ReducedModel {
-            lambda: DVector::from_vec(numbers("squared frequencies", self.lambda, n)?),
-            structural: self.structural.restore("hysteretic damping", n, n)?,
-            viscous: self.viscous.restore("viscous damping", n, n)?,
-            structured: self.structured.map(|damping| damping.restore(n)).transpose()?,
-            force: self.force.restore("forces", n, p)?,
-            travel: self.travel.restore("travel", p, n)?,
-            shapes: Arc::new(self.shapes.restore("mode shapes", n, step.dofs)?),
+            lambda: DVector::from_vec(check_finite_numbers("squared frequencies", self.lambda, n)?),
+            structural: self.structural.restore_matrix("hysteretic damping", n, n)?,
+            viscous: self.viscous.restore_matrix("viscous damping", n, n)?,
+            structured: self.structured.map(|damping| damping.restore_damping(n)).transpose()?,
+            force: self.force.restore_matrix("forces", n, p)?,
+            travel: self.travel.restore_matrix("travel", p, n)?,
+            shapes: Arc::new(self.shapes.restore_matrix("mode shapes", n, step.dofs)?),
             grid: Arc::new(grid),
             // Of designs of a bare panel alone, which are not stored.
             local: Vec::new(),
@@ -186,36 +195,42 @@ impl StoredModel {
     }
 }
 
-/// The coarser models of [`Levels`] as plain numbers: what tells how wrong answers may be. The finest, from which answers and limits follow, is not kept: whoever
+/// The coarser models of [`ReducedLevels`] as plain numbers: what tells how wrong answers may be. The finest, from which answers and limits follow, is not kept: whoever
 /// could change the file would change them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredLevels {
     /// Finer first.
     coarser: [StoredModel; 2],
-    steps: Vec<Step>,
+    steps: Vec<RefinementLevel>,
 }
 
 impl StoredLevels {
     /// The same of models that have been taken apart; `steps` are coarsest first.
     #[must_use]
-    pub fn new(coarser: &[ReducedModel; 2], steps: &[Step]) -> Self {
+    pub fn new(coarser: &[ReducedModel; 2], steps: &[RefinementLevel]) -> Self {
         Self { coarser: [(&coarser[0]).into(), (&coarser[1]).into()], steps: steps.to_vec() }
     }
 
-    /// The levels that [`Levels::build`] makes of the same, the finest of them computed from the scene.
+    /// The levels that [`ReducedLevels::build`] makes of the same, the finest of them computed from the scene.
     ///
     /// # Errors
-    /// [`Implausible`], if they cannot be that.
-    pub fn restore(self, scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Levels, Implausible> {
+    /// [`ImplausibleStore`], if they cannot be that.
+    pub fn restore_levels(
+        self,
+        scene: &Scene,
+        accuracy: Accuracy,
+        max_hz: f64,
+    ) -> Result<ReducedLevels, ImplausibleStore> {
         expect_size("levels", self.steps.len(), self.coarser.len() + 1)?;
-        let meshes = Levels::meshes(scene, accuracy, max_hz).map_err(|_| Implausible::Differs("mesh"))?;
+        let meshes =
+            ReducedLevels::choose_meshes(scene, accuracy, max_hz).map_err(|_| ImplausibleStore::Differs("mesh"))?;
         if self.steps.iter().rev().zip(meshes).any(|(step, mesh)| step.fineness != mesh) {
-            return Err(Implausible::Differs("mesh"));
+            return Err(ImplausibleStore::Differs("mesh"));
         }
         let (estimator, fine) =
-            Levels::build_finest(scene, meshes[0], max_hz).map_err(|_| Implausible::Differs("model"))?;
+            ReducedLevels::build_finest(scene, meshes[0], max_hz).map_err(|_| ImplausibleStore::Differs("model"))?;
         let [middle, coarse] = self.coarser;
-        let coarser = [middle.restore(scene, &self.steps[1])?, coarse.restore(scene, &self.steps[0])?];
-        Ok(Levels { fine, coarser, estimator, steps: self.steps })
+        let coarser = [middle.restore_model(scene, &self.steps[1])?, coarse.restore_model(scene, &self.steps[0])?];
+        Ok(ReducedLevels { fine, coarser, estimator, steps: self.steps })
     }
 }

@@ -1,16 +1,16 @@
 //! The clear space around an attachment: a rectangle of one material, as far as its point force's function may reach.
 
-use super::edges::edge_kind;
+use super::edges::find_edge_kind;
 use super::mesh::MERGE;
-use super::singular::{End, Reach};
-use crate::scene::{EdgeKind, Layer, Layout, Scene, Side};
+use super::singular::{FunctionEnd, FunctionReach};
+use crate::scene::{EdgeKind, Scene, Side, SurfaceLayer, SurfaceLayout};
 
 /// Borders in one direction that are looked at; beyond the last a function does not reach.
 const MOST_BORDERS: usize = 4;
 
 /// What a rectangle's side is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Border {
+pub enum BorderKind {
     /// The plate goes on.
     None,
     /// Another thickness or material, or the corner of a cut-out.
@@ -25,21 +25,22 @@ pub enum Border {
 
 /// The space around a point.
 #[derive(Clone, Copy, Debug)]
-pub struct Surroundings {
+pub struct ClearRectangle {
     /// The point, on the border where it is as good as on it.
     pub at: (f64, f64),
     /// Ends in m: left, right, top, bottom.
     pub ends: [f64; 4],
     /// What is there.
-    pub borders: [Border; 4],
+    pub borders: [BorderKind; 4],
     /// What it is made of.
-    pub layer: Layer,
+    pub layer: SurfaceLayer,
 }
 
 /// The sides in the order of a rectangle's ends.
 pub const SIDES: [Side; 4] = [Side::Left, Side::Right, Side::Top, Side::Bottom];
 
-fn index(side: Side) -> usize {
+/// Position of a side in [`SIDES`].
+fn side_index(side: Side) -> usize {
     match side {
         Side::Left => 0,
         Side::Right => 1,
@@ -48,16 +49,16 @@ fn index(side: Side) -> usize {
     }
 }
 
-impl Surroundings {
-    /// The rectangle within `wanted` (left, right, top, bottom) whose nearest [`Border::Other`] is farthest; `None` for a
+impl ClearRectangle {
+    /// The rectangle within `wanted` (left, right, top, bottom) whose nearest [`BorderKind::Other`] is farthest; `None` for a
     /// point on such a border or on a corner.
-    pub fn of(scene: &Scene, layout: &Layout, at: (f64, f64), wanted: [f64; 4]) -> Option<Self> {
-        let at = (snapped(layout.x_m(), at.0), snapped(layout.y_m(), at.1));
+    pub fn find_largest_clear(scene: &Scene, layout: &SurfaceLayout, at: (f64, f64), wanted: [f64; 4]) -> Option<Self> {
+        let at = (snap_to_line(layout.border_lines_x_m(), at.0), snap_to_line(layout.border_lines_y_m(), at.1));
         let ends = [
-            candidates(layout.x_m(), at.0, wanted[0]),
-            candidates(layout.x_m(), at.0, wanted[1]),
-            candidates(layout.y_m(), at.1, wanted[2]),
-            candidates(layout.y_m(), at.1, wanted[3]),
+            list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[0]),
+            list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[1]),
+            list_candidate_ends(layout.border_lines_y_m(), at.1, wanted[2]),
+            list_candidate_ends(layout.border_lines_y_m(), at.1, wanted[3]),
         ];
         let mut best: Option<(f64, f64, Self)> = None;
         for left in &ends[0] {
@@ -65,8 +66,8 @@ impl Surroundings {
                 for top in &ends[2] {
                     for bottom in ends[3].iter().filter(|bottom| *bottom > top) {
                         let ends = [*left, *right, *top, *bottom];
-                        let Some(found) = Self::rectangle(scene, layout, at, ends, wanted) else { continue };
-                        let (clear, area) = (found.clear(), (right - left) * (bottom - top));
+                        let Some(found) = Self::try_from_ends(scene, layout, at, ends, wanted) else { continue };
+                        let (clear, area) = (found.distance_to_other_material_m(), (right - left) * (bottom - top));
                         if best.as_ref().is_none_or(|best| (clear, area) > (best.0, best.1)) {
                             best = Some((clear, area, found));
                         }
@@ -79,21 +80,30 @@ impl Surroundings {
 
     /// The rectangle with these ends, if it has one layer and a function can end there.
     #[expect(clippy::float_cmp, reason = "ends are the very numbers that were wanted")]
-    fn rectangle(scene: &Scene, layout: &Layout, at: (f64, f64), ends: [f64; 4], wanted: [f64; 4]) -> Option<Self> {
-        let mut inside = layout.inside(ends);
+    fn try_from_ends(
+        scene: &Scene,
+        layout: &SurfaceLayout,
+        at: (f64, f64),
+        ends: [f64; 4],
+        wanted: [f64; 4],
+    ) -> Option<Self> {
+        let mut inside = layout.layers_inside_rectangle(ends);
         let layer = inside.next()??;
         if inside.any(|part| part != Some(layer)) {
             return None;
         }
-        let size = [layout.x_m()[layout.x_m().len() - 1], layout.y_m()[layout.y_m().len() - 1]];
+        let size = [
+            layout.border_lines_x_m()[layout.border_lines_x_m().len() - 1],
+            layout.border_lines_y_m()[layout.border_lines_y_m().len() - 1],
+        ];
         let limits = [0.0, size[0], 0.0, size[1]];
-        let mut found = Self { at, ends, borders: [Border::None; 4], layer };
+        let mut found = Self { at, ends, borders: [BorderKind::None; 4], layer };
         for (k, side) in SIDES.into_iter().enumerate() {
             found.borders[k] = if ends[k] == limits[k] {
-                match edge_kind(scene, side) {
-                    None | Some(EdgeKind::Elastic { .. }) => Border::Free,
-                    Some(EdgeKind::Pinned) => Border::Pinned,
-                    Some(EdgeKind::Clamped) => Border::Clamped,
+                match find_edge_kind(scene, side) {
+                    None | Some(EdgeKind::Elastic { .. }) => BorderKind::Free,
+                    Some(EdgeKind::Pinned) => BorderKind::Pinned,
+                    Some(EdgeKind::Clamped) => BorderKind::Clamped,
                 }
             } else {
                 // A hair beyond the end; layouts have no two borders so near to each other.
@@ -103,54 +113,54 @@ impl Surroundings {
                     Side::Left | Side::Top => (beyond[k + 1], beyond[k]) = (ends[k], ends[k] - hair),
                     Side::Right | Side::Bottom => (beyond[k - 1], beyond[k]) = (ends[k], ends[k] + hair),
                 }
-                if layout.inside(beyond).all(|part| part.is_none()) {
-                    Border::Free
+                if layout.layers_inside_rectangle(beyond).all(|part| part.is_none()) {
+                    BorderKind::Free
                 } else if ends[k] == wanted[k] {
-                    Border::None
-                } else if found.distance(side) == 0.0 {
+                    BorderKind::None
+                } else if found.distance_to_side_m(side) == 0.0 {
                     return None;
                 } else {
-                    Border::Other
+                    BorderKind::Other
                 }
             };
         }
         Some(found)
     }
 
-    /// Distance of the point from an end in m.
-    pub fn distance(&self, side: Side) -> f64 {
-        let k = index(side);
+    /// Distance in m of the point from a side.
+    pub fn distance_to_side_m(&self, side: Side) -> f64 {
+        let k = side_index(side);
         (if k < 2 { self.at.0 } else { self.at.1 } - self.ends[k]).abs()
     }
 
-    /// The end at a side in m.
-    pub fn end(&self, side: Side) -> f64 {
-        self.ends[index(side)]
+    /// Position in m of the rectangle's end at a side.
+    pub fn side_position_m(&self, side: Side) -> f64 {
+        self.ends[side_index(side)]
     }
 
-    /// What is at a side.
-    pub fn border(&self, side: Side) -> Border {
-        self.borders[index(side)]
+    /// The kind of border at a side.
+    pub fn border_at_side(&self, side: Side) -> BorderKind {
+        self.borders[side_index(side)]
     }
 
     /// Distance of the nearest border of another part, infinite if there is none.
-    pub fn clear(&self) -> f64 {
-        let others = SIDES.into_iter().filter(|side| self.border(*side) == Border::Other);
-        others.map(|side| self.distance(side)).fold(f64::INFINITY, f64::min)
+    pub fn distance_to_other_material_m(&self) -> f64 {
+        let others = SIDES.into_iter().filter(|side| self.border_at_side(*side) == BorderKind::Other);
+        others.map(|side| self.distance_to_side_m(side)).fold(f64::INFINITY, f64::min)
     }
 
     /// Where a function lives that ends as the borders ask for, other than at the borders that it answers to by itself.
-    pub fn reach(&self, is_answered: impl Fn(Side) -> bool) -> [Reach; 2] {
-        let end = |side: Side| match self.border(side) {
-            _ if is_answered(side) => End::Open,
-            Border::Free => End::Open,
-            Border::Pinned => End::Pinned,
-            Border::None | Border::Other | Border::Clamped => End::Flat,
+    pub fn choose_function_reach(&self, is_answered: impl Fn(Side) -> bool) -> [FunctionReach; 2] {
+        let end = |side: Side| match self.border_at_side(side) {
+            _ if is_answered(side) => FunctionEnd::Open,
+            BorderKind::Free => FunctionEnd::Open,
+            BorderKind::Pinned => FunctionEnd::Pinned,
+            BorderKind::None | BorderKind::Other | BorderKind::Clamped => FunctionEnd::Flat,
         };
-        let along = |centre: f64, from: Side, to: Side| Reach {
+        let along = |centre: f64, from: Side, to: Side| FunctionReach {
             centre,
-            from: self.end(from),
-            to: self.end(to),
+            from: self.side_position_m(from),
+            to: self.side_position_m(to),
             at_from: end(from),
             at_to: end(to),
         };
@@ -158,18 +168,18 @@ impl Surroundings {
     }
 }
 
-/// On a border that it is as good as on.
-fn snapped(lines: &[f64], at: f64) -> f64 {
+/// The line that a position is as good as on, or the position itself.
+fn snap_to_line(lines: &[f64], position: f64) -> f64 {
     let merged = MERGE * lines[lines.len() - 1];
-    lines.iter().copied().find(|line| (line - at).abs() <= merged).unwrap_or(at)
+    lines.iter().copied().find(|line| (line - position).abs() <= merged).unwrap_or(position)
 }
 
 /// Where a rectangle may end between a point and a wanted end: there, or at the borders on the way.
-fn candidates(lines: &[f64], at: f64, wanted: f64) -> Vec<f64> {
-    let (low, high) = (at.min(wanted), at.max(wanted));
+fn list_candidate_ends(lines: &[f64], position: f64, wanted: f64) -> Vec<f64> {
+    let (low, high) = (position.min(wanted), position.max(wanted));
     let mut between: Vec<f64> = lines.iter().copied().filter(|line| *line >= low && *line <= high).collect();
     between.push(wanted);
-    between.sort_by(|a, b| (a - at).abs().total_cmp(&(b - at).abs()));
+    between.sort_by(|a, b| (a - position).abs().total_cmp(&(b - position).abs()));
     between.dedup();
     between.truncate(MOST_BORDERS + 1);
     between

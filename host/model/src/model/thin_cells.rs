@@ -8,10 +8,10 @@
 //!
 //! and the cell's stiffness acts on u and v alone: nothing has to cancel.
 
-use super::points::Points;
-use super::sections::Section;
+use super::points::StiffPointUnknowns;
+use super::sections::CellSection;
 use super::shape::CellMatrices;
-use super::sparse::{Entries, SparseVector};
+use super::sparse::{MatrixEntries, SparseVector};
 use std::collections::BTreeMap;
 
 /// A cell is thin if it is shorter than this part of the mesh's cells: its rounding would be 1e-16 times the cube of 64, or 3e-11.
@@ -35,12 +35,17 @@ pub struct ThinCells {
 }
 
 /// Numbers of the deflection and the scaled slope at a line.
-type Numbers = [Option<usize>; 2];
+type LineUnknowns = [Option<usize>; 2];
 
 impl ThinCells {
     /// The thin cells between lines `at`, whose slopes are stored times `scale`, on a mesh with cells of `cell_m`; with the change of
     /// unknowns that they need. `numbers` are the unknowns at each line.
-    pub(super) fn find(at: &[f64], scale: &[f64], cell_m: f64, numbers: &[Numbers]) -> (Self, Points) {
+    pub(super) fn find_with_unknown_change(
+        at: &[f64],
+        scale: &[f64],
+        cell_m: f64,
+        numbers: &[LineUnknowns],
+    ) -> (Self, StiffPointUnknowns) {
         let lengths: Vec<f64> = at.windows(2).map(|ends| ends[1] - ends[0]).collect();
         let is_thin = |cell: usize| lengths.get(cell).is_some_and(|length| *length < THIN * cell_m);
         let mut thin = Self::default();
@@ -74,11 +79,11 @@ impl ThinCells {
             thin.cells.push(ThinCell { cell, from_right, factors });
             thin.relative.extend([value, slope]);
         }
-        (thin, Points::replacing(replaced))
+        (thin, StiffPointUnknowns::from_replacements(replaced))
     }
 
-    /// Whether a cell is one of these.
-    pub(super) fn contains(&self, cell: usize) -> bool {
+    /// Whether a cell is thin.
+    pub(super) fn contains_cell(&self, cell: usize) -> bool {
         self.cells.iter().any(|thin| thin.cell == cell)
     }
 
@@ -88,15 +93,15 @@ impl ThinCells {
     }
 
     /// Adds the cells' bending, over the new unknowns. `numbers` are those of a cell's functions.
-    pub(super) fn add_bending(
+    pub(super) fn add_bending_stiffness(
         &self,
-        stiffness: &mut Entries,
+        stiffness: &mut MatrixEntries,
         matrices: &[CellMatrices],
-        section: impl Fn(usize) -> Option<Section>,
+        section: impl Fn(usize) -> Option<CellSection>,
         numbers: impl Fn(usize) -> Vec<Option<usize>>,
     ) {
         for ThinCell { cell, from_right, factors } in &self.cells {
-            let (Some(Section { rigidity, .. }), own) = (section(*cell), numbers(*cell)) else { continue };
+            let (Some(CellSection { rigidity, .. }), own) = (section(*cell), numbers(*cell)) else { continue };
             let first = if *from_right { 0 } else { 2 };
             let factor = |a: usize| match a.checked_sub(first) {
                 Some(k @ 0..=1) => factors[k],
@@ -107,7 +112,7 @@ impl ThinCells {
             for (a, row) in own.iter().enumerate().filter(|(a, _)| factor(*a) != 0.0) {
                 for (b, column) in own.iter().enumerate().filter(|(b, _)| factor(*b) != 0.0) {
                     if let (Some(row), Some(column)) = (row, column) {
-                        stiffness.add(*row, *column, rigidity * factor(a) * factor(b) * bend[(a, b)]);
+                        stiffness.add_entry(*row, *column, rigidity * factor(a) * factor(b) * bend[(a, b)]);
                     }
                 }
             }

@@ -9,16 +9,16 @@ const SHEAR: f64 = 0.02;
 
 /// What is wrong with taking a panel for thin up to a frequency, a sentence each: by the panel's side, and by the waves there.
 #[must_use]
-pub fn doubts(scene: &Scene, max_hz: f64) -> Vec<String> {
+pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     let mut doubts = Vec::new();
-    let thickest = scene.layout().layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
-    let slenderness = thickest / span_m(scene);
+    let thickest = scene.layout().areas_with_layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
+    let slenderness = thickest / shortest_bending_span_m(scene);
     if slenderness > THIN {
         doubts.push(format!(
             "thickness is {slenderness:.3} of the side that bends: thin-plate theory is too stiff by some percent there"
         ));
     }
-    let too_high = too_high_by(scene, max_hz);
+    let too_high = relative_frequency_excess_of_thin_theory(scene, max_hz);
     if too_high > SHEAR {
         doubts.push(format!(
             "at {max_hz} Hz waves are so short against the thickness that frequencies come out some {:.0} % too high: \
@@ -31,8 +31,8 @@ pub fn doubts(scene: &Scene, max_hz: f64) -> Vec<String> {
 
 /// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
 /// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
-/// those there is [`too_high_by`]; it is a bar, however it is called.
-fn span_m(scene: &Scene) -> f64 {
+/// those there is [`relative_frequency_excess_of_thin_theory`]; it is a bar, however it is called.
+fn shortest_bending_span_m(scene: &Scene) -> f64 {
     let surface = &scene.surface;
     let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
     match surface.kind {
@@ -49,7 +49,7 @@ fn span_m(scene: &Scene) -> f64 {
 /// About how much too high thin-plate theory has a frequency, relative: (k h)^2 (1/12 + S) / 2 for the wavenumber k, S =
 /// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order). What layers have
 /// in place of h^2 / 12 and S h^2 follows from how shear is handed from one to the next; the softest of them counts most.
-fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
+fn relative_frequency_excess_of_thin_theory(scene: &Scene, max_hz: f64) -> f64 {
     let (surface, material) = (&scene.surface, &scene.surface.material);
     let (h, nu) = (surface.thickness_m, material.poisson_ratio);
     let shear = match surface.kind {
@@ -60,7 +60,7 @@ fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
     let omega = std::f64::consts::TAU * max_hz;
     if let Some(laminate) = surface.laminate() {
         let least = match surface.kind {
-            SurfaceKind::Plate => laminate.rigidities.range()[0],
+            SurfaceKind::Plate => laminate.rigidities.least_and_largest_rigidity()[0],
             SurfaceKind::Bar => laminate.rigidities.d11,
         };
         let square = omega * (laminate.per_area_kg_m2 / least).sqrt();
@@ -92,10 +92,10 @@ mod tests {
             strip("plate", 40.0, 300.0, ""),
             strip("plate", 300.0, 40.0, &edge("left", "clamped")),
         ] {
-            assert_eq!(span_m(&scene), 0.3, "{scene:?}");
+            assert_eq!(shortest_bending_span_m(&scene), 0.3, "{scene:?}");
         }
-        assert_eq!(span_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
-        assert_eq!(span_m(&strip("plate", 40.0, 30.0, "")), 0.04);
-        assert_eq!(span_m(&strip("bar", 40.0, 30.0, "")), 0.04);
+        assert_eq!(shortest_bending_span_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
+        assert_eq!(shortest_bending_span_m(&strip("plate", 40.0, 30.0, "")), 0.04);
+        assert_eq!(shortest_bending_span_m(&strip("bar", 40.0, 30.0, "")), 0.04);
     }
 }

@@ -4,16 +4,16 @@ use num_complex::Complex64;
 
 /// The function Re(factor Z^2 log Z) with Z = root |n| + j t.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wave {
+pub struct LogWave {
     /// Times it.
     pub factor: Complex64,
     /// How fast it dies out across an edge, over its waves along the edge.
     pub root: Complex64,
 }
 
-impl Wave {
-    /// Value, w_n, w_t, w_nn, w_nt, w_tt.
-    pub(super) fn at(&self, n: f64, t: f64) -> [f64; 6] {
+impl LogWave {
+    /// The value and the derivatives w_n, w_t, w_nn, w_nt, w_tt at a point.
+    pub(super) fn evaluate_wave_and_derivatives(&self, n: f64, t: f64) -> [f64; 6] {
         let Self { factor, root } = *self;
         let z = root * n.abs() + Complex64::new(0.0, t);
         let log = z.ln();
@@ -29,8 +29,8 @@ impl Wave {
         ]
     }
 
-    /// With t turned round.
-    pub(super) fn turned(self) -> Self {
+    /// The wave with t reversed.
+    pub(super) fn reverse_edge_direction(self) -> Self {
         Self { factor: self.factor.conj(), root: self.root.conj() }
     }
 }

@@ -1,10 +1,10 @@
 //! Response curves with a bound on their error.
 
-use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
+use super::sweep::{AccelerationSweep, Arithmetic, SurfaceShapes};
 use super::{ResponseError, acceleration_curves};
-use crate::model::bounded::{Question, Values, bounded};
-use crate::model::estimator::{Rounding, SHARPEST};
-use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
+use crate::model::bounded::{ComparedValues, RefinableQuestion, answer_with_error_bounds};
+use crate::model::estimator::{FrequencyRounding, SHARPEST};
+use crate::model::{Accuracy, BoundedAnswer, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
 use std::marker::PhantomData;
@@ -41,7 +41,7 @@ const BESIDE: [f64; 6] = [0.95, 0.985, 0.995, 1.005, 1.015, 1.05];
 const PART_BESIDE: f64 = 0.5;
 
 /// Acceleration at one point for 1 N at each actuator alone.
-struct Curves {
+struct PointCurvesQuestion {
     /// Below this a curve is what rounding makes of none, in m/s^2.
     nothing: f64,
     at: (f64, f64),
@@ -53,7 +53,7 @@ struct Curves {
 }
 
 /// Acceleration at all points of a grid for 1 N at each actuator alone.
-struct Surface<'a, T> {
+struct SurfaceSweepQuestion<'a, T> {
     scene: &'a Scene,
     nothing: f64,
     x_m: &'a [f64],
@@ -77,13 +77,13 @@ pub enum CurveError {
     Response(#[from] ResponseError),
 }
 
-impl Question for Curves {
+impl RefinableQuestion for PointCurvesQuestion {
     type Answer = Vec<Vec<Complex64>>;
     type Error = CurveError;
 
-    fn ask(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+    fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
         let reduced = model.reduce(self.max_hz, &[self.at])?;
-        let shape = reduced.shape_at(self.at.0, self.at.1);
+        let shape = reduced.shape_deflections_at(self.at.0, self.at.1);
         // One beside those asked for may be an undamped resonance.
         let (asked, all) = (&self.frequencies_hz[..self.asked], &self.frequencies_hz);
         Ok(acceleration_curves(&reduced, &shape, all).or_else(|_| acceleration_curves(&reduced, &shape, asked))?)
@@ -91,7 +91,7 @@ impl Question for Curves {
 
     /// For each actuator, relative to the largest magnitude on its curve; beside the frequencies asked for, to half of what is
     /// there if that is more.
-    fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
         let nothing = self.nothing;
         let relative = |(coarse, fine): (&Vec<Complex64>, &Vec<Complex64>)| {
             let peak = fine.iter().take(self.asked).map(|z| z.norm()).fold(nothing, f64::max);
@@ -104,23 +104,29 @@ impl Question for Curves {
         coarse.iter().zip(fine).map(relative).collect()
     }
 
-    fn values(&self) -> Values {
-        if self.asked < FEW { Values::FewResponses } else { Values::Curves }
+    fn kind_of_compared_values(&self) -> ComparedValues {
+        if self.asked < FEW { ComparedValues::FewResponses } else { ComparedValues::Curves }
     }
 
-    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
-        vec![SHARPEST * rounding.of_bending(); fine.len()]
+    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
+        vec![SHARPEST * rounding.relative_error_of_bending_modes(); fine.len()]
     }
 }
 
-impl<T: Arithmetic + Into<f64>> Surface<'_, T> {
-    fn sweep(&self, model: &PanelModel, x_m: &[f64], y_m: &[f64]) -> Result<Sweep<T>, CurveError> {
+impl<T: Arithmetic + Into<f64>> SurfaceSweepQuestion<'_, T> {
+    /// The sweep that a model of one level gives at the points of a grid.
+    fn sweep_model_on_grid(
+        &self,
+        model: &PanelModel,
+        x_m: &[f64],
+        y_m: &[f64],
+    ) -> Result<AccelerationSweep<T>, CurveError> {
         let reduced = model.reduce(self.modes_hz, &[])?;
-        Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m).sweep(self.frequencies_hz)?)
+        Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m).compute_accelerations(self.frequencies_hz)?)
     }
 
     /// Where a sweep, of all points or of those compared, has the points compared.
-    fn places(&self, sweep: &Sweep<T>) -> Vec<usize> {
+    fn indices_of_compared_points(&self, sweep: &AccelerationSweep<T>) -> Vec<usize> {
         let [columns, rows] = &self.compared;
         if sweep.points == columns.len() * rows.len() {
             return (0..sweep.points).collect();
@@ -129,15 +135,15 @@ impl<T: Arithmetic + Into<f64>> Surface<'_, T> {
     }
 }
 
-/// Evenly chosen of `count`, both ends among them, mirror images of each other: every `step`th or so.
-fn chosen(count: usize, part: f64) -> Vec<usize> {
+/// Indices of `count` lines that are evenly spread, both ends among them and mirror images of each other.
+fn choose_mirrored_indices(count: usize, fraction: f64) -> Vec<usize> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    let wanted = ((count as f64 * part).ceil() as usize).max(LEAST_ALONG);
+    let wanted = ((count as f64 * fraction).ceil() as usize).max(LEAST_ALONG);
     if wanted >= count {
         return (0..count).collect();
     }
@@ -151,24 +157,24 @@ fn chosen(count: usize, part: f64) -> Vec<usize> {
     out
 }
 
-impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
-    type Answer = Sweep<T>;
+impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T> {
+    type Answer = AccelerationSweep<T>;
     type Error = CurveError;
 
-    fn ask(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
-        self.sweep(model, self.x_m, self.y_m)
+    fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+        self.sweep_model_on_grid(model, self.x_m, self.y_m)
     }
 
     /// At the points that are compared only.
-    fn ask_to_compare(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+    fn answer_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
         let of = |all: &[f64], which: &[usize]| which.iter().map(|k| all[*k]).collect::<Vec<_>>();
-        self.sweep(model, &of(self.x_m, &self.compared[0]), &of(self.y_m, &self.compared[1]))
+        self.sweep_model_on_grid(model, &of(self.x_m, &self.compared[0]), &of(self.y_m, &self.compared[1]))
     }
 
     /// For each actuator, the largest over the points compared of the difference relative to the largest magnitude on the
     /// point's curve.
-    fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
-        let (coarse_at, fine_at) = (self.places(coarse), self.places(fine));
+    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+        let (coarse_at, fine_at) = (self.indices_of_compared_points(coarse), self.indices_of_compared_points(fine));
         let is_all = fine_at.len() == self.x_m.len() * self.y_m.len();
         let safety = if is_all { 1.0 } else { BETWEEN_POINTS };
         (0..fine.actuators)
@@ -177,8 +183,9 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
                 for frequency in 0..self.frequencies_hz.len() {
                     let places = coarse_at.iter().zip(&fine_at);
                     for ((difference, peak), (coarse_at, fine_at)) in curves.iter_mut().zip(places) {
-                        let fine = fine.value(frequency, actuator, *fine_at);
-                        *difference = difference.max((fine - coarse.value(frequency, actuator, *coarse_at)).norm_sqr());
+                        let fine = fine.acceleration_as_f64(frequency, actuator, *fine_at);
+                        *difference = difference
+                            .max((fine - coarse.acceleration_as_f64(frequency, actuator, *coarse_at)).norm_sqr());
                         *peak = peak.max(fine.norm_sqr());
                     }
                 }
@@ -188,14 +195,14 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
             .collect()
     }
 
-    fn values(&self) -> Values {
+    fn kind_of_compared_values(&self) -> ComparedValues {
         let [columns, rows] = &self.compared;
         let compared = columns.len() * rows.len() * self.frequencies_hz.len();
-        if compared < FEW { Values::FewResponses } else { Values::Curves }
+        if compared < FEW { ComparedValues::FewResponses } else { ComparedValues::Curves }
     }
 
-    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
-        vec![SHARPEST * rounding.of_bending() + ARITHMETIC * T::ROUNDING; fine.actuators]
+    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
+        vec![SHARPEST * rounding.relative_error_of_bending_modes() + ARITHMETIC * T::ROUNDING; fine.actuators]
     }
 }
 
@@ -204,26 +211,26 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
 ///
 /// # Errors
 /// [`CurveError`].
-pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
+pub fn sweep_with_error_bounds<T: Arithmetic + Into<f64>>(
     scene: &Scene,
     accuracy: Accuracy,
     (x_m, y_m): (&[f64], &[f64]),
     frequencies_hz: &[f64],
-) -> Result<Bounded<Sweep<T>>, CurveError> {
+) -> Result<BoundedAnswer<AccelerationSweep<T>>, CurveError> {
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
     // There are residual shapes of the actuators but not of every point: what the modes leave out falls with the sixth power
     // of how far they reach, not the eighth, and for tolerances below 1e-3 that is what is missing.
-    let tolerance = if accuracy.time().is_some() { WITHIN_TIME } else { accuracy.value() };
+    let tolerance = if accuracy.time_limit().is_some() { WITHIN_TIME } else { accuracy.relative_tolerance() };
     let modes_hz = max_hz * (RESIDUALS_DO / tolerance).powf(1.0 / 6.0).max(1.0);
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let part = {
         let values = (x_m.len() * y_m.len() * frequencies_hz.len() * scene.actuators.len()).max(1) as f64;
         (COMPARED as f64 / values).sqrt().min(1.0)
     };
-    let compared = [chosen(x_m.len(), part), chosen(y_m.len(), part)];
-    let question = Surface {
+    let compared = [choose_mirrored_indices(x_m.len(), part), choose_mirrored_indices(y_m.len(), part)];
+    let question = SurfaceSweepQuestion {
         scene,
-        nothing: nothing(scene),
+        nothing: negligible_acceleration_m_per_s2(scene),
         x_m,
         y_m,
         frequencies_hz,
@@ -231,12 +238,12 @@ pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
         compared,
         arithmetic: PhantomData::<T>,
     };
-    bounded(&question, scene, accuracy, max_hz)
+    answer_with_error_bounds(&question, scene, accuracy, max_hz)
 }
 
 /// Acceleration in m/s^2 that counts as none: a millionth of that of the whole surface under 1 N.
-fn nothing(scene: &Scene) -> f64 {
-    NOTHING / scene.mass_kg()
+fn negligible_acceleration_m_per_s2(scene: &Scene) -> f64 {
+    NOTHING / scene.surface_mass_kg()
 }
 
 /// Acceleration in m/s^2 at `at` (m) for 1 N at each actuator alone, `answer[actuator][frequency]`, and for each actuator a
@@ -244,33 +251,39 @@ fn nothing(scene: &Scene) -> f64 {
 ///
 /// # Errors
 /// [`CurveError`].
-pub fn bounded_curves(
+pub fn compute_curves_with_error_bounds(
     scene: &Scene,
     accuracy: Accuracy,
     at: (f64, f64),
     frequencies_hz: &[f64],
-) -> Result<Bounded<Vec<Vec<Complex64>>>, CurveError> {
+) -> Result<BoundedAnswer<Vec<Vec<Complex64>>>, CurveError> {
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
     let asked = frequencies_hz.len();
     let mut all = frequencies_hz.to_vec();
     if asked < FEW {
         all.extend(frequencies_hz.iter().flat_map(|hz| BESIDE.map(|part| part * hz)));
     }
-    let question = Curves { nothing: nothing(scene), at, frequencies_hz: all, asked, max_hz };
-    let mut found = bounded(&question, scene, accuracy, max_hz)?;
+    let question = PointCurvesQuestion {
+        nothing: negligible_acceleration_m_per_s2(scene),
+        at,
+        frequencies_hz: all,
+        asked,
+        max_hz,
+    };
+    let mut found = answer_with_error_bounds(&question, scene, accuracy, max_hz)?;
     found.answer.iter_mut().for_each(|curve| curve.truncate(asked));
     Ok(found)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::chosen;
+    use super::choose_mirrored_indices;
 
     #[test]
     fn a_lattice_has_both_ends_and_is_its_own_mirror_image() {
         for count in [1, 2, 9, 10, 33, 49, 50, 201] {
             for part in [0.01, 0.2, 0.5, 1.0] {
-                let at = chosen(count, part);
+                let at = choose_mirrored_indices(count, part);
                 assert_eq!((at[0], at[at.len() - 1]), (0, count - 1), "{count} {part}");
                 assert!(at.windows(2).all(|pair| pair[0] < pair[1]), "{at:?}");
                 assert!(at.iter().eq(at.iter().rev().map(|k| count - 1 - k).collect::<Vec<_>>().iter()), "{at:?}");

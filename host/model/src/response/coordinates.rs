@@ -1,9 +1,9 @@
 //! The reduced model's coordinates at a frequency: (Lambda - w^2 + j S + j w C) q = B.
 
 use super::ResponseError;
-use super::elimination::Equations;
+use super::elimination::ComplexEquations;
 use crate::model::ReducedModel;
-use crate::model::damping::Structured;
+use crate::model::damping::StructuredDamping;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -21,14 +21,14 @@ const TOO_SMALL: f64 = 1e-5;
 /// q = D^-1 (B - U y) with (1 + Z U' D^-1 U) y = Z U' D^-1 B (Woodbury): n r^2 operations instead of n^3. The products of
 /// shapes that U' D^-1 U and U' D^-1 B are sums of are kept.
 #[derive(Clone, Debug)]
-pub struct Solver<'a> {
+pub struct CoordinateSolver<'a> {
     model: &'a ReducedModel,
-    low_rank: Option<LowRank<'a>>,
+    low_rank: Option<LowRankSolver<'a>>,
 }
 
 #[derive(Clone, Debug)]
-struct LowRank<'a> {
-    structured: &'a Structured,
+struct LowRankSolver<'a> {
+    structured: &'a StructuredDamping,
     /// Couplings r.
     rank: usize,
     /// For each coordinate the products of its couplings' shapes in pairs (k <= l), then of couplings and actuators.
@@ -37,40 +37,40 @@ struct LowRank<'a> {
     width: usize,
 }
 
-impl<'a> Solver<'a> {
+impl<'a> CoordinateSolver<'a> {
     /// What can be prepared before any frequency is known.
     #[must_use]
     pub fn new(model: &'a ReducedModel) -> Self {
-        let n = model.order();
+        let n = model.count_coordinates();
         // With as many couplings as that the full matrix is cheaper.
         let low_rank = model.structured.as_ref().filter(|structured| 2 * structured.couplings.len() < n);
-        Self { model, low_rank: low_rank.map(|structured| LowRank::new(structured, &model.force)) }
+        Self { model, low_rank: low_rank.map(|structured| LowRankSolver::new(structured, &model.force)) }
     }
 
     /// Displacement coordinates for 1 N at each actuator alone.
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`].
-    pub fn coordinates(&self, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
-        let (n, p) = (self.model.order(), self.model.actuators());
+    pub fn solve_at_frequency(&self, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
+        let (n, p) = (self.model.count_coordinates(), self.model.count_actuators());
         let (mut re, mut im) = (vec![0.0; n * p], vec![0.0; n * p]);
-        self.fill(frequency_hz, &mut re, &mut im)?;
+        self.solve_into(frequency_hz, &mut re, &mut im)?;
         let entry = |at: usize| Complex64::new(re[at], im[at]);
         Ok((0..p).map(|actuator| DVector::from_fn(n, |i, _| entry(actuator * n + i))).collect())
     }
 
-    /// The same into `re` and `im`, each of length p n, actuator by actuator.
+    /// Solves for the coordinates at a frequency into `re` and `im`, each of length p n, actuator by actuator.
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`].
-    pub(super) fn fill(&self, frequency_hz: f64, re: &mut [f64], im: &mut [f64]) -> Result<(), ResponseError> {
+    pub(super) fn solve_into(&self, frequency_hz: f64, re: &mut [f64], im: &mut [f64]) -> Result<(), ResponseError> {
         let omega = std::f64::consts::TAU * frequency_hz;
         if let Some(low_rank) = &self.low_rank
-            && low_rank.fill(self.model, omega, re, im).is_some()
+            && low_rank.try_solve_into(self.model, omega, re, im).is_some()
         {
             return Ok(());
         }
-        for (at, z) in full(self.model, frequency_hz)?.iter().enumerate() {
+        for (at, z) in solve_with_full_matrix(self.model, frequency_hz)?.iter().enumerate() {
             (re[at], im[at]) = (z.re, z.im);
         }
         Ok(())
@@ -81,12 +81,15 @@ impl<'a> Solver<'a> {
 ///
 /// # Errors
 /// [`ResponseError::Unbounded`].
-pub fn modal_coordinates(model: &ReducedModel, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
-    Solver::new(model).coordinates(frequency_hz)
+pub fn solve_coordinates_at_frequency(
+    model: &ReducedModel,
+    frequency_hz: f64,
+) -> Result<Vec<DVector<Complex64>>, ResponseError> {
+    CoordinateSolver::new(model).solve_at_frequency(frequency_hz)
 }
 
-impl<'a> LowRank<'a> {
-    fn new(structured: &'a Structured, force: &DMatrix<f64>) -> Self {
+impl<'a> LowRankSolver<'a> {
+    fn new(structured: &'a StructuredDamping, force: &DMatrix<f64>) -> Self {
         let rank = structured.couplings.len();
         let width = rank * (rank + 1) / 2 + rank * force.ncols();
         let mut products = Vec::with_capacity(width * force.nrows());
@@ -98,9 +101,9 @@ impl<'a> LowRank<'a> {
         Self { structured, rank, products, width }
     }
 
-    /// `None` where the full matrix has to be used.
-    fn fill(&self, model: &ReducedModel, omega: f64, re: &mut [f64], im: &mut [f64]) -> Option<()> {
-        let (n, r, p) = (model.order(), self.rank, model.actuators());
+    /// Solves by Woodbury's formula; `None` where the full matrix has to be used.
+    fn try_solve_into(&self, model: &ReducedModel, omega: f64, re: &mut [f64], im: &mut [f64]) -> Option<()> {
+        let (n, r, p) = (model.count_coordinates(), self.rank, model.count_actuators());
         // D^-1, in the first column of the result for now.
         let mut inverse = vec![Complex64::ZERO; n];
         for (i, inverse) in inverse.iter_mut().enumerate() {
@@ -122,27 +125,27 @@ impl<'a> LowRank<'a> {
         }
         let sum = |at: usize| Complex64::new(sums_re[at], sums_im[at]);
         // Rows of 1 + Z G over 1 + |Z_k| |G_kk|: of the size of one for dashpots from none to ones that hold the point.
-        let mut equations = Equations::new(r, p);
+        let mut equations = ComplexEquations::new(r, p);
         for (k, coupling) in self.structured.couplings.iter().enumerate() {
             let impedance = Complex64::new(0.0, coupling.structural + omega * coupling.viscous);
             let scale = 1.0 / (1.0 + impedance.im.abs() * sum(k * (k + 1) / 2 + k).norm());
             for l in 0..r {
                 let (high, low) = (k.max(l), k.min(l));
                 let entry = impedance * sum(high * (high + 1) / 2 + low) * scale;
-                equations.set(k, l, entry.re + if k == l { scale } else { 0.0 }, entry.im);
+                equations.set_coefficient(k, l, entry.re + if k == l { scale } else { 0.0 }, entry.im);
             }
             for j in 0..p {
                 let entry = impedance * sum(r * (r + 1) / 2 + j * r + k) * scale;
-                equations.set(k, r + j, entry.re, entry.im);
+                equations.set_coefficient(k, r + j, entry.re, entry.im);
             }
         }
-        equations.solve().filter(|pivot| *pivot >= TOO_SMALL)?;
+        equations.solve_by_elimination().filter(|pivot| *pivot >= TOO_SMALL)?;
         for j in 0..p {
             let (re, im) = (&mut re[j * n..(j + 1) * n], &mut im[j * n..(j + 1) * n]);
             re.copy_from_slice(model.force.column(j).as_slice());
             im.fill(0.0);
             for (k, coupling) in self.structured.couplings.iter().enumerate() {
-                let (y_re, y_im) = equations.solution(k, j);
+                let (y_re, y_im) = equations.solved_unknown(k, j);
                 for ((shape, re), im) in coupling.shape.iter().zip(&mut *re).zip(&mut *im) {
                     *re -= shape * y_re;
                     *im -= shape * y_im;
@@ -156,9 +159,9 @@ impl<'a> LowRank<'a> {
     }
 }
 
-/// The same with the full matrix, n x p.
-fn full(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, ResponseError> {
-    let n = model.order();
+/// Solves for the coordinates at a frequency with the full matrix: n x p.
+fn solve_with_full_matrix(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, ResponseError> {
+    let n = model.count_coordinates();
     let omega = std::f64::consts::TAU * frequency_hz;
     // Rows and columns divided by the square root of this have entries of the size of one, whatever springs there are.
     let scale = model.lambda.map(|lambda| 1.0 / (lambda + omega * omega).max(f64::MIN_POSITIVE).sqrt());
@@ -166,7 +169,7 @@ fn full(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, R
         let stiffness = if i == j { model.lambda[i] - omega * omega } else { 0.0 };
         Complex64::new(stiffness, model.structural[(i, j)] + omega * model.viscous[(i, j)]) * scale[i] * scale[j]
     });
-    let force = DMatrix::from_fn(n, model.actuators(), |i, j| Complex64::from(model.force[(i, j)] * scale[i]));
+    let force = DMatrix::from_fn(n, model.count_actuators(), |i, j| Complex64::from(model.force[(i, j)] * scale[i]));
     let unbounded = |mode: usize| ResponseError::Unbounded {
         frequency_hz,
         resonance_hz: model.lambda[mode].sqrt() / std::f64::consts::TAU,
@@ -188,17 +191,17 @@ fn full(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, R
             }
         }
     } else {
-        let mut equations = Equations::new(n, force.ncols());
+        let mut equations = ComplexEquations::new(n, force.ncols());
         for (at, entry) in matrix.iter().enumerate() {
-            equations.set(at % n, at / n, entry.re, entry.im);
+            equations.set_coefficient(at % n, at / n, entry.re, entry.im);
         }
         for (at, entry) in force.iter().enumerate() {
-            equations.set(at % n, n + at / n, entry.re, entry.im);
+            equations.set_coefficient(at % n, n + at / n, entry.re, entry.im);
         }
-        let least = equations.solve();
+        let least = equations.solve_by_elimination();
         let (solved, pivot) = (least.is_some(), least.unwrap_or(0.0));
         for (at, out) in solution.iter_mut().enumerate() {
-            let (re, im) = equations.solution(at % n, at / n);
+            let (re, im) = equations.solved_unknown(at % n, at / n);
             *out = Complex64::new(re, im);
         }
         let response = solution.iter().map(|z| z.norm()).fold(0.0, f64::max);

@@ -6,14 +6,14 @@ use pulp::Arch;
 
 /// n equations with p right sides, row by row: each row has its n coefficients and its p right sides.
 #[derive(Clone, Debug)]
-pub(super) struct Equations {
+pub(super) struct ComplexEquations {
     n: usize,
     width: usize,
     re: Vec<f64>,
     im: Vec<f64>,
 }
 
-impl Equations {
+impl ComplexEquations {
     /// All zero.
     pub(super) fn new(n: usize, p: usize) -> Self {
         let width = n + p;
@@ -21,30 +21,30 @@ impl Equations {
     }
 
     /// Sets a coefficient; columns from n on are right sides.
-    pub(super) fn set(&mut self, row: usize, column: usize, re: f64, im: f64) {
+    pub(super) fn set_coefficient(&mut self, row: usize, column: usize, re: f64, im: f64) {
         let at = row * self.width + column;
         (self.re[at], self.im[at]) = (re, im);
     }
 
-    /// The real and the imaginary part of an unknown for a right side, once solved.
-    pub(super) fn solution(&self, row: usize, side: usize) -> (f64, f64) {
+    /// Real and imaginary part of an unknown for a right side, once the equations are solved.
+    pub(super) fn solved_unknown(&self, row: usize, side: usize) -> (f64, f64) {
         let at = row * self.width + self.n + side;
         (self.re[at], self.im[at])
     }
 
     /// Solves them, with row pivoting; the right sides become the solutions. The least modulus of a pivot, or `None` where one
     /// is zero or no number.
-    pub(super) fn solve(&mut self) -> Option<f64> {
+    pub(super) fn solve_by_elimination(&mut self) -> Option<f64> {
         // With the vector instructions that the machine has.
         Arch::new().dispatch(Eliminate(self))
     }
 }
 
-kernel!(Eliminate<'a>(equations: &'a mut Equations) -> Option<f64> = eliminate);
+kernel!(Eliminate<'a>(equations: &'a mut ComplexEquations) -> Option<f64> = eliminate_and_find_least_pivot);
 
 #[inline(always)]
-fn eliminate(equations: &mut Equations) -> Option<f64> {
-    let Equations { n, width, re, im } = equations;
+fn eliminate_and_find_least_pivot(equations: &mut ComplexEquations) -> Option<f64> {
+    let ComplexEquations { n, width, re, im } = equations;
     let (n, width) = (*n, *width);
     let mut least = f64::INFINITY;
     for column in 0..n {
@@ -115,30 +115,30 @@ mod tests {
             };
             let matrix = DMatrix::from_fn(n, n, entry);
             let right = DMatrix::from_fn(n, p, |i, j| entry(i + 1, j + 2));
-            let mut equations = Equations::new(n, p);
+            let mut equations = ComplexEquations::new(n, p);
             for i in 0..n {
-                (0..n).for_each(|j| equations.set(i, j, matrix[(i, j)].re, matrix[(i, j)].im));
-                (0..p).for_each(|j| equations.set(i, n + j, right[(i, j)].re, right[(i, j)].im));
+                (0..n).for_each(|j| equations.set_coefficient(i, j, matrix[(i, j)].re, matrix[(i, j)].im));
+                (0..p).for_each(|j| equations.set_coefficient(i, n + j, right[(i, j)].re, right[(i, j)].im));
             }
             let lu = matrix.lu();
             let expected = lu.solve(&right).unwrap();
             // Pivots depend on their order, their product does not: the least is at most their geometric mean.
             let mean = lu.determinant().norm().powf(1.0 / n as f64);
-            let least = equations.solve().unwrap();
+            let least = equations.solve_by_elimination().unwrap();
             assert!(
                 least > 0.0 && least < mean * (1.0 + 1e-9) && (n > 1 || least > mean * (1.0 - 1e-9)),
                 "{least} {mean}"
             );
             for i in 0..n {
                 for j in 0..p {
-                    let (re, im) = equations.solution(i, j);
+                    let (re, im) = equations.solved_unknown(i, j);
                     assert!((Complex64::new(re, im) - expected[(i, j)]).norm() < 1e-11, "{n} {i} {j}");
                 }
             }
         }
-        let mut diagonal = Equations::new(3, 1);
-        [3.0, 0.25, 2.0].into_iter().enumerate().for_each(|(i, value)| diagonal.set(i, i, 0.0, value));
-        assert_eq!(diagonal.solve(), Some(0.25));
-        assert!(Equations::new(3, 1).solve().is_none());
+        let mut diagonal = ComplexEquations::new(3, 1);
+        [3.0, 0.25, 2.0].into_iter().enumerate().for_each(|(i, value)| diagonal.set_coefficient(i, i, 0.0, value));
+        assert_eq!(diagonal.solve_by_elimination(), Some(0.25));
+        assert!(ComplexEquations::new(3, 1).solve_by_elimination().is_none());
     }
 }

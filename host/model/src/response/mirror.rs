@@ -10,52 +10,59 @@ const SAMPLES: usize = 29;
 
 /// What is known about one centre line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fold {
+pub struct MirrorSymmetry {
     /// For each coordinate whether it is odd; `None` without symmetry.
     odd: Option<Vec<bool>>,
     /// Whether every actuator is on the centre line, where odd shapes are zero.
     is_driven_evenly: bool,
 }
 
-impl Fold {
-    /// Whether half of the points are enough.
-    pub fn is_folded(&self) -> bool {
+impl MirrorSymmetry {
+    /// Whether scene, grid and shapes are symmetric about this centre line: half of the points are enough.
+    pub fn is_symmetric(&self) -> bool {
         self.odd.is_some()
     }
 
     /// Whether a coordinate's shape is odd.
-    pub fn is_odd(&self, coordinate: usize) -> bool {
+    pub fn is_coordinate_odd(&self, coordinate: usize) -> bool {
         self.odd.as_ref().is_some_and(|odd| odd[coordinate])
     }
 
     /// Whether no actuator moves what is odd. Odd coordinates are not coupled to even ones.
-    pub fn is_even(&self) -> bool {
-        self.is_folded() && self.is_driven_evenly
+    pub fn is_driven_only_evenly(&self) -> bool {
+        self.is_symmetric() && self.is_driven_evenly
     }
 
-    /// How many of `points` lines are enough.
-    pub fn part(&self, points: usize) -> usize {
-        if self.is_folded() { points.div_ceil(2) } else { points }
+    /// How many of so many lines are enough.
+    pub fn count_lines_to_compute(&self, line_count: usize) -> usize {
+        if self.is_symmetric() { line_count.div_ceil(2) } else { line_count }
     }
 }
 
 /// The symmetry about the centre in x and in y. There must be one of the scene, of the grid and of every shape: shapes of
-/// one frequency may come mixed. `mixed` is the difference of a shape from its mirror image, relative to its largest value,
+/// one frequency may come mixed. `shape_tolerance` is the difference of a shape from its mirror image, relative to its largest value,
 /// that counts as none.
-pub fn folds(scene: &Scene, model: &ReducedModel, x_m: &[f64], y_m: &[f64], mixed: f64) -> [Fold; 2] {
+pub fn find_mirror_symmetries(
+    scene: &Scene,
+    model: &ReducedModel,
+    x_m: &[f64],
+    y_m: &[f64],
+    shape_tolerance: f64,
+) -> [MirrorSymmetry; 2] {
     let sides = [scene.surface.length_m, scene.surface.width_m];
     [(0, x_m), (1, y_m)].map(|(axis, lines)| {
-        let is_symmetric = lines.len() > 1 && is_mirrored(lines, sides[axis]) && is_scene_mirrored(scene, axis);
+        let is_symmetric = lines.len() > 1 && are_lines_mirrored(lines, sides[axis]) && is_scene_mirrored(scene, axis);
         let middle = sides[axis] / 2.0;
         let mut places = scene.actuators.iter().map(|actuator| if axis == 0 { actuator.x_m } else { actuator.y_m });
-        Fold {
-            odd: if is_symmetric { parities(model, sides, axis, mixed) } else { None },
+        MirrorSymmetry {
+            odd: if is_symmetric { find_shape_parities(model, sides, axis, shape_tolerance) } else { None },
             is_driven_evenly: places.all(|at| (at - middle).abs() <= PLACE * sides[axis]),
         }
     })
 }
 
-fn is_mirrored(lines: &[f64], side: f64) -> bool {
+/// Whether lines are their own mirror image about the middle of a side.
+fn are_lines_mirrored(lines: &[f64], side: f64) -> bool {
     lines.iter().zip(lines.iter().rev()).all(|(low, high)| (low + high - side).abs() <= PLACE * side)
 }
 
@@ -76,15 +83,19 @@ fn is_scene_mirrored(scene: &Scene, axis: usize) -> bool {
     // Everything but the place and the name.
     let support = |of: &Support| Support { x_m: 0.0, y_m: 0.0, ..*of };
     let actuator = |of: &Actuator| Actuator { x_m: 0.0, y_m: 0.0, id: String::new(), ..of.clone() };
-    scene.layout().is_mirrored(axis)
-        && have_images(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
-        && have_images(&scene.supports, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && support(a) == support(b))
-        && have_images(&scene.masses, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && a.mass_kg == b.mass_kg)
-        && have_images(&scene.actuators, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && actuator(a) == actuator(b))
+    scene.layout().is_mirror_symmetric(axis)
+        && have_mirror_images(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
+        && have_mirror_images(&scene.supports, |a, b| {
+            is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && support(a) == support(b)
+        })
+        && have_mirror_images(&scene.masses, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && a.mass_kg == b.mass_kg)
+        && have_mirror_images(&scene.actuators, |a, b| {
+            is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && actuator(a) == actuator(b)
+        })
 }
 
 /// Whether each item has one of its own that is its image.
-fn have_images<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool {
+fn have_mirror_images<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool {
     let mut left: Vec<&T> = items.iter().collect();
     items.iter().all(|item| {
         let found = left.iter().position(|other| is_image(item, other));
@@ -93,8 +104,8 @@ fn have_images<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool {
 }
 
 /// Whether each shape is odd; `None` if one is neither even nor odd.
-fn parities(model: &ReducedModel, sides: [f64; 2], axis: usize, mixed: f64) -> Option<Vec<bool>> {
-    let n = model.order();
+fn find_shape_parities(model: &ReducedModel, sides: [f64; 2], axis: usize, shape_tolerance: f64) -> Option<Vec<bool>> {
+    let n = model.count_coordinates();
     let (mut even, mut odd, mut largest) = (vec![0.0_f64; n], vec![0.0_f64; n], vec![0.0_f64; n]);
     for sample in 0..SAMPLES {
         // Multiples of the golden ratio and of the root of two: no line of symmetry of their own.
@@ -103,7 +114,8 @@ fn parities(model: &ReducedModel, sides: [f64; 2], axis: usize, mixed: f64) -> O
         let at = [place(0.618_033_988_749_894_9) * sides[0], place(std::f64::consts::SQRT_2) * sides[1]];
         let mut mirrored = at;
         mirrored[axis] = sides[axis] - at[axis];
-        let (here, there) = (model.shape_at(at[0], at[1]), model.shape_at(mirrored[0], mirrored[1]));
+        let (here, there) =
+            (model.shape_deflections_at(at[0], at[1]), model.shape_deflections_at(mirrored[0], mirrored[1]));
         for i in 0..n {
             even[i] = even[i].max((here[i] - there[i]).abs());
             odd[i] = odd[i].max((here[i] + there[i]).abs());
@@ -111,7 +123,7 @@ fn parities(model: &ReducedModel, sides: [f64; 2], axis: usize, mixed: f64) -> O
         }
     }
     (0..n)
-        .map(|i| match (even[i] <= mixed * largest[i], odd[i] <= mixed * largest[i]) {
+        .map(|i| match (even[i] <= shape_tolerance * largest[i], odd[i] <= shape_tolerance * largest[i]) {
             (true, _) => Some(false),
             (false, true) => Some(true),
             (false, false) => None,

@@ -13,9 +13,11 @@ mod mirror;
 mod peak;
 pub mod sweep;
 
-pub use bounded::{CurveError, MOST_SWEEP_VALUES, SINGLE_DOES, bounded_curves, bounded_sweep};
-pub use coordinates::{Solver, modal_coordinates};
-pub use peak::{Component, peak_acceleration};
+pub use bounded::{
+    CurveError, MOST_SWEEP_VALUES, SINGLE_DOES, compute_curves_with_error_bounds, sweep_with_error_bounds,
+};
+pub use coordinates::{CoordinateSolver, solve_coordinates_at_frequency};
+pub use peak::{SineComponent, compute_peak_of_sines};
 
 /// Why there is no response.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -50,27 +52,28 @@ pub fn acceleration_curves(
     shape: &DVector<f64>,
     frequencies_hz: &[f64],
 ) -> Result<Vec<Vec<Complex64>>, ResponseError> {
-    let solver = Solver::new(model);
+    let solver = CoordinateSolver::new(model);
     let rows: Vec<Vec<Complex64>> = frequencies_hz
         .par_iter()
         .map(|frequency_hz| {
             // At rest: a constant force accelerates nothing that is held, and a free panel's w^2 q is taken from its limit.
             let minus_omega_squared = -(std::f64::consts::TAU * frequency_hz).powi(2);
             if *frequency_hz == 0.0 {
-                return Ok(static_acceleration(model, shape));
+                return Ok(rigid_acceleration_per_newton(model, shape));
             }
-            let coordinates = solver.coordinates(*frequency_hz)?;
-            Ok(coordinates.iter().map(|q| dot(shape, q) * minus_omega_squared).collect())
+            let coordinates = solver.solve_at_frequency(*frequency_hz)?;
+            Ok(coordinates.iter().map(|q| multiply_shape_with_coordinates(shape, q) * minus_omega_squared).collect())
         })
         .collect::<Result<_, _>>()?;
-    Ok((0..model.actuators()).map(|actuator| rows.iter().map(|row| row[actuator]).collect()).collect())
+    Ok((0..model.count_actuators()).map(|actuator| rows.iter().map(|row| row[actuator]).collect()).collect())
 }
 
 /// The acceleration as the frequency goes to zero: that of the rigid motions, F / m and what turns with it.
-fn static_acceleration(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Complex64> {
-    (0..model.actuators())
+fn rigid_acceleration_per_newton(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Complex64> {
+    (0..model.count_actuators())
         .map(|actuator| {
-            let rigid = (0..model.order()).filter(|i| model.lambda[*i] == 0.0 && model.viscous[(*i, *i)] == 0.0);
+            let rigid =
+                (0..model.count_coordinates()).filter(|i| model.lambda[*i] == 0.0 && model.viscous[(*i, *i)] == 0.0);
             Complex64::from(rigid.map(|i| shape[i] * model.force[(i, actuator)]).sum::<f64>())
         })
         .collect()
@@ -78,6 +81,6 @@ fn static_acceleration(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Comple
 
 /// Product of a real shape and complex coordinates.
 #[must_use]
-pub fn dot(shape: &DVector<f64>, coordinates: &DVector<Complex64>) -> Complex64 {
+pub fn multiply_shape_with_coordinates(shape: &DVector<f64>, coordinates: &DVector<Complex64>) -> Complex64 {
     shape.iter().zip(coordinates.iter()).map(|(shape, q)| q * *shape).sum()
 }

@@ -8,7 +8,7 @@ const SAME: f64 = 1e-9;
 
 /// One sine: its frequency and phasor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Component {
+pub struct SineComponent {
     /// In Hz.
     pub frequency_hz: f64,
     /// Amplitude and phase.
@@ -19,10 +19,10 @@ pub struct Component {
 /// before the modulus is taken. Equation 23 as printed takes each modulus by itself and then overstates what two
 /// actuators at one frequency do, up to hiding a dead zone.
 #[must_use]
-pub fn peak_acceleration(components: &[Component]) -> f64 {
-    let mut groups: Vec<Component> = Vec::with_capacity(components.len());
+pub fn compute_peak_of_sines(components: &[SineComponent]) -> f64 {
+    let mut groups: Vec<SineComponent> = Vec::with_capacity(components.len());
     for component in components {
-        let same = |group: &&mut Component| {
+        let same = |group: &&mut SineComponent| {
             (group.frequency_hz - component.frequency_hz).abs() <= SAME * component.frequency_hz.abs()
         };
         match groups.iter_mut().find(same) {
@@ -39,9 +39,9 @@ mod tests {
 
     #[test]
     fn equal_frequencies_cancel_and_distinct_ones_add() {
-        let at = |frequency_hz: f64, re: f64| Component { frequency_hz, phasor: Complex64::from(re) };
-        assert_eq!(peak_acceleration(&[at(100.0, 1.0), at(100.0, -1.0)]), 0.0);
-        assert_eq!(peak_acceleration(&[at(100.0, 1.0), at(120.0, -1.0)]), 2.0);
-        assert_eq!(peak_acceleration(&[at(100.0, 1.0), at(120.0, 0.5), at(100.0, 2.0)]), 3.5);
+        let at = |frequency_hz: f64, re: f64| SineComponent { frequency_hz, phasor: Complex64::from(re) };
+        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(100.0, -1.0)]), 0.0);
+        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(120.0, -1.0)]), 2.0);
+        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(120.0, 0.5), at(100.0, 2.0)]), 3.5);
     }
 }

@@ -20,7 +20,7 @@ pub struct Ply {
     /// In m.
     pub thickness_m: f64,
     /// How it resists strain.
-    pub elastic: Elastic,
+    pub elastic: PlyElasticity,
     /// In kg/m^3.
     pub density_kg_m3: f64,
     /// Hysteretic: its stiffness times 1 + j eta.
@@ -31,7 +31,7 @@ pub struct Ply {
 
 /// An elastic material whose axes are those of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Elastic {
+pub struct PlyElasticity {
     /// Young's modulus along x in Pa.
     pub ex_pa: f64,
     /// Along y.
@@ -42,23 +42,23 @@ pub struct Elastic {
     pub poisson_xy: f64,
 }
 
-impl Elastic {
-    /// The same along all axes.
+impl PlyElasticity {
+    /// An elastic material that is the same along all axes.
     #[must_use]
-    pub fn isotropic(youngs_modulus_pa: f64, poisson: f64) -> Self {
+    pub fn from_isotropic_moduli(youngs_modulus_pa: f64, poisson: f64) -> Self {
         let g_pa = youngs_modulus_pa / (2.0 * (1.0 + poisson));
         Self { ex_pa: youngs_modulus_pa, ey_pa: youngs_modulus_pa, g_pa, poisson_xy: poisson }
     }
 
-    /// Turned by 90 degrees.
+    /// The material turned by 90 degrees.
     #[must_use]
-    pub fn turned(self) -> Self {
+    pub fn turn_by_90_degrees(self) -> Self {
         let Self { ex_pa, ey_pa, g_pa, poisson_xy } = self;
         Self { ex_pa: ey_pa, ey_pa: ex_pa, g_pa, poisson_xy: poisson_xy * ey_pa / ex_pa }
     }
 
     /// Stress over strain along x and y in Pa: plane stress in a plate; in a bar, whose sides are free, each direction by itself.
-    fn stiffness(self, kind: SurfaceKind) -> Matrix2<f64> {
+    fn plane_stiffness_pa(self, kind: SurfaceKind) -> Matrix2<f64> {
         let Self { ex_pa, ey_pa, poisson_xy, .. } = self;
         match kind {
             SurfaceKind::Plate => {
@@ -72,7 +72,7 @@ impl Elastic {
 
 /// What a plate resists bending with, in N m: D11 w_xx^2 + 2 D12 w_xx w_yy + D22 w_yy^2 + 4 D66 w_xy^2 is twice its energy per area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Rigidities {
+pub struct PlateRigidities {
     /// Against bending along x.
     pub d11: f64,
     /// Between both.
@@ -83,8 +83,9 @@ pub struct Rigidities {
     pub d66: f64,
 }
 
-impl Rigidities {
-    fn add(&mut self, both: &Matrix2<f64>, twist: f64, factor: f64) {
+impl PlateRigidities {
+    /// Adds a ply's stiffness against bending and against twist, times a factor.
+    fn add_weighted(&mut self, both: &Matrix2<f64>, twist: f64, factor: f64) {
         self.d11 += factor * both[(0, 0)];
         self.d12 += factor * 0.5 * (both[(0, 1)] + both[(1, 0)]);
         self.d22 += factor * both[(1, 1)];
@@ -93,27 +94,27 @@ impl Rigidities {
 
     /// That of waves along (cos, sin) of an angle whose squared cosine is given: D11 c^4 + 2 (D12 + 2 D66) c^2 s^2 + D22 s^4.
     #[must_use]
-    pub fn along(&self, squared_cosine: f64) -> f64 {
+    pub fn rigidity_in_direction(&self, squared_cosine: f64) -> f64 {
         let (c, s) = (squared_cosine, 1.0 - squared_cosine);
         self.d11 * c * c + 2.0 * (self.d12 + 2.0 * self.d66) * c * s + self.d22 * s * s
     }
 
-    /// The least and the largest [`Rigidities::along`] of all directions.
+    /// The least and the largest [`PlateRigidities::rigidity_in_direction`] of all directions.
     #[must_use]
-    pub fn range(&self) -> [f64; 2] {
+    pub fn least_and_largest_rigidity(&self) -> [f64; 2] {
         let (x, y, both) = (self.d11, self.d22, self.d12 + 2.0 * self.d66);
         let (low, high, turn) = (x.min(y), x.max(y), x + y - 2.0 * both);
         // The parabola turns between the axes where it rises, or falls, from both of them.
         if (both - x) * (both - y) > 0.0 && turn != 0.0 {
-            let between = self.along((y - both) / turn);
+            let between = self.rigidity_in_direction((y - both) / turn);
             return [low.min(between), high.max(between)];
         }
         [low, high]
     }
 
-    /// The mean of [`Rigidities::along`] over all directions: cos^4 has the mean 3/8, cos^2 sin^2 1/8.
+    /// The mean of [`PlateRigidities::rigidity_in_direction`] over all directions: cos^4 has the mean 3/8, cos^2 sin^2 1/8.
     #[must_use]
-    pub fn mean(&self) -> f64 {
+    pub fn mean_rigidity(&self) -> f64 {
         0.375 * (self.d11 + self.d22) + 0.25 * (self.d12 + 2.0 * self.d66)
     }
 
@@ -133,7 +134,7 @@ pub struct Laminate {
     /// In kg/m^2.
     pub per_area_kg_m2: f64,
     /// Against bending; of a bar D11 is E I over its width, and the others are of no account.
-    pub rigidities: Rigidities,
+    pub rigidities: PlateRigidities,
     /// Of all layers, each weighted with its part of the strain energy: of a bar that bends, of plane waves in a plate, over all directions alike.
     pub loss_factor: f64,
     /// Bending over shear stiffness in m^2, of the direction in which that is more: shear takes this times k^2 from the stiffness of waves
@@ -146,32 +147,34 @@ pub struct Laminate {
 impl Laminate {
     /// The bending stiffnesses with their names: of a plate those of classical laminate theory in N m, of a bar `width_m` wide E I in N m^2.
     #[must_use]
-    pub fn stiffnesses(&self, kind: SurfaceKind, width_m: f64) -> Vec<(&'static str, f64)> {
-        let Rigidities { d11, d12, d22, d66 } = self.rigidities;
+    pub fn named_bending_stiffnesses(&self, kind: SurfaceKind, width_m: f64) -> Vec<(&'static str, f64)> {
+        let PlateRigidities { d11, d12, d22, d66 } = self.rigidities;
         match kind {
             SurfaceKind::Plate => vec![("d11_n_m", d11), ("d12_n_m", d12), ("d22_n_m", d22), ("d66_n_m", d66)],
             SurfaceKind::Bar => vec![("bending_stiffness_n_m2", d11 * width_m)],
         }
     }
 
-    /// Of layers from the bottom to the top; none are nothing.
+    /// The laminate of layers from the bottom to the top, of which there is at least one.
     #[must_use]
-    pub fn of(kind: SurfaceKind, plies: &[Ply]) -> Self {
+    pub fn from_plies(kind: SurfaceKind, plies: &[Ply]) -> Self {
         let thickness_m: f64 = plies.iter().map(|ply| ply.thickness_m).sum();
         let per_area_kg_m2 = plies.iter().map(|ply| ply.density_kg_m3 * ply.thickness_m).sum();
-        let (mut rigidities, mut lost) = (Rigidities::default(), Rigidities::default());
+        let (mut rigidities, mut lost) = (PlateRigidities::default(), PlateRigidities::default());
         let (mut shear, mut turning) = ([0.0; 2], 0.0);
         for stack in plies.chunk_by(|_, above| !above.slips) {
-            let stack = Stack::new(kind, stack);
-            stack.add_bending(&mut rigidities, &mut lost);
-            turning += stack.turning();
+            let stack = BondedStack::new(kind, stack);
+            stack.add_bending_rigidities(&mut rigidities, &mut lost);
+            turning += stack.moment_of_inertia_kg();
             for (axis, sum) in shear.iter_mut().enumerate() {
-                *sum += stack.shear(axis);
+                *sum += stack.shear_flexibility_integral(axis);
             }
         }
         let along = [rigidities.d11, rigidities.d22];
         let (loss_factor, shear_m2) = match kind {
-            SurfaceKind::Plate => (lost.mean() / rigidities.mean(), (shear[0] / along[0]).max(shear[1] / along[1])),
+            SurfaceKind::Plate => {
+                (lost.mean_rigidity() / rigidities.mean_rigidity(), (shear[0] / along[0]).max(shear[1] / along[1]))
+            }
             SurfaceKind::Bar => (lost.d11 / rigidities.d11, shear[0] / along[0]),
         };
         Self { thickness_m, per_area_kg_m2, rigidities, loss_factor, shear_m2, turning_m2: turning / per_area_kg_m2 }
@@ -179,8 +182,8 @@ impl Laminate {
 
     /// The uniform material of the same thickness, weight and stiffness; of rigidities that no such material has their geometric mean.
     #[must_use]
-    pub fn uniform(&self, kind: SurfaceKind) -> Material {
-        let Rigidities { d11, d12, d22, .. } = self.rigidities;
+    pub fn to_uniform_material(&self, kind: SurfaceKind) -> Material {
+        let PlateRigidities { d11, d12, d22, .. } = self.rigidities;
         let (rigidity, poisson_ratio) = match kind {
             SurfaceKind::Plate if self.rigidities.is_isotropic() => (d11, d12 / d11),
             SurfaceKind::Plate => ((d11 * d22).sqrt(), d12 / (d11 * d22).sqrt()),
@@ -195,13 +198,13 @@ impl Laminate {
 }
 
 /// Layers that are bonded to each other.
-struct Stack<'a> {
+struct BondedStack<'a> {
     /// Each with the height of its middle over the stack's.
     plies: Vec<(f64, &'a Ply)>,
     kind: SurfaceKind,
 }
 
-impl<'a> Stack<'a> {
+impl<'a> BondedStack<'a> {
     fn new(kind: SurfaceKind, plies: &'a [Ply]) -> Self {
         let mut top = -0.5 * plies.iter().map(|ply| ply.thickness_m).sum::<f64>();
         let place = |ply: &'a Ply| {
@@ -212,11 +215,11 @@ impl<'a> Stack<'a> {
     }
 
     /// Adds what bends it, and of each layer that times its loss factor.
-    fn add_bending(&self, rigidities: &mut Rigidities, lost: &mut Rigidities) {
+    fn add_bending_rigidities(&self, rigidities: &mut PlateRigidities, lost: &mut PlateRigidities) {
         let (mut a, mut b) = (Matrix2::zeros(), Matrix2::zeros());
         let (mut a_twist, mut b_twist) = (0.0, 0.0);
         for (z, ply) in &self.plies {
-            let (q, t) = (ply.elastic.stiffness(self.kind), ply.thickness_m);
+            let (q, t) = (ply.elastic.plane_stiffness_pa(self.kind), ply.thickness_m);
             a += q * t;
             b += q * (t * z);
             a_twist += ply.elastic.g_pa * t;
@@ -226,17 +229,17 @@ impl<'a> Stack<'a> {
         let shift = -(a.try_inverse().unwrap_or_else(Matrix2::zeros) * b);
         let twist = -b_twist / a_twist;
         for (z, ply) in &self.plies {
-            let (q, t) = (ply.elastic.stiffness(self.kind), ply.thickness_m);
+            let (q, t) = (ply.elastic.plane_stiffness_pa(self.kind), ply.thickness_m);
             let (about, turned) = (Matrix2::identity() * *z + shift, t.powi(3) / 12.0);
             let both = about.transpose() * q * about * t + q * turned;
             let own = ply.elastic.g_pa * (t * (z + twist).powi(2) + turned);
-            rigidities.add(&both, own, 1.0);
-            lost.add(&both, own, ply.loss_factor);
+            rigidities.add_weighted(&both, own, 1.0);
+            lost.add_weighted(&both, own, ply.loss_factor);
         }
     }
 
     /// Moment of inertia per area about the stack's neutral plane, about: its centre of mass.
-    fn turning(&self) -> f64 {
+    fn moment_of_inertia_kg(&self) -> f64 {
         let mass = |ply: &Ply| ply.density_kg_m3 * ply.thickness_m;
         let total: f64 = self.plies.iter().map(|(_, ply)| mass(ply)).sum();
         let centre = self.plies.iter().map(|(z, ply)| mass(ply) * z).sum::<f64>() / total;
@@ -246,8 +249,8 @@ impl<'a> Stack<'a> {
 
     /// The integral of g^2 / G over the thickness, where a bending moment that changes along `axis` shears with g: the integral of E (z - z0) from
     /// below, E the stiffness along the axis and z0 its neutral plane. Over the squared rigidity it is what shear gives way: 6/5 over G h of one layer.
-    fn shear(&self, axis: usize) -> f64 {
-        let along = |ply: &Ply| ply.elastic.stiffness(self.kind)[(axis, axis)];
+    fn shear_flexibility_integral(&self, axis: usize) -> f64 {
+        let along = |ply: &Ply| ply.elastic.plane_stiffness_pa(self.kind)[(axis, axis)];
         let sum = |power: i32| -> f64 {
             self.plies.iter().map(|(z, ply)| along(ply) * ply.thickness_m * z.powi(power)).sum()
         };
@@ -267,15 +270,15 @@ impl<'a> Stack<'a> {
 }
 
 impl Surface {
-    /// What its layers are together; `None` where it has none.
+    /// What the surface's layers are together; `None` where it has none.
     #[must_use]
     pub fn laminate(&self) -> Option<Laminate> {
-        (!self.layers.is_empty()).then(|| Laminate::of(self.kind, &self.layers))
+        (!self.layers.is_empty()).then(|| Laminate::from_plies(self.kind, &self.layers))
     }
 
     /// The rigidities that no [`Material`] has: of layers that are stiffer along one axis than along the other.
     #[must_use]
-    pub(super) fn orthotropic(&self) -> Option<Rigidities> {
+    pub(super) fn orthotropic_rigidities(&self) -> Option<PlateRigidities> {
         let rigidities = self.laminate().filter(|_| self.kind == SurfaceKind::Plate)?.rigidities;
         (!rigidities.is_isotropic()).then_some(rigidities)
     }

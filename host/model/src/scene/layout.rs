@@ -7,7 +7,7 @@ pub const SAME_PLACE: f64 = 1e-6;
 
 /// What the surface is at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layer {
+pub struct SurfaceLayer {
     /// In m.
     pub thickness_m: f64,
     /// A bar's width here in m; a plate's whole width.
@@ -15,21 +15,21 @@ pub struct Layer {
     /// What it is made of.
     pub material: super::Material,
     /// What a plate of layers resists bending with, where no such material does.
-    pub orthotropic: Option<super::Rigidities>,
+    pub orthotropic: Option<super::PlateRigidities>,
     /// Mass of the air that moves with it, in kg/m^2.
     pub added_kg_m2: f64,
 }
 
-impl Layer {
+impl SurfaceLayer {
     /// Mass per area in kg/m^2, air that moves with it included.
     #[must_use]
-    pub fn per_area_kg_m2(&self) -> f64 {
-        self.solid_kg_m2() + self.added_kg_m2
+    pub fn mass_per_area_kg_m2(&self) -> f64 {
+        self.mass_per_area_without_air_kg_m2() + self.added_kg_m2
     }
 
     /// Mass per area in kg/m^2 of what it is made of, without air.
     #[must_use]
-    pub fn solid_kg_m2(&self) -> f64 {
+    pub fn mass_per_area_without_air_kg_m2(&self) -> f64 {
         self.material.density_kg_m3 * self.thickness_m
     }
 }
@@ -37,26 +37,26 @@ impl Layer {
 /// The surface in rectangles, each of one kind: a grid of the patches' and cut-outs' borders where what they part
 /// differs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct SurfaceLayout {
     is_bar: bool,
     /// Borders across x, the first 0 and the last the length.
     x_m: Vec<f64>,
     /// Borders across y.
     y_m: Vec<f64>,
     /// Row by row; `None` is cut away.
-    parts: Vec<Option<Layer>>,
+    parts: Vec<Option<SurfaceLayer>>,
 }
 
 /// A point where borders meet, or end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Vertex {
+pub struct LayoutVertex {
     /// Where, in m.
     pub at: (f64, f64),
     /// What is left above, right above, left below and right below it.
-    pub around: [Option<Layer>; 4],
+    pub around: [Option<SurfaceLayer>; 4],
 }
 
-impl Vertex {
+impl LayoutVertex {
     /// Whether two parts meet here in nothing but this point.
     #[must_use]
     pub fn is_pinch(&self) -> bool {
@@ -66,21 +66,21 @@ impl Vertex {
 
     /// Whether no border turns or ends here.
     #[must_use]
-    pub fn is_straight(&self) -> bool {
+    pub fn has_straight_border(&self) -> bool {
         let [a, b, c, d] = self.around;
         a == b && c == d || a == c && b == d
     }
 }
 
-impl Layout {
+impl SurfaceLayout {
     /// The layout of a surface; later patches lie over earlier ones, cut-outs over all.
     pub(super) fn new(surface: &Surface, patches: &[super::Patch], cutouts: &[super::Cutout]) -> Self {
         let is_bar = surface.kind == SurfaceKind::Bar;
-        let base = Layer {
+        let base = SurfaceLayer {
             thickness_m: surface.thickness_m,
             width_m: surface.width_m,
             material: surface.material,
-            orthotropic: surface.orthotropic(),
+            orthotropic: surface.orthotropic_rigidities(),
             added_kg_m2: surface.added_mass_kg_per_m2,
         };
         let along = |side: f64, spans: &mut dyn Iterator<Item = [f64; 2]>| {
@@ -93,12 +93,14 @@ impl Layout {
             lines.sort_by(f64::total_cmp);
             lines
         };
-        let in_x = patches.iter().map(super::Patch::span_x).chain(cutouts.iter().map(super::Cutout::span_x));
+        let in_x =
+            patches.iter().map(super::Patch::range_in_x_m).chain(cutouts.iter().map(super::Cutout::range_in_x_m));
         let x_m = along(surface.length_m, &mut in_x.into_iter());
         let y_m = if is_bar {
             vec![0.0, surface.width_m]
         } else {
-            let in_y = patches.iter().map(super::Patch::span_y).chain(cutouts.iter().map(super::Cutout::span_y));
+            let in_y =
+                patches.iter().map(super::Patch::range_in_y_m).chain(cutouts.iter().map(super::Cutout::range_in_y_m));
             along(surface.width_m, &mut in_y.into_iter())
         };
         let middles = |lines: &[f64]| -> Vec<f64> { lines.windows(2).map(|at| 0.5 * (at[0] + at[1])).collect() };
@@ -107,9 +109,9 @@ impl Layout {
         for y in middles(&y_m) {
             for x in middles(&x_m) {
                 let covers = |in_x, in_y| within(in_x, x) && (is_bar || within(in_y, y));
-                let patch = patches.iter().rev().find(|patch| covers(patch.span_x(), patch.span_y()));
-                let is_cut = cutouts.iter().any(|cutout| covers(cutout.span_x(), cutout.span_y()));
-                let layer = patch.map_or(base, |patch| Layer {
+                let patch = patches.iter().rev().find(|patch| covers(patch.range_in_x_m(), patch.range_in_y_m()));
+                let is_cut = cutouts.iter().any(|cutout| covers(cutout.range_in_x_m(), cutout.range_in_y_m()));
+                let layer = patch.map_or(base, |patch| SurfaceLayer {
                     thickness_m: patch.thickness_m,
                     width_m: if is_bar { patch.width_m } else { base.width_m },
                     material: patch.material,
@@ -119,14 +121,14 @@ impl Layout {
             }
         }
         let mut layout = Self { is_bar, x_m, y_m, parts };
-        layout.simplify();
+        layout.remove_redundant_borders();
         layout
     }
 
-    /// Takes out borders that part nothing.
-    fn simplify(&mut self) {
+    /// Removes borders with the same material on both sides.
+    fn remove_redundant_borders(&mut self) {
         for i in (1..self.x_m.len() - 1).rev() {
-            if (0..self.y_m.len() - 1).all(|j| self.part(i - 1, j) == self.part(i, j)) {
+            if (0..self.y_m.len() - 1).all(|j| self.layer_in_rectangle(i - 1, j) == self.layer_in_rectangle(i, j)) {
                 let columns = self.x_m.len() - 1;
                 let mut place = 0;
                 self.parts.retain(|_| {
@@ -138,33 +140,34 @@ impl Layout {
         }
         for j in (1..self.y_m.len() - 1).rev() {
             let columns = self.x_m.len() - 1;
-            if (0..columns).all(|i| self.part(i, j - 1) == self.part(i, j)) {
+            if (0..columns).all(|i| self.layer_in_rectangle(i, j - 1) == self.layer_in_rectangle(i, j)) {
                 self.parts.drain(j * columns..(j + 1) * columns);
                 self.y_m.remove(j);
             }
         }
     }
 
-    fn part(&self, i: usize, j: usize) -> Option<Layer> {
+    /// The layer of the rectangle in a column and a row; `None` if it is cut away or beyond the surface.
+    fn layer_in_rectangle(&self, i: usize, j: usize) -> Option<SurfaceLayer> {
         let columns = self.x_m.len() - 1;
         if i < columns { self.parts.get(j * columns + i).copied().flatten() } else { None }
     }
 
     /// Borders across x in m, the surface's own first and last.
     #[must_use]
-    pub fn x_m(&self) -> &[f64] {
+    pub fn border_lines_x_m(&self) -> &[f64] {
         &self.x_m
     }
 
     /// Borders across y in m, the surface's own first and last.
     #[must_use]
-    pub fn y_m(&self) -> &[f64] {
+    pub fn border_lines_y_m(&self) -> &[f64] {
         &self.y_m
     }
 
     /// Whether it is its own mirror image along an axis, 0 for x.
     #[must_use]
-    pub fn is_mirrored(&self, axis: usize) -> bool {
+    pub fn is_mirror_symmetric(&self, axis: usize) -> bool {
         let (columns, rows) = (self.x_m.len() - 1, self.y_m.len() - 1);
         let lines = if axis == 0 { &self.x_m } else { &self.y_m };
         let side = lines[lines.len() - 1];
@@ -172,18 +175,18 @@ impl Layout {
         lines.iter().zip(lines.iter().rev()).all(|(low, high)| (low + high - side).abs() <= SAME_PLACE * side)
             && (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j))).all(|(i, j)| {
                 let (k, l) = image(i, j);
-                self.part(i, j) == self.part(k, l)
+                self.layer_in_rectangle(i, j) == self.layer_in_rectangle(k, l)
             })
     }
 
-    /// Whether the surface is one piece of one kind.
+    /// Whether the surface is one rectangle of one layer.
     #[must_use]
     pub fn is_uniform(&self) -> bool {
         self.parts.len() == 1
     }
 
     /// All kinds that there are, each with its area in m^2 (a bar's length in m), one entry for each rectangle.
-    pub fn layers(&self) -> impl Iterator<Item = (f64, Layer)> {
+    pub fn areas_with_layers(&self) -> impl Iterator<Item = (f64, SurfaceLayer)> {
         let columns = self.x_m.len() - 1;
         self.parts.iter().enumerate().filter_map(move |(k, part)| {
             let (i, j) = (k % columns, k / columns);
@@ -195,24 +198,24 @@ impl Layout {
     /// Mass in kg of what is there and of the air that moves with it.
     #[must_use]
     pub fn mass_kg(&self) -> f64 {
-        self.sum(Layer::per_area_kg_m2)
+        self.sum_over_surface(SurfaceLayer::mass_per_area_kg_m2)
     }
 
     /// Mass in kg of what is there, without air.
     #[must_use]
-    pub fn solid_kg(&self) -> f64 {
-        self.sum(Layer::solid_kg_m2)
+    pub fn mass_without_air_kg(&self) -> f64 {
+        self.sum_over_surface(SurfaceLayer::mass_per_area_without_air_kg_m2)
     }
 
-    /// The sum over all that is there of something per area.
-    fn sum(&self, per_area: impl Fn(&Layer) -> f64) -> f64 {
-        let width = |layer: &Layer| if self.is_bar { layer.width_m } else { 1.0 };
-        self.layers().map(|(size, layer)| size * width(&layer) * per_area(&layer)).sum()
+    /// The sum over the surface of a quantity per area.
+    fn sum_over_surface(&self, per_area: impl Fn(&SurfaceLayer) -> f64) -> f64 {
+        let width = |layer: &SurfaceLayer| if self.is_bar { layer.width_m } else { 1.0 };
+        self.areas_with_layers().map(|(size, layer)| size * width(&layer) * per_area(&layer)).sum()
     }
 
-    /// What a point of the surface's rectangle is in; on a border any side's that is there. `None` in a cut-out.
+    /// The layer at a point; on a border that of any side that exists, `None` in a cut-out.
     #[must_use]
-    pub fn at(&self, x_m: f64, y_m: f64) -> Option<Layer> {
+    pub fn layer_at(&self, x_m: f64, y_m: f64) -> Option<SurfaceLayer> {
         let beside = |lines: &[f64], at: f64| -> [usize; 2] {
             let merged = SAME_PLACE * lines[lines.len() - 1];
             let before = lines.partition_point(|line| *line <= at - merged).saturating_sub(1);
@@ -220,28 +223,31 @@ impl Layout {
             [before.min(lines.len() - 2), after.min(lines.len() - 2)]
         };
         let (in_x, in_y) = (beside(&self.x_m, x_m), if self.is_bar { [0; 2] } else { beside(&self.y_m, y_m) });
-        in_y.iter().rev().flat_map(|j| in_x.iter().rev().map(move |i| (*i, *j))).find_map(|(i, j)| self.part(i, j))
+        in_y.iter()
+            .rev()
+            .flat_map(|j| in_x.iter().rev().map(move |i| (*i, *j)))
+            .find_map(|(i, j)| self.layer_in_rectangle(i, j))
     }
 
     /// What is left of a side: from and to in m, along it.
     #[must_use]
-    pub fn side(&self, side: Side) -> Vec<[f64; 2]> {
+    pub fn remaining_stretches_of_side_m(&self, side: Side) -> Vec<[f64; 2]> {
         let (last_x, last_y) = (self.x_m.len() - 2, self.y_m.len() - 2);
         let lines = if matches!(side, Side::Left | Side::Right) { &self.y_m } else { &self.x_m };
         let is_left = |k: usize| {
             let part = match side {
-                Side::Left => self.part(0, k),
-                Side::Right => self.part(last_x, k),
-                Side::Top => self.part(k, 0),
-                Side::Bottom => self.part(k, last_y),
+                Side::Left => self.layer_in_rectangle(0, k),
+                Side::Right => self.layer_in_rectangle(last_x, k),
+                Side::Top => self.layer_in_rectangle(k, 0),
+                Side::Bottom => self.layer_in_rectangle(k, last_y),
             };
             part.is_some()
         };
         lines.windows(2).enumerate().filter(|(k, _)| is_left(*k)).map(|(_, at)| [at[0], at[1]]).collect()
     }
 
-    /// All that a rectangle (x from, x to, y from, y to) has in its inside.
-    pub fn inside(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<Layer>> {
+    /// The layers that a rectangle (x from, x to, y from, y to) has in its inside.
+    pub fn layers_inside_rectangle(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<SurfaceLayer>> {
         let [from_x, to_x, from_y, to_y] = rectangle;
         let columns = self.x_m.len() - 1;
         self.parts.iter().enumerate().filter_map(move |(k, part)| {
@@ -253,12 +259,12 @@ impl Layout {
     }
 
     /// Points where lines cross, those on the surface's border included, with what is around them.
-    pub fn vertices(&self) -> impl Iterator<Item = Vertex> {
+    pub fn border_vertices(&self) -> impl Iterator<Item = LayoutVertex> {
         // Beyond the last column or row `part` has nothing, as before the first.
-        let part = |i: usize, j: usize| if i == 0 || j == 0 { None } else { self.part(i - 1, j - 1) };
+        let part = |i: usize, j: usize| if i == 0 || j == 0 { None } else { self.layer_in_rectangle(i - 1, j - 1) };
         let rows = self.y_m.iter().enumerate();
         rows.flat_map(move |(j, y)| {
-            self.x_m.iter().enumerate().map(move |(i, x)| Vertex {
+            self.x_m.iter().enumerate().map(move |(i, x)| LayoutVertex {
                 at: (*x, *y),
                 around: [part(i, j), part(i + 1, j), part(i, j + 1), part(i + 1, j + 1)],
             })
@@ -267,7 +273,7 @@ impl Layout {
 
     /// How many pieces the surface is in; pieces that meet in a point only are two.
     #[must_use]
-    pub fn pieces(&self) -> usize {
+    pub fn count_connected_pieces(&self) -> usize {
         let (columns, rows) = (self.x_m.len() - 1, self.y_m.len() - 1);
         let mut seen: Vec<bool> = self.parts.iter().map(Option::is_none).collect();
         let mut pieces = 0;
@@ -300,39 +306,40 @@ impl Layout {
 impl Scene {
     /// What the surface is made of where.
     #[must_use]
-    pub fn layout(&self) -> Layout {
-        Layout::new(&self.surface, &self.patches, &self.cutouts)
+    pub fn layout(&self) -> SurfaceLayout {
+        SurfaceLayout::new(&self.surface, &self.patches, &self.cutouts)
     }
 
     /// Mass of the surface in kg with the air that moves along, without what is attached to it.
     #[must_use]
-    pub fn mass_kg(&self) -> f64 {
+    pub fn surface_mass_kg(&self) -> f64 {
         self.layout().mass_kg()
     }
 
     /// Mass of the surface in kg as it is weighed: without the air that moves along, and without what is attached to it.
     #[must_use]
-    pub fn solid_kg(&self) -> f64 {
-        self.layout().solid_kg()
+    pub fn surface_mass_without_air_kg(&self) -> f64 {
+        self.layout().mass_without_air_kg()
     }
 
     /// Area of what is there, in m^2; a bar's is that of its own width, steps or not.
     #[must_use]
-    pub fn area_m2(&self) -> f64 {
+    pub fn surface_area_m2(&self) -> f64 {
         match self.surface.kind {
-            SurfaceKind::Plate => self.layout().layers().map(|(area, _)| area).sum(),
+            SurfaceKind::Plate => self.layout().areas_with_layers().map(|(area, _)| area).sum(),
             SurfaceKind::Bar => self.surface.length_m * self.surface.width_m,
         }
     }
 
     /// The number of the cut-out that a point lies strictly inside of, counted from 1; `None` where there is surface.
     #[must_use]
-    pub fn cutout_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
-        if self.cutouts.is_empty() || self.layout().at(x_m, y_m).is_some() {
+    pub fn cutout_number_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        if self.cutouts.is_empty() || self.layout().layer_at(x_m, y_m).is_some() {
             return None;
         }
         let distance = |span: [f64; 2], at: f64| (span[0] - at).max(at - span[1]);
-        let deepest = |cutout: &super::Cutout| distance(cutout.span_x(), x_m).max(distance(cutout.span_y(), y_m));
+        let deepest =
+            |cutout: &super::Cutout| distance(cutout.range_in_x_m(), x_m).max(distance(cutout.range_in_y_m(), y_m));
         let found = self.cutouts.iter().enumerate().min_by(|a, b| deepest(a.1).total_cmp(&deepest(b.1)));
         found.map(|(i, _)| i + 1)
     }
@@ -345,7 +352,8 @@ mod tests {
 
     const GLASS: Material = Material { youngs_modulus_pa: 70e9, poisson_ratio: 0.22, density_kg_m3: 2500.0 };
 
-    fn layout(patches: &[(f64, f64, f64, f64, f64)], cutouts: &[(f64, f64, f64, f64)]) -> Layout {
+    /// What the surface is made of at each place.
+    fn build_layout(patches: &[(f64, f64, f64, f64, f64)], cutouts: &[(f64, f64, f64, f64)]) -> SurfaceLayout {
         let surface = Surface {
             kind: SurfaceKind::Plate,
             length_m: 3.0,
@@ -376,35 +384,38 @@ mod tests {
                 width_m: *width_m,
             })
             .collect();
-        Layout::new(&surface, &patches, &cutouts)
+        SurfaceLayout::new(&surface, &patches, &cutouts)
     }
 
     #[test]
     fn later_patches_lie_over_earlier_ones() {
-        let layout = layout(&[(0.0, 0.0, 3.0, 2.0, 2e-3), (0.5, 0.5, 2.0, 1.0, 1e-3)], &[(2.5, 0.0, 0.5, 0.5)]);
-        assert_eq!((layout.x_m(), layout.y_m()), (&[0.0, 0.5, 2.5, 3.0][..], &[0.0, 0.5, 1.5, 2.0][..]));
-        assert_eq!(layout.at(0.1, 0.1).unwrap().thickness_m, 2e-3);
-        assert_eq!(layout.at(1.0, 1.0).unwrap().thickness_m, 1e-3);
-        assert!(layout.at(2.7, 0.2).is_none() && layout.at(2.5, 0.2).is_some());
+        let layout = build_layout(&[(0.0, 0.0, 3.0, 2.0, 2e-3), (0.5, 0.5, 2.0, 1.0, 1e-3)], &[(2.5, 0.0, 0.5, 0.5)]);
+        assert_eq!(
+            (layout.border_lines_x_m(), layout.border_lines_y_m()),
+            (&[0.0, 0.5, 2.5, 3.0][..], &[0.0, 0.5, 1.5, 2.0][..])
+        );
+        assert_eq!(layout.layer_at(0.1, 0.1).unwrap().thickness_m, 2e-3);
+        assert_eq!(layout.layer_at(1.0, 1.0).unwrap().thickness_m, 1e-3);
+        assert!(layout.layer_at(2.7, 0.2).is_none() && layout.layer_at(2.5, 0.2).is_some());
         let mass = 2500.0 * (2e-3 * (6.0 - 2.0 - 0.25) + 1e-3 * 2.0);
         assert!((layout.mass_kg() / mass - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn borders_that_part_nothing_are_left_out() {
-        assert!(layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_uniform());
-        assert!(layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_uniform());
-        let twice = layout(&[(0.0, 0.0, 1.0, 2.0, 2e-3), (1.0, 0.0, 1.0, 2.0, 2e-3)], &[]);
-        assert_eq!(twice.x_m(), &[0.0, 2.0, 3.0]);
+        assert!(build_layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_uniform());
+        assert!(build_layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_uniform());
+        let twice = build_layout(&[(0.0, 0.0, 1.0, 2.0, 2e-3), (1.0, 0.0, 1.0, 2.0, 2e-3)], &[]);
+        assert_eq!(twice.border_lines_x_m(), &[0.0, 2.0, 3.0]);
     }
 
     #[test]
     fn pieces_are_counted() {
-        assert_eq!(layout(&[], &[(1.0, 0.5, 1.0, 1.0)]).pieces(), 1);
-        assert_eq!(layout(&[], &[(1.0, 0.0, 1.0, 2.0)]).pieces(), 2);
-        assert_eq!(layout(&[], &[(0.0, 0.0, 3.0, 2.0)]).pieces(), 0);
-        let diagonal = layout(&[], &[(0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 2.0, 1.0)]);
-        assert_eq!(diagonal.pieces(), 2);
-        assert!(diagonal.vertices().any(|vertex| vertex.is_pinch()));
+        assert_eq!(build_layout(&[], &[(1.0, 0.5, 1.0, 1.0)]).count_connected_pieces(), 1);
+        assert_eq!(build_layout(&[], &[(1.0, 0.0, 1.0, 2.0)]).count_connected_pieces(), 2);
+        assert_eq!(build_layout(&[], &[(0.0, 0.0, 3.0, 2.0)]).count_connected_pieces(), 0);
+        let diagonal = build_layout(&[], &[(0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 2.0, 1.0)]);
+        assert_eq!(diagonal.count_connected_pieces(), 2);
+        assert!(diagonal.border_vertices().any(|vertex| vertex.is_pinch()));
     }
 }

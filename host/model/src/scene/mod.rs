@@ -23,12 +23,12 @@ mod screen;
 pub use actuator::{Actuator, EPS0, Mount};
 pub use air::BULK_MODULUS_PA;
 pub use finger::Finger;
-pub use laminate::{Elastic, Laminate, Ply, Rigidities};
-pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
+pub use laminate::{Laminate, PlateRigidities, Ply, PlyElasticity};
+pub use layout::{LayoutVertex, SAME_PLACE, SurfaceLayer, SurfaceLayout};
 pub use modal_ratio::ModalRatio;
 pub use patch::{Cutout, Patch};
-pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
-pub use read::{Mistake, SceneError};
+pub use place::{PlaceError, ROUNDING, SurfacePoint, check_coordinate_along_side, equidistant_numbers};
+pub use read::{FileMistake, SceneError};
 pub use screen::{PixelError, Screen, ScreenError};
 
 use crate::text_file::read_text_file;
@@ -72,7 +72,7 @@ pub struct Scene {
     /// The hardest press of a finger, anywhere on the surface, that gaps have to bear, in N.
     pub press_n: f64,
     /// What rests on the place that is touched. Modes, maps of what can be reached and whatever else is not about one touch are of the
-    /// panel without it; [`Scene::touched`] is the panel with it.
+    /// panel without it; [`Scene::with_finger_at_places`] is the panel with it.
     pub finger: Option<Finger>,
     /// Depth of the sealed cavity behind the panel in m, if there is one.
     pub sealed_depth_m: Option<f64>,
@@ -100,7 +100,7 @@ pub struct Surface {
     pub width_m: f64,
     /// In m.
     pub thickness_m: f64,
-    /// What it is made of; of layers the uniform material of their weight and stiffness, [`Laminate::uniform`].
+    /// What it is made of; of layers the uniform material of their weight and stiffness, [`Laminate::to_uniform_material`].
     pub material: Material,
     /// Its layers from the bottom to the top, where it is not of one piece.
     pub layers: Vec<Ply>,
@@ -202,9 +202,9 @@ impl EdgeKind {
         }
     }
 
-    /// Of its springs; 0 where it has none.
+    /// Loss factor of the edge's springs; 0 where it has none.
     #[must_use]
-    pub const fn loss_factor(self) -> f64 {
+    pub const fn spring_loss_factor(self) -> f64 {
         match self {
             EdgeKind::Elastic { loss_factor, .. } => loss_factor,
             EdgeKind::Pinned | EdgeKind::Clamped => 0.0,
@@ -238,7 +238,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] with every mistake found.
     pub fn parse(source: &str, text: &str) -> Result<Self, SceneError> {
-        parse::scene(source, text)
+        parse::parse_scene_text(source, text)
     }
 
     /// Reads a scene file.
@@ -246,14 +246,14 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] with every mistake found, or why the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        Self::parse(&path.display().to_string(), &Self::text(path)?)
+        Self::parse(&path.display().to_string(), &Self::read_scene_text(path)?)
     }
 
-    /// The text of a scene file, as [`Scene::parse`] takes it.
+    /// Reads the text of a scene file, for [`Scene::parse`].
     ///
     /// # Errors
     /// [`SceneError`] if the file cannot be read.
-    pub fn text(path: &Path) -> Result<String, SceneError> {
-        read_text_file(path).map_err(|error| SceneError::unreadable(&path.display().to_string(), &error))
+    pub fn read_scene_text(path: &Path) -> Result<String, SceneError> {
+        read_text_file(path).map_err(|error| SceneError::from_read_error(&path.display().to_string(), &error))
     }
 }

@@ -34,21 +34,21 @@ pub struct Cutout {
 }
 
 impl Patch {
-    pub(super) fn span_x(&self) -> [f64; 2] {
+    pub(super) fn range_in_x_m(&self) -> [f64; 2] {
         [self.x_m, self.x_m + self.length_m]
     }
 
-    pub(super) fn span_y(&self) -> [f64; 2] {
+    pub(super) fn range_in_y_m(&self) -> [f64; 2] {
         [self.y_m, self.y_m + self.width_m]
     }
 }
 
 impl Cutout {
-    pub(super) fn span_x(&self) -> [f64; 2] {
+    pub(super) fn range_in_x_m(&self) -> [f64; 2] {
         [self.x_m, self.x_m + self.length_m]
     }
 
-    pub(super) fn span_y(&self) -> [f64; 2] {
+    pub(super) fn range_in_y_m(&self) -> [f64; 2] {
         [self.y_m, self.y_m + self.width_m]
     }
 }

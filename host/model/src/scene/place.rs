@@ -1,7 +1,7 @@
 //! Places on the surface, and lines over it from edge to edge.
 //!
 //! Arithmetic takes a coordinate beyond an edge by a rounding: 0.36 * 48 / 48 is 0.36000000000000004. So every place that
-//! comes from outside or is computed passes [`Scene::place`], and every grid is made by [`evenly`].
+//! comes from outside or is computed passes [`Scene::surface_point_at`], and every grid is made by [`equidistant_numbers`].
 
 use super::{Scene, Surface, SurfaceKind};
 
@@ -9,7 +9,7 @@ use super::{Scene, Surface, SurfaceKind};
 /// and a nanometre on a panel of 1 m.
 pub const ROUNDING: f64 = 1e-9;
 
-/// A place on the surface's rectangle in m, edges included: made by [`Surface::place`] and [`Scene::place`] alone. On a bar it
+/// A place on the surface's rectangle in m, edges included: made by [`Surface::surface_point_on_rectangle`] and [`Scene::surface_point_at`] alone. On a bar it
 /// is on the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -30,9 +30,9 @@ impl SurfacePoint {
         self.y_m
     }
 
-    /// Both.
+    /// Both coordinates in m.
     #[must_use]
-    pub const fn xy_m(self) -> (f64, f64) {
+    pub const fn coordinates_m(self) -> (f64, f64) {
         (self.x_m, self.y_m)
     }
 }
@@ -62,17 +62,17 @@ pub enum PlaceError {
     },
 }
 
-/// A length in mm, free of the rounding of the way to metres and back.
-pub(super) fn mm(metres: f64) -> f64 {
+/// A length in mm, without the rounding of the conversion to metres and back.
+pub(super) fn metres_to_rounded_mm(length_m: f64) -> f64 {
     // Beyond a kilometre the digits do not matter, and the product may overflow.
-    if metres.abs() < 1e3 { (metres * 1e12).round() / 1e9 } else { metres * 1e3 }
+    if length_m.abs() < 1e3 { (length_m * 1e12).round() / 1e9 } else { length_m * 1e3 }
 }
 
 /// A coordinate along a side, both in m: on the edge if it is within [`ROUNDING`] of it. `field` is what messages call it.
 ///
 /// # Errors
 /// [`PlaceError::Outside`] beyond an edge, and for what is not a number.
-pub fn along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, PlaceError> {
+pub fn check_coordinate_along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, PlaceError> {
     let near = |edge_m: f64| (at_m - edge_m).abs() <= ROUNDING * side_m;
     if near(side_m) {
         Ok(side_m)
@@ -81,14 +81,14 @@ pub fn along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, Pl
     } else if (0.0..=side_m).contains(&at_m) {
         Ok(at_m)
     } else {
-        Err(PlaceError::Outside { field, value: mm(at_m), max: mm(side_m) })
+        Err(PlaceError::Outside { field, value: metres_to_rounded_mm(at_m), max: metres_to_rounded_mm(side_m) })
     }
 }
 
 /// `count` equidistant numbers from one to another, both exactly among them and none beyond; the middle if it is one.
 #[expect(clippy::cast_precision_loss, reason = "counts of points")]
 #[must_use]
-pub fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
+pub fn equidistant_numbers(from: f64, to: f64, count: usize) -> Vec<f64> {
     if count == 1 {
         return vec![0.5 * (from + to)];
     }
@@ -103,13 +103,13 @@ pub fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
 }
 
 impl Surface {
-    /// A place on the surface's rectangle, cut-outs or not; on a bar it is moved onto the axis.
+    /// A point on the surface's rectangle, cut-outs or not; on a bar it is moved onto the axis.
     ///
     /// # Errors
     /// [`PlaceError::Outside`].
-    pub fn place(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
-        let x_m = along_side("x_mm", x_m, self.length_m)?;
-        let y_m = along_side("y_mm", y_m, self.width_m)?;
+    pub fn surface_point_on_rectangle(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
+        let x_m = check_coordinate_along_side("x_mm", x_m, self.length_m)?;
+        let y_m = check_coordinate_along_side("y_mm", y_m, self.width_m)?;
         Ok(match self.kind {
             SurfaceKind::Plate => SurfacePoint { x_m, y_m },
             SurfaceKind::Bar => SurfacePoint { x_m, y_m: self.width_m / 2.0 },
@@ -120,20 +120,24 @@ impl Surface {
 impl Scene {
     /// Columns and rows of a grid in m, border to border; a bar has one row, its axis.
     #[must_use]
-    pub fn grid(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
+    pub fn grid_lines_m(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
         let rows = if self.surface.kind == SurfaceKind::Bar { 1 } else { rows };
-        (evenly(0.0, self.surface.length_m, columns), evenly(0.0, self.surface.width_m, rows))
+        (equidistant_numbers(0.0, self.surface.length_m, columns), equidistant_numbers(0.0, self.surface.width_m, rows))
     }
 
     /// A place where there is surface.
     ///
     /// # Errors
     /// [`PlaceError`] beyond an edge and inside of a cut-out.
-    pub fn place(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
-        let place = self.surface.place(x_m, y_m)?;
-        match self.cutout_at(place.x_m, place.y_m) {
+    pub fn surface_point_at(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
+        let place = self.surface.surface_point_on_rectangle(x_m, y_m)?;
+        match self.cutout_number_at(place.x_m, place.y_m) {
             None => Ok(place),
-            Some(cutout) => Err(PlaceError::Cutout { x_mm: mm(place.x_m), y_mm: mm(place.y_m), cutout }),
+            Some(cutout) => Err(PlaceError::Cutout {
+                x_mm: metres_to_rounded_mm(place.x_m),
+                y_mm: metres_to_rounded_mm(place.y_m),
+                cutout,
+            }),
         }
     }
 }
@@ -152,13 +156,13 @@ mod tests {
     fn lines_end_exactly_at_the_edges() {
         for side in sides() {
             for count in [2, 3, 5, 7, 13, 33, 49, 50, 97, 101] {
-                let lines = evenly(0.0, side, count);
+                let lines = equidistant_numbers(0.0, side, count);
                 assert!(lines.len() == count && lines[0] == 0.0 && lines[count - 1] == side, "{side} {count}");
                 assert!(lines.windows(2).all(|pair| pair[0] < pair[1]), "{side} {count}");
             }
         }
-        assert_eq!((evenly(0.0, 0.3, 1), evenly(1.0, 2.0, 0)), (vec![0.15], vec![]));
-        assert_eq!(evenly(0.0, 1.0, 5), [0.0, 0.25, 0.5, 0.75, 1.0]);
+        assert_eq!((equidistant_numbers(0.0, 0.3, 1), equidistant_numbers(1.0, 2.0, 0)), (vec![0.15], vec![]));
+        assert_eq!(equidistant_numbers(0.0, 1.0, 5), [0.0, 0.25, 0.5, 0.75, 1.0]);
     }
 
     #[test]
@@ -168,15 +172,27 @@ mod tests {
             (surface.length_m, surface.width_m) = (side, side / 3.0);
             let width = surface.width_m;
             for (x, y) in [(side.next_up(), -1e-17), (side * 48.0 / 48.0, 0.0), (side * 1e3 / 1e3, -0.0)] {
-                assert_eq!(surface.place(x, y).unwrap().xy_m(), (side, 0.0));
+                assert_eq!(surface.surface_point_on_rectangle(x, y).unwrap().coordinates_m(), (side, 0.0));
             }
-            assert_eq!(surface.place(-1e-10 * side, width.next_down()).unwrap().xy_m(), (0.0, width));
-            assert_eq!(surface.place(0.3 * side, 0.7 * width).unwrap().xy_m(), (0.3 * side, 0.7 * width));
-            assert!(surface.place(side * (1.0 + 1e-8), 0.0).is_err() && surface.place(0.0, -1e-8 * side).is_err());
+            assert_eq!(
+                surface.surface_point_on_rectangle(-1e-10 * side, width.next_down()).unwrap().coordinates_m(),
+                (0.0, width)
+            );
+            assert_eq!(
+                surface.surface_point_on_rectangle(0.3 * side, 0.7 * width).unwrap().coordinates_m(),
+                (0.3 * side, 0.7 * width)
+            );
+            assert!(
+                surface.surface_point_on_rectangle(side * (1.0 + 1e-8), 0.0).is_err()
+                    && surface.surface_point_on_rectangle(0.0, -1e-8 * side).is_err()
+            );
         }
-        assert!(surface.place(f64::NAN, 0.0).is_err() && surface.place(0.0, f64::INFINITY).is_err());
+        assert!(
+            surface.surface_point_on_rectangle(f64::NAN, 0.0).is_err()
+                && surface.surface_point_on_rectangle(0.0, f64::INFINITY).is_err()
+        );
         surface.length_m = 0.36;
-        let error = surface.place(0.3601, 0.0).unwrap_err();
+        let error = surface.surface_point_on_rectangle(0.3601, 0.0).unwrap_err();
         assert_eq!(error.to_string(), "x_mm 360.1 is not in the allowed range 0 to 360");
     }
 
@@ -184,8 +200,8 @@ mod tests {
     fn a_bars_places_are_on_its_axis() {
         let mut surface = Scene::parse("plate", EXAMPLE_PLATE).unwrap().surface;
         surface.kind = SurfaceKind::Bar;
-        assert_eq!(surface.place(0.1, 0.0).unwrap().xy_m(), (0.1, surface.width_m / 2.0));
-        assert!(surface.place(0.1, 2.0 * surface.width_m).is_err());
+        assert_eq!(surface.surface_point_on_rectangle(0.1, 0.0).unwrap().coordinates_m(), (0.1, surface.width_m / 2.0));
+        assert!(surface.surface_point_on_rectangle(0.1, 2.0 * surface.width_m).is_err());
     }
 
     #[test]
@@ -197,7 +213,7 @@ mod tests {
             for x_mm in [1.0, 7.7, 19.3, 33.3] {
                 let (start, width) = (x_mm / 1e3, (f64::from(side_mm) - x_mm) / 1e3);
                 (scene.screen.x_m, scene.screen.width_m) = (start, width);
-                let right = scene.place_px(f64::from(scene.screen.width_px), 0.0).unwrap();
+                let right = scene.surface_point_at_px(f64::from(scene.screen.width_px), 0.0).unwrap();
                 assert_eq!(right.x_m(), scene.surface.length_m, "{side_mm} {x_mm}");
             }
         }

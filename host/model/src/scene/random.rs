@@ -4,66 +4,66 @@ use std::fmt::Write;
 
 /// The text of a scene of the sequence.
 #[must_use]
-pub fn scene_text(seed: u64, scene: u64) -> String {
-    random_scene(&mut Random::new(seed, scene), &format!("random {seed}.{scene}"))
+pub fn random_scene_text(seed: u64, scene: u64) -> String {
+    write_random_scene(&mut RandomSequence::new(seed, scene), &format!("random {seed}.{scene}"))
 }
 
 /// A sequence of random numbers that is the same everywhere (splitmix64; Steele, Lea and Flood 2014).
 #[derive(Clone, Debug)]
-pub struct Random(u64);
+pub struct RandomSequence(u64);
 
-impl Random {
+impl RandomSequence {
     /// The sequence of a seed; `stream` gives independent ones.
     #[must_use]
     pub const fn new(seed: u64, stream: u64) -> Self {
         let mut random = Self(seed);
-        random.0 = random.next().wrapping_add(stream);
-        random.0 = random.next();
+        random.0 = random.next_random_u64().wrapping_add(stream);
+        random.0 = random.next_random_u64();
         random
     }
 
-    /// Another sequence, which leaves this one as it is.
-    const fn apart(&self) -> Self {
+    /// Another sequence, which leaves this one unchanged.
+    const fn independent_sequence(&self) -> Self {
         Self::new(self.0, 4)
     }
 
-    const fn next(&mut self) -> u64 {
+    const fn next_random_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     }
 
-    /// From 0 up to, and without, 1.
+    /// A number from 0 up to, and without, 1.
     #[expect(clippy::cast_precision_loss, reason = "53 bits")]
-    pub const fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    pub const fn next_unit_number(&mut self) -> f64 {
+        (self.next_random_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Evenly from `from` to `to`.
-    pub const fn between(&mut self, from: f64, to: f64) -> f64 {
-        from + (to - from) * self.unit()
+    /// A number evenly distributed between `from` and `to`.
+    pub const fn next_between(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.next_unit_number()
     }
 
-    /// Between powers of ten, evenly in the exponent.
-    pub fn decades(&mut self, from: f64, to: f64) -> f64 {
-        10.0_f64.powf(self.between(from, to))
+    /// A power of ten whose exponent is evenly distributed between `from` and `to`.
+    pub fn next_power_of_ten(&mut self, from: f64, to: f64) -> f64 {
+        10.0_f64.powf(self.next_between(from, to))
     }
 
-    /// 0 up to, and without, `count`.
+    /// A whole number from 0 up to, and without, `count`.
     #[expect(clippy::cast_possible_truncation, reason = "below the count")]
-    pub const fn below(&mut self, count: u32) -> u32 {
-        (self.next() % count as u64) as u32
+    pub const fn next_below(&mut self, count: u32) -> u32 {
+        (self.next_random_u64() % count as u64) as u32
     }
 
-    /// One of several; they must be some.
-    pub fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
-        choices[self.below(u32::try_from(choices.len()).unwrap_or(1)) as usize]
+    /// One of several choices; there has to be at least one.
+    pub fn pick_one_of<T: Copy>(&mut self, choices: &[T]) -> T {
+        choices[self.next_below(u32::try_from(choices.len()).unwrap_or(1)) as usize]
     }
 
-    /// True in that part of all cases.
-    pub const fn chance(&mut self, part: f64) -> bool {
-        self.unit() < part
+    /// True with this probability.
+    pub const fn is_true_with_probability(&mut self, probability: f64) -> bool {
+        self.next_unit_number() < probability
     }
 }
 
@@ -78,86 +78,98 @@ const SOFTENED_BY: [f64; 4] = [0.2, 0.2, 0.5, 1.5];
 /// The text of a scene with 1 to 4 ERAs that could be built: a bar or plate of 0.1 to 0.5 m, edges, supports, masses and
 /// damping of every kind, gaps of 0.25 to 0.8 mm, voltages up to 2 kV.
 #[must_use]
-pub fn random_scene(random: &mut Random, name: &str) -> String {
-    let softened_by = random.apart().one_of(&SOFTENED_BY);
-    let is_bar = random.chance(0.4);
+pub fn write_random_scene(random: &mut RandomSequence, name: &str) -> String {
+    let softened_by = random.independent_sequence().pick_one_of(&SOFTENED_BY);
+    let is_bar = random.is_true_with_probability(0.4);
     let (kind, length_mm, width_mm) = if is_bar {
-        ("bar", random.between(120.0, 500.0), random.between(12.0, 40.0))
+        ("bar", random.next_between(120.0, 500.0), random.next_between(12.0, 40.0))
     } else {
-        let length_mm = random.between(120.0, 450.0);
-        ("plate", length_mm, length_mm * random.between(0.3, 1.0))
+        let length_mm = random.next_between(120.0, 450.0);
+        ("plate", length_mm, length_mm * random.next_between(0.3, 1.0))
     };
     // As written, so that places at the far ends are on the surface.
     let (length_mm, width_mm) = (length_mm.round(), width_mm.round());
-    let (young, poisson, density) = random.one_of(&MATERIALS);
+    let (young, poisson, density) = random.pick_one_of(&MATERIALS);
     let mut text = format!(
         "version = 1\nname = \"{name}\"\n[surface]\nkind = \"{kind}\"\nlength_mm = {length_mm}\n\
          width_mm = {width_mm}\nthickness_mm = {:.2}\n[surface.material]\nyoungs_modulus_pa = {young:e}\n\
          poisson_ratio = {poisson}\ndensity_kg_m3 = {density}\n",
-        random.between(0.7, 4.0),
+        random.next_between(0.7, 4.0),
     );
-    let (key, value) = match random.below(20) {
-        0..8 => ("loss_factor", random.decades(-2.5, -1.0)),
-        8..12 => ("modal_ratio", random.decades(-2.5, -1.3)),
-        12..15 => ("rayleigh_alpha", random.between(3.0, 40.0)),
-        15..19 => ("rayleigh_beta", random.decades(-5.5, -4.3)),
+    let (key, value) = match random.next_below(20) {
+        0..8 => ("loss_factor", random.next_power_of_ten(-2.5, -1.0)),
+        8..12 => ("modal_ratio", random.next_power_of_ten(-2.5, -1.3)),
+        12..15 => ("rayleigh_alpha", random.next_between(3.0, 40.0)),
+        15..19 => ("rayleigh_beta", random.next_power_of_ten(-5.5, -4.3)),
         _ => ("", 0.0),
     };
     if !key.is_empty() {
         let _ = write!(text, "[surface.damping]\n{key} = {value:.3e}\n");
     }
-    edges(random, &mut text, is_bar);
-    let place = |random: &mut Random| {
-        let part =
-            |random: &mut Random| if random.chance(0.2) { random.one_of(&[0.0, 0.5, 1.0]) } else { random.unit() };
+    write_random_edges(random, &mut text, is_bar);
+    let place = |random: &mut RandomSequence| {
+        let part = |random: &mut RandomSequence| {
+            if random.is_true_with_probability(0.2) {
+                random.pick_one_of(&[0.0, 0.5, 1.0])
+            } else {
+                random.next_unit_number()
+            }
+        };
         let (x, y) = (part(random), if is_bar { 0.5 } else { part(random) });
         format!("x_mm = {:.2}\ny_mm = {:.2}\n", x * length_mm, y * width_mm)
     };
-    for _ in 0..random.below(5) {
-        let (at, stiffness, damping) = (place(random), random.decades(2.0, 5.0), random.between(0.0, 4.0));
+    for _ in 0..random.next_below(5) {
+        let (at, stiffness, damping) =
+            (place(random), random.next_power_of_ten(2.0, 5.0), random.next_between(0.0, 4.0));
         let _ = write!(text, "[[support]]\n{at}stiffness_n_per_m = {stiffness:.1}\ndamping_n_s_per_m = {damping:.2}\n");
     }
-    for _ in 0..random.below(3) {
-        let (at, mass_g) = (place(random), random.decades(0.0, 1.7));
+    for _ in 0..random.next_below(3) {
+        let (at, mass_g) = (place(random), random.next_power_of_ten(0.0, 1.7));
         let _ = write!(text, "[[mass]]\n{at}mass_g = {mass_g:.2}\n");
     }
-    for i in 0..=random.below(4) {
+    for i in 0..=random.next_below(4) {
         let at = place(random);
-        actuator(random, &mut text, i + 1, &at, softened_by);
+        write_random_actuator(random, &mut text, i + 1, &at, softened_by);
     }
     text
 }
 
-fn edges(random: &mut Random, text: &mut String, is_bar: bool) {
+fn write_random_edges(random: &mut RandomSequence, text: &mut String, is_bar: bool) {
     let sides: &[&str] = if is_bar { &["left", "right"] } else { &["left", "right", "top", "bottom"] };
     for side in sides {
-        let kind = random.one_of(&["", "", "", "", "pinned", "clamped", "elastic"]);
+        let kind = random.pick_one_of(&["", "", "", "", "pinned", "clamped", "elastic"]);
         if kind.is_empty() {
             continue;
         }
         let _ = write!(text, "[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
         if kind == "elastic" {
             let key = if is_bar { "stiffness_n_per_m" } else { "stiffness_n_per_m2" };
-            let _ = writeln!(text, "{key} = {:.1}", random.decades(3.0, 6.0));
+            let _ = writeln!(text, "{key} = {:.1}", random.next_power_of_ten(3.0, 6.0));
         }
     }
 }
 
 /// Springs that an ERA of this weight resonates on at 50 to 250 Hz. At the highest voltage the electrodes take at most the part
 /// `softened_by` of the stiffness.
-fn actuator(random: &mut Random, text: &mut String, number: u32, at: &str, softened_by: f64) {
-    let mount = if random.chance(0.7) { "inertial" } else { "grounded" };
-    let mass_kg = random.decades(-2.5, -1.5);
-    let stiffness = mass_kg * (std::f64::consts::TAU * random.between(50.0, 250.0)).powi(2);
-    let damping = 2.0 * random.decades(-2.0, -1.0) * (stiffness * mass_kg).sqrt();
-    let (area_m2, gap_m) = (random.between(6e-4, 2.5e-3), random.between(0.25e-3, 0.8e-3));
+fn write_random_actuator(
+    random: &mut RandomSequence,
+    text: &mut String,
+    number: u32,
+    position_lines: &str,
+    softened_by: f64,
+) {
+    let mount = if random.is_true_with_probability(0.7) { "inertial" } else { "grounded" };
+    let mass_kg = random.next_power_of_ten(-2.5, -1.5);
+    let stiffness = mass_kg * (std::f64::consts::TAU * random.next_between(50.0, 250.0)).powi(2);
+    let damping = 2.0 * random.next_power_of_ten(-2.0, -1.0) * (stiffness * mass_kg).sqrt();
+    let (area_m2, gap_m) = (random.next_between(6e-4, 2.5e-3), random.next_between(0.25e-3, 0.8e-3));
     let highest_v = (softened_by * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
-    let max_voltage_v = random.between(700.0, 2000.0).min(highest_v);
-    let housing_g = if random.chance(0.5) { random.between(1.0, 10.0) } else { 0.0 };
-    let bias_v = if random.chance(0.2) { max_voltage_v * random.between(0.3, 0.8) } else { 0.0 };
+    let max_voltage_v = random.next_between(700.0, 2000.0).min(highest_v);
+    let housing_g = if random.is_true_with_probability(0.5) { random.next_between(1.0, 10.0) } else { 0.0 };
+    let bias_v = if random.is_true_with_probability(0.2) { max_voltage_v * random.next_between(0.3, 0.8) } else { 0.0 };
     let _ = write!(
         text,
-        "[[actuator]]\nid = \"era{number}\"\n{at}mount = \"{mount}\"\nmoving_mass_g = {:.3}\nhousing_mass_g = {housing_g:.2}\n\
+        "[[actuator]]\nid = \"era{number}\"\n{position_lines}mount = \"{mount}\"\nmoving_mass_g = {:.3}\nhousing_mass_g = {housing_g:.2}\n\
          stiffness_n_per_m = {stiffness:.1}\ndamping_n_s_per_m = {damping:.4}\nelectrode_area_mm2 = {:.1}\n\
          air_gap_um = {:.1}\nmax_voltage_v = {max_voltage_v:.1}\nbias_voltage_v = {bias_v:.1}\n",
         mass_kg * 1e3,
@@ -174,11 +186,14 @@ mod tests {
     #[test]
     fn every_random_scene_is_one() {
         for stream in 0..500 {
-            let text = random_scene(&mut Random::new(1, stream), "random");
+            let text = write_random_scene(&mut RandomSequence::new(1, stream), "random");
             let scene = Scene::parse("random", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
             assert!((1..=4).contains(&scene.actuators.len()));
-            assert_eq!(text, random_scene(&mut Random::new(1, stream), "random"));
+            assert_eq!(text, write_random_scene(&mut RandomSequence::new(1, stream), "random"));
         }
-        assert_ne!(random_scene(&mut Random::new(1, 0), ""), random_scene(&mut Random::new(2, 0), ""));
+        assert_ne!(
+            write_random_scene(&mut RandomSequence::new(1, 0), ""),
+            write_random_scene(&mut RandomSequence::new(2, 0), "")
+        );
     }
 }

@@ -10,7 +10,7 @@ use toml::de::{DeArray, DeTable, DeValue};
 
 /// One mistake in a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Mistake {
+pub struct FileMistake {
     /// Line, counted from 1; 0 if it belongs to no line.
     pub line: usize,
     /// What is wrong: key, value and what is allowed.
@@ -29,18 +29,18 @@ pub struct SceneError {
     /// The file.
     pub source: String,
     /// Every mistake found, by line.
-    pub mistakes: Vec<Mistake>,
+    pub mistakes: Vec<FileMistake>,
 }
 
 impl SceneError {
-    pub(super) fn unreadable(source: &str, error: &std::io::Error) -> Self {
-        Self::of(source, 0, format!("cannot read the scene file: {error}"))
+    pub(super) fn from_read_error(source: &str, error: &std::io::Error) -> Self {
+        Self::from_single_mistake(source, 0, format!("cannot read the scene file: {error}"))
     }
 
-    /// One mistake in a line, or in none (0).
+    /// An error with one mistake in a line, or in none (0).
     #[must_use]
-    pub fn of(source: &str, line: usize, text: String) -> Self {
-        Self { source: source.into(), mistakes: vec![Mistake { line, text, ..Mistake::default() }] }
+    pub fn from_single_mistake(source: &str, line: usize, text: String) -> Self {
+        Self { source: source.into(), mistakes: vec![FileMistake { line, text, ..FileMistake::default() }] }
     }
 }
 
@@ -65,9 +65,9 @@ impl std::error::Error for SceneError {}
 ///
 /// # Errors
 /// [`SceneError`] with the first line that is not valid TOML.
-pub fn document<'t>(source: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, SceneError> {
+pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, SceneError> {
     DeTable::parse(text).map_err(|error| {
-        let line = error.span().map_or(0, |span| line_of(text, span.start));
+        let line = error.span().map_or(0, |span| line_number_of_byte(text, span.start));
         let told = error.message().trim();
         // "duplicate key" does not say which.
         let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
@@ -78,42 +78,42 @@ pub fn document<'t>(source: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>,
             Some(own) => format!("not valid TOML: {told}: {own}"),
             None => format!("not valid TOML: {told}"),
         };
-        SceneError::of(source, line, text)
+        SceneError::from_single_mistake(source, line, text)
     })
 }
 
-/// The line, counted from 1, that has a byte of the text.
-fn line_of(text: &str, offset: usize) -> usize {
-    text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count() + 1
+/// Line, counted from 1, that contains a byte of the text.
+fn line_number_of_byte(text: &str, byte_offset: usize) -> usize {
+    text.as_bytes().iter().take(byte_offset).filter(|byte| **byte == b'\n').count() + 1
 }
 
 /// Collects mistakes and knows where lines begin.
 #[derive(Debug)]
-pub struct Report<'t> {
+pub struct MistakeReport<'t> {
     text: &'t str,
-    mistakes: RefCell<Vec<Mistake>>,
+    mistakes: RefCell<Vec<FileMistake>>,
 }
 
-impl<'t> Report<'t> {
+impl<'t> MistakeReport<'t> {
     /// Of a file's text, without mistakes so far.
     #[must_use]
     pub fn new(text: &'t str) -> Self {
         Self { text, mistakes: RefCell::new(Vec::new()) }
     }
 
-    /// A mistake in the line of a place.
-    pub fn add(&self, at: &Range<usize>, text: impl Into<String>) {
-        self.put(at, Mistake { text: text.into(), ..Mistake::default() });
+    /// Adds a mistake in the line of a byte range.
+    pub fn add_mistake_at(&self, at: &Range<usize>, text: impl Into<String>) {
+        self.record_mistake_at(at, FileMistake { text: text.into(), ..FileMistake::default() });
     }
 
-    fn put(&self, at: &Range<usize>, mistake: Mistake) {
-        self.mistakes.borrow_mut().push(Mistake { line: self.line(at.start), ..mistake });
+    fn record_mistake_at(&self, at: &Range<usize>, mistake: FileMistake) {
+        self.mistakes.borrow_mut().push(FileMistake { line: self.line_number_at(at.start), ..mistake });
     }
 
-    /// The line, counted from 1, that has a byte of the text.
+    /// Line, counted from 1, that contains a byte of the text.
     #[must_use]
-    pub fn line(&self, offset: usize) -> usize {
-        line_of(self.text, offset)
+    pub fn line_number_at(&self, offset: usize) -> usize {
+        line_number_of_byte(self.text, offset)
     }
 
     /// Whether there is none so far.
@@ -126,7 +126,7 @@ impl<'t> Report<'t> {
     ///
     /// # Errors
     /// [`SceneError`].
-    pub fn finish(self, source: &str) -> Result<(), SceneError> {
+    pub fn into_result(self, source: &str) -> Result<(), SceneError> {
         let mut mistakes = self.mistakes.into_inner();
         if mistakes.is_empty() {
             return Ok(());
@@ -138,7 +138,7 @@ impl<'t> Report<'t> {
 
 /// Allowed numbers.
 #[derive(Clone, Copy, Debug)]
-pub enum Allowed {
+pub enum AllowedNumbers {
     /// Above zero.
     Positive,
     /// Zero and above.
@@ -151,43 +151,43 @@ pub enum Allowed {
     Between(f64, f64),
 }
 
-impl Allowed {
+impl AllowedNumbers {
     /// Whether a number is allowed.
     #[must_use]
-    pub fn holds(self, value: f64) -> bool {
+    pub fn contains_number(self, value: f64) -> bool {
         value.is_finite()
             && match self {
-                Allowed::Positive => value > 0.0,
-                Allowed::NotNegative => value >= 0.0,
-                Allowed::Within(min, max) => (min..=max).contains(&value),
-                Allowed::Along(min, side) => (min - ROUNDING * side..=side * (1.0 + ROUNDING)).contains(&value),
-                Allowed::Between(min, max) => value > min && value < max,
+                AllowedNumbers::Positive => value > 0.0,
+                AllowedNumbers::NotNegative => value >= 0.0,
+                AllowedNumbers::Within(min, max) => (min..=max).contains(&value),
+                AllowedNumbers::Along(min, side) => (min - ROUNDING * side..=side * (1.0 + ROUNDING)).contains(&value),
+                AllowedNumbers::Between(min, max) => value > min && value < max,
             }
     }
 }
 
-impl fmt::Display for Allowed {
+impl fmt::Display for AllowedNumbers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Allowed::Positive => f.write_str("above 0"),
-            Allowed::NotNegative => f.write_str("0 and above"),
-            Allowed::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
-            Allowed::Within(min, max) => write!(f, "{} to {}", plain(*min), plain(*max)),
-            Allowed::Along(min, side) => write!(f, "{min} to {side}"),
-            Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
+            AllowedNumbers::Positive => f.write_str("above 0"),
+            AllowedNumbers::NotNegative => f.write_str("0 and above"),
+            AllowedNumbers::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
+            AllowedNumbers::Within(min, max) => write!(f, "{} to {}", format_number(*min), format_number(*max)),
+            AllowedNumbers::Along(min, side) => write!(f, "{min} to {side}"),
+            AllowedNumbers::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
     }
 }
 
 /// A number as people write it: 10000 and 0.001, but 1e20.
-fn plain(value: f64) -> String {
+fn format_number(value: f64) -> String {
     if value == 0.0 || (1e-4..1e7).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 /// One table under reading. Keys that nobody asked for are mistakes when it is closed.
 #[derive(Debug)]
-pub struct Section<'r, 't> {
-    report: &'r Report<'t>,
+pub struct TomlSection<'r, 't> {
+    report: &'r MistakeReport<'t>,
     table: &'r DeTable<'t>,
     /// As in messages: `surface.material`, `support[2]`; empty for the whole file.
     path: String,
@@ -195,212 +195,228 @@ pub struct Section<'r, 't> {
     known: RefCell<Vec<&'static str>>,
 }
 
-impl<'r, 't> Section<'r, 't> {
+impl<'r, 't> TomlSection<'r, 't> {
     /// A table that stands at a place; `path` as in messages.
     #[must_use]
-    pub fn new(report: &'r Report<'t>, table: &'r DeTable<'t>, path: String, at: Range<usize>) -> Self {
+    pub fn new(report: &'r MistakeReport<'t>, table: &'r DeTable<'t>, path: String, at: Range<usize>) -> Self {
         Self { report, table, path, at, known: RefCell::new(Vec::new()) }
     }
 
-    /// Where its mistakes go.
+    /// The report that collects its mistakes.
     #[must_use]
-    pub fn report(&self) -> &'r Report<'t> {
+    pub fn mistake_report(&self) -> &'r MistakeReport<'t> {
         self.report
     }
 
-    /// Its path, as in messages.
+    /// Its path as messages name it.
     #[must_use]
-    pub fn path(&self) -> &str {
+    pub fn path_in_messages(&self) -> &str {
         &self.path
     }
 
-    /// A key of it with its path.
+    /// One of its keys with its path.
     #[must_use]
-    pub fn key(&self, key: &str) -> String {
+    pub fn key_with_path(&self, key: &str) -> String {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }
 
     /// Where a key's value stands, or the section if it has none.
     #[must_use]
-    pub fn place(&self, key: &str) -> Range<usize> {
+    pub fn byte_range_of_value(&self, key: &str) -> Range<usize> {
         self.table.get(key).map_or_else(|| self.at.clone(), Spanned::span)
     }
 
-    /// Whether a key is there.
+    /// Whether a key is there; from then on the key is known.
     #[must_use]
-    pub fn has(&self, key: &'static str) -> bool {
-        self.note(key);
+    pub fn has_key(&self, key: &'static str) -> bool {
+        self.mark_key_known(key);
         self.table.contains_key(key)
     }
 
-    fn value(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
-        self.note(key);
+    fn value_of_key(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
+        self.mark_key_known(key);
         self.table.get(key).map(Spanned::get_ref)
     }
 
-    fn missing(&self, key: &'static str, wanted: &str) {
-        let (field, allowed) = (self.key(key), wanted.to_owned());
+    fn report_missing_key(&self, key: &'static str, wanted: &str) {
+        let (field, allowed) = (self.key_with_path(key), wanted.to_owned());
         let text = format!("{field} is missing ({wanted})");
-        self.report.put(&self.at, Mistake { text, field: Some(field), allowed: Some(allowed), ..Mistake::default() });
+        self.report.record_mistake_at(
+            &self.at,
+            FileMistake { text, field: Some(field), allowed: Some(allowed), ..FileMistake::default() },
+        );
     }
 
-    fn wrong_type(&self, key: &'static str, value: &DeValue<'_>, wanted: &str) {
-        self.wrong(key, describe(value), wanted);
+    fn report_wrong_type(&self, key: &'static str, value: &DeValue<'_>, wanted: &str) {
+        self.report_wrong_value(key, describe_value(value), wanted);
     }
 
-    /// A key's value is not what is wanted.
-    pub fn wrong(&self, key: &str, value: String, wanted: &str) {
-        let field = self.key(key);
+    /// Reports that a key's value is not what is wanted.
+    pub fn report_wrong_value(&self, key: &str, value: String, wanted: &str) {
+        let field = self.key_with_path(key);
         let text = format!("{field} is {value}, but must be {wanted}");
         let mistake =
-            Mistake { line: 0, text, field: Some(field), value: Some(value), allowed: Some(wanted.to_owned()) };
-        self.report.put(&self.place(key), mistake);
+            FileMistake { line: 0, text, field: Some(field), value: Some(value), allowed: Some(wanted.to_owned()) };
+        self.report.record_mistake_at(&self.byte_range_of_value(key), mistake);
     }
 
     /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
-    pub fn number(&self, key: &'static str, allowed: Allowed) -> f64 {
-        if self.value(key).is_none() {
-            self.missing(key, &format!("a number {allowed}"));
+    pub fn read_number(&self, key: &'static str, allowed: AllowedNumbers) -> f64 {
+        if self.value_of_key(key).is_none() {
+            self.report_missing_key(key, &format!("a number {allowed}"));
             return f64::NAN;
         }
-        self.number_or(key, f64::NAN, allowed)
+        self.read_number_or(key, f64::NAN, allowed)
     }
 
     /// A number with a default.
-    pub fn number_or(&self, key: &'static str, default: f64, allowed: Allowed) -> f64 {
-        let Some(value) = self.value(key) else { return default };
-        let Some(number) = as_number(value) else {
-            self.wrong_type(key, value, &format!("a number {allowed}"));
+    pub fn read_number_or(&self, key: &'static str, default: f64, allowed: AllowedNumbers) -> f64 {
+        let Some(value) = self.value_of_key(key) else { return default };
+        let Some(number) = parse_number_value(value) else {
+            self.report_wrong_type(key, value, &format!("a number {allowed}"));
             return f64::NAN;
         };
-        if allowed.holds(number) {
+        if allowed.contains_number(number) {
             return number;
         }
-        self.wrong(key, number.to_string(), &allowed.to_string());
+        self.report_wrong_value(key, number.to_string(), &allowed.to_string());
         f64::NAN
     }
 
-    /// A whole number, required.
+    /// Reads a whole number from 1 to `max` that has to be there.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
-    pub fn count(&self, key: &'static str, max: u32) -> u32 {
-        let Some(value) = self.value(key) else {
-            self.missing(key, &format!("a whole number 1 to {max}"));
+    pub fn read_count(&self, key: &'static str, max: u32) -> u32 {
+        let Some(value) = self.value_of_key(key) else {
+            self.report_missing_key(key, &format!("a whole number 1 to {max}"));
             return 1;
         };
-        match as_number(value) {
+        match parse_number_value(value) {
             Some(number) if number >= 1.0 && number <= f64::from(max) && number.fract() == 0.0 => number as u32,
             _ => {
-                self.wrong_type(key, value, &format!("a whole number 1 to {max}"));
+                self.report_wrong_type(key, value, &format!("a whole number 1 to {max}"));
                 1
             }
         }
     }
 
-    /// A piece of text, required.
-    pub fn text(&self, key: &'static str) -> String {
-        match self.value(key) {
+    /// Reads a text that has to be there.
+    pub fn read_text(&self, key: &'static str) -> String {
+        match self.value_of_key(key) {
             Some(DeValue::String(text)) if !text.trim().is_empty() => text.to_string(),
             Some(value) => {
-                self.wrong_type(key, value, "a text that is not empty");
+                self.report_wrong_type(key, value, "a text that is not empty");
                 String::new()
             }
             None => {
-                self.missing(key, "a text");
+                self.report_missing_key(key, "a text");
                 String::new()
             }
         }
     }
 
     /// Numbers in a list, as many as one of `counts` says; `None` if the key is not there, or wrong.
-    pub fn numbers(&self, key: &'static str, counts: &[usize], allowed: Allowed) -> Option<Vec<f64>> {
-        let value = self.value(key)?;
-        let each = |list: &DeArray<'_>| list.iter().map(|entry| as_number(entry.get_ref())).collect::<Option<Vec<_>>>();
+    pub fn read_numbers(&self, key: &'static str, counts: &[usize], allowed: AllowedNumbers) -> Option<Vec<f64>> {
+        let value = self.value_of_key(key)?;
+        let each = |list: &DeArray<'_>| {
+            list.iter().map(|entry| parse_number_value(entry.get_ref())).collect::<Option<Vec<_>>>()
+        };
         let numbers = value.as_array().and_then(each).filter(|numbers| counts.contains(&numbers.len()));
-        let numbers = numbers.filter(|numbers| numbers.iter().all(|number| allowed.holds(*number)));
+        let numbers = numbers.filter(|numbers| numbers.iter().all(|number| allowed.contains_number(*number)));
         if numbers.is_none() {
             let counts = counts.iter().map(ToString::to_string).collect::<Vec<_>>().join(" or ");
-            self.wrong(key, written(value), &format!("a list of {counts} numbers, each {allowed}"));
+            self.report_wrong_value(
+                key,
+                format_value_with_lists(value),
+                &format!("a list of {counts} numbers, each {allowed}"),
+            );
         }
         numbers
     }
 
     /// Whether a key's value is a list.
     #[must_use]
-    pub fn is_list(&self, key: &'static str) -> bool {
-        self.value(key).is_some_and(DeValue::is_array)
+    pub fn is_value_a_list(&self, key: &'static str) -> bool {
+        self.value_of_key(key).is_some_and(DeValue::is_array)
     }
 
     /// Pairs of numbers in a list; `None` if it is none of these, or a number is not allowed.
-    pub fn pairs(&self, key: &'static str, first: Allowed, second: Allowed) -> Option<Vec<(f64, f64)>> {
+    pub fn read_number_pairs(
+        &self,
+        key: &'static str,
+        first: AllowedNumbers,
+        second: AllowedNumbers,
+    ) -> Option<Vec<(f64, f64)>> {
         let pair = |entry: &Spanned<DeValue<'_>>| {
             let pair = entry.get_ref().as_array().filter(|pair| pair.len() == 2)?;
-            let number = |at: usize, allowed: Allowed| {
-                as_number(pair.get(at)?.get_ref()).filter(|number| allowed.holds(*number))
+            let number = |at: usize, allowed: AllowedNumbers| {
+                parse_number_value(pair.get(at)?.get_ref()).filter(|number| allowed.contains_number(*number))
             };
             Some((number(0, first)?, number(1, second)?))
         };
-        self.value(key)?.as_array()?.iter().map(pair).collect()
+        self.value_of_key(key)?.as_array()?.iter().map(pair).collect()
     }
 
-    /// A key's value, which is told as it is written, is not what is wanted.
-    pub fn wrong_list(&self, key: &'static str, wanted: &str) {
-        if let Some(value) = self.value(key) {
-            self.wrong(key, written(value), wanted);
+    /// Reports that a key's value, shown as it is written, is not what is wanted.
+    pub fn report_wrong_list(&self, key: &'static str, wanted: &str) {
+        if let Some(value) = self.value_of_key(key) {
+            self.report_wrong_value(key, format_value_with_lists(value), wanted);
         }
     }
 
     /// A text, or a list of texts; `None` if the key is not there, or wrong.
-    pub fn texts(&self, key: &'static str) -> Option<Vec<String>> {
-        let value = self.value(key)?;
+    pub fn read_texts(&self, key: &'static str) -> Option<Vec<String>> {
+        let value = self.value_of_key(key)?;
         let texts: Option<Vec<String>> = match value {
             DeValue::Array(list) => list.iter().map(|entry| entry.get_ref().as_str().map(str::to_owned)).collect(),
             value => value.as_str().map(|text| vec![text.to_owned()]),
         };
         let texts = texts.filter(|texts| !texts.is_empty());
         if texts.is_none() {
-            self.wrong(key, written(value), "a text, or a list of texts");
+            self.report_wrong_value(key, format_value_with_lists(value), "a text, or a list of texts");
         }
         texts
     }
 
-    /// One of some words, required.
-    pub fn word<T: Copy>(&self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
+    /// Reads one of some words, which has to be there.
+    pub fn read_word<T: Copy>(&self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
         let wanted = words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
-        let Some(value) = self.value(key) else {
-            self.missing(key, &format!("one of {wanted}"));
+        let Some(value) = self.value_of_key(key) else {
+            self.report_missing_key(key, &format!("one of {wanted}"));
             return None;
         };
         let found = value.as_str().and_then(|text| words.iter().find(|(word, _)| *word == text));
         if found.is_none() {
-            self.wrong_type(key, value, &format!("one of {wanted}"));
+            self.report_wrong_type(key, value, &format!("one of {wanted}"));
         }
         found.map(|(_, entry)| *entry)
     }
 
-    /// A table within this one.
-    pub fn table(&self, key: &'static str) -> Option<Section<'r, 't>> {
-        match self.value(key)? {
-            DeValue::Table(table) => Some(Section::new(self.report, table, self.key(key), self.place(key))),
+    /// Reads a table within this one; `None` if it is not there.
+    pub fn read_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
+        match self.value_of_key(key)? {
+            DeValue::Table(table) => {
+                Some(TomlSection::new(self.report, table, self.key_with_path(key), self.byte_range_of_value(key)))
+            }
             value => {
-                self.wrong_type(key, value, "a table");
+                self.report_wrong_type(key, value, "a table");
                 None
             }
         }
     }
 
     /// A table that must be there.
-    pub fn required_table(&self, key: &'static str) -> Option<Section<'r, 't>> {
+    pub fn read_required_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
         if !self.table.contains_key(key) {
-            self.missing(key, &format!("a table [{}]", self.key(key)));
+            self.report_missing_key(key, &format!("a table [{}]", self.key_with_path(key)));
         }
-        self.table(key)
+        self.read_table(key)
     }
 
     /// A list of tables, `[[key]]`; empty if there is none.
-    pub fn tables(&self, key: &'static str) -> Vec<Section<'r, 't>> {
-        let Some(value) = self.value(key) else { return Vec::new() };
+    pub fn read_tables(&self, key: &'static str) -> Vec<TomlSection<'r, 't>> {
+        let Some(value) = self.value_of_key(key) else { return Vec::new() };
         let DeValue::Array(list) = value else {
-            self.wrong_type(key, value, &format!("a list of tables, [[{key}]]"));
+            self.report_wrong_type(key, value, &format!("a list of tables, [[{key}]]"));
             return Vec::new();
         };
         let mut sections = Vec::new();
@@ -409,16 +425,16 @@ impl<'r, 't> Section<'r, 't> {
                 DeValue::Table(table) => {
                     // People count from one.
                     let path = format!("{key}[{}]", i + 1);
-                    sections.push(Section::new(self.report, table, path, entry.span()));
+                    sections.push(TomlSection::new(self.report, table, path, entry.span()));
                 }
-                _ => self.report.add(&entry.span(), format!("{key}[{}] must be a table, [[{key}]]", i + 1)),
+                _ => self.report.add_mistake_at(&entry.span(), format!("{key}[{}] must be a table, [[{key}]]", i + 1)),
             }
         }
         sections
     }
 
     /// Notes a key as known, once: some are asked for twice, whether they are there and for their value.
-    fn note(&self, key: &'static str) {
+    fn mark_key_known(&self, key: &'static str) {
         let mut known = self.known.borrow_mut();
         if !known.contains(&key) {
             known.push(key);
@@ -426,7 +442,7 @@ impl<'r, 't> Section<'r, 't> {
     }
 
     /// Ends the reading: every key that nobody asked for is a mistake.
-    pub fn close(self) {
+    pub fn report_unknown_keys(self) {
         let known = self.known.borrow();
         for (key, _) in self.table {
             if known.iter().any(|known| known == key.get_ref()) {
@@ -434,19 +450,21 @@ impl<'r, 't> Section<'r, 't> {
             }
             let nearest = known
                 .iter()
-                .map(|known| (distance(known, key.get_ref()), known))
+                .map(|known| (levenshtein_distance(known, key.get_ref()), known))
                 .filter(|(distance, known)| *distance <= 2.max(known.len() / 3))
                 .min();
             let hint = match nearest {
                 Some((_, known)) => format!("did you mean {known}?"),
                 None => format!("known keys here: {}", known.join(", ")),
             };
-            self.report.add(&key.span(), format!("unknown key {}; {hint}", self.key(key.get_ref())));
+            self.report
+                .add_mistake_at(&key.span(), format!("unknown key {}; {hint}", self.key_with_path(key.get_ref())));
         }
     }
 }
 
-fn as_number(value: &DeValue<'_>) -> Option<f64> {
+/// A TOML number as `f64`; `None` for any other value.
+fn parse_number_value(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(float) => float.as_str().parse().ok(),
         DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
@@ -459,17 +477,21 @@ fn as_number(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-/// A value as in messages that show lists, too.
-fn written(value: &DeValue<'_>) -> String {
+/// A value as messages show it, lists entry by entry.
+fn format_value_with_lists(value: &DeValue<'_>) -> String {
     match value {
         DeValue::Array(list) => {
-            format!("[{}]", list.iter().map(|entry| written(entry.get_ref())).collect::<Vec<_>>().join(", "))
+            format!(
+                "[{}]",
+                list.iter().map(|entry| format_value_with_lists(entry.get_ref())).collect::<Vec<_>>().join(", ")
+            )
         }
-        value => describe(value),
+        value => describe_value(value),
     }
 }
 
-fn describe(value: &DeValue<'_>) -> String {
+/// A value as messages show it.
+fn describe_value(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("{text:?}"),
         DeValue::Integer(integer) => integer.as_str().into(),
@@ -481,8 +503,8 @@ fn describe(value: &DeValue<'_>) -> String {
     }
 }
 
-/// Levenshtein distance.
-fn distance(a: &str, b: &str) -> usize {
+/// The Levenshtein distance of two texts.
+fn levenshtein_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, left) in a.chars().enumerate() {

@@ -1,116 +1,137 @@
 //! Patches and cut-outs in the scene file.
 
-use super::layout::Layout;
+use super::layout::SurfaceLayout;
 use super::patch::{Cutout, Patch};
-use super::place::{ROUNDING, mm};
-use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
-use super::read::{Allowed, Section};
+use super::place::{ROUNDING, metres_to_rounded_mm};
+use super::ranges::{
+    DENSITY_KG_M3, POISSON_RATIO, SurfaceSize, THICKNESS_MM, YOUNGS_MODULUS_PA, allowed_mm_along_side,
+};
+use super::read::{AllowedNumbers, TomlSection};
 use super::{Material, Surface, SurfaceKind};
 
 /// Least side of a patch or cut-out in mm: well above what counts as one place on the largest panel, 0.01 mm.
 const LEAST_SIDE_MM: f64 = 0.1;
 
 /// Where a rectangle begins and how long it is along one side, in m.
-fn span(section: &Section<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
-    let start = section.number(keys[0], side_range(side_m)) / 1e3;
-    let longest = if side_m.is_nan() { Allowed::Positive } else { Allowed::Along(LEAST_SIDE_MM, mm(side_m)) };
-    let extent = section.number(keys[1], longest) / 1e3;
+fn read_start_and_extent_m(section: &TomlSection<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
+    let start = section.read_number(keys[0], allowed_mm_along_side(side_m)) / 1e3;
+    let longest = if side_m.is_nan() {
+        AllowedNumbers::Positive
+    } else {
+        AllowedNumbers::Along(LEAST_SIDE_MM, metres_to_rounded_mm(side_m))
+    };
+    let extent = section.read_number(keys[1], longest) / 1e3;
     if start + extent > side_m * (1.0 + ROUNDING) {
         let text = format!(
             "{} makes it end at {} mm, but must keep it within the surface's {} mm",
-            section.key(keys[1]),
-            mm(start + extent),
-            mm(side_m)
+            section.key_with_path(keys[1]),
+            metres_to_rounded_mm(start + extent),
+            metres_to_rounded_mm(side_m)
         );
-        section.report().add(&section.place(keys[1]), text);
+        section.mistake_report().add_mistake_at(&section.byte_range_of_value(keys[1]), text);
     }
     (start, extent)
 }
 
-/// All `[[patch]]`.
-pub(super) fn patches(sections: Vec<Section<'_, '_>>, surface: Option<&Surface>, size: &Size) -> Vec<Patch> {
+/// Reads all `[[patch]]`.
+pub(super) fn read_patches(
+    sections: Vec<TomlSection<'_, '_>>,
+    surface: Option<&Surface>,
+    size: &SurfaceSize,
+) -> Vec<Patch> {
     if let Some(section) = sections.first().filter(|_| surface.is_some_and(|surface| !surface.layers.is_empty())) {
         // Which layers go on beneath it, and about which plane, it does not say.
-        let text =
-            format!("{}: a surface of [[layer]] has no [[patch]]; leave out the one or the other", section.path());
-        section.report().add(&section.place("x_mm"), text);
+        let text = format!(
+            "{}: a surface of [[layer]] has no [[patch]]; leave out the one or the other",
+            section.path_in_messages()
+        );
+        section.mistake_report().add_mistake_at(&section.byte_range_of_value("x_mm"), text);
         return Vec::new();
     }
-    sections.into_iter().map(|section| patch(section, surface, size)).collect()
+    sections.into_iter().map(|section| read_patch(section, surface, size)).collect()
 }
 
-fn patch(section: Section<'_, '_>, surface: Option<&Surface>, size: &Size) -> Patch {
-    let (x_m, length_m) = span(&section, ["x_mm", "length_mm"], size.length_m);
+fn read_patch(section: TomlSection<'_, '_>, surface: Option<&Surface>, size: &SurfaceSize) -> Patch {
+    let (x_m, length_m) = read_start_and_extent_m(&section, ["x_mm", "length_mm"], size.length_m);
     let (y_m, width_m) = match size.kind {
-        SurfaceKind::Plate => span(&section, ["y_mm", "width_mm"], size.width_m),
+        SurfaceKind::Plate => read_start_and_extent_m(&section, ["y_mm", "width_mm"], size.width_m),
         SurfaceKind::Bar => {
-            let width = section.number_or("width_mm", size.width_m * 1e3, Allowed::Within(LEAST_SIDE_MM, 1e4)) / 1e3;
+            let width =
+                section.read_number_or("width_mm", size.width_m * 1e3, AllowedNumbers::Within(LEAST_SIDE_MM, 1e4))
+                    / 1e3;
             (0.5 * (size.width_m - width), width)
         }
     };
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
     let (thickness_m, base) = surface.map_or((f64::NAN, nothing), |surface| (surface.thickness_m, surface.material));
-    let own_thickness = section.has("thickness_mm");
-    let thickness_mm = section.number_or("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
-    let table = section.table("material");
+    let own_thickness = section.has_key("thickness_mm");
+    let thickness_mm = section.read_number_or("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
+    let table = section.read_table("material");
     let material = table.map_or(base, |table| {
         let material = Material {
-            youngs_modulus_pa: table.number_or("youngs_modulus_pa", base.youngs_modulus_pa, YOUNGS_MODULUS_PA),
-            poisson_ratio: table.number_or("poisson_ratio", base.poisson_ratio, POISSON_RATIO),
-            density_kg_m3: table.number_or("density_kg_m3", base.density_kg_m3, DENSITY_KG_M3),
+            youngs_modulus_pa: table.read_number_or("youngs_modulus_pa", base.youngs_modulus_pa, YOUNGS_MODULUS_PA),
+            poisson_ratio: table.read_number_or("poisson_ratio", base.poisson_ratio, POISSON_RATIO),
+            density_kg_m3: table.read_number_or("density_kg_m3", base.density_kg_m3, DENSITY_KG_M3),
         };
-        table.close();
+        table.report_unknown_keys();
         material
     });
-    section.close();
+    section.report_unknown_keys();
     // The surface's own thickness to the last digit, so that a patch like the surface changes nothing.
     let thickness_m = if own_thickness { thickness_mm / 1e3 } else { thickness_m };
     Patch { x_m, y_m, length_m, width_m, thickness_m, material }
 }
 
-/// All `[[cutout]]`, which must leave one piece.
-pub(super) fn cutouts(sections: Vec<Section<'_, '_>>, surface: Option<&Surface>, size: &Size) -> Vec<Cutout> {
+/// Reads all `[[cutout]]`, which must leave the surface in one piece.
+pub(super) fn read_cutouts(
+    sections: Vec<TomlSection<'_, '_>>,
+    surface: Option<&Surface>,
+    size: &SurfaceSize,
+) -> Vec<Cutout> {
     let mut cutouts = Vec::new();
     let mut is_whole = true;
     for section in sections {
-        let report = section.report();
-        let place = section.place("x_mm");
-        let path = section.path().to_owned();
+        let report = section.mistake_report();
+        let place = section.byte_range_of_value("x_mm");
+        let path = section.path_in_messages().to_owned();
         if size.kind == SurfaceKind::Bar {
-            report.add(&place, format!("{path}: a bar has no cut-outs; a [[patch]] with a width_mm makes it narrower"));
+            report.add_mistake_at(
+                &place,
+                format!("{path}: a bar has no cut-outs; a [[patch]] with a width_mm makes it narrower"),
+            );
             return Vec::new();
         }
-        let (x_m, length_m) = span(&section, ["x_mm", "length_mm"], size.length_m);
-        let (y_m, width_m) = span(&section, ["y_mm", "width_mm"], size.width_m);
-        section.close();
+        let (x_m, length_m) = read_start_and_extent_m(&section, ["x_mm", "length_mm"], size.length_m);
+        let (y_m, width_m) = read_start_and_extent_m(&section, ["y_mm", "width_mm"], size.width_m);
+        section.report_unknown_keys();
         let cutout = Cutout { x_m, y_m, length_m, width_m };
         if [x_m, y_m, length_m, width_m].iter().any(|number| number.is_nan()) {
             continue;
         }
         cutouts.push(cutout);
         if let Some(surface) = surface.filter(|_| is_whole) {
-            let text = problem(&Layout::new(surface, &[], &cutouts));
+            let text = find_cutout_problem(&SurfaceLayout::new(surface, &[], &cutouts));
             is_whole = text.is_none();
             if let Some(text) = text {
-                report.add(&place, format!("{path} {text}"));
+                report.add_mistake_at(&place, format!("{path} {text}"));
             }
         }
     }
     cutouts
 }
 
-/// What is wrong with what cut-outs leave.
-fn problem(left: &Layout) -> Option<String> {
-    if let Some(vertex) = left.vertices().find(|vertex| vertex.is_pinch()) {
+/// What is wrong with the surface that cut-outs leave; `None` if nothing is.
+fn find_cutout_problem(remaining_layout: &SurfaceLayout) -> Option<String> {
+    if let Some(vertex) = remaining_layout.border_vertices().find(|vertex| vertex.is_pinch()) {
         let (x, y) = vertex.at;
         return Some(format!(
             "leaves parts of the surface that meet in the point ({}, {}) mm only, but they must be joined along a line: \
              let the cut-outs overlap, or move them apart",
-            mm(x),
-            mm(y)
+            metres_to_rounded_mm(x),
+            metres_to_rounded_mm(y)
         ));
     }
-    match left.pieces() {
+    match remaining_layout.count_connected_pieces() {
         0 => Some(String::from("leaves nothing of the surface")),
         1 => None,
         pieces => Some(format!("leaves the surface in {pieces} pieces, but it must stay in one")),

@@ -47,11 +47,11 @@ pub enum PixelError {
 
 impl Screen {
     /// The point of the surface in m under a pixel position, 0..=width_px and 0..=height_px, as arithmetic has it:
-    /// [`Scene::place_px`] makes a place of it.
+    /// [`Scene::surface_point_at_px`] makes a place of it.
     ///
     /// # Errors
     /// [`ScreenError`] outside the screen.
-    pub fn px_to_surface_m(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), ScreenError> {
+    pub fn convert_px_to_surface_m(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), ScreenError> {
         let part = |field, value: f64, pixels: u32| {
             let max = f64::from(pixels);
             if (0.0..=max).contains(&value) {
@@ -68,7 +68,7 @@ impl Screen {
     ///
     /// # Errors
     /// [`ScreenError`] (in mm) where the surface has no screen.
-    pub fn surface_m_to_px(&self, x_m: f64, y_m: f64) -> Result<(f64, f64), ScreenError> {
+    pub fn convert_surface_m_to_px(&self, x_m: f64, y_m: f64) -> Result<(f64, f64), ScreenError> {
         let part = |field, value: f64, start: f64, length: f64, pixels: u32| {
             let part = (value - start) / length;
             // A point on the border may have been rounded beyond it on its way here.
@@ -89,8 +89,8 @@ impl Scene {
     ///
     /// # Errors
     /// [`PixelError`] where there is no screen, or no surface.
-    pub fn place_px(&self, x_px: f64, y_px: f64) -> Result<SurfacePoint, PixelError> {
-        let (x_m, y_m) = self.screen.px_to_surface_m(x_px, y_px)?;
-        Ok(self.place(x_m, y_m)?)
+    pub fn surface_point_at_px(&self, x_px: f64, y_px: f64) -> Result<SurfacePoint, PixelError> {
+        let (x_m, y_m) = self.screen.convert_px_to_surface_m(x_px, y_px)?;
+        Ok(self.surface_point_at(x_m, y_m)?)
     }
 }

@@ -5,8 +5,8 @@
 //! arithmetic the eigenvalues come apart by the square root of the round-off and V by as little, and the answer is noise.
 //! [`Propagator`](super::Propagator) is what the program uses.
 
-use super::system::{check_drive, check_grid, check_initial};
-use super::{Harmonic, Initial, SecondOrder, TimeGrid, TransientError};
+use super::system::{check_harmonic_force, check_initial_state, check_time_grid};
+use super::{HarmonicForce, InitialState, SecondOrderSystem, TimeGrid, TransientError};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use nalgebra::{DMatrix, DVector};
@@ -17,22 +17,22 @@ use num_complex::Complex64;
 /// # Errors
 /// Sizes and numbers; [`TransientError::Unbounded`] if equation 15 has no solution, [`TransientError::Defective`] if
 /// equation 16 or 21 has none.
-pub fn displacements(
-    system: &SecondOrder,
-    initial: &Initial,
-    drives: &[Harmonic],
+pub fn compute_published_displacements(
+    system: &SecondOrderSystem,
+    initial: &InitialState,
+    drives: &[HarmonicForce],
     grid: TimeGrid,
 ) -> Result<DMatrix<f64>, TransientError> {
-    system.check()?;
-    check_grid(grid)?;
-    let n = system.unknowns();
-    check_initial(initial, n)?;
+    system.check_matrices()?;
+    check_time_grid(grid)?;
+    let n = system.count_unknowns();
+    check_initial_state(initial, n)?;
     // Equation 15 for each frequency, and the right-hand side of equation 21.
     let (mut x0, mut v0) = (initial.displacement.clone(), initial.velocity.clone());
     let mut particular = Vec::with_capacity(drives.len());
     for drive in drives {
-        check_drive(drive, n)?;
-        let (p, q) = particular_solution(system, drive)?;
+        check_harmonic_force(drive, n)?;
+        let (p, q) = solve_particular_cos_and_sin(system, drive)?;
         x0 -= &p;
         v0 -= &q * drive.omega_rad_s;
         particular.push((drive.omega_rad_s, p, q));
@@ -60,7 +60,7 @@ pub fn displacements(
     let mut out = DMatrix::zeros(grid.count, n);
     let mut sum = DVector::zeros(n);
     for k in 0..grid.count {
-        let t = grid.time_s(k);
+        let t = grid.time_at_index_s(k);
         sum.fill(Complex64::ZERO);
         for j in 0..2 * n {
             sum.axpy((values[j] * t).exp(), &shapes.column(j), Complex64::ONE);
@@ -82,11 +82,11 @@ pub fn displacements(
 ///
 /// # Errors
 /// [`TransientError::Unbounded`] if the matrix is exactly singular; close to it the answer is noise.
-pub fn particular_solution(
-    system: &SecondOrder,
-    drive: &Harmonic,
+pub fn solve_particular_cos_and_sin(
+    system: &SecondOrderSystem,
+    drive: &HarmonicForce,
 ) -> Result<(DVector<f64>, DVector<f64>), TransientError> {
-    let n = system.unknowns();
+    let n = system.count_unknowns();
     let omega = drive.omega_rad_s;
     let dynamic = &system.k - &system.m * (omega * omega);
     let mut matrix = DMatrix::zeros(2 * n, 2 * n);

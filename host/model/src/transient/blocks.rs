@@ -13,19 +13,19 @@ const LONGEST: usize = 128;
 
 /// A harmonic part of every output: Re(amplitude e^(j omega t)), one amplitude per output.
 #[derive(Clone, Debug)]
-pub struct Wave {
+pub struct HarmonicOutput {
     pub omega_rad_s: f64,
     pub amplitudes: Vec<Complex64>,
 }
 
 /// e^(j omega index step).
 #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
-pub fn phasor(omega_rad_s: f64, step_s: f64, index: usize) -> Complex64 {
+pub fn unit_phasor_at_index(omega_rad_s: f64, step_s: f64, index: usize) -> Complex64 {
     Complex64::from_polar(1.0, omega_rad_s * (index as f64 * step_s))
 }
 
 /// A power of two such that a table of `outputs` rows and the block starts cost about the same.
-pub fn block_length(count: usize, outputs: usize) -> usize {
+pub fn choose_block_length(count: usize, outputs: usize) -> usize {
     let mut length = 4;
     while length < LONGEST && length * length * outputs < 2 * count {
         length *= 2;
@@ -34,16 +34,16 @@ pub fn block_length(count: usize, outputs: usize) -> usize {
 }
 
 /// Series (`count` x r) of rows E^k `state` plus waves, E the propagator over one step, `rows` r x S.
-pub fn series(
+pub fn compute_series_with_harmonics(
     rows: &DMatrix<f64>,
     one_step: DMatrix<f64>,
     state: &DVector<f64>,
-    waves: &[Wave],
+    waves: &[HarmonicOutput],
     step_s: f64,
     count: usize,
 ) -> DMatrix<f64> {
     let (outputs, size) = rows.shape();
-    let length = block_length(count, outputs);
+    let length = choose_block_length(count, outputs);
     let blocks = count.div_ceil(length);
     let width = size + 2 * waves.len();
     // Row b r + i of the table: row_i E^b.
@@ -58,11 +58,11 @@ pub fn series(
         filled *= 2;
     }
     let mut starts = DMatrix::zeros(width, blocks);
-    block_starts(&propagate, state, &mut starts);
+    compute_block_start_states(&propagate, state, &mut starts);
     for (w, wave) in waves.iter().enumerate() {
         let at = size + 2 * w;
         for b in 0..length {
-            let turned = phasor(wave.omega_rad_s, step_s, b);
+            let turned = unit_phasor_at_index(wave.omega_rad_s, step_s, b);
             for (i, amplitude) in wave.amplitudes.iter().enumerate() {
                 let value = amplitude * turned;
                 table[(b * outputs + i, at)] = value.re;
@@ -70,7 +70,7 @@ pub fn series(
             }
         }
         for a in 0..blocks {
-            let value = phasor(wave.omega_rad_s, step_s, a * length);
+            let value = unit_phasor_at_index(wave.omega_rad_s, step_s, a * length);
             starts[(at, a)] = value.re;
             starts[(at + 1, a)] = value.im;
         }
@@ -87,7 +87,7 @@ pub fn series(
 }
 
 /// E^(L a) `state` into the first rows of column a, by a product of matrices for many columns.
-fn block_starts(propagate: &DMatrix<f64>, state: &DVector<f64>, starts: &mut DMatrix<f64>) {
+fn compute_block_start_states(propagate: &DMatrix<f64>, state: &DVector<f64>, starts: &mut DMatrix<f64>) {
     /// Columns from which five more squarings cost less than single products.
     const MANY: usize = 160;
     /// Columns per product then.

@@ -12,37 +12,38 @@ const NORM_16: f64 = 0.8;
 /// Most squarings: a norm of 1e18 or so, beyond which the result is zero or infinite anyway.
 const MOST_SQUARINGS: i32 = 60;
 
-/// exp(`matrix`), square.
-pub fn exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let norm = norm_1(matrix);
+/// The exponential of a square matrix.
+pub fn matrix_exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let norm = largest_column_sum(matrix);
     if norm <= NORM_9 {
-        return taylor(matrix, 9, 3);
+        return evaluate_exponential_taylor(matrix, 9, 3);
     }
-    let squarings = squarings(norm);
-    let mut result = taylor(&(matrix * 0.5_f64.powi(squarings)), 16, 4);
+    let squarings = count_squarings(norm);
+    let mut result = evaluate_exponential_taylor(&(matrix * 0.5_f64.powi(squarings)), 16, 4);
     for _ in 0..squarings {
         result = &result * &result;
     }
     result
 }
 
-/// Matrix products that [`exponential`] makes for a matrix of this norm.
-pub fn products(norm: f64) -> f64 {
-    if norm <= NORM_9 { 4.0 } else { 6.0 + f64::from(squarings(norm)) }
+/// Matrix products that [`matrix_exponential`] makes for a matrix of this norm.
+pub fn count_exponential_products(norm: f64) -> f64 {
+    if norm <= NORM_9 { 4.0 } else { 6.0 + f64::from(count_squarings(norm)) }
 }
 
+/// Number of squarings for a matrix of this norm.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 0 to MOST_SQUARINGS first")]
-fn squarings(norm: f64) -> i32 {
+fn count_squarings(norm: f64) -> i32 {
     (norm / NORM_16).log2().ceil().clamp(0.0, f64::from(MOST_SQUARINGS)) as i32
 }
 
-/// Largest column sum.
-pub fn norm_1(matrix: &DMatrix<f64>) -> f64 {
+/// The largest sum of magnitudes in a column (the 1-norm).
+pub fn largest_column_sum(matrix: &DMatrix<f64>) -> f64 {
     matrix.column_iter().map(|column| column.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max)
 }
 
 /// Sum of matrix^k / k! up to `degree`, a multiple of `stride`, with powers up to `stride` and Horner's rule in the last.
-fn taylor(matrix: &DMatrix<f64>, degree: usize, stride: usize) -> DMatrix<f64> {
+fn evaluate_exponential_taylor(matrix: &DMatrix<f64>, degree: usize, stride: usize) -> DMatrix<f64> {
     let n = matrix.nrows();
     let mut coefficients = vec![1.0; degree + 1];
     for k in 1..=degree {

@@ -26,13 +26,13 @@ mod steady;
 mod system;
 
 pub use propagator::Propagator;
-pub use steady::steady_state;
+pub use steady::solve_steady_state;
 
 use nalgebra::{DMatrix, DVector};
 
 /// M q'' + C q' + K q = f with n unknowns; all matrices n x n, in consistent units (kg, N s/m, N/m for translations).
 #[derive(Clone, Debug, PartialEq)]
-pub struct SecondOrder {
+pub struct SecondOrderSystem {
     /// Mass: symmetric, positive definite.
     pub m: DMatrix<f64>,
     /// Viscous damping: any; symmetric unless there are gyroscopic forces.
@@ -43,7 +43,7 @@ pub struct SecondOrder {
 
 /// A harmonic force, `force_n` cos(`omega_rad_s` t + `phase_rad`), switched on at t = 0.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Harmonic {
+pub struct HarmonicForce {
     /// Angular frequency in rad/s, 0 and up.
     pub omega_rad_s: f64,
     /// Phase at t = 0 in rad; -pi/2 makes a sine.
@@ -54,17 +54,17 @@ pub struct Harmonic {
 
 /// Displacement and velocity at t = 0, length n each.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Initial {
+pub struct InitialState {
     /// q(0).
     pub displacement: DVector<f64>,
     /// q'(0).
     pub velocity: DVector<f64>,
 }
 
-impl Initial {
-    /// At rest.
+impl InitialState {
+    /// The state at rest.
     #[must_use]
-    pub fn rest(unknowns: usize) -> Self {
+    pub fn at_rest(unknowns: usize) -> Self {
         Self { displacement: DVector::zeros(unknowns), velocity: DVector::zeros(unknowns) }
     }
 }
@@ -82,17 +82,17 @@ pub struct TimeGrid {
 pub const MOST_TIMES: usize = 10_000_000;
 
 impl TimeGrid {
-    /// Time `index` in s.
+    /// The time of an index in s.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
-    pub fn time_s(&self, index: usize) -> f64 {
+    pub fn time_at_index_s(&self, index: usize) -> f64 {
         index as f64 * self.step_s
     }
 }
 
 /// What to put out: rows times q, q' or q''.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum MotionQuantity {
     /// q.
     Displacement,
     /// q'.
@@ -103,7 +103,7 @@ pub enum Quantity {
 
 /// Of which unknowns.
 #[derive(Clone, Copy, Debug)]
-pub enum Outputs<'a> {
+pub enum OutputRows<'a> {
     /// Every unknown.
     All,
     /// Combinations of them: r x n.

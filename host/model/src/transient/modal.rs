@@ -1,9 +1,9 @@
 //! Series of decoupled modes.
 
-use super::Quantity;
-use super::blocks::{DIED_OUT, Wave, block_length, phasor};
-use super::oscillator::Step;
-use super::system::Modes;
+use super::MotionQuantity;
+use super::blocks::{DIED_OUT, HarmonicOutput, choose_block_length, unit_phasor_at_index};
+use super::oscillator::OscillatorStep;
+use super::system::DecoupledModes;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -11,28 +11,33 @@ use num_complex::Complex64;
 const FEW: usize = 8;
 
 /// Weights of a mode's displacement and velocity in a quantity: q'' = -lambda q - c q' in free motion.
-fn weights(quantity: Quantity, lambda: f64, damping: f64) -> (f64, f64) {
+fn displacement_and_velocity_weights(quantity: MotionQuantity, lambda: f64, damping: f64) -> (f64, f64) {
     match quantity {
-        Quantity::Displacement => (1.0, 0.0),
-        Quantity::Velocity => (0.0, 1.0),
-        Quantity::Acceleration => (-lambda, -damping),
+        MotionQuantity::Displacement => (1.0, 0.0),
+        MotionQuantity::Velocity => (0.0, 1.0),
+        MotionQuantity::Acceleration => (-lambda, -damping),
     }
 }
 
 /// The quantity over one block for unit displacement (columns 0 to n - 1) and unit velocity (n to 2n - 1) at its start.
-fn table(modes: &Modes, quantity: Quantity, step_s: f64, length: usize) -> DMatrix<f64> {
+fn unit_responses_over_block(
+    modes: &DecoupledModes,
+    quantity: MotionQuantity,
+    step_s: f64,
+    length: usize,
+) -> DMatrix<f64> {
     let n = modes.lambda.len();
     let mut table = DMatrix::zeros(length, 2 * n);
     let (left, right) = table.as_mut_slice().split_at_mut(length * n);
     for (mode, (from_q, from_v)) in left.chunks_exact_mut(length).zip(right.chunks_exact_mut(length)).enumerate() {
         let (lambda, damping) = (modes.lambda[mode], modes.damping[mode]);
-        let step = Step::over(step_s, lambda, damping);
-        let (a, b) = weights(quantity, lambda, damping);
+        let step = OscillatorStep::from_time_and_mode(step_s, lambda, damping);
+        let (a, b) = displacement_and_velocity_weights(quantity, lambda, damping);
         let (mut unit_q, mut unit_v) = ((1.0, 0.0), (0.0, 1.0));
         for (q, v) in from_q.iter_mut().zip(from_v) {
             *q = a * unit_q.0 + b * unit_q.1;
             *v = a * unit_v.0 + b * unit_v.1;
-            (unit_q, unit_v) = (step.apply(unit_q), step.apply(unit_v));
+            (unit_q, unit_v) = (step.advance_state(unit_q), step.advance_state(unit_v));
         }
     }
     table
@@ -40,19 +45,19 @@ fn table(modes: &Modes, quantity: Quantity, step_s: f64, length: usize) -> DMatr
 
 /// Series (`count` x r) of free motion from modal displacement `q` and velocity `v`, plus waves; `rows` are r x n and take
 /// the outputs from the modes.
-pub fn series(
-    modes: &Modes,
+pub fn compute_modal_series(
+    modes: &DecoupledModes,
     rows: &DMatrix<f64>,
-    quantity: Quantity,
+    quantity: MotionQuantity,
     (q, v): (&DVector<f64>, &DVector<f64>),
-    waves: &[Wave],
+    waves: &[HarmonicOutput],
     (step_s, count): (f64, usize),
 ) -> DMatrix<f64> {
     let outputs = rows.nrows();
-    let length = block_length(count, outputs.min(2));
+    let length = choose_block_length(count, outputs.min(2));
     let blocks = count.div_ceil(length);
     let n = modes.lambda.len();
-    let table = table(modes, quantity, step_s, length);
+    let table = unit_responses_over_block(modes, quantity, step_s, length);
     #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
     let block_s = length as f64 * step_s;
     // Displacements and velocities at the starts of blocks, 2n x A.
@@ -61,7 +66,7 @@ pub fn series(
     for mode in 0..n {
         let omega = modes.lambda[mode].abs().sqrt();
         let size = |state: (f64, f64)| (omega * state.0).abs().max(state.1.abs());
-        let step = Step::over(block_s, modes.lambda[mode], modes.damping[mode]);
+        let step = OscillatorStep::from_time_and_mode(block_s, modes.lambda[mode], modes.damping[mode]);
         let mut state = (q[mode], v[mode]);
         let dead = DIED_OUT * size(state);
         for a in 0..blocks {
@@ -71,27 +76,27 @@ pub fn series(
                 break;
             }
             (starts[(mode, a)], starts[(n + mode, a)]) = state;
-            state = step.apply(state);
+            state = step.advance_state(state);
         }
     }
     if outputs <= FEW {
-        few(rows, &table, &starts, waves, (length, step_s, count))
+        compute_series_of_few_outputs(rows, &table, &starts, waves, (length, step_s, count))
     } else {
-        many(rows, &table, &starts, &alive, waves, (length, step_s, count))
+        compute_series_of_many_outputs(rows, &table, &starts, &alive, waves, (length, step_s, count))
     }
 }
 
 /// One product: the table, times the block starts weighted for each output.
-fn few(
+fn compute_series_of_few_outputs(
     rows: &DMatrix<f64>,
     table: &DMatrix<f64>,
     starts: &DMatrix<f64>,
-    waves: &[Wave],
+    waves: &[HarmonicOutput],
     (length, step_s, count): (usize, f64, usize),
 ) -> DMatrix<f64> {
     let (outputs, n) = rows.shape();
     let (blocks, width) = (starts.ncols(), 2 * n + 2 * waves.len());
-    let table = with_waves(table, 2 * n, waves, step_s);
+    let table = append_wave_columns(table, 2 * n, waves, step_s);
     let mut weighted = DMatrix::zeros(width, blocks * outputs);
     for i in 0..outputs {
         for a in 0..blocks {
@@ -101,7 +106,7 @@ fn few(
                 column[n + mode] = rows[(i, mode)] * starts[(n + mode, a)];
             }
             for (w, wave) in waves.iter().enumerate() {
-                let value = wave.amplitudes[i] * phasor(wave.omega_rad_s, step_s, a * length);
+                let value = wave.amplitudes[i] * unit_phasor_at_index(wave.omega_rad_s, step_s, a * length);
                 column[2 * n + 2 * w] = value.re;
                 column[2 * n + 2 * w + 1] = value.im;
             }
@@ -112,13 +117,13 @@ fn few(
 }
 
 /// The table's first columns, and cosine and minus sine of each wave over one block.
-fn with_waves(table: &DMatrix<f64>, columns: usize, waves: &[Wave], step_s: f64) -> DMatrix<f64> {
+fn append_wave_columns(table: &DMatrix<f64>, columns: usize, waves: &[HarmonicOutput], step_s: f64) -> DMatrix<f64> {
     let length = table.nrows();
     let mut wide = DMatrix::zeros(length, columns + 2 * waves.len());
     wide.columns_mut(0, columns).copy_from(&table.columns(0, columns));
     for (w, wave) in waves.iter().enumerate() {
         for b in 0..length {
-            let value = phasor(wave.omega_rad_s, step_s, b);
+            let value = unit_phasor_at_index(wave.omega_rad_s, step_s, b);
             wide[(b, columns + 2 * w)] = value.re;
             wide[(b, columns + 2 * w + 1)] = -value.im;
         }
@@ -127,17 +132,17 @@ fn with_waves(table: &DMatrix<f64>, columns: usize, waves: &[Wave], step_s: f64)
 }
 
 /// Block by block: the modes that are left, over the block, times the rows.
-fn many(
+fn compute_series_of_many_outputs(
     rows: &DMatrix<f64>,
     table: &DMatrix<f64>,
     starts: &DMatrix<f64>,
     alive: &[usize],
-    waves: &[Wave],
+    waves: &[HarmonicOutput],
     (length, step_s, count): (usize, f64, usize),
 ) -> DMatrix<f64> {
     let (outputs, n) = rows.shape();
     let first = 2 * waves.len();
-    let cosines = with_waves(table, 0, waves, step_s);
+    let cosines = append_wave_columns(table, 0, waves, step_s);
     // Waves first, then modes, the slowest to die out first, so that what is left is a leading part.
     let mut transposed = DMatrix::zeros(first + n, outputs);
     transposed.rows_mut(first, n).copy_from(&rows.transpose());
@@ -153,7 +158,7 @@ fn many(
     for a in 0..starts.ncols() {
         for (w, wave) in waves.iter().enumerate() {
             // Re(u e^(j w t)) = Re u cos - Im u sin of the time since t = 0.
-            let start = phasor(wave.omega_rad_s, step_s, a * length);
+            let start = unit_phasor_at_index(wave.omega_rad_s, step_s, a * length);
             for b in 0..length {
                 let value = start * Complex64::new(cosines[(b, 2 * w)], -cosines[(b, 2 * w + 1)]);
                 scalar[(b, 2 * w)] = value.re;

@@ -1,6 +1,8 @@
 //! A panel in time: what a point of it does after drives are switched on.
 
-use super::{Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError};
+use super::{
+    HarmonicForce, InitialState, MotionQuantity, OutputRows, Propagator, SecondOrderSystem, TimeGrid, TransientError,
+};
 use crate::model::{Accuracy, ModelError, PanelModel, ReducedModel};
 use crate::scene::Scene;
 use crate::transient::reduced::ModalSystem;
@@ -49,7 +51,7 @@ pub enum TimesError {
 /// # Errors
 /// [`TimesError`].
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
-pub fn times(duration_s: f64, step_s: f64) -> Result<TimeGrid, TimesError> {
+pub fn choose_time_grid(duration_s: f64, step_s: f64) -> Result<TimeGrid, TimesError> {
     if !(step_s > 0.0 && step_s.is_finite()) {
         return Err(TimesError::Step { value: step_s });
     }
@@ -73,7 +75,7 @@ pub enum MotionError {
 
 /// One actuator's harmonic force, switched on at t = 0: `force_n` cos(2 pi `frequency_hz` t + `phase_rad`).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drive {
+pub struct SwitchedForce {
     /// Index in the scene.
     pub actuator: usize,
     /// In Hz.
@@ -84,12 +86,12 @@ pub struct Drive {
     pub phase_rad: f64,
 }
 
-impl Drive {
+impl SwitchedForce {
     /// Whether its frequency and force are within what motions are computed for.
     ///
     /// # Errors
     /// [`TransientError::Range`].
-    pub fn check(&self) -> Result<(), TransientError> {
+    pub fn check_frequency_and_force(&self) -> Result<(), TransientError> {
         let within = |what, value: f64, min: f64, max: f64| {
             if (min..=max).contains(&value) { Ok(()) } else { Err(TransientError::Range { what, value, min, max }) }
         };
@@ -100,7 +102,7 @@ impl Drive {
 
 /// The highest frequency of drives in Hz; 1 without any.
 #[must_use]
-pub fn highest_hz(drives: &[Drive]) -> f64 {
+pub fn highest_drive_frequency_hz(drives: &[SwitchedForce]) -> f64 {
     drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max)
 }
 
@@ -108,21 +110,21 @@ pub fn highest_hz(drives: &[Drive]) -> f64 {
 ///
 /// # Errors
 /// [`MotionError`].
-pub fn switched_on(
+pub fn compute_motion_after_switch_on(
     scene: &Scene,
     accuracy: Accuracy,
     at: (f64, f64),
-    drives: &[Drive],
+    drives: &[SwitchedForce],
     grid: TimeGrid,
-) -> Result<Motion, MotionError> {
-    let modelled_hz = SWITCHED_ON * highest_hz(drives);
+) -> Result<PointMotion, MotionError> {
+    let modelled_hz = SWITCHED_ON * highest_drive_frequency_hz(drives);
     let model = PanelModel::build(scene, accuracy, modelled_hz)?.reduce(modelled_hz, &[at])?;
-    Ok(motion_at(&model, &model.shape_at(at.0, at.1), drives, grid)?)
+    Ok(compute_point_motion(&model, &model.shape_deflections_at(at.0, at.1), drives, grid)?)
 }
 
 /// A point's motion from rest.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct PointMotion {
     /// Times in s, from 0.
     pub time_s: Vec<f64>,
     /// Displacement in m.
@@ -133,22 +135,22 @@ pub struct Motion {
     pub steady_peak_m_per_s2: f64,
 }
 
-impl Motion {
+impl PointMotion {
     /// When it has settled, in s, to a tenth of its steady peak; `None` if it does not in this time, or if there are several
     /// drives: they beat, and a beat's peaks say nothing about settling.
     #[must_use]
-    pub fn settled_s(&self, drives: &[Drive]) -> Option<f64> {
+    pub fn settling_time_of_single_drive_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
         match drives {
-            [drive] => self.settles_s(drive.frequency_hz, SETTLED),
+            [drive] => self.settling_time_within_s(drive.frequency_hz, SETTLED),
             _ => None,
         }
     }
 
     /// When a single drive's motion has settled, in s: from there on the largest acceleration of every period is within
-    /// `part` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
+    /// `tolerance_fraction` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn settles_s(&self, frequency_hz: f64, part: f64) -> Option<f64> {
+    pub fn settling_time_within_s(&self, frequency_hz: f64, tolerance_fraction: f64) -> Option<f64> {
         let step_s = self.time_s.get(1)?;
         let steps = (1.0 / (frequency_hz * step_s)).ceil();
         if steps < LEAST_STEPS {
@@ -157,7 +159,7 @@ impl Motion {
         let periods = self.acceleration_m_per_s2.chunks_exact(steps as usize);
         let is_steady = |period: &[f64]| {
             let peak = period.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
-            (peak - self.steady_peak_m_per_s2).abs() <= part * self.steady_peak_m_per_s2
+            (peak - self.steady_peak_m_per_s2).abs() <= tolerance_fraction * self.steady_peak_m_per_s2
         };
         let settled = periods.clone().rev().take_while(|period| is_steady(period)).count();
         let first = periods.len() - settled;
@@ -166,7 +168,7 @@ impl Motion {
 
     /// Largest acceleration in m/s^2.
     #[must_use]
-    pub fn peak_m_per_s2(&self) -> f64 {
+    pub fn peak_acceleration_m_per_s2(&self) -> f64 {
         self.acceleration_m_per_s2.iter().fold(0.0, |most, a| most.max(a.abs()))
     }
 }
@@ -176,47 +178,52 @@ impl Motion {
 ///
 /// # Errors
 /// [`TransientError`]: numbers out of range, or a drive at an undamped resonance, whose steady state has no bound.
-pub fn motion_at(
+pub fn compute_point_motion(
     model: &ReducedModel,
     shape: &DVector<f64>,
-    drives: &[Drive],
+    drives: &[SwitchedForce],
     grid: TimeGrid,
-) -> Result<Motion, TransientError> {
+) -> Result<PointMotion, TransientError> {
     let modal = ModalSystem::from_reduced(model);
     let highest = (std::f64::consts::TAU * HIGHEST_HZ).powi(2);
     // Ascending, so what is kept comes first.
     let n = modal.lambda.iter().filter(|lambda| **lambda <= highest).count();
-    let system = SecondOrder {
+    let system = SecondOrderSystem {
         m: DMatrix::identity(n, n),
         c: modal.damping.view((0, 0), (n, n)).into_owned(),
         k: DMatrix::from_diagonal(&modal.lambda.rows(0, n).into_owned()),
     };
     let row = DMatrix::from_fn(1, n, |_, j| shape[j]);
-    let forces: Vec<Harmonic> = drives
+    let forces: Vec<HarmonicForce> = drives
         .iter()
-        .map(|drive| Harmonic {
+        .map(|drive| HarmonicForce {
             omega_rad_s: std::f64::consts::TAU * drive.frequency_hz,
             phase_rad: drive.phase_rad,
             force_n: DVector::from_fn(n, |i, _| modal.force[(i, drive.actuator)] * drive.force_n),
         })
         .collect();
     let propagator = Propagator::new(&system, grid)?;
-    let rest = Initial { displacement: DVector::zeros(n), velocity: DVector::zeros(n) };
+    let rest = InitialState { displacement: DVector::zeros(n), velocity: DVector::zeros(n) };
     let series = |quantity| -> Result<Vec<f64>, TransientError> {
-        Ok(propagator.harmonic(&rest, &forces, Outputs::Rows(&row), quantity)?.column(0).iter().copied().collect())
+        Ok(propagator
+            .compute_motion_under_harmonics(&rest, &forces, OutputRows::Rows(&row), quantity)?
+            .column(0)
+            .iter()
+            .copied()
+            .collect())
     };
     let mut steady_peak_m_per_s2 = 0.0;
     for force in &forces {
-        let amplitude = (&row * propagator.steady(force)?.map(|z| z.re))[0]
-            .hypot((&row * propagator.steady(force)?.map(|z| z.im))[0]);
+        let amplitude = (&row * propagator.solve_steady_amplitudes(force)?.map(|z| z.re))[0]
+            .hypot((&row * propagator.solve_steady_amplitudes(force)?.map(|z| z.im))[0]);
         steady_peak_m_per_s2 += amplitude * force.omega_rad_s * force.omega_rad_s;
     }
     #[expect(clippy::cast_precision_loss, reason = "at most 1e7 times")]
     let time_s = (0..grid.count).map(|i| i as f64 * grid.step_s).collect();
-    Ok(Motion {
+    Ok(PointMotion {
         time_s,
-        displacement_m: series(Quantity::Displacement)?,
-        acceleration_m_per_s2: series(Quantity::Acceleration)?,
+        displacement_m: series(MotionQuantity::Displacement)?,
+        acceleration_m_per_s2: series(MotionQuantity::Acceleration)?,
         steady_peak_m_per_s2,
     })
 }
@@ -233,10 +240,11 @@ mod tests {
     fn motion_settles_to_the_response() {
         let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 150.0).unwrap().reduce(150.0, &[]).unwrap();
-        let shape = model.shape_at(0.1, 0.06);
+        let shape = model.shape_deflections_at(0.1, 0.06);
         let hz = 126.0;
-        let drive = Drive { actuator: 0, frequency_hz: hz, force_n: 0.1, phase_rad: -std::f64::consts::FRAC_PI_2 };
-        let motion = motion_at(&model, &shape, &[drive], TimeGrid { step_s: 1e-4, count: 20_001 }).unwrap();
+        let drive =
+            SwitchedForce { actuator: 0, frequency_hz: hz, force_n: 0.1, phase_rad: -std::f64::consts::FRAC_PI_2 };
+        let motion = compute_point_motion(&model, &shape, &[drive], TimeGrid { step_s: 1e-4, count: 20_001 }).unwrap();
         let curve = response::acceleration_curves(&model, &shape, &[hz]).unwrap();
         let expected = 0.1 * curve[0][0].norm();
         assert!(
@@ -246,7 +254,7 @@ mod tests {
         );
         let late = motion.acceleration_m_per_s2[18_000..].iter().fold(0.0_f64, |most, a| most.max(a.abs()));
         assert!((late / motion.steady_peak_m_per_s2 - 1.0).abs() < 0.01, "{late}");
-        let settled = motion.settles_s(hz, 0.1).unwrap();
+        let settled = motion.settling_time_within_s(hz, 0.1).unwrap();
         assert!(settled > 0.005 && settled < 1.0, "{settled}");
         assert!(motion.displacement_m[0].abs() < 1e-15);
     }

@@ -1,10 +1,14 @@
 //! The public solver: one system, one grid of times, any forces and initial states.
 
-use super::blocks::{self, Wave};
-use super::exponential::{exponential, norm_1, products};
+use super::blocks::{self, HarmonicOutput};
+use super::exponential::{count_exponential_products, largest_column_sum, matrix_exponential};
 use super::state::StateSpace;
-use super::system::{MassCoordinates, Modes, check_drive, check_grid, check_initial, check_shape};
-use super::{Harmonic, Initial, Outputs, Quantity, SecondOrder, TimeGrid, TransientError, modal, steady};
+use super::system::{
+    DecoupledModes, MassCoordinates, check_harmonic_force, check_initial_state, check_shape, check_time_grid,
+};
+use super::{
+    HarmonicForce, InitialState, MotionQuantity, OutputRows, SecondOrderSystem, TimeGrid, TransientError, modal, steady,
+};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -15,15 +19,15 @@ const NOT_EXCITED: f64 = 1e-9;
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(super) grid: TimeGrid,
-    pub(super) kind: Kind,
-    system: SecondOrder,
+    pub(super) kind: PropagatorKind,
+    system: SecondOrderSystem,
     /// The factor c of the bound c k u, see [`Propagator::round_off_bound`].
     units_per_step: f64,
 }
 
 #[derive(Clone, Debug)]
-pub(super) enum Kind {
-    Modal(Modes),
+pub(super) enum PropagatorKind {
+    Modal(DecoupledModes),
     Coupled { coordinates: MassCoordinates, state: StateSpace },
 }
 
@@ -32,39 +36,39 @@ impl Propagator {
     ///
     /// # Errors
     /// Sizes, numbers, symmetry of M and K, mass in every direction.
-    pub fn new(system: &SecondOrder, grid: TimeGrid) -> Result<Self, TransientError> {
-        system.check()?;
-        check_grid(grid)?;
+    pub fn new(system: &SecondOrderSystem, grid: TimeGrid) -> Result<Self, TransientError> {
+        system.check_matrices()?;
+        check_time_grid(grid)?;
         let coordinates = MassCoordinates::new(system)?;
         #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
-        let size = 2.0 * system.unknowns() as f64;
-        let (kind, units_per_step) = if let Some(modes) = coordinates.decouple() {
+        let size = 2.0 * system.count_unknowns() as f64;
+        let (kind, units_per_step) = if let Some(modes) = coordinates.decouple_into_modes() {
             // Per step the 2 x 2 propagator's entries (a few units each) and its product; once, n terms per output.
-            (Kind::Modal(modes), 16.0)
+            (PropagatorKind::Modal(modes), 16.0)
         } else {
-            let state = StateSpace::new(&coordinates, horizon_s(grid))?;
-            let rounds = 1.0 + products(norm_1(&state.a) * grid.step_s);
-            (Kind::Coupled { coordinates, state }, rounds * size.powf(1.5))
+            let state = StateSpace::new(&coordinates, last_time_s(grid))?;
+            let rounds = 1.0 + count_exponential_products(largest_column_sum(&state.a) * grid.step_s);
+            (PropagatorKind::Coupled { coordinates, state }, rounds * size.powf(1.5))
         };
         Ok(Self { grid, kind, system: system.clone(), units_per_step })
     }
 
     /// Number of unknowns n.
     #[must_use]
-    pub fn unknowns(&self) -> usize {
-        self.system.unknowns()
+    pub fn count_unknowns(&self) -> usize {
+        self.system.count_unknowns()
     }
 
     /// The grid of times.
     #[must_use]
-    pub const fn grid(&self) -> TimeGrid {
+    pub const fn time_grid(&self) -> TimeGrid {
         self.grid
     }
 
     /// Whether real modes were found: proportional damping, or none.
     #[must_use]
-    pub const fn is_decoupled(&self) -> bool {
-        matches!(self.kind, Kind::Modal(_))
+    pub const fn has_decoupled_modes(&self) -> bool {
+        matches!(self.kind, PropagatorKind::Modal(_))
     }
 
     /// Bound on the round-off of the recurrence at time `index`, relative to the size of the initial free motion (the root
@@ -87,9 +91,11 @@ impl Propagator {
     ///
     /// # Errors
     /// [`TransientError::Unbounded`] at an undamped resonance that the force excites; sizes and numbers.
-    pub fn steady(&self, drive: &Harmonic) -> Result<DVector<Complex64>, TransientError> {
-        check_drive(drive, self.unknowns())?;
-        let Kind::Modal(modes) = &self.kind else { return steady::solve(&self.system, drive) };
+    pub fn solve_steady_amplitudes(&self, drive: &HarmonicForce) -> Result<DVector<Complex64>, TransientError> {
+        check_harmonic_force(drive, self.count_unknowns())?;
+        let PropagatorKind::Modal(modes) = &self.kind else {
+            return steady::solve_checked_steady_state(&self.system, drive);
+        };
         let force = modes.shapes.tr_mul(&drive.force_n);
         let (omega, square) = (drive.omega_rad_s, drive.omega_rad_s * drive.omega_rad_s);
         let phasor = Complex64::from_polar(1.0, drive.phase_rad);
@@ -112,102 +118,126 @@ impl Propagator {
     ///
     /// # Errors
     /// Sizes and numbers. At an undamped resonance there is an answer, which grows with t.
-    pub fn harmonic(
+    pub fn compute_motion_under_harmonics(
         &self,
-        initial: &Initial,
-        drives: &[Harmonic],
-        outputs: Outputs<'_>,
-        quantity: Quantity,
+        initial: &InitialState,
+        drives: &[HarmonicForce],
+        outputs: OutputRows<'_>,
+        quantity: MotionQuantity,
     ) -> Result<DMatrix<f64>, TransientError> {
-        check_initial(initial, self.unknowns())?;
+        check_initial_state(initial, self.count_unknowns())?;
         let mut free = initial.clone();
         let mut waves = Vec::with_capacity(drives.len());
         for drive in drives {
             let omega = drive.omega_rad_s;
-            let amplitudes = match self.steady(drive) {
-                Err(TransientError::Unbounded { .. }) => return self.forced(initial, drives, outputs, quantity),
+            let amplitudes = match self.solve_steady_amplitudes(drive) {
+                Err(TransientError::Unbounded { .. }) => {
+                    return self.compute_motion_with_phasor_states(initial, drives, outputs, quantity);
+                }
                 other => other?,
             };
             free.displacement.zip_apply(&amplitudes, |q, u| *q -= u.re);
             // Re(j w u) = -w Im u.
             free.velocity.zip_apply(&amplitudes, |v, u| *v += omega * u.im);
             let factor = match quantity {
-                Quantity::Displacement => Complex64::ONE,
-                Quantity::Velocity => Complex64::new(0.0, omega),
-                Quantity::Acceleration => Complex64::from(-omega * omega),
+                MotionQuantity::Displacement => Complex64::ONE,
+                MotionQuantity::Velocity => Complex64::new(0.0, omega),
+                MotionQuantity::Acceleration => Complex64::from(-omega * omega),
             };
             let at_outputs = |u: &DVector<Complex64>| -> Vec<Complex64> {
                 match outputs {
-                    Outputs::All => u.iter().map(|u| u * factor).collect(),
-                    Outputs::Rows(rows) => rows
+                    OutputRows::All => u.iter().map(|u| u * factor).collect(),
+                    OutputRows::Rows(rows) => rows
                         .row_iter()
                         .map(|row| row.iter().zip(u.iter()).map(|(r, u)| u * *r).sum::<Complex64>() * factor)
                         .collect(),
                 }
             };
-            self.check_outputs(outputs)?;
-            waves.push(Wave { omega_rad_s: omega, amplitudes: at_outputs(&amplitudes) });
+            self.check_output_rows(outputs)?;
+            waves.push(HarmonicOutput { omega_rad_s: omega, amplitudes: at_outputs(&amplitudes) });
         }
-        self.check_outputs(outputs)?;
+        self.check_output_rows(outputs)?;
         let TimeGrid { step_s, count } = self.grid;
         Ok(match &self.kind {
-            Kind::Modal(modes) => {
+            PropagatorKind::Modal(modes) => {
                 let (q, v) = (&modes.to * free.displacement, &modes.to * free.velocity);
-                modal::series(modes, &of(outputs, &modes.shapes), quantity, (&q, &v), &waves, (step_s, count))
+                modal::compute_modal_series(
+                    modes,
+                    &output_rows_over_coordinates(outputs, &modes.shapes),
+                    quantity,
+                    (&q, &v),
+                    &waves,
+                    (step_s, count),
+                )
             }
-            Kind::Coupled { coordinates, state } => {
-                let z = state.state(&(&coordinates.to * free.displacement), &(&coordinates.to * free.velocity));
-                let rows = state.outputs(&of(outputs, &coordinates.back), quantity);
-                blocks::series(&rows, exponential(&(&state.a * step_s)), &z, &waves, step_s, count)
+            PropagatorKind::Coupled { coordinates, state } => {
+                let z = state.build_state(&(&coordinates.to * free.displacement), &(&coordinates.to * free.velocity));
+                let rows =
+                    state.output_rows_over_state(&output_rows_over_coordinates(outputs, &coordinates.back), quantity);
+                blocks::compute_series_with_harmonics(
+                    &rows,
+                    matrix_exponential(&(&state.a * step_s)),
+                    &z,
+                    &waves,
+                    step_s,
+                    count,
+                )
             }
         })
     }
 
-    /// The same with the forces' phasors as states: right without a steady state, at the price of a matrix exponential.
-    fn forced(
+    /// Motion with the forces' phasors as states: right without a steady state, at the price of a matrix exponential.
+    fn compute_motion_with_phasor_states(
         &self,
-        initial: &Initial,
-        drives: &[Harmonic],
-        outputs: Outputs<'_>,
-        quantity: Quantity,
+        initial: &InitialState,
+        drives: &[HarmonicForce],
+        outputs: OutputRows<'_>,
+        quantity: MotionQuantity,
     ) -> Result<DMatrix<f64>, TransientError> {
-        self.check_outputs(outputs)?;
+        self.check_output_rows(outputs)?;
         for drive in drives {
-            check_drive(drive, self.unknowns())?;
+            check_harmonic_force(drive, self.count_unknowns())?;
         }
         let TimeGrid { step_s, count } = self.grid;
         let coordinates = MassCoordinates::new(&self.system)?;
-        let force = |drive: &Harmonic| (drive.omega_rad_s, coordinates.back.tr_mul(&drive.force_n));
+        let force = |drive: &HarmonicForce| (drive.omega_rad_s, coordinates.back.tr_mul(&drive.force_n));
         let forces: Vec<_> = drives.iter().map(force).collect();
-        let (state, amplitudes) = StateSpace::new(&coordinates, horizon_s(self.grid))?.with_phasors(&forces);
+        let (state, amplitudes) = StateSpace::new(&coordinates, last_time_s(self.grid))?.append_phasor_states(&forces);
         let to = |vector: &DVector<f64>| &coordinates.to * vector;
-        let mut z = state.state(&to(&initial.displacement), &to(&initial.velocity));
+        let mut z = state.build_state(&to(&initial.displacement), &to(&initial.velocity));
         for (i, (drive, amplitude)) in drives.iter().zip(amplitudes).enumerate() {
-            let at = 2 * self.unknowns() + 2 * i;
+            let at = 2 * self.count_unknowns() + 2 * i;
             z[at] = amplitude * drive.phase_rad.cos();
             z[at + 1] = amplitude * drive.phase_rad.sin();
         }
-        let rows = state.outputs(&of(outputs, &coordinates.back), quantity);
-        Ok(blocks::series(&rows, exponential(&(&state.a * step_s)), &z, &[], step_s, count))
+        let rows = state.output_rows_over_state(&output_rows_over_coordinates(outputs, &coordinates.back), quantity);
+        Ok(blocks::compute_series_with_harmonics(
+            &rows,
+            matrix_exponential(&(&state.a * step_s)),
+            &z,
+            &[],
+            step_s,
+            count,
+        ))
     }
 
-    pub(super) fn check_outputs(&self, outputs: Outputs<'_>) -> Result<(), TransientError> {
+    pub(super) fn check_output_rows(&self, outputs: OutputRows<'_>) -> Result<(), TransientError> {
         match outputs {
-            Outputs::All => Ok(()),
-            Outputs::Rows(rows) => check_shape("outputs", rows, rows.nrows().max(1), self.unknowns()),
+            OutputRows::All => Ok(()),
+            OutputRows::Rows(rows) => check_shape("outputs", rows, rows.nrows().max(1), self.count_unknowns()),
         }
     }
 }
 
-/// Time of the last step.
-fn horizon_s(grid: TimeGrid) -> f64 {
-    grid.time_s(grid.count.max(2) - 1)
+/// Time of the last step in s.
+fn last_time_s(grid: TimeGrid) -> f64 {
+    grid.time_at_index_s(grid.count.max(2) - 1)
 }
 
-/// The outputs' rows for unknowns that are `shapes` times coordinates.
-pub(super) fn of(outputs: Outputs<'_>, shapes: &DMatrix<f64>) -> DMatrix<f64> {
+/// The output rows for unknowns that are `shapes` times coordinates.
+pub(super) fn output_rows_over_coordinates(outputs: OutputRows<'_>, shapes: &DMatrix<f64>) -> DMatrix<f64> {
     match outputs {
-        Outputs::All => shapes.clone(),
-        Outputs::Rows(rows) => rows * shapes,
+        OutputRows::All => shapes.clone(),
+        OutputRows::Rows(rows) => rows * shapes,
     }
 }

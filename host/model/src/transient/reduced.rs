@@ -26,20 +26,24 @@ impl ModalSystem {
     /// of a mode's part anywhere else.
     #[must_use]
     pub fn from_reduced(model: &ReducedModel) -> Self {
-        Self { lambda: model.lambda.clone(), damping: viscous_stand_in(model), force: model.force.clone() }
+        Self {
+            lambda: model.lambda.clone(),
+            damping: compute_equivalent_viscous_damping(model),
+            force: model.force.clone(),
+        }
     }
 }
 
 /// The model with the damping that it has in time ([`ModalSystem::from_reduced`]), for the frequency domain; `None` if that
 /// is its own.
 #[must_use]
-pub fn causal(model: &ReducedModel) -> Option<ReducedModel> {
+pub fn with_viscous_stand_in(model: &ReducedModel) -> Option<ReducedModel> {
     if model.structural.iter().all(|entry| *entry == 0.0) {
         return None;
     }
     let mut causal = model.clone();
     causal.structural.fill(0.0);
-    causal.viscous = viscous_stand_in(model);
+    causal.viscous = compute_equivalent_viscous_damping(model);
     causal.structured = None;
     Some(causal)
 }
@@ -47,12 +51,12 @@ pub fn causal(model: &ReducedModel) -> Option<ReducedModel> {
 /// The model with the damping and the modes that it has in time (those up to 200 kHz), for the frequency
 /// domain; `None` if all of its modes are stepped. Those left out have no force and no coupling, and stay at rest.
 #[must_use]
-pub fn kept(model: &ReducedModel) -> Option<ReducedModel> {
-    let left_out: Vec<usize> = (0..model.order()).filter(|i| !is_stepped(model.lambda[*i])).collect();
+pub fn with_stepped_modes_only(model: &ReducedModel) -> Option<ReducedModel> {
+    let left_out: Vec<usize> = (0..model.count_coordinates()).filter(|i| !is_mode_stepped(model.lambda[*i])).collect();
     if left_out.is_empty() {
         return None;
     }
-    let mut kept = causal(model).unwrap_or_else(|| model.clone());
+    let mut kept = with_viscous_stand_in(model).unwrap_or_else(|| model.clone());
     for i in left_out {
         kept.force.row_mut(i).fill(0.0);
         kept.viscous.row_mut(i).fill(0.0);
@@ -64,13 +68,13 @@ pub fn kept(model: &ReducedModel) -> Option<ReducedModel> {
 
 /// Whether a mode with the squared angular frequency `lambda` (rad^2/s^2) is stepped in time.
 #[must_use]
-pub fn is_stepped(lambda: f64) -> bool {
+pub fn is_mode_stepped(lambda: f64) -> bool {
     lambda < (std::f64::consts::TAU * HIGHEST_MODE_HZ).powi(2)
 }
 
-fn viscous_stand_in(model: &ReducedModel) -> DMatrix<f64> {
+fn compute_equivalent_viscous_damping(model: &ReducedModel) -> DMatrix<f64> {
     let omega = model.lambda.map(f64::sqrt);
-    let n = model.order();
+    let n = model.count_coordinates();
     DMatrix::from_fn(n, n, |i, j| {
         let scale = (omega[i] * omega[j]).sqrt();
         let structural = if scale > 0.0 { model.structural[(i, j)] / scale } else { 0.0 };
@@ -81,7 +85,7 @@ fn viscous_stand_in(model: &ReducedModel) -> DMatrix<f64> {
 /// Exact propagation over one step under constant force: z' = E z + G f with z = (q, q'/scale), and the mean over the step
 /// of the actuators' travel, B' q: the row that the force's work goes by is the one that the travel is read by.
 #[derive(Clone, Debug)]
-pub struct Stepper {
+pub struct ConstantForceStepper {
     /// E, 2n x 2n.
     pub propagate: DMatrix<f64>,
     /// G, 2n x p.
@@ -92,7 +96,7 @@ pub struct Stepper {
     pub travel_input: DMatrix<f64>,
 }
 
-impl Stepper {
+impl ConstantForceStepper {
     /// Of a system with n coordinates and p forces, for steps of `step_s`.
     #[must_use]
     pub fn new(system: &ModalSystem, step_s: f64) -> Self {

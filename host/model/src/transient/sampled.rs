@@ -1,19 +1,19 @@
 //! Motion under forces of any course, given at the grid's times and straight in between (first-order hold).
 
-use super::exponential::exponential;
-use super::propagator::{Kind, Propagator, of};
-use super::system::{Modes, check_initial, check_shape};
-use super::{Initial, Outputs, Quantity, TimeGrid, TransientError};
+use super::exponential::matrix_exponential;
+use super::propagator::{Propagator, PropagatorKind, output_rows_over_coordinates};
+use super::system::{DecoupledModes, check_initial_state, check_shape};
+use super::{InitialState, MotionQuantity, OutputRows, TimeGrid, TransientError};
 use nalgebra::{DMatrix, DVector};
 
 /// z(k+1) = E z(k) + G0 f(k) + G1 f(k+1), exact for forces that are straight over each step.
-struct Held {
+struct FirstOrderHold {
     e: DMatrix<f64>,
     g0: DMatrix<f64>,
     g1: DMatrix<f64>,
 }
 
-impl Held {
+impl FirstOrderHold {
     /// For z' = A z + B f over `step_s`: the exponential of [[A, B, 0], [0, 0, 1/h], [0, 0, 0]] h holds all three (Van
     /// Loan, IEEE Trans. Automatic Control 23 (1978) 395).
     fn new(a: &DMatrix<f64>, b: &DMatrix<f64>, step_s: f64) -> Self {
@@ -28,14 +28,14 @@ impl Held {
         for i in 0..p {
             block[(size + i, size + p + i)] = 1.0;
         }
-        let all = exponential(&block);
+        let all = matrix_exponential(&block);
         let constant = all.view((0, size), (size, p)) * scale;
         let g1 = all.view((0, size + p), (size, p)) * scale;
         Self { e: all.view((0, 0), (size, size)).into_owned(), g0: constant - &g1, g1 }
     }
 
     /// States at all times, size x count, for forces p x count.
-    fn run(&self, start: &DVector<f64>, forces: &DMatrix<f64>) -> DMatrix<f64> {
+    fn compute_states(&self, start: &DVector<f64>, forces: &DMatrix<f64>) -> DMatrix<f64> {
         let count = forces.ncols();
         let (now, next) = (&self.g0 * forces, &self.g1 * forces);
         let mut states = DMatrix::zeros(start.len(), count);
@@ -60,43 +60,43 @@ impl Propagator {
     ///
     /// # Errors
     /// Sizes and numbers.
-    pub fn sampled(
+    pub fn compute_motion_under_samples(
         &self,
-        initial: &Initial,
+        initial: &InitialState,
         input: &DMatrix<f64>,
         samples: &DMatrix<f64>,
-        outputs: Outputs<'_>,
-        quantity: Quantity,
+        outputs: OutputRows<'_>,
+        quantity: MotionQuantity,
     ) -> Result<DMatrix<f64>, TransientError> {
-        let n = self.unknowns();
+        let n = self.count_unknowns();
         let TimeGrid { step_s, count } = self.grid;
-        check_initial(initial, n)?;
+        check_initial_state(initial, n)?;
         check_shape("input", input, n, input.ncols().max(1))?;
         check_shape("samples", samples, input.ncols(), count)?;
-        self.check_outputs(outputs)?;
+        self.check_output_rows(outputs)?;
         let (mut series, through) = match &self.kind {
-            Kind::Modal(modes) => {
+            PropagatorKind::Modal(modes) => {
                 let force = modes.shapes.transpose() * input;
                 let (q, v) = (&modes.to * &initial.displacement, &modes.to * &initial.velocity);
-                let scalar = modal(modes, quantity, (&q, &v), &(&force * samples), step_s);
-                let rows = of(outputs, &modes.shapes);
+                let scalar = compute_sampled_modal_series(modes, quantity, (&q, &v), &(&force * samples), step_s);
+                let rows = output_rows_over_coordinates(outputs, &modes.shapes);
                 (scalar * rows.transpose(), rows * force)
             }
-            Kind::Coupled { coordinates, state } => {
+            PropagatorKind::Coupled { coordinates, state } => {
                 let force = coordinates.back.transpose() * input;
                 let b = {
                     let mut b = DMatrix::zeros(2 * n, force.ncols());
                     b.rows_mut(n, n).copy_from(&force);
                     b
                 };
-                let start =
-                    state.state(&(&coordinates.to * &initial.displacement), &(&coordinates.to * &initial.velocity));
-                let states = Held::new(&state.a, &b, step_s).run(&start, samples);
-                let rows = of(outputs, &coordinates.back);
-                ((state.outputs(&rows, quantity) * states).transpose(), rows * force)
+                let start = state
+                    .build_state(&(&coordinates.to * &initial.displacement), &(&coordinates.to * &initial.velocity));
+                let states = FirstOrderHold::new(&state.a, &b, step_s).compute_states(&start, samples);
+                let rows = output_rows_over_coordinates(outputs, &coordinates.back);
+                ((state.output_rows_over_state(&rows, quantity) * states).transpose(), rows * force)
             }
         };
-        if quantity == Quantity::Acceleration {
+        if quantity == MotionQuantity::Acceleration {
             series += samples.transpose() * through.transpose();
         }
         Ok(series)
@@ -104,9 +104,9 @@ impl Propagator {
 }
 
 /// The modes' own series (count x n) without what the force adds to the acceleration at once; `forces` are n x count.
-fn modal(
-    modes: &Modes,
-    quantity: Quantity,
+fn compute_sampled_modal_series(
+    modes: &DecoupledModes,
+    quantity: MotionQuantity,
     (q, v): (&DVector<f64>, &DVector<f64>),
     forces: &DMatrix<f64>,
     step_s: f64,
@@ -117,13 +117,13 @@ fn modal(
         // (scale q, q') has entries of one size, as in energy; a motion without stiffness is measured by the step.
         let scale = lambda.abs().sqrt().max(1.0 / step_s);
         let a = DMatrix::from_row_slice(2, 2, &[0.0, scale, -lambda / scale, -damping]);
-        let held = Held::new(&a, &DMatrix::from_column_slice(2, 1, &[0.0, 1.0]), step_s);
+        let held = FirstOrderHold::new(&a, &DMatrix::from_column_slice(2, 1, &[0.0, 1.0]), step_s);
         let (mut x, mut y) = (scale * q[mode], v[mode]);
         for (k, out) in series.column_mut(mode).iter_mut().enumerate() {
             *out = match quantity {
-                Quantity::Displacement => x / scale,
-                Quantity::Velocity => y,
-                Quantity::Acceleration => -lambda / scale * x - damping * y,
+                MotionQuantity::Displacement => x / scale,
+                MotionQuantity::Velocity => y,
+                MotionQuantity::Acceleration => -lambda / scale * x - damping * y,
             };
             if k + 1 < forces.ncols() {
                 let (now, next) = (forces[(mode, k)], forces[(mode, k + 1)]);

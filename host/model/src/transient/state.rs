@@ -1,7 +1,7 @@
 //! The state of a system whose damping couples its modes.
 
 use super::system::MassCoordinates;
-use super::{Quantity, TransientError};
+use super::{MotionQuantity, TransientError};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// z' = A z for z = (W p, p', phasors), p in mass coordinates and `W^T W` = K + sigma.
@@ -42,13 +42,13 @@ impl StateSpace {
         Err(TransientError::NotFinite { what: "k" })
     }
 
-    fn unknowns(&self) -> usize {
+    fn count_unknowns(&self) -> usize {
         self.w.nrows()
     }
 
     /// The state of p and p'.
-    pub fn state(&self, p: &DVector<f64>, velocity: &DVector<f64>) -> DVector<f64> {
-        let n = self.unknowns();
+    pub fn build_state(&self, p: &DVector<f64>, velocity: &DVector<f64>) -> DVector<f64> {
+        let n = self.count_unknowns();
         let mut z = DVector::zeros(self.a.nrows());
         z.rows_mut(0, n).copy_from(&(&self.w * p));
         z.rows_mut(n, n).copy_from(velocity);
@@ -56,23 +56,23 @@ impl StateSpace {
     }
 
     /// Rows that take the quantity from the state, for `rows` (r x n) that take it from p, p' or p''.
-    pub fn outputs(&self, rows: &DMatrix<f64>, quantity: Quantity) -> DMatrix<f64> {
-        let n = self.unknowns();
+    pub fn output_rows_over_state(&self, rows: &DMatrix<f64>, quantity: MotionQuantity) -> DMatrix<f64> {
+        let n = self.count_unknowns();
         let mut out = DMatrix::zeros(rows.nrows(), self.a.nrows());
         match quantity {
-            Quantity::Displacement => out.columns_mut(0, n).copy_from(&(rows * &self.w_inverse)),
-            Quantity::Velocity => out.columns_mut(n, n).copy_from(rows),
-            Quantity::Acceleration => out.copy_from(&(rows * self.a.rows(n, n))),
+            MotionQuantity::Displacement => out.columns_mut(0, n).copy_from(&(rows * &self.w_inverse)),
+            MotionQuantity::Velocity => out.columns_mut(n, n).copy_from(rows),
+            MotionQuantity::Acceleration => out.copy_from(&(rows * self.a.rows(n, n))),
         }
         out
     }
 
     /// With two more states per harmonic force, its phasor, which the forces follow: no steady state is needed. `drives`
     /// are angular frequency and the force on p. Returns the amplitude at which each phasor must start.
-    pub fn with_phasors(mut self, drives: &[(f64, DVector<f64>)]) -> (Self, Vec<f64>) {
-        let n = self.unknowns();
+    pub fn append_phasor_states(mut self, drives: &[(f64, DVector<f64>)]) -> (Self, Vec<f64>) {
+        let n = self.count_unknowns();
         let size = 2 * n + 2 * drives.len();
-        let norm = super::exponential::norm_1(&self.a).max(f64::MIN_POSITIVE);
+        let norm = super::exponential::largest_column_sum(&self.a).max(f64::MIN_POSITIVE);
         self.a = self.a.resize(size, size, 0.0);
         let mut amplitudes = Vec::with_capacity(drives.len());
         for (i, (omega, force)) in drives.iter().enumerate() {

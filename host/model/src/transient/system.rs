@@ -1,6 +1,6 @@
 //! Checks of what is given, mass coordinates, and decoupling.
 
-use super::{Harmonic, Initial, MOST_TIMES, SecondOrder, TimeGrid, TransientError};
+use super::{HarmonicForce, InitialState, MOST_TIMES, SecondOrderSystem, TimeGrid, TransientError};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
 /// Difference from the transpose, relative to the largest entry, that counts as round-off.
@@ -12,16 +12,16 @@ const DECOUPLED: f64 = 8.0 * f64::EPSILON;
 /// those of both unless two pairs of eigenvalues fall on one sum.
 const MIX: f64 = 0.618_033_988_749_894_9;
 
-impl SecondOrder {
+impl SecondOrderSystem {
     /// Number of unknowns n.
     #[must_use]
-    pub fn unknowns(&self) -> usize {
+    pub fn count_unknowns(&self) -> usize {
         self.m.nrows()
     }
 
-    /// Sizes, numbers and symmetry.
-    pub(super) fn check(&self) -> Result<(), TransientError> {
-        let n = self.unknowns();
+    /// Checks sizes, numbers and symmetry of the matrices.
+    pub(super) fn check_matrices(&self) -> Result<(), TransientError> {
+        let n = self.count_unknowns();
         for (what, matrix) in [("m", &self.m), ("c", &self.c), ("k", &self.k)] {
             check_shape(what, matrix, n, n)?;
         }
@@ -31,17 +31,17 @@ impl SecondOrder {
         Ok(())
     }
 
-    /// Furthest entry from the diagonal in any of the matrices.
-    pub(super) fn bandwidth(&self) -> usize {
-        bandwidth(&self.m).max(bandwidth(&self.c)).max(bandwidth(&self.k))
+    /// Distance from the diagonal of the furthest entry in any of the matrices.
+    pub(super) fn largest_bandwidth(&self) -> usize {
+        matrix_bandwidth(&self.m).max(matrix_bandwidth(&self.c)).max(matrix_bandwidth(&self.k))
     }
 }
 
 /// Numbers looked at together: what reads a whole matrix takes as long as solving a chain otherwise.
 const LANES: usize = 8;
 
-/// Furthest entry from the diagonal of a square matrix.
-fn bandwidth(matrix: &DMatrix<f64>) -> usize {
+/// Distance from the diagonal of the furthest entry of a square matrix.
+fn matrix_bandwidth(matrix: &DMatrix<f64>) -> usize {
     let n = matrix.nrows();
     let is_zero = |part: &[f64]| part.iter().fold(0.0, |sum, x| sum + x.abs()) == 0.0;
     // How many zeros a column begins with, and ends with.
@@ -62,8 +62,8 @@ fn bandwidth(matrix: &DMatrix<f64>) -> usize {
     band
 }
 
-/// Largest magnitude of finite numbers; NaN or infinite if one is that.
-fn largest(matrix: &DMatrix<f64>) -> f64 {
+/// The largest magnitude; NaN or infinite if an entry is that.
+fn largest_finite_magnitude(matrix: &DMatrix<f64>) -> f64 {
     let (chunks, rest) = matrix.as_slice().as_chunks::<LANES>();
     let (mut most, mut sum) = ([0.0; LANES], [0.0; LANES]);
     for chunk in chunks {
@@ -87,7 +87,7 @@ pub(super) fn check_shape(
     if (rows, columns) != (expected_rows, expected_columns) || expected_columns == 0 {
         return Err(TransientError::Shape { what, rows, columns, expected_rows, expected_columns });
     }
-    if largest(matrix).is_finite() { Ok(()) } else { Err(TransientError::NotFinite { what }) }
+    if largest_finite_magnitude(matrix).is_finite() { Ok(()) } else { Err(TransientError::NotFinite { what }) }
 }
 
 pub(super) fn check_vector(what: &'static str, vector: &DVector<f64>, n: usize) -> Result<(), TransientError> {
@@ -98,12 +98,12 @@ pub(super) fn check_vector(what: &'static str, vector: &DVector<f64>, n: usize) 
     if vector.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(TransientError::NotFinite { what }) }
 }
 
-pub(super) fn check_initial(initial: &Initial, n: usize) -> Result<(), TransientError> {
+pub(super) fn check_initial_state(initial: &InitialState, n: usize) -> Result<(), TransientError> {
     check_vector("initial displacement", &initial.displacement, n)?;
     check_vector("initial velocity", &initial.velocity, n)
 }
 
-pub(super) fn check_drive(drive: &Harmonic, n: usize) -> Result<(), TransientError> {
+pub(super) fn check_harmonic_force(drive: &HarmonicForce, n: usize) -> Result<(), TransientError> {
     check_vector("force", &drive.force_n, n)?;
     check_range("frequency in rad/s", drive.omega_rad_s, 0.0, 1e12)?;
     check_range("phase in rad", drive.phase_rad, -1e6, 1e6)
@@ -114,13 +114,13 @@ pub(super) fn check_range(what: &'static str, value: f64, min: f64, max: f64) ->
 }
 
 #[expect(clippy::cast_precision_loss, reason = "for a message")]
-pub(super) fn check_grid(grid: TimeGrid) -> Result<(), TransientError> {
+pub(super) fn check_time_grid(grid: TimeGrid) -> Result<(), TransientError> {
     check_range("time step in s", grid.step_s, 1e-12, 1e9)?;
     check_range("number of times", grid.count as f64, 1.0, MOST_TIMES as f64)
 }
 
 fn check_symmetric(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), TransientError> {
-    let (limit, band) = (SYMMETRIC * largest(matrix), bandwidth(matrix));
+    let (limit, band) = (SYMMETRIC * largest_finite_magnitude(matrix), matrix_bandwidth(matrix));
     for column in 0..matrix.ncols() {
         for row in column.saturating_sub(band)..column {
             let difference = (matrix[(row, column)] - matrix[(column, row)]).abs();
@@ -148,7 +148,7 @@ pub(super) struct MassCoordinates {
 }
 
 impl MassCoordinates {
-    pub fn new(system: &SecondOrder) -> Result<Self, TransientError> {
+    pub fn new(system: &SecondOrderSystem) -> Result<Self, TransientError> {
         if is_diagonal(&system.m) {
             let root = system.m.diagonal().map(f64::sqrt);
             if !root.iter().all(|x| *x > 0.0) {
@@ -159,7 +159,7 @@ impl MassCoordinates {
             return Ok(Self {
                 back: DMatrix::from_diagonal(&root.map(|x| 1.0 / x)),
                 c: scaled(&system.c),
-                k: symmetric(scaled(&system.k)),
+                k: symmetrise_matrix(scaled(&system.k)),
                 to: DMatrix::from_diagonal(&root),
             });
         }
@@ -169,17 +169,22 @@ impl MassCoordinates {
         let back = inverse.transpose();
         Ok(Self {
             c: &inverse * &system.c * &back,
-            k: symmetric(&inverse * &system.k * &back),
+            k: symmetrise_matrix(&inverse * &system.k * &back),
             to: lower.transpose(),
             back,
         })
     }
 
     /// Real modes, if the damping allows them.
-    pub fn decouple(&self) -> Option<Modes> {
+    pub fn decouple_into_modes(&self) -> Option<DecoupledModes> {
         let n = self.k.nrows();
         if is_diagonal(&self.k) && is_diagonal(&self.c) {
-            return Some(Modes::sorted(&self.k.diagonal(), &self.c.diagonal(), &self.back, &self.to));
+            return Some(DecoupledModes::sort_by_decay_rate(
+                &self.k.diagonal(),
+                &self.c.diagonal(),
+                &self.back,
+                &self.to,
+            ));
         }
         let (norm_k, norm_c) = (self.k.norm(), self.c.norm());
         #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
@@ -203,17 +208,18 @@ impl MassCoordinates {
             (rest <= limit * norm).then_some(diagonal)
         };
         let (lambda, damping) = (modal(&self.k, norm_k)?, modal(&self.c, norm_c)?);
-        Some(Modes::sorted(&lambda, &damping, &(&self.back * &vectors), &(&transposed * &self.to)))
+        Some(DecoupledModes::sort_by_decay_rate(&lambda, &damping, &(&self.back * &vectors), &(&transposed * &self.to)))
     }
 }
 
-fn symmetric(matrix: DMatrix<f64>) -> DMatrix<f64> {
+/// The symmetric part of a matrix.
+fn symmetrise_matrix(matrix: DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&matrix + matrix.transpose())
 }
 
 /// n real modes, q = shapes p, the slowest to die out first.
 #[derive(Clone, Debug)]
-pub(super) struct Modes {
+pub(super) struct DecoupledModes {
     /// Squared angular frequencies.
     pub lambda: DVector<f64>,
     /// Damping in 1/s.
@@ -224,9 +230,15 @@ pub(super) struct Modes {
     pub to: DMatrix<f64>,
 }
 
-impl Modes {
-    fn sorted(lambda: &DVector<f64>, damping: &DVector<f64>, shapes: &DMatrix<f64>, to: &DMatrix<f64>) -> Self {
-        let rate = |i: &usize| super::oscillator::decay_rate(lambda[*i], damping[*i]);
+impl DecoupledModes {
+    /// Modes sorted by decay rate, the slowest first.
+    fn sort_by_decay_rate(
+        lambda: &DVector<f64>,
+        damping: &DVector<f64>,
+        shapes: &DMatrix<f64>,
+        to: &DMatrix<f64>,
+    ) -> Self {
+        let rate = |i: &usize| super::oscillator::slower_decay_rate_per_s(lambda[*i], damping[*i]);
         let mut order: Vec<usize> = (0..lambda.len()).collect();
         order.sort_by(|a, b| rate(a).total_cmp(&rate(b)));
         Self {

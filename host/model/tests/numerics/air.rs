@@ -1,8 +1,10 @@
 //! Sealed air behind a panel against closed formulas: a piston, and pinned panels whose every mode is known, coupled by the mean alone.
 
 use crate::scenes::SceneText;
-use era_model::model::{Accuracy, Bound, PanelModel, bounded_modes};
-use era_model::response::{bounded_curves, dot, modal_coordinates};
+use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
+use era_model::response::{
+    compute_curves_with_error_bounds, multiply_shape_with_coordinates, solve_coordinates_at_frequency,
+};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
@@ -14,8 +16,9 @@ fn sealed(scene: SceneText, depth_mm: f64) -> SceneText {
 }
 
 fn frequencies(scene: &SceneText, max_hz: f64) -> Vec<(f64, f64)> {
-    let found = bounded_modes(&scene.scene(), Accuracy::tolerance(1e-6).unwrap(), max_hz).unwrap();
-    let bound = |bound: &Bound| bound.value().unwrap();
+    let found =
+        compute_modes_with_error_bounds(&scene.scene(), Accuracy::from_tolerance(1e-6).unwrap(), max_hz).unwrap();
+    let bound = |bound: &Bound| bound.known_limit().unwrap();
     found.answer.iter().zip(&found.bounds).map(|(mode, own)| (mode.frequency_hz, bound(own))).collect()
 }
 
@@ -60,7 +63,7 @@ fn the_mean_is_over_the_area() {
 
 fn frequencies_of_thick(scene: &SceneText) -> Vec<f64> {
     let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 800.0).unwrap();
-    model.modes(800.0).unwrap().iter().map(|mode| mode.frequency_hz).collect()
+    model.compute_damped_modes(800.0).unwrap().iter().map(|mode| mode.frequency_hz).collect()
 }
 
 /// What a pinned panel of mass m has of modes: angular frequency, mass-normalised shape at two places (parts of the sides), and its mean.
@@ -170,11 +173,11 @@ fn responses_of_pinned_panels_on_air() {
         let stiffness = BULK_PA * area / 0.02;
         let wanted: Vec<_> =
             hz.iter().map(|hz| -(TAU * hz).powi(2) * series.compliance(stiffness, eta, TAU * hz)).collect();
-        let accuracy = Accuracy::tolerance(1e-4).unwrap();
-        let found = bounded_curves(&sealed(scene, 20.0).scene(), accuracy, at, &hz).unwrap();
+        let accuracy = Accuracy::from_tolerance(1e-4).unwrap();
+        let found = compute_curves_with_error_bounds(&sealed(scene, 20.0).scene(), accuracy, at, &hz).unwrap();
         let peak = wanted.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let off = found.answer[0].iter().zip(&wanted).map(|(a, b)| (a - b).norm() / peak).fold(0.0, f64::max);
-        let bound = found.bounds[0].value().unwrap();
+        let bound = found.bounds[0].known_limit().unwrap();
         assert!(off <= bound + missing, "{off:e}, bound {bound:e}");
     }
 }
@@ -189,10 +192,12 @@ fn modes_left_out_take_part_through_the_air() {
     let series = Series::bar(&scene, [0.3, 0.71]);
     let model = PanelModel::build(&sealed(scene, 0.5).scene(), Accuracy::BALANCED, 400.0).unwrap();
     let reduced = model.reduce(400.0, &[(0.71 * 0.25, 0.01)]).unwrap();
-    let (stiffness, shape) = (BULK_PA * 0.005 / 0.5e-3, reduced.shape_at(0.71 * 0.25, 0.01));
+    let (stiffness, shape) = (BULK_PA * 0.005 / 0.5e-3, reduced.shape_deflections_at(0.71 * 0.25, 0.01));
     for hz in [23.0, 110.0, 287.0, 400.0] {
-        let (found, wanted) =
-            (dot(&shape, &modal_coordinates(&reduced, hz).unwrap()[0]), series.compliance(stiffness, eta, TAU * hz));
+        let (found, wanted) = (
+            multiply_shape_with_coordinates(&shape, &solve_coordinates_at_frequency(&reduced, hz).unwrap()[0]),
+            series.compliance(stiffness, eta, TAU * hz),
+        );
         let off = (found - wanted).norm() / wanted.norm();
         assert!(off < 1e-5, "{hz} Hz: {off:e}");
     }
@@ -220,9 +225,11 @@ fn air_takes_no_power() {
     let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let lossless = sealed(SceneText::plate(0.3, 0.2, 0.3).corner_springs(2e3).force(0.31, 0.42), 15.0);
     let still = PanelModel::build(&lossless.scene(), Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-    let shape = |model: &era_model::model::ReducedModel| model.shape_at(0.31 * 0.3, 0.42 * 0.2);
+    let shape = |model: &era_model::model::ReducedModel| model.shape_deflections_at(0.31 * 0.3, 0.42 * 0.2);
     for hz in [23.0, 110.0, 287.0] {
-        let at = |model: &era_model::model::ReducedModel| dot(&shape(model), &modal_coordinates(model, hz).unwrap()[0]);
+        let at = |model: &era_model::model::ReducedModel| {
+            multiply_shape_with_coordinates(&shape(model), &solve_coordinates_at_frequency(model, hz).unwrap()[0])
+        };
         assert!(at(&model).im < 0.0 && at(&still).im == 0.0, "{} {}", at(&model), at(&still));
     }
 }

@@ -1,8 +1,8 @@
 //! Error bounds hold: random scenes against the program's own solutions at a hundred times the tolerance.
 
 use crate::scenes::SceneText;
-use era_model::model::{Accuracy, bounded_modes};
-use era_model::response::bounded_curves;
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
+use era_model::response::compute_curves_with_error_bounds;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
@@ -109,13 +109,13 @@ fn bounds_of_frequencies_hold() {
     run(200, |scene, tolerance| {
         let max_hz = 600.0;
         let answer = |tolerance: f64| {
-            bounded_modes(&scene.scene(), Accuracy::tolerance(tolerance).unwrap(), max_hz)
+            compute_modes_with_error_bounds(&scene.scene(), Accuracy::from_tolerance(tolerance).unwrap(), max_hz)
                 .map_err(|error| TestCaseError::fail(format!("{error}\n{}", scene.text())))
         };
         let (found, exact) = (answer(tolerance)?, answer(0.01 * tolerance)?);
         for ((mode, bound), (k, exact)) in found.answer.iter().zip(&found.bounds).zip(exact.answer.iter().enumerate()) {
             all += 1;
-            let Some(bound) = bound.value() else { continue };
+            let Some(bound) = bound.known_limit() else { continue };
             bounded += 1;
             let error = if exact.frequency_hz > 0.0 {
                 (mode.frequency_hz / exact.frequency_hz - 1.0).abs()
@@ -151,19 +151,20 @@ fn bounds_of_responses_hold() {
         let nothing = 1e-6 / scene.surface_mass();
         let frequencies: Vec<f64> = (1..=100).map(|i| 2.0 * f64::from(i)).collect();
         let answer = |tolerance: f64| {
-            bounded_curves(&parsed, Accuracy::tolerance(tolerance).unwrap(), at, &frequencies).map_err(|error| {
-                TestCaseError::fail(format!(
-                    "{error}
+            compute_curves_with_error_bounds(&parsed, Accuracy::from_tolerance(tolerance).unwrap(), at, &frequencies)
+                .map_err(|error| {
+                    TestCaseError::fail(format!(
+                        "{error}
 {}",
-                    scene.text()
-                ))
-            })
+                        scene.text()
+                    ))
+                })
         };
         let (found, exact) = (answer(tolerance)?, answer(0.01 * tolerance)?);
         for (k, (curve, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {
             all += 1;
             // The finer solution is not exact either.
-            let (Some(bound), Some(own)) = (bound.value(), exact.bounds[k].value()) else { continue };
+            let (Some(bound), Some(own)) = (bound.known_limit(), exact.bounds[k].known_limit()) else { continue };
             let exact = &exact.answer[k];
             bounded += 1;
             let peak = exact.iter().map(|z| z.norm()).fold(nothing, f64::max);

@@ -1,7 +1,7 @@
 //! Attachments that are next to each other: 1 nm to 1 mm. What they are together is known in closed form, to their distance over a wave.
 
-use era_model::model::{Accuracy, bounded_modes};
-use era_model::response::bounded_curves;
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
+use era_model::response::compute_curves_with_error_bounds;
 use era_model::scene::Scene;
 use num_complex::Complex64;
 
@@ -44,12 +44,12 @@ fn scene(is_bar: bool, what: What, apart_m: f64) -> Scene {
 }
 
 fn modes(scene: &Scene) -> Vec<(f64, f64)> {
-    let found = bounded_modes(scene, Accuracy::BALANCED, MAX_HZ).unwrap();
+    let found = compute_modes_with_error_bounds(scene, Accuracy::BALANCED, MAX_HZ).unwrap();
     found
         .answer
         .iter()
         .zip(&found.bounds)
-        .map(|(mode, bound)| (mode.frequency_hz, bound.value().unwrap_or(f64::INFINITY)))
+        .map(|(mode, bound)| (mode.frequency_hz, bound.known_limit().unwrap_or(f64::INFINITY)))
         .collect()
 }
 
@@ -161,8 +161,9 @@ fn a_force_next_to_a_held_end_does_what_its_distance_says() {
     for (end, power) in [("pinned", 1), ("clamped", 2)] {
         let of = |place_m: f64| {
             let scene = held_bar(end, era, place_m);
-            let found = bounded_curves(&scene, Accuracy::BALANCED, (0.26, 0.0), &frequencies).unwrap();
-            (found.answer[0].clone(), found.bounds[0].value().unwrap())
+            let found =
+                compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (0.26, 0.0), &frequencies).unwrap();
+            (found.answer[0].clone(), found.bounds[0].known_limit().unwrap())
         };
         let (known, own) = of(2e-3);
         for apart_m in [1e-6, 1e-5, 4e-5, 1e-4, 1e-3] {
@@ -274,8 +275,8 @@ fn responses_of_what_is_beside_a_firm_support_have_bounds_that_hold() {
             }
             let scene = Scene::parse("firm", &text).unwrap();
             for tolerance in [1e-3, 1e-6] {
-                let accuracy = Accuracy::tolerance(tolerance).unwrap();
-                let found = bounded_curves(&scene, accuracy, (0.15, 0.0), &frequencies).unwrap();
+                let accuracy = Accuracy::from_tolerance(tolerance).unwrap();
+                let found = compute_curves_with_error_bounds(&scene, accuracy, (0.15, 0.0), &frequencies).unwrap();
                 let exact: Vec<Complex64> = frequencies
                     .iter()
                     .map(|hz| find_acceleration(bar, &supports, (0.1 + apart_m, 1e5, 30.0, 5e-3), 0.15, *hz))
@@ -283,7 +284,7 @@ fn responses_of_what_is_beside_a_firm_support_have_bounds_that_hold() {
                 let largest = exact.iter().map(|value| value.norm()).fold(0.0, f64::max);
                 let pairs = found.answer[0].iter().zip(&exact);
                 let off = pairs.map(|(found, exact)| (found - exact).norm()).fold(0.0, f64::max) / largest;
-                let bound = found.bounds[0].value().unwrap();
+                let bound = found.bounds[0].known_limit().unwrap();
                 // Of the reference the shear force at a firm support is a difference, and the response goes with the distance.
                 let rounding = 1e-20 * stiffness / apart_m + 1e-11;
                 assert!(

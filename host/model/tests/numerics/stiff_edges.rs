@@ -1,8 +1,8 @@
 //! Edges on stiff springs: their bounds hold, and stiffer ones close in on the pinned edge by the law of the corner's force.
 
 use crate::scenes::SceneText;
-use era_model::model::{Accuracy, bounded_modes};
-use era_model::response::bounded_curves;
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
+use era_model::response::compute_curves_with_error_bounds;
 
 fn plate() -> SceneText {
     SceneText::plate(0.317, 0.203, 0.33).damping("loss_factor", 0.01).force(0.47, 0.44)
@@ -14,9 +14,9 @@ fn held(stiffness: f64) -> SceneText {
 
 /// Magnitude beside the third mode's resonance, and its bound, both in m/s^2.
 fn response(scene: &SceneText, accuracy: Accuracy) -> (f64, f64) {
-    let found = bounded_curves(&scene.scene(), accuracy, (0.1, 0.05), &[170.0]).unwrap();
+    let found = compute_curves_with_error_bounds(&scene.scene(), accuracy, (0.1, 0.05), &[170.0]).unwrap();
     let value = found.answer[0][0].norm();
-    (value, found.bounds[0].value().unwrap() * value)
+    (value, found.bounds[0].known_limit().unwrap() * value)
 }
 
 /// Loose and tight answers agree within their bounds, and the loose one meets the default tolerance, from springs that are soft to ones
@@ -26,7 +26,7 @@ fn bounds_hold_at_any_stiffness() {
     for exponent in [6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 18, 20] {
         let scene = held(10.0_f64.powi(exponent));
         let [(loose, its), (tight, own)] =
-            [1e-3, 1e-5].map(|tolerance| response(&scene, Accuracy::tolerance(tolerance).unwrap()));
+            [1e-3, 1e-5].map(|tolerance| response(&scene, Accuracy::from_tolerance(tolerance).unwrap()));
         assert!((loose - tight).abs() <= its + own, "1e{exponent}: {loose} +- {its:e}, {tight} +- {own:e}");
         assert!(its <= 1e-3 * loose, "1e{exponent}: {its:e} of {loose}");
     }
@@ -35,7 +35,7 @@ fn bounds_hold_at_any_stiffness() {
 /// The corner's force R on springs over a length b = (D / k)^1/3 yields R / (k b): what is missing goes with k^-2/3.
 #[test]
 fn what_is_missing_goes_with_the_corners_length() {
-    let accuracy = Accuracy::tolerance(1e-5).unwrap();
+    let accuracy = Accuracy::from_tolerance(1e-5).unwrap();
     let (pinned, _) = response(&plate().edge("left", "pinned"), accuracy);
     let missing = [10, 11, 12, 13].map(|exponent| pinned - response(&held(10.0_f64.powi(exponent)), accuracy).0);
     for (pair, exponent) in missing.windows(2).zip(10..) {
@@ -62,8 +62,9 @@ fn frequencies_close_in_on_supports_from_below() {
     ];
     for (scene, ideal) in cases {
         let modes = |scene: &SceneText| {
-            let found = bounded_modes(&scene.scene(), Accuracy::tolerance(1e-5).unwrap(), 400.0).unwrap();
-            let bounds: Vec<f64> = found.bounds.iter().map(|bound| bound.value().unwrap()).collect();
+            let found = compute_modes_with_error_bounds(&scene.scene(), Accuracy::from_tolerance(1e-5).unwrap(), 400.0)
+                .unwrap();
+            let bounds: Vec<f64> = found.bounds.iter().map(|bound| bound.known_limit().unwrap()).collect();
             (found.answer.iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>(), bounds)
         };
         let (ideal, own) = modes(&ideal);

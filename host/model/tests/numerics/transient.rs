@@ -1,7 +1,8 @@
 //! Motion in time against closed forms, a Runge-Kutta integration, the steady state, and the published equations.
 
 use era_model::transient::{
-    Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError, as_published, steady_state,
+    HarmonicForce, InitialState, MotionQuantity, OutputRows, Propagator, SecondOrderSystem, TimeGrid, TransientError,
+    as_published, solve_steady_state,
 };
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::FRAC_PI_2;
@@ -20,8 +21,8 @@ fn grid(step_s: f64, count: usize) -> TimeGrid {
     TimeGrid { step_s, count }
 }
 
-fn single(damping: f64, stiffness: f64) -> SecondOrder {
-    SecondOrder { m: square(&[1.0]), c: square(&[damping]), k: square(&[stiffness]) }
+fn single(damping: f64, stiffness: f64) -> SecondOrderSystem {
+    SecondOrderSystem { m: square(&[1.0]), c: square(&[damping]), k: square(&[stiffness]) }
 }
 
 /// Numbers in [0, 1) of a multiplicative generator.
@@ -33,7 +34,7 @@ fn generator(mut seed: u64) -> impl FnMut() -> f64 {
 }
 
 /// Masses 1 to 2 kg in a chain between two walls, springs 500 to 1000 N/m, dashpots 1 to 5 N s/m.
-fn chain(n: usize) -> SecondOrder {
+fn chain(n: usize) -> SecondOrderSystem {
     let mut next = generator(n as u64);
     let (mut c, mut k) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     let m = DMatrix::from_diagonal(&DVector::from_fn(n, |_, _| 1.0 + next()));
@@ -52,29 +53,29 @@ fn chain(n: usize) -> SecondOrder {
             }
         }
     }
-    SecondOrder { m, c, k }
+    SecondOrderSystem { m, c, k }
 }
 
-fn proportional(mut system: SecondOrder) -> SecondOrder {
+fn proportional(mut system: SecondOrderSystem) -> SecondOrderSystem {
     system.c = &system.m * 0.8 + &system.k * 1e-3;
     system
 }
 
 /// Sines of 60 rad/s on the first and last unknown, and a cosine of 11 rad/s on the first.
-fn drives(n: usize) -> Vec<Harmonic> {
+fn drives(n: usize) -> Vec<HarmonicForce> {
     let mut ends = DVector::zeros(n);
     (ends[0], ends[n - 1]) = (1.0, 1.0);
     let mut first = DVector::zeros(n);
     first[0] = 0.7;
     vec![
-        Harmonic { omega_rad_s: 60.0, phase_rad: -FRAC_PI_2, force_n: ends },
-        Harmonic { omega_rad_s: 11.0, phase_rad: 0.4, force_n: first },
+        HarmonicForce { omega_rad_s: 60.0, phase_rad: -FRAC_PI_2, force_n: ends },
+        HarmonicForce { omega_rad_s: 11.0, phase_rad: 0.4, force_n: first },
     ]
 }
 
-fn start(n: usize) -> Initial {
+fn start(n: usize) -> InitialState {
     let mut next = generator(99);
-    Initial {
+    InitialState {
         displacement: DVector::from_fn(n, |_, _| 1e-2 * (next() - 0.5)),
         velocity: DVector::from_fn(n, |_, _| next() - 0.5),
     }
@@ -82,8 +83,8 @@ fn start(n: usize) -> Initial {
 
 /// Displacements by the classical Runge-Kutta method with `fine` steps per step of the grid.
 fn runge_kutta(
-    system: &SecondOrder,
-    initial: &Initial,
+    system: &SecondOrderSystem,
+    initial: &InitialState,
     force: &dyn Fn(f64) -> DVector<f64>,
     grid: TimeGrid,
     fine: u32,
@@ -91,12 +92,12 @@ fn runge_kutta(
     let inverse = system.m.clone().try_inverse().unwrap();
     let rate = |t: f64, q: &DVector<f64>, v: &DVector<f64>| &inverse * (force(t) - &system.c * v - &system.k * q);
     let (mut q, mut v) = (initial.displacement.clone(), initial.velocity.clone());
-    let mut out = DMatrix::zeros(grid.count, system.unknowns());
+    let mut out = DMatrix::zeros(grid.count, system.count_unknowns());
     let h = grid.step_s / f64::from(fine);
     for k in 0..grid.count {
         out.set_row(k, &q.transpose());
         for i in 0..fine {
-            let t = grid.time_s(k) + f64::from(i) * h;
+            let t = grid.time_at_index_s(k) + f64::from(i) * h;
             let a1 = rate(t, &q, &v);
             let (q2, v2) = (&q + &v * (h / 2.0), &v + &a1 * (h / 2.0));
             let a2 = rate(t + h / 2.0, &q2, &v2);
@@ -116,7 +117,7 @@ fn worst(found: &DMatrix<f64>, expected: &DMatrix<f64>) -> f64 {
     (found - expected).amax() / expected.amax()
 }
 
-fn at_time(drives: &[Harmonic], t: f64) -> DVector<f64> {
+fn at_time(drives: &[HarmonicForce], t: f64) -> DVector<f64> {
     let mut sum = drives[0].force_n.clone() * 0.0;
     for drive in drives {
         sum += &drive.force_n * (drive.omega_rad_s * t + drive.phase_rad).cos();
@@ -127,11 +128,11 @@ fn at_time(drives: &[Harmonic], t: f64) -> DVector<f64> {
 #[test]
 fn one_unknown_below_at_and_above_critical_damping() {
     let grid = grid(0.01, 400);
-    let initial = Initial { displacement: vector(&[1.0]), velocity: vector(&[-0.5]) };
+    let initial = InitialState { displacement: vector(&[1.0]), velocity: vector(&[-0.5]) };
     for damping in [0.0_f64, 0.3, 3.9, 4.0 - 1e-9, 4.0, 4.0 + 1e-9, 4.1, 40.0] {
         let a = damping / 2.0;
         let closed = DMatrix::from_fn(grid.count, 1, |k, _| {
-            let t = grid.time_s(k);
+            let t = grid.time_at_index_s(k);
             let rest = -0.5 + a;
             if (damping - 4.0).abs() < 1e-8 {
                 return (-a * t).exp() * (1.0 + rest * t);
@@ -147,7 +148,9 @@ fn one_unknown_below_at_and_above_critical_damping() {
             first * (r1 * t).exp() + (1.0 - first) * (r2 * t).exp()
         });
         let propagator = Propagator::new(&single(damping, 4.0), grid).unwrap();
-        let found = propagator.harmonic(&initial, &[], Outputs::All, Quantity::Displacement).unwrap();
+        let found = propagator
+            .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+            .unwrap();
         // 1e-9 off critical damping moves the answer by about as much.
         let limit = if (damping - 4.0).abs() < 1e-8 { 2e-9 } else { 2e-14 };
         assert!(worst(&found, &closed) < limit, "c = {damping}: {:e}", worst(&found, &closed));
@@ -158,10 +161,10 @@ fn one_unknown_below_at_and_above_critical_damping() {
 }
 
 /// Three critically damped modes, coupled in the given unknowns, two of them equal.
-fn critical() -> SecondOrder {
+fn critical() -> SecondOrderSystem {
     let q = reflection();
     let omega = vector(&[2.0, 2.0, 5.0]);
-    SecondOrder {
+    SecondOrderSystem {
         m: DMatrix::identity(3, 3),
         c: &q * DMatrix::from_diagonal(&(&omega * 2.0)) * q.transpose(),
         k: &q * DMatrix::from_diagonal(&omega.component_mul(&omega)) * q.transpose(),
@@ -181,14 +184,16 @@ fn critical_damping_and_equal_eigenvalues_where_the_published_form_fails() {
     let (p, v) = (q.transpose() * &initial.displacement, q.transpose() * &initial.velocity);
     let omega = [2.0, 2.0, 5.0];
     let closed = DMatrix::from_fn(grid.count, 3, |k, i| {
-        let t = grid.time_s(k);
+        let t = grid.time_at_index_s(k);
         (0..3).map(|j| q[(i, j)] * (-omega[j] * t).exp() * (p[j] + (v[j] + omega[j] * p[j]) * t)).sum()
     });
     let propagator = Propagator::new(&system, grid).unwrap();
-    assert!(propagator.is_decoupled());
-    let found = propagator.harmonic(&initial, &[], Outputs::All, Quantity::Displacement).unwrap();
+    assert!(propagator.has_decoupled_modes());
+    let found = propagator
+        .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+        .unwrap();
     assert!(worst(&found, &closed) < 1e-13, "{:e}", worst(&found, &closed));
-    match as_published::displacements(&system, &initial, &[], grid) {
+    match as_published::compute_published_displacements(&system, &initial, &[], grid) {
         Err(error) => assert_eq!(error, TransientError::Defective),
         Ok(published) => assert!(worst(&published, &closed) > 1e-10, "{:e}", worst(&published, &closed)),
     }
@@ -201,21 +206,26 @@ fn proportional_and_general_damping_against_runge_kutta() {
     for (system, decoupled) in [(proportional(chain(n)), true), (chain(n), false)] {
         let (initial, drives) = (start(n), drives(n));
         let propagator = Propagator::new(&system, grid).unwrap();
-        assert_eq!(propagator.is_decoupled(), decoupled);
+        assert_eq!(propagator.has_decoupled_modes(), decoupled);
         let expected = runge_kutta(&system, &initial, &|t| at_time(&drives, t), grid, 40);
-        let all = propagator.harmonic(&initial, &drives, Outputs::All, Quantity::Displacement).unwrap();
+        let all = propagator
+            .compute_motion_under_harmonics(&initial, &drives, OutputRows::All, MotionQuantity::Displacement)
+            .unwrap();
         assert!(worst(&all, &expected) < 1e-10, "{:e}", worst(&all, &expected));
-        let published = as_published::displacements(&system, &initial, &drives, grid).unwrap();
+        let published = as_published::compute_published_displacements(&system, &initial, &drives, grid).unwrap();
         assert!(worst(&published, &all) < 1e-10);
         // Few outputs take another way; velocity and acceleration satisfy the equation of motion.
         let rows = DMatrix::identity(n, n);
-        let get = |quantity| propagator.harmonic(&initial, &drives, Outputs::Rows(&rows), quantity).unwrap();
-        let (q, v, a) = (get(Quantity::Displacement), get(Quantity::Velocity), get(Quantity::Acceleration));
+        let get = |quantity| {
+            propagator.compute_motion_under_harmonics(&initial, &drives, OutputRows::Rows(&rows), quantity).unwrap()
+        };
+        let (q, v, a) =
+            (get(MotionQuantity::Displacement), get(MotionQuantity::Velocity), get(MotionQuantity::Acceleration));
         assert!(worst(&q, &all) < 1e-12);
         for k in [0, 1, 137, 300] {
             let left =
                 &system.m * a.row(k).transpose() + &system.c * v.row(k).transpose() + &system.k * q.row(k).transpose();
-            assert!((left - at_time(&drives, grid.time_s(k))).amax() < 1e-9);
+            assert!((left - at_time(&drives, grid.time_at_index_s(k))).amax() < 1e-9);
         }
         assert!((v.row(0).transpose() - &initial.velocity).amax() < 1e-12);
     }
@@ -232,8 +242,10 @@ fn a_full_mass_matrix_and_many_outputs() {
     for system in [proportional(system.clone()), system] {
         let grid = grid(1e-3, 1003);
         let propagator = Propagator::new(&system, grid).unwrap();
-        let found = propagator.harmonic(&start(n), &drives(n), Outputs::All, Quantity::Displacement).unwrap();
-        let published = as_published::displacements(&system, &start(n), &drives(n), grid).unwrap();
+        let found = propagator
+            .compute_motion_under_harmonics(&start(n), &drives(n), OutputRows::All, MotionQuantity::Displacement)
+            .unwrap();
+        let published = as_published::compute_published_displacements(&system, &start(n), &drives(n), grid).unwrap();
         assert!(worst(&found, &published) < 1e-10, "{:e}", worst(&found, &published));
     }
 }
@@ -244,16 +256,22 @@ fn what_is_left_in_the_end_is_the_steady_state() {
         let grid = grid(0.02, 40_001);
         let drive = drives(9).remove(0);
         let propagator = Propagator::new(&system, grid).unwrap();
-        let found =
-            propagator.harmonic(&start(9), std::slice::from_ref(&drive), Outputs::All, Quantity::Displacement).unwrap();
-        let amplitudes = propagator.steady(&drive).unwrap();
-        let direct = steady_state(&system, &drive).unwrap();
+        let found = propagator
+            .compute_motion_under_harmonics(
+                &start(9),
+                std::slice::from_ref(&drive),
+                OutputRows::All,
+                MotionQuantity::Displacement,
+            )
+            .unwrap();
+        let amplitudes = propagator.solve_steady_amplitudes(&drive).unwrap();
+        let direct = solve_steady_state(&system, &drive).unwrap();
         assert!((&amplitudes - &direct).map(|z| z.norm()).amax() < 1e-12 * direct.map(|z| z.norm()).amax());
-        let (p, q) = as_published::particular_solution(&system, &drive).unwrap();
+        let (p, q) = as_published::solve_particular_cos_and_sin(&system, &drive).unwrap();
         let largest = p.amax().max(q.amax());
         for i in 0..9 {
             assert!((direct[i].re - p[i]).abs() + (direct[i].im + q[i]).abs() < 1e-12 * largest);
-            let t = grid.time_s(grid.count - 1);
+            let t = grid.time_at_index_s(grid.count - 1);
             let expected = (direct[i] * num_complex::Complex64::from_polar(1.0, drive.omega_rad_s * t)).re;
             assert!((found[(grid.count - 1, i)] - expected).abs() < 1e-11 * largest);
         }
@@ -263,14 +281,19 @@ fn what_is_left_in_the_end_is_the_steady_state() {
 /// The thesis' example of two unknowns: eigenvalues 2 and 4, shapes (1, 3) and (1, -3) up to scale.
 #[test]
 fn the_thesis_two_unknowns() {
-    let system =
-        SecondOrder { m: square(&[18.0, 0.0, 0.0, 2.0]), c: DMatrix::zeros(2, 2), k: square(&[54.0, -6.0, -6.0, 6.0]) };
+    let system = SecondOrderSystem {
+        m: square(&[18.0, 0.0, 0.0, 2.0]),
+        c: DMatrix::zeros(2, 2),
+        k: square(&[54.0, -6.0, -6.0, 6.0]),
+    };
     let grid = grid(0.05, 2000);
-    let initial = Initial { displacement: vector(&[2.0, 0.0]), velocity: vector(&[0.0, 0.0]) };
-    let found =
-        Propagator::new(&system, grid).unwrap().harmonic(&initial, &[], Outputs::All, Quantity::Displacement).unwrap();
+    let initial = InitialState { displacement: vector(&[2.0, 0.0]), velocity: vector(&[0.0, 0.0]) };
+    let found = Propagator::new(&system, grid)
+        .unwrap()
+        .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+        .unwrap();
     let closed = DMatrix::from_fn(grid.count, 2, |k, i| {
-        let (slow, fast) = ((2.0_f64.sqrt() * grid.time_s(k)).cos(), (2.0 * grid.time_s(k)).cos());
+        let (slow, fast) = ((2.0_f64.sqrt() * grid.time_at_index_s(k)).cos(), (2.0 * grid.time_at_index_s(k)).cos());
         if i == 0 { slow + fast } else { 3.0 * (slow - fast) }
     });
     assert!(worst(&found, &closed) < 1e-12, "{:e}", worst(&found, &closed));
@@ -281,10 +304,18 @@ fn the_thesis_two_unknowns() {
 fn an_undamped_resonance_grows_with_time() {
     let grid = grid(0.01, 3001);
     let propagator = Propagator::new(&single(0.0, 4.0), grid).unwrap();
-    let drive = Harmonic { omega_rad_s: 2.0, phase_rad: 0.0, force_n: vector(&[1.0]) };
-    assert_eq!(propagator.steady(&drive), Err(TransientError::Unbounded { omega_rad_s: 2.0 }));
-    let found = propagator.harmonic(&Initial::rest(1), &[drive], Outputs::All, Quantity::Displacement).unwrap();
-    let closed = DMatrix::from_fn(grid.count, 1, |k, _| grid.time_s(k) * (2.0 * grid.time_s(k)).sin() / 4.0);
+    let drive = HarmonicForce { omega_rad_s: 2.0, phase_rad: 0.0, force_n: vector(&[1.0]) };
+    assert_eq!(propagator.solve_steady_amplitudes(&drive), Err(TransientError::Unbounded { omega_rad_s: 2.0 }));
+    let found = propagator
+        .compute_motion_under_harmonics(
+            &InitialState::at_rest(1),
+            &[drive],
+            OutputRows::All,
+            MotionQuantity::Displacement,
+        )
+        .unwrap();
+    let closed =
+        DMatrix::from_fn(grid.count, 1, |k, _| grid.time_at_index_s(k) * (2.0 * grid.time_at_index_s(k)).sin() / 4.0);
     assert!(worst(&found, &closed) < 1e-11, "{:e}", worst(&found, &closed));
 }
 
@@ -297,18 +328,30 @@ fn forces_by_samples() {
         for (step_s, count) in [(4e-3, 251), (1e-3, 1001)] {
             let grid = grid(step_s, count);
             let propagator = Propagator::new(&system, grid).unwrap();
-            let exact = propagator.harmonic(&start(n), &drives(n), Outputs::All, Quantity::Displacement).unwrap();
+            let exact = propagator
+                .compute_motion_under_harmonics(&start(n), &drives(n), OutputRows::All, MotionQuantity::Displacement)
+                .unwrap();
             let mut samples = DMatrix::zeros(n, count);
             for k in 0..count {
-                samples.set_column(k, &at_time(&drives(n), grid.time_s(k)));
+                samples.set_column(k, &at_time(&drives(n), grid.time_at_index_s(k)));
             }
             let input = DMatrix::identity(n, n);
-            let found = propagator.sampled(&start(n), &input, &samples, Outputs::All, Quantity::Displacement).unwrap();
+            let found = propagator
+                .compute_motion_under_samples(
+                    &start(n),
+                    &input,
+                    &samples,
+                    OutputRows::All,
+                    MotionQuantity::Displacement,
+                )
+                .unwrap();
             let error = worst(&found, &exact);
             assert!(error < last / 12.0, "{error:e} after {last:e}");
             last = error;
-            let get = |quantity| propagator.sampled(&start(n), &input, &samples, Outputs::All, quantity).unwrap();
-            let (v, a) = (get(Quantity::Velocity), get(Quantity::Acceleration));
+            let get = |quantity| {
+                propagator.compute_motion_under_samples(&start(n), &input, &samples, OutputRows::All, quantity).unwrap()
+            };
+            let (v, a) = (get(MotionQuantity::Velocity), get(MotionQuantity::Acceleration));
             let k = count / 3;
             let left = &system.m * a.row(k).transpose()
                 + &system.c * v.row(k).transpose()
@@ -319,22 +362,31 @@ fn forces_by_samples() {
     }
     // A ramp is straight: exact. q'' = t from rest, q = t^3/6.
     let grid = grid(0.1, 50);
-    let samples = DMatrix::from_fn(1, 50, |_, k| grid.time_s(k));
+    let samples = DMatrix::from_fn(1, 50, |_, k| grid.time_at_index_s(k));
     let free = Propagator::new(&single(0.0, 0.0), grid).unwrap();
-    let found =
-        free.sampled(&Initial::rest(1), &square(&[1.0]), &samples, Outputs::All, Quantity::Displacement).unwrap();
-    let closed = DMatrix::from_fn(50, 1, |k, _| grid.time_s(k).powi(3) / 6.0);
+    let found = free
+        .compute_motion_under_samples(
+            &InitialState::at_rest(1),
+            &square(&[1.0]),
+            &samples,
+            OutputRows::All,
+            MotionQuantity::Displacement,
+        )
+        .unwrap();
+    let closed = DMatrix::from_fn(50, 1, |k, _| grid.time_at_index_s(k).powi(3) / 6.0);
     assert!(worst(&found, &closed) < 1e-13);
 }
 
 /// Free motion over 20001 steps against one long step each: the recurrence's round-off stays below its bound.
 #[test]
 fn round_off_stays_below_its_bound() {
-    for system in [proportional(chain(20)), chain(20), SecondOrder { c: DMatrix::zeros(20, 20), ..chain(20) }] {
+    for system in [proportional(chain(20)), chain(20), SecondOrderSystem { c: DMatrix::zeros(20, 20), ..chain(20) }] {
         let (fine, coarse) = (grid(1e-3, 20_001), grid(20.0, 2));
         let get = |grid| {
             let propagator = Propagator::new(&system, grid).unwrap();
-            let out = propagator.harmonic(&start(20), &[], Outputs::All, Quantity::Displacement).unwrap();
+            let out = propagator
+                .compute_motion_under_harmonics(&start(20), &[], OutputRows::All, MotionQuantity::Displacement)
+                .unwrap();
             let bound = propagator.round_off_bound(grid.count - 1);
             (out.row(grid.count - 1).transpose(), bound)
         };
@@ -351,7 +403,7 @@ fn round_off_stays_below_its_bound() {
 fn bad_input_is_named() {
     let grid = grid(0.1, 10);
     let good = chain(3);
-    let error = |system: &SecondOrder| Propagator::new(system, grid).unwrap_err().to_string();
+    let error = |system: &SecondOrderSystem| Propagator::new(system, grid).unwrap_err().to_string();
     let mut bad = good.clone();
     bad.k[(0, 1)] += 1.0;
     assert!(error(&bad).starts_with("k is not symmetric: entry (0, 1)"));
@@ -366,6 +418,8 @@ fn bad_input_is_named() {
     let step = TimeGrid { step_s: 0.0, count: 10 };
     assert!(Propagator::new(&good, step).unwrap_err().to_string().starts_with("time step in s: 0 is not"));
     let propagator = Propagator::new(&good, grid).unwrap();
-    let wrong = Initial::rest(2);
-    assert!(propagator.harmonic(&wrong, &[], Outputs::All, Quantity::Displacement).is_err());
+    let wrong = InitialState::at_rest(2);
+    assert!(
+        propagator.compute_motion_under_harmonics(&wrong, &[], OutputRows::All, MotionQuantity::Displacement).is_err()
+    );
 }

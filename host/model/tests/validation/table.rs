@@ -1,6 +1,6 @@
 //! Published figures beside independent ones and the program's, as the tables of `docs/src/validation.md`.
 
-use era_model::model::{Accuracy, bounded_modes};
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
 use era_model::scene::Scene;
 
 /// What the program is asked for.
@@ -27,7 +27,9 @@ impl Case {
     /// Computes the case, holds it against both, and returns its table's lines.
     pub fn table(&self) -> Vec<String> {
         let highest = self.reference.iter().map(|(value, _)| value).copied().fold(0.0, f64::max) * self.hz;
-        let found = bounded_modes(&self.scene, Accuracy::tolerance(TOLERANCE).unwrap(), 1.01 * highest).unwrap();
+        let found =
+            compute_modes_with_error_bounds(&self.scene, Accuracy::from_tolerance(TOLERANCE).unwrap(), 1.01 * highest)
+                .unwrap();
         let rigid = found.answer.iter().take_while(|mode| mode.frequency_hz == 0.0).count();
         assert_eq!(rigid, self.rigid, "{}: rigid motions", self.title);
         assert_eq!(self.reference.len(), self.published.len(), "{}", self.title);
@@ -38,7 +40,7 @@ impl Case {
         ];
         for (k, (published, (reference, digits))) in self.published.iter().zip(&self.reference).enumerate() {
             let value = found.answer[rigid + k].frequency_hz / self.hz;
-            let bound = found.bounds[rigid + k].value().unwrap();
+            let bound = found.bounds[rigid + k].known_limit().unwrap();
             let (to_published, to_reference) = (value / published - 1.0, value / reference - 1.0);
             let name = format!("{}, mode {}", self.title, k + 1);
             assert!(bound <= TOLERANCE, "{name}: the bound is {bound:e}");

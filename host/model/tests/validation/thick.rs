@@ -5,7 +5,7 @@
 use super::closed;
 use super::scenes::SceneText;
 use super::table::{TOLERANCE, digits_of, percent};
-use era_model::model::{Accuracy, bounded_modes};
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
 
 /// Bending modes of FV52 in Hz: the target of its sheet, a solid of 20-node bricks.
 const SOLID_HZ: [f64; 4] = [44.762, 110.52, 110.52, 169.08];
@@ -15,7 +15,9 @@ fn a_plate_of_a_tenth_of_its_side() {
     let mut plate = SceneText::plate(1.0, 1.0, 0.3).thickness(0.1).all_edges("pinned");
     (plate.young, plate.density) = (200e9, 8000.0);
     let highest = plate.plate_hz(closed::navier(4)[3]);
-    let found = bounded_modes(&plate.scene(), Accuracy::tolerance(TOLERANCE).unwrap(), 1.01 * highest).unwrap();
+    let found =
+        compute_modes_with_error_bounds(&plate.scene(), Accuracy::from_tolerance(TOLERANCE).unwrap(), 1.01 * highest)
+            .unwrap();
     let mut lines = vec![
         "FV52, pinned plate with h/a = 0.1, Hz:".to_owned(),
         "| mode | published | Mindlin | era | era to published | era to Mindlin |".to_owned(),

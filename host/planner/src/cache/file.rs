@@ -11,7 +11,7 @@
 
 use super::Key;
 use super::key::FORMAT;
-use crate::model::stored::Implausible;
+use crate::model::stored::ImplausibleStore;
 use crate::table::stored::StoredTable;
 use era_files::{NotOwn, read_own_file};
 use sha2::{Digest, Sha256};
@@ -72,7 +72,7 @@ pub enum Unusable {
     Decode(postcard::Error),
     /// Its contents cannot be right.
     #[error(transparent)]
-    Implausible(#[from] Implausible),
+    Implausible(#[from] ImplausibleStore),
 }
 
 impl From<io::Error> for Unusable {

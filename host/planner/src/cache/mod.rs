@@ -23,8 +23,8 @@ pub use file::MOST_BYTES;
 pub use file::Unusable;
 pub use key::Key;
 
-use crate::model::bounded::Step;
-use crate::model::levels::Levels;
+use crate::model::bounded::RefinementLevel;
+use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, ModelError};
 use crate::response::ResponseError;
 use crate::scene::Scene;
@@ -74,7 +74,7 @@ pub struct Prepared {
     /// The table.
     pub table: PlanTable,
     /// The levels of its model, as when they were computed.
-    pub steps: Vec<Step>,
+    pub steps: Vec<RefinementLevel>,
     /// Where it came from.
     pub origin: Origin,
     /// Its file and that file's size in bytes, if there is one.
@@ -136,7 +136,7 @@ impl Cache {
     }
 
     /// Writes a table down; the file's size in bytes. That it could not be is told to those who ask for detail.
-    fn store(&self, key: &Key, table: &PlanTable, steps: &[Step]) -> Option<u64> {
+    fn store(&self, key: &Key, table: &PlanTable, steps: &[RefinementLevel]) -> Option<u64> {
         let bytes = file::encode(key, &StoredTable::new(table, steps)?);
         let written = bytes.and_then(|bytes| {
             directory::write(&self.path(key), &bytes)?;
@@ -194,7 +194,7 @@ pub fn prepare(
         return Ok(prepared);
     }
     let started = Instant::now();
-    let levels = Levels::build(scene, accuracy, options.to_hz)?;
+    let levels = ReducedLevels::build(scene, accuracy, options.to_hz)?;
     let steps = levels.steps.clone();
     let of_levels = started.elapsed();
     let table = PlanTable::with_levels(scene, levels, options)?;

@@ -116,7 +116,7 @@ fn tables_of_any_scene_are_read_again() {
              max_voltage_v = 2000\n"
         );
     }
-    let random = (0..24).map(|scene| crate::scene::random::scene_text(3, scene));
+    let random = (0..24).map(|scene| crate::scene::random::random_scene_text(3, scene));
     for text in std::iter::once(four).chain(random) {
         let scene = Scene::parse("any", &text).unwrap();
         let directory = tempfile::tempdir().unwrap();

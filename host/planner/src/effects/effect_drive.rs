@@ -6,8 +6,8 @@ use super::intensity::{forces, shape_of};
 use super::motion::{Channel, Response};
 use crate::physics::limits::Limit;
 use crate::physics::rise::{RiseTimes, TransientResponse};
-use crate::response::modal_coordinates;
-use crate::transient::panel::Drive;
+use crate::response::solve_coordinates_at_frequency;
+use crate::transient::panel::SwitchedForce;
 use crate::{Plan, PlanTable};
 use era_shared::waveform::Effect;
 use nalgebra::DVector;
@@ -23,7 +23,7 @@ const MOST_OFFSETS: usize = 64;
 
 /// A drive in the making.
 pub struct Part {
-    pub drive: Drive,
+    pub drive: SwitchedForce,
     pub channel: Channel,
     /// At every target.
     pub responses: Vec<Response>,
@@ -70,11 +70,12 @@ pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Par
 }
 
 /// Most force in N of an actuator that is driven alone and evenly, and what sets it.
-fn max_force_n(table: &PlanTable, drive: &Drive, pulse_width: f64) -> Result<(f64, Limit), DesignError> {
-    let coordinates = modal_coordinates(&table.model, drive.frequency_hz).map_err(|_| DesignError::Unbounded)?;
+fn max_force_n(table: &PlanTable, drive: &SwitchedForce, pulse_width: f64) -> Result<(f64, Limit), DesignError> {
+    let coordinates =
+        solve_coordinates_at_frequency(&table.model, drive.frequency_hz).map_err(|_| DesignError::Unbounded)?;
     let own = coordinates.get(drive.actuator).zip(table.electrodes.get(drive.actuator));
     let (coordinates, electrodes) = own.ok_or(DesignError::Unbounded)?;
-    Ok(electrodes.max_force(table.model.travel(drive.actuator, coordinates).norm(), pulse_width))
+    Ok(electrodes.max_force(table.model.actuator_travel(drive.actuator, coordinates).norm(), pulse_width))
 }
 
 /// Acceleration at a target by every drive alone, per N.

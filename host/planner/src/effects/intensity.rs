@@ -3,7 +3,7 @@
 use crate::perception;
 use crate::physics::rise::RiseTimes;
 use crate::scene::SurfaceKind;
-use crate::transient::panel::Drive;
+use crate::transient::panel::SwitchedForce;
 use crate::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -34,17 +34,17 @@ pub fn shape_of(table: &PlanTable, x_m: f64, y_m: f64) -> DVector<f64> {
         SurfaceKind::Bar => table.scene.surface.width_m / 2.0,
         SurfaceKind::Plate => y_m,
     };
-    table.model.shape_at(x_m, y_m)
+    table.model.shape_deflections_at(x_m, y_m)
 }
 
 /// The plan's drives as harmonic forces, each a sine at a boundary of its own as the board starts them.
 #[must_use]
-pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<Drive> {
+pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<SwitchedForce> {
     let index = |id: &str| table.scene.actuators.iter().position(|actuator| actuator.id == id);
     plan.drives
         .iter()
         .filter_map(|drive| {
-            Some(Drive {
+            Some(SwitchedForce {
                 actuator: index(&drive.actuator)?,
                 frequency_hz: drive.frequency_hz,
                 force_n: drive.force_n,
@@ -57,7 +57,7 @@ pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<Drive> {
 /// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves. Drives of one
 /// frequency add as phasors before they are compared with its threshold.
 #[must_use]
-pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[Drive]) -> Option<f64> {
+pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Option<f64> {
     let ringings = rise.ringings(shape, drives)?;
     let mut sums: Vec<(f64, Complex64)> = Vec::with_capacity(drives.len());
     for (drive, ringing) in drives.iter().zip(&ringings) {
@@ -167,8 +167,8 @@ mod tests {
 
         // Two equal drives of one frequency a third of a turn apart are as strong as one; of two frequencies, stronger.
         let shape = shape_of(&table, 0.1, 0.1);
-        let drive = |frequency_hz, phase_rad| Drive { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
-        let level = |drives: &[Drive]| level_db(rise.as_ref().unwrap(), &shape, drives).unwrap();
+        let drive = |frequency_hz, phase_rad| SwitchedForce { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
+        let level = |drives: &[SwitchedForce]| level_db(rise.as_ref().unwrap(), &shape, drives).unwrap();
         let alone = level(&[drive(150.0, 0.0)]);
         let apart = level(&[drive(150.0, 0.3), drive(150.0, 0.3 + std::f64::consts::TAU / 3.0)]);
         assert!((apart - alone).abs() < 1e-9, "{apart} {alone}");

@@ -1,7 +1,7 @@
 //! What a point does while drives play their envelopes, from the panel's poles: no equation is stepped in time.
 
 use crate::physics::rise::{RiseTimes, TransientResponse};
-use crate::transient::panel::Drive;
+use crate::transient::panel::SwitchedForce;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -29,9 +29,9 @@ impl Channel {
 
     /// The `harmonic`-th harmonic of its force, 1 N: windows lie in the middle of half periods, and the first is that of A,
     /// so that at a boundary the fundamental is a sine at zero.
-    fn harmonic(&self, harmonic: u32) -> Drive {
+    fn harmonic(&self, harmonic: u32) -> SwitchedForce {
         let n = f64::from(harmonic);
-        Drive {
+        SwitchedForce {
             actuator: self.actuator,
             frequency_hz: n * self.frequency_hz,
             force_n: 1.0,
@@ -62,7 +62,7 @@ impl Response {
     pub fn new(rise: &RiseTimes, shape: &DVector<f64>, channel: Channel) -> Option<Self> {
         let orders: Vec<u32> =
             (1..).step_by(2).take_while(|n| *n == 1 || f64::from(*n) * channel.frequency_hz <= HIGHEST_HZ).collect();
-        let drives: Vec<Drive> = orders.iter().map(|n| channel.harmonic(*n)).collect();
+        let drives: Vec<SwitchedForce> = orders.iter().map(|n| channel.harmonic(*n)).collect();
         let harmonics = orders.into_iter().zip(rise.ringings(shape, &drives)?).collect();
         Some(Self { channel, harmonics })
     }

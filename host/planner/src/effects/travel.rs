@@ -59,7 +59,7 @@ pub struct Within {
 /// what made that necessary, and how far they go.
 pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> Within {
     let rows: Vec<DVector<f64>> =
-        (0..table.electrodes.len()).map(|actuator| table.model.travel_row(actuator)).collect();
+        (0..table.electrodes.len()).map(|actuator| table.model.actuator_travel_row(actuator)).collect();
     let free: Vec<Option<Vec<TransientResponse>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
     let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
     if let Some(travel_m) = surely_small(&table.electrodes, parts, &shortened.levels, &free) {
@@ -314,7 +314,8 @@ mod tests {
             let rise = RiseTimes::prepare(&table.model).unwrap();
             let plan = table.plan(&[Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) }]).unwrap();
             let parts = parts(&table, &rise, &plan).unwrap();
-            let rows: Vec<DVector<f64>> = (0..parts.len()).map(|actuator| table.model.travel_row(actuator)).collect();
+            let rows: Vec<DVector<f64>> =
+                (0..parts.len()).map(|actuator| table.model.actuator_travel_row(actuator)).collect();
             let free: Vec<_> = parts.iter().map(|part| free_travel(&rise, &rows, part)).collect();
             let rest = rise.stepper(&rows, TRAVEL_STEP_S);
             for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {

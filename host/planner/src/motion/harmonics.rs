@@ -3,7 +3,7 @@
 use crate::chosen_drive::Chosen;
 use crate::model::ReducedModel;
 use crate::motion::driven_panel::Settled;
-use crate::response::Solver;
+use crate::response::CoordinateSolver;
 use crate::table::{PlanTable, at_point, harmonic_part};
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use nalgebra::DVector;
@@ -21,14 +21,14 @@ pub(crate) fn compute_drive_harmonics(table: &PlanTable, drives: &[Chosen], sett
 
 /// The harmonics of drives on one of the models.
 pub(super) fn harmonics_on(model: &ReducedModel, drives: &[Chosen], settled: &Settled) -> Harmonics {
-    let solver = Solver::new(model);
+    let solver = CoordinateSolver::new(model);
     let mut found = Vec::new();
     for (i, drive) in drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
         let numbers = (1..).map(|k| f64::from(2 * k + 1));
         for n in numbers.take_while(|n| n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
             let hz = n * drive.frequency_hz;
             // An unbounded one is a resonance without damping, which an edge of finite length does not meet.
-            let Ok(mut coordinates) = solver.coordinates(hz) else { continue };
+            let Ok(mut coordinates) = solver.solve_at_frequency(hz) else { continue };
             if i < coordinates.len() {
                 // Windows lie at the drive's phase, so that its harmonic's is n times as large (acceleration is -w^2 q).
                 let part = harmonic_part(n, settled.applied[i].pulse_width);

@@ -5,8 +5,8 @@
 
 use super::harmonics::harmonics_on;
 use crate::chosen_drive::Chosen;
-use crate::model::estimator::Estimator;
-use crate::model::levels::Levels;
+use crate::model::estimator::ErrorEstimator;
+use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, Bound, ReducedModel};
 use crate::motion::driven_panel::Settled;
 use crate::motion::harmonics::compute_drive_harmonics;
@@ -40,7 +40,7 @@ pub struct HarmonicsAt {
 impl HarmonicsAt {
     /// The worse of the two; infinite where there is none.
     fn worst(&self) -> f64 {
-        let value = |bound: Bound| bound.value().unwrap_or(f64::INFINITY);
+        let value = |bound: Bound| bound.known_limit().unwrap_or(f64::INFINITY);
         value(self.sum_bound).max(value(self.strongest_bound))
     }
 }
@@ -68,7 +68,7 @@ pub(crate) fn compute_harmonics_at(
         if best.worst() <= ENOUGH {
             break;
         }
-        let Ok(own) = Levels::build(&table.scene, accuracy, highest_hz) else { break };
+        let Ok(own) = ReducedLevels::build(&table.scene, accuracy, highest_hz) else { break };
         let found = on_levels(&own.fine, Some((&own.coarser, &own.estimator)), drives, settled, at);
         if found.worst() < best.worst() {
             best = found;
@@ -79,14 +79,14 @@ pub(crate) fn compute_harmonics_at(
 
 fn on_levels(
     fine: &ReducedModel,
-    coarser: Option<(&[ReducedModel; 2], &Estimator)>,
+    coarser: Option<(&[ReducedModel; 2], &ErrorEstimator)>,
     drives: &[Chosen],
     settled: &Settled,
     (x_m, y_m): (f64, f64),
 ) -> HarmonicsAt {
     // For each drive's harmonic, and for each frequency.
     let of = |model: &ReducedModel| {
-        let (own, shape) = (harmonics_on(model, drives, settled), model.shape_at(x_m, y_m));
+        let (own, shape) = (harmonics_on(model, drives, settled), model.shape_deflections_at(x_m, y_m));
         (own.phasors(&shape), own.together(&shape))
     };
     let (each, together) = of(fine);
@@ -111,7 +111,7 @@ fn on_levels(
         a.iter().zip(b).map(|((hz, a), (_, b))| felt((*hz, a - b))).fold(0.0, f64::max) / strongest
     };
     answer(
-        estimator.response_bound(apart(&coarse.0, &middle.0), apart(&middle.0, &each)),
-        estimator.response_bound(lines_apart(&coarse.1, &middle.1), lines_apart(&middle.1, &together)),
+        estimator.response_error_bound(apart(&coarse.0, &middle.0), apart(&middle.0, &each)),
+        estimator.response_error_bound(lines_apart(&coarse.1, &middle.1), lines_apart(&middle.1, &together)),
     )
 }

@@ -9,7 +9,7 @@ use crate::motion::driven_panel::{Applied, DrivenPanel, Settled, harmonics_m};
 use crate::motion::driven_panel::{build_driven_panel, check_limits, locate_failure};
 use crate::physics::limits::Limit;
 use crate::physics::softening::{Line, Motion, NotSafe, TimeResponse, rise, settle, travel_receptance};
-use crate::response::Solver;
+use crate::response::CoordinateSolver;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point, travel_by};
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
@@ -86,7 +86,7 @@ pub(crate) fn bound_added_travel_m(
     motion: &Motion,
     alone_m: &[f64; MAX_ACTUATORS],
 ) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
-    let solver = Solver::new(&table.model);
+    let solver = CoordinateSolver::new(&table.model);
     let lines = lines_with_harmonics(table, drives, problem, &solver);
     let all = settle(problem.transducers(), problem.excitations(), &lines)?;
     let mut besides_m = bound_combination_travel_m(table, drives, problem, &all, &solver);
@@ -97,11 +97,16 @@ pub(crate) fn bound_added_travel_m(
 }
 
 /// The fundamentals' lines, then those of the harmonics of [`CLOSING`].
-fn lines_with_harmonics(table: &PlanTable, drives: &[Chosen], problem: &DrivenPanel, solver: &Solver<'_>) -> Vec<Line> {
+fn lines_with_harmonics(
+    table: &PlanTable,
+    drives: &[Chosen],
+    problem: &DrivenPanel,
+    solver: &CoordinateSolver<'_>,
+) -> Vec<Line> {
     let mut lines = problem.lines.clone();
     for (line, leader) in problem.lines.iter().zip(&problem.leaders) {
         for harmonic in CLOSING {
-            if let Ok(coordinates) = solver.coordinates(f64::from(harmonic) * drives[*leader].frequency_hz) {
+            if let Ok(coordinates) = solver.solve_at_frequency(f64::from(harmonic) * drives[*leader].frequency_hz) {
                 lines.push(Line { harmonic, receptance: travel_receptance(&table.model, &coordinates), ..*line });
             }
         }
@@ -119,14 +124,14 @@ pub(crate) fn find_moving_harmonics(
     shape: &DVector<f64>,
 ) -> Option<Vec<(f64, f64)>> {
     let problem = build_driven_panel(table, drives, settled.applied);
-    let solver = Solver::new(&table.model);
+    let solver = CoordinateSolver::new(&table.model);
     let lines = lines_with_harmonics(table, drives, &problem, &solver);
     let motion = settle(problem.transducers(), problem.excitations(), &lines).ok()?;
     let mut found = Vec::new();
     for (line, force_n) in lines.iter().zip(&motion.force_n).filter(|(line, _)| line.harmonic > 1) {
         let hz = f64::from(line.harmonic) * drives.get(*problem.leaders.get(line.frequency)?)?.frequency_hz;
         let omega = TAU * hz;
-        let coordinates = solver.coordinates(hz).ok()?;
+        let coordinates = solver.solve_at_frequency(hz).ok()?;
         let at = coordinates.iter().zip(force_n).map(|(q, force)| at_point(shape, q) * force).sum::<Complex64>();
         found.push((hz, at.norm() * omega * omega));
     }
@@ -140,7 +145,7 @@ pub(crate) fn settle_with_harmonics(table: &PlanTable, drives: &[Chosen], settle
     let is_narrow = |applied: &&Applied| applied.voltage_v > 0.0 && applied.pulse_width < NARROW;
     settled.applied.iter().find(is_narrow)?;
     let problem = build_driven_panel(table, drives, settled.applied);
-    let lines = lines_with_harmonics(table, drives, &problem, &Solver::new(&table.model));
+    let lines = lines_with_harmonics(table, drives, &problem, &CoordinateSolver::new(&table.model));
     let motion = settle(problem.transducers(), problem.excitations(), &lines).ok()?;
     Some(Settled { motion, ..*settled })
 }
@@ -152,7 +157,7 @@ fn bound_combination_travel_m(
     drives: &[Chosen],
     problem: &DrivenPanel,
     motion: &Motion,
-    solver: &Solver<'_>,
+    solver: &CoordinateSolver<'_>,
 ) -> [f64; MAX_ACTUATORS] {
     let mut travel_m = [0.0; MAX_ACTUATORS];
     for (i, excitation) in problem.excitations().iter().enumerate().filter(|(_, e)| e.voltage_v > 0.0) {
@@ -160,7 +165,7 @@ fn bound_combination_travel_m(
             let force_n = (motion.pulsating_n_per_m[i] * motion.travel_m[l][i]).norm();
             let (own_hz, other_hz) = (drives[i].frequency_hz, drives[*leader].frequency_hz);
             for hz in [2.0 * own_hz + other_hz, (2.0 * own_hz - other_hz).abs()] {
-                let Ok(coordinates) = solver.coordinates(hz.max(LOWEST_HZ)) else { continue };
+                let Ok(coordinates) = solver.solve_at_frequency(hz.max(LOWEST_HZ)) else { continue };
                 let Some(q) = coordinates.get(i) else { continue };
                 let moved = travel_by(&table.model, q);
                 for ((sum, z), electrodes) in travel_m.iter_mut().zip(moved).zip(&table.electrodes) {

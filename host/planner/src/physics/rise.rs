@@ -21,7 +21,7 @@
 //! there is beyond the skin's 1 kHz.
 
 use crate::model::ReducedModel;
-use crate::transient::panel::Drive;
+use crate::transient::panel::SwitchedForce;
 use crate::transient::reduced::ModalSystem;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
@@ -167,7 +167,7 @@ impl RiseTimes {
     /// What each of `drives` does where `shape` holds the shapes' deflections (or an actuator's travel), for 1 N whatever
     /// their `force_n`. `None` where a drive meets the resonance of an undamped mode, or an actuator that there is not.
     #[must_use]
-    pub fn ringings(&self, shape: &DVector<f64>, drives: &[Drive]) -> Option<Vec<TransientResponse>> {
+    pub fn ringings(&self, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Option<Vec<TransientResponse>> {
         let (re, im) = (self.re.tr_mul(shape), self.im.tr_mul(shape));
         drives
             .iter()
@@ -204,7 +204,7 @@ impl RiseTimes {
     /// every drive after its start, the steady part is missing. The steady peak is what equation 23 makes of the damping
     /// in time.
     #[must_use]
-    pub fn times(&self, shape: &DVector<f64>, drives: &[Drive]) -> Timing {
+    pub fn times(&self, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Timing {
         const NEVER: Timing = Timing { reaches_90_s: None, decays_to_10_s: None };
         let Some(ringings) = self.ringings(shape, drives) else { return NEVER };
         let mut parts: Vec<TransientResponse> = Vec::with_capacity(drives.len());

@@ -1,7 +1,7 @@
 //! How wrong a plan's prediction may be.
 
 use crate::chosen_drive::Chosen;
-use crate::model::estimator::Estimator;
+use crate::model::estimator::ErrorEstimator;
 use crate::model::{Bound, ReducedModel};
 use crate::plan::{Plan, TargetResult};
 use crate::response;
@@ -17,10 +17,10 @@ pub(crate) const UNBOUNDED: &str = "a coarser model is at an undamped resonance"
 
 /// The bound on a peak from its drives' phasors on three levels, the finest last: differences are added up as the peak adds
 /// magnitudes.
-fn of_phasors(estimator: &Estimator, peak: f64, [coarse, middle, fine]: [&[Complex64]; 3]) -> Bound {
+fn of_phasors(estimator: &ErrorEstimator, peak: f64, [coarse, middle, fine]: [&[Complex64]; 3]) -> Bound {
     let difference =
         |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
-    estimator.response_bound(difference(coarse, middle), difference(middle, fine))
+    estimator.response_error_bound(difference(coarse, middle), difference(middle, fine))
 }
 
 /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
@@ -32,20 +32,20 @@ pub(crate) fn bound_peak_error(table: &PlanTable, drives: &[Chosen], target: &Ta
         return Bound::Unknown(UNMOVED);
     }
     let at = (target.x_m, target.y_m);
-    let shape = table.model.shape_at(at.0, at.1);
+    let shape = table.model.shape_deflections_at(at.0, at.1);
     let fine = drives.iter().enumerate().map(|(i, drive)| {
         drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
     });
     let fine: Vec<Complex64> = fine.collect();
     let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
-        let shape = model.shape_at(at.0, at.1);
+        let shape = model.shape_deflections_at(at.0, at.1);
         let each = drives.iter().enumerate().map(|(i, drive)| {
             if let Some(k) = drive.on_grid {
                 let row = table.coarser_rows.get(level)?.get(k)?.as_ref()?;
                 return Some(at_point(&shape, row.get(i)?) * drive.force_n);
             }
             let omega = std::f64::consts::TAU * drive.frequency_hz;
-            let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+            let q = response::solve_coordinates_at_frequency(model, drive.frequency_hz).ok()?;
             Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
         });
         each.collect()
@@ -65,7 +65,7 @@ pub(crate) fn bound_setting_errors<'a>(
     let Some(([middle, coarse], estimator)) = &table.coarser else {
         return settings.map(|_| Bound::Unknown(NO_LEVELS)).collect();
     };
-    let shapes = [middle, coarse].map(|model| model.shapes_on(&table.grid.x_m, &table.grid.y_m));
+    let shapes = [middle, coarse].map(|model| model.shape_deflections_on_grid(&table.grid.x_m, &table.grid.y_m));
     let bound = |(point, setting): (usize, &[Part])| {
         let fine = setting.iter().enumerate().map(|(i, part)| {
             let entry = table.entries.get(i)?.get(part.frequency)?.as_ref()?;
@@ -100,11 +100,11 @@ pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
     }
     // For each drive the accelerations at all points.
     let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {
-        let shapes = model.shapes_on(&table.grid.x_m, &table.grid.y_m).map(Complex64::from);
+        let shapes = model.shape_deflections_on_grid(&table.grid.x_m, &table.grid.y_m).map(Complex64::from);
         let each = plan.drives.iter().map(|drive| {
             let actuator = table.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
             let omega = std::f64::consts::TAU * drive.frequency_hz;
-            let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+            let q = response::solve_coordinates_at_frequency(model, drive.frequency_hz).ok()?;
             Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
         });
         each.collect()
@@ -119,5 +119,5 @@ pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
         }
         sum.amax() / largest
     };
-    estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    estimator.response_error_bound(difference(&coarse, &middle), difference(&middle, &fine))
 }

@@ -188,7 +188,7 @@ impl PlanTable {
             predicted: predict_accelerations(self, &formulation, &selection.drives, &settled, first.peak_g),
             limited_by: limitation::text(&limits),
             limits,
-            error_bound: bound_peak_error(self, &selection.drives, &first).value(),
+            error_bound: bound_peak_error(self, &selection.drives, &first).known_limit(),
             targets,
             quiet,
             drives: build_drives(self, &selection.drives, &settled),
@@ -333,7 +333,7 @@ pub(super) fn predict_accelerations(
 
 /// Acceleration coordinates of drives at one frequency together, with their phases.
 fn sum_accelerations(table: &PlanTable, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
-    let mut sum = DVector::zeros(table.model.order());
+    let mut sum = DVector::zeros(table.model.count_coordinates());
     for i in members {
         if let Some(entry) = drives[*i].row.get(*i) {
             let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);

@@ -14,7 +14,7 @@ const WIDEST_HZ: f64 = 3.0;
 /// sqrt((f - f1)^2 + b^2), its distance from the pole.
 #[must_use]
 pub(super) fn of(model: &ReducedModel, options: TableOptions) -> Vec<f64> {
-    let poles: Vec<(f64, f64)> = (0..model.order())
+    let poles: Vec<(f64, f64)> = (0..model.count_coordinates())
         .filter(|k| model.lambda[*k] > 0.0)
         .map(|k| {
             let omega = model.lambda[k].sqrt();

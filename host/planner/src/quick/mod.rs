@@ -79,7 +79,7 @@ impl QuickPanel {
     /// Unknowns of the panel's mesh.
     #[must_use]
     pub fn dofs(&self) -> usize {
-        self.panel.dofs()
+        self.panel.count_unknowns()
     }
 
     /// The weakest place of a design of this panel: where the strongest drive, chosen for that place, is the weakest. With a finger in the scene
@@ -101,7 +101,7 @@ impl QuickPanel {
     }
 
     fn table(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
-        let model = self.panel.coupled(scene)?;
+        let model = self.panel.couple_to_design(scene)?;
         let hz = frequencies::of(&model, self.options);
         let grid = coarse_grid(scene, &model, self.options.to_hz);
         Ok(PlanTable::for_strongest(scene, model, hz, grid)?)

@@ -1,6 +1,6 @@
 use super::*;
 use crate::STANDARD_GRAVITY;
-use crate::scene::random::scene_text;
+use crate::scene::random::random_scene_text;
 use crate::study::touched::TouchedReach;
 use crate::study::weakest::{every_touch, every_touch_touched};
 use era_model::model::PanelModel;
@@ -59,7 +59,7 @@ fn it_is_the_least_of_a_thorough_look() {
 fn designs_at_random_are_too() {
     let mut off: Vec<f64> = Vec::new();
     for number in 0..10 {
-        let scene = Scene::parse("random", &scene_text(4711, number)).unwrap();
+        let scene = Scene::parse("random", &random_scene_text(4711, number)).unwrap();
         let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
         // Scenes that nothing can be said of are those of which a thorough look says nothing either.
         match (panel.weakest(&scene, Measure::G), thorough(&scene)) {
@@ -84,7 +84,7 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
         let (found, plain) = (quick(&scene), quick(&untouched));
         let panel = BarePanel::build(&scene, Accuracy::BALANCED, OPTIONS.to_hz).unwrap();
         let options = TableOptions { step_hz: 2.0, ..OPTIONS };
-        let table = PlanTable::build(&scene, panel.coupled(&scene).unwrap(), options).unwrap();
+        let table = PlanTable::build(&scene, panel.couple_to_design(&scene).unwrap(), options).unwrap();
         let touched = Touched::new(&panel, &scene, &table);
         let reach = TouchedReach::of(&table, touched, None, Measure::G).unwrap().unwrap();
         let wanted = every_touch_touched(&table, &reach).unwrap();
@@ -114,8 +114,8 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
 fn no_place_is_left_out_that_is_the_weakest() {
     let options = TableOptions { step_hz: 4.0, ..OPTIONS };
     for number in [3, 4, 8, 9, 12] {
-        let mut scene = Scene::parse("random", &scene_text(815, number)).unwrap();
-        let (part, own) = (f64::from(u32::try_from(number).unwrap() % 5 + 1), scene.mass_kg());
+        let mut scene = Scene::parse("random", &random_scene_text(815, number)).unwrap();
+        let (part, own) = (f64::from(u32::try_from(number).unwrap() % 5 + 1), scene.surface_mass_kg());
         scene.finger = Some(era_model::scene::Finger {
             mass_kg: 0.01 * part * own,
             damping_n_s_per_m: 1.5 * part,
@@ -136,7 +136,7 @@ fn its_drives_do_there_what_is_told() {
     let found = quick(&scene);
     let model =
         PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz).unwrap().reduce(OPTIONS.to_hz, &[]).unwrap();
-    let shape = model.shape_at(found.at_m.0, found.at_m.1);
+    let shape = model.shape_deflections_at(found.at_m.0, found.at_m.1);
     let peak: f64 = found
         .drives
         .iter()

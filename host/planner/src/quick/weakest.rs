@@ -54,9 +54,9 @@ pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Result<Wea
     let mut coarse = Points::new(table, measure, places, &shapes).ok_or(PlanError::NoFrequencies)?;
     let first = coarse.weakest(table, f64::INFINITY).ok_or(PlanError::NoFrequencies)?;
     let found = refined(table, max_hz, first, &coarse.known, &of_grid, |fine, below| {
-        let mut shapes = DMatrix::zeros(fine.len(), table.model.order());
+        let mut shapes = DMatrix::zeros(fine.len(), table.model.count_coordinates());
         for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
-            row.tr_copy_from(&table.model.shape_at(*x_m, *y_m));
+            row.tr_copy_from(&table.model.shape_deflections_at(*x_m, *y_m));
         }
         Ok(Points::new(table, measure, fine, &shapes).ok_or(PlanError::NoFrequencies)?.weakest(table, below))
     })?;

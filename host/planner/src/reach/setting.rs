@@ -63,7 +63,7 @@ pub(crate) fn together(table: &PlanTable, setting: &[Part], part: usize) -> Opti
     if setting.iter().take(part).any(|before| before.frequency == frequency) {
         return None;
     }
-    let mut coordinates = DVector::<Complex64>::zeros(table.model.order());
+    let mut coordinates = DVector::<Complex64>::zeros(table.model.count_coordinates());
     for (actuator, part) in setting.iter().enumerate().filter(|(_, part)| part.frequency == frequency) {
         if let Some(entry) = table.entry(actuator, frequency) {
             coordinates += &entry.acceleration * Complex64::from_polar(part.drive.force_n, part.drive.phase_rad);

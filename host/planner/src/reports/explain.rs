@@ -1,7 +1,7 @@
 //! Why a plan is what it is, and what something else would give.
 
 use crate::choose::candidates::Formulation;
-use crate::model::levels::Levels;
+use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, ModelError};
 use crate::plan::{Plan, contrast_db};
 use crate::request::{Grouping, Objective, PlanError, Request};
@@ -182,13 +182,13 @@ fn list_candidates(table: &PlanTable, formulation: &Formulation<'_>, plan: &Plan
 }
 
 fn evaluate_pulse_width(table: &PlanTable, plan: &Plan, pulse_width: f64) -> PulseWidth {
-    let solver = crate::response::Solver::new(&table.model);
+    let solver = crate::response::CoordinateSolver::new(&table.model);
     let (mut fundamental, mut harmonics) = (0.0, 0.0);
     for (i, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
         let numbers = (0..).map(|k| f64::from(2 * k + 1));
         for n in numbers.take_while(|n| *n == 1.0 || n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
             let hz = n * drive.frequency_hz;
-            let Ok(coordinates) = solver.coordinates(hz) else { continue };
+            let Ok(coordinates) = solver.solve_at_frequency(hz) else { continue };
             let Some(q) = coordinates.get(i) else { continue };
             let force = drive.force_n * harmonic_part(n, pulse_width) * (std::f64::consts::TAU * hz).powi(2);
             let square = table.mean_square(q) * force * force;
@@ -230,8 +230,8 @@ fn try_one_more_actuator(table: &PlanTable, request: &Request) -> Result<Option<
     let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
     let mut best: Option<Alternative> = None;
     for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
-        let Ok(place) = table.scene.place(x * surface.length_m, y * surface.width_m) else { continue };
-        let (x_m, y_m) = place.xy_m();
+        let Ok(place) = table.scene.surface_point_at(x * surface.length_m, y * surface.width_m) else { continue };
+        let (x_m, y_m) = place.coordinates_m();
         let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
         if table.scene.actuators.iter().any(is_taken) {
             continue;
@@ -241,7 +241,7 @@ fn try_one_more_actuator(table: &PlanTable, request: &Request) -> Result<Option<
         (more.id, more.x_m, more.y_m) = (String::from("one more"), x_m, y_m);
         scene.actuators.push(more);
         let options = TableOptions::preview();
-        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz)?;
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz)?;
         let table = PlanTable::build(&scene, levels.fine, options)?;
         let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
         // Where this one has no plan another place may.

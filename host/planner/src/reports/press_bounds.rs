@@ -20,14 +20,14 @@ pub fn bound_press_travel_error(table: &PlanTable, actuator: usize) -> Bound {
         return Bound::Unknown("nothing is moved");
     };
     let at = |model: &ReducedModel| {
-        let q = model.steady_coordinates(actuator).filter(|_| model.is_surface_held())?;
-        Some(model.shape_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
+        let q = model.steady_coordinates_per_newton(actuator).filter(|_| model.is_surface_held())?;
+        Some(model.shape_deflections_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
     };
     let (Some(fine), Some(middle), Some(coarse)) = (at(&table.model), at(middle), at(coarse)) else {
         return Bound::Unknown("nothing holds the panel");
     };
     let difference = |a: f64, b: f64| (a - b).abs() / fine.abs();
-    estimator.steady_bound(difference(coarse, middle), difference(middle, fine))
+    estimator.steady_deflection_error_bound(difference(coarse, middle), difference(middle, fine))
 }
 
 /// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`Pressed::sag_m`]), at the place where the press moves it furthest and
@@ -40,7 +40,7 @@ pub fn bound_sag_error(table: &PlanTable, actuator: usize) -> Bound {
     let on = |model| sags_on(&table.scene, model, &table.electrodes, &table.pressed).get(actuator).copied();
     match (on(&table.model), on(middle), on(coarse)) {
         (Some(fine), Some(middle), Some(coarse)) if fine > 0.0 => {
-            estimator.steady_bound((coarse - middle).abs() / fine, (middle - fine).abs() / fine)
+            estimator.steady_deflection_error_bound((coarse - middle).abs() / fine, (middle - fine).abs() / fine)
         }
         _ => Bound::Unknown("nothing is moved"),
     }

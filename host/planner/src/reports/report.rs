@@ -6,7 +6,7 @@ use crate::motion::strong_softening::find_moving_harmonics;
 use crate::perception::level_db;
 use crate::plan::{Plan, Planned};
 use crate::table::PlanTable;
-use crate::transient::panel::Drive;
+use crate::transient::panel::SwitchedForce;
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use serde::Serialize;
 
@@ -44,13 +44,13 @@ pub struct Times {
 /// When a plan's first target vibrates, and when it has stopped.
 #[must_use]
 pub fn compute_times(table: &PlanTable, plan: &Plan) -> Times {
-    let shape = plan.targets.first().map(|target| table.model.shape_at(target.x_m, target.y_m));
-    let drives: Vec<Drive> = plan
+    let shape = plan.targets.first().map(|target| table.model.shape_deflections_at(target.x_m, target.y_m));
+    let drives: Vec<SwitchedForce> = plan
         .drives
         .iter()
         .enumerate()
         .filter(|(_, drive)| drive.force_n > 0.0)
-        .map(|(actuator, drive)| Drive {
+        .map(|(actuator, drive)| SwitchedForce {
             actuator,
             frequency_hz: drive.frequency_hz,
             force_n: drive.force_n,
@@ -91,11 +91,11 @@ pub fn report_plan(table: &PlanTable, planned: &Planned) -> Report {
     Report {
         waveform_peak_g: planned.plan.predicted.softened_peak_g + (sum_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
         harmonics_g: sum_m_per_s2 / STANDARD_GRAVITY,
-        harmonics_error_bound: at.and_then(|at| at.sum_bound.value()),
+        harmonics_error_bound: at.and_then(|at| at.sum_bound.known_limit()),
         strongest_harmonic_db: at.and_then(|at| level_db(at.strongest)),
         // A level goes further down than up by the same part; where all of it may be wrong, by any amount.
         strongest_harmonic_error_db: at
-            .and_then(|at| at.strongest_bound.value())
+            .and_then(|at| at.strongest_bound.known_limit())
             .filter(|part| *part < 1.0)
             .map(bound_db),
         times: compute_times(table, &planned.plan),

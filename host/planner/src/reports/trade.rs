@@ -6,7 +6,7 @@ use crate::chosen_drive::peak;
 use crate::plan::{MET, Plan, Planned};
 use crate::request::surface_y_m;
 use crate::request::{Objective, PlanError, Request, Weigh};
-use crate::stop::Stop;
+use crate::stop::StopRequest;
 use crate::table::PlanTable;
 use serde::Serialize;
 
@@ -116,7 +116,7 @@ pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned,
 
 /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
 /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans, between
-/// which it looks whether it is to end ([`Stop`]).
+/// which it looks whether it is to end ([`StopRequest`]).
 ///
 /// # Errors
 /// [`PlanError`].
@@ -132,8 +132,11 @@ fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Op
         return Ok(None);
     }
     let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
-    let shapes: Vec<_> =
-        request.targets.iter().map(|target| table.model.shape_at(target.x_m, surface_y_m(table, target.y_m))).collect();
+    let shapes: Vec<_> = request
+        .targets
+        .iter()
+        .map(|target| table.model.shape_deflections_at(target.x_m, surface_y_m(table, target.y_m)))
+        .collect();
     let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
     for (t, wanted_g) in wanted_g.iter().enumerate() {
         let mut only = request.only(&[t]);
@@ -278,7 +281,7 @@ impl Border<'_> {
 
 /// Between two plans: whether somebody still waits for the answer.
 fn check_is_wanted() -> Result<(), PlanError> {
-    if Stop::current().is_asked() { Err(PlanError::Stopped) } else { Ok(()) }
+    if StopRequest::current_request_of_thread().is_stop_requested() { Err(PlanError::Stopped) } else { Ok(()) }
 }
 
 fn peaks(plan: &Plan) -> Vec<f64> {

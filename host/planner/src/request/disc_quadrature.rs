@@ -5,7 +5,7 @@
 //! rectangle of the surface, in strips between the places where the set of chords changes its form.
 
 use crate::TARGET_RADIUS_M;
-use crate::model::shape::gauss;
+use crate::model::shape::gauss_legendre_rule;
 use crate::scene::{Scene, SurfaceKind};
 use std::cell::LazyCell;
 use std::f64::consts::{PI, TAU};
@@ -32,7 +32,7 @@ pub(crate) fn around(scene: &Scene, targets: &[(f64, f64)], wave_m: f64) -> Vec<
     // The square of a wave turns by 4 k r across a chord and by 2 pi k r along an arc of half a turn; n points integrate some 2 n
     // radians.
     let [across, along] = LEAST_POINTS;
-    let points = |least: f64, more: f64| gauss((least + more).ceil().min(MOST_DISC_POINTS) as usize);
+    let points = |least: f64, more: f64| gauss_legendre_rule((least + more).ceil().min(MOST_DISC_POINTS) as usize);
     // Made when they are needed: seven points, which most touches have, do without them, and they would take a sixth of a plan's time.
     let rules = LazyCell::new(|| [points(across, reach), points(along, 2.0 * reach)]);
     let own = targets.iter().enumerate().map(|(t, target)| {
@@ -74,9 +74,9 @@ fn disc(scene: &Scene, centre: (f64, f64), earlier: &[(f64, f64)], rules: &[Rule
         in_rectangle(&mut points, centre, earlier, rules, [(0.0, corner.0), (0.0, corner.1)]);
         return points;
     }
-    for rows in layout.y_m().windows(2) {
-        for columns in layout.x_m().windows(2) {
-            if layout.at(0.5 * (columns[0] + columns[1]), 0.5 * (rows[0] + rows[1])).is_some() {
+    for rows in layout.border_lines_y_m().windows(2) {
+        for columns in layout.border_lines_x_m().windows(2) {
+            if layout.layer_at(0.5 * (columns[0] + columns[1]), 0.5 * (rows[0] + rows[1])).is_some() {
                 in_rectangle(&mut points, centre, earlier, rules, [(columns[0], columns[1]), (rows[0], rows[1])]);
             }
         }
@@ -201,7 +201,7 @@ mod tests {
             let is_there = |(x, y): &(f64, f64)| {
                 (0.0..=scene.surface.length_m).contains(x)
                     && (0.0..=scene.surface.width_m).contains(y)
-                    && layout.at(*x, *y).is_some()
+                    && layout.layer_at(*x, *y).is_some()
             };
             let many: Vec<Point> = many.filter(near).filter(is_there).map(|(x, y)| (x, y, step * step)).collect();
             let (x, y) = targets[0];

@@ -4,7 +4,7 @@ pub(crate) mod disc_quadrature;
 pub mod quiet_zones;
 pub(crate) mod target_zone;
 
-use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, along_side};
+use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, check_coordinate_along_side};
 use crate::table::{PlanTable, Region, View};
 use crate::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
 use serde::{Deserialize, Serialize};
@@ -265,8 +265,8 @@ pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<V
             return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
         }
         for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
-            along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;
-            along_side("zone.y_mm", y_m, table.scene.surface.width_m)?;
+            check_coordinate_along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;
+            check_coordinate_along_side("zone.y_mm", y_m, table.scene.surface.width_m)?;
         }
         if View::new(table, Some(zone)).is_none() {
             return Err(PlanError::EmptyZone);
@@ -277,14 +277,14 @@ pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<V
         return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
     }
     for quiet in &request.quiet {
-        table.scene.place(quiet.x_m, quiet.y_m)?;
+        table.scene.surface_point_at(quiet.x_m, quiet.y_m)?;
         within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
         within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
     }
     targets
         .iter()
         .map(|target| {
-            table.scene.place(target.x_m, target.y_m)?;
+            table.scene.surface_point_at(target.x_m, target.y_m)?;
             let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
             within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
             Ok(intensity_g)
@@ -296,10 +296,10 @@ pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<V
 pub(crate) fn snap_to_surface(table: &PlanTable, request: &Request) -> Result<Request, PlanError> {
     let mut request = request.clone();
     for target in &mut request.targets {
-        (target.x_m, target.y_m) = table.scene.place(target.x_m, target.y_m)?.xy_m();
+        (target.x_m, target.y_m) = table.scene.surface_point_at(target.x_m, target.y_m)?.coordinates_m();
     }
     for quiet in &mut request.quiet {
-        (quiet.x_m, quiet.y_m) = table.scene.place(quiet.x_m, quiet.y_m)?.xy_m();
+        (quiet.x_m, quiet.y_m) = table.scene.surface_point_at(quiet.x_m, quiet.y_m)?.coordinates_m();
     }
     Ok(request)
 }

@@ -77,7 +77,11 @@ impl QuietZones {
                 // What lies beyond an edge is moved onto it, which stays within the zone.
                 let (x, y) =
                     ((zone.x_m + dx).clamp(0.0, surface.length_m), (zone.y_m + dy).clamp(0.0, surface.width_m));
-                table.scene.cutout_at(x, y).is_none().then(|| table.model.shape_at(x, surface_y_m(table, y)))
+                table
+                    .scene
+                    .cutout_number_at(x, y)
+                    .is_none()
+                    .then(|| table.model.shape_deflections_at(x, surface_y_m(table, y)))
             };
             let asked = ASKED * zone.at_most_g * STANDARD_GRAVITY;
             made.rows.extend(at(0.0, 0.0).map(|shape| (shape, asked)));

@@ -29,8 +29,10 @@ impl Zone {
     /// The zone of `targets`, which lie on the surface.
     #[must_use]
     pub fn new(table: &PlanTable, targets: &[Target]) -> Self {
-        let shapes: Vec<DVector<f64>> =
-            targets.iter().map(|target| table.model.shape_at(target.x_m, surface_y_m(table, target.y_m))).collect();
+        let shapes: Vec<DVector<f64>> = targets
+            .iter()
+            .map(|target| table.model.shape_deflections_at(target.x_m, surface_y_m(table, target.y_m)))
+            .collect();
         let places: Vec<(f64, f64)> =
             targets.iter().map(|target| (target.x_m, surface_y_m(table, target.y_m))).collect();
         let mut points = Vec::with_capacity(7 * targets.len());
@@ -38,7 +40,7 @@ impl Zone {
         for ((own, place), shape) in around(&table.scene, &places, table.wave_m).into_iter().zip(&places).zip(&shapes) {
             for (x, y, weight) in own {
                 area += weight;
-                let shape = if (x, y) == *place { shape.clone() } else { table.model.shape_at(x, y) };
+                let shape = if (x, y) == *place { shape.clone() } else { table.model.shape_deflections_at(x, y) };
                 points.push((shape, weight));
             }
         }
@@ -46,7 +48,7 @@ impl Zone {
         for (_, weight) in &mut points {
             *weight /= sum;
         }
-        Self { targets: shapes, points, part: (area / table.scene.area_m2()).min(MOST_PART) }
+        Self { targets: shapes, points, part: (area / table.scene.surface_area_m2()).min(MOST_PART) }
     }
 
     /// Mode shapes at the points of the quadrature, and their weights.

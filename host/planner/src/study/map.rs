@@ -40,7 +40,7 @@ pub(super) fn paint<DB: DrawingBackend>(
     for (py, px) in (0..frame.h).flat_map(|py| (0..frame.w).map(move |px| (py, px))) {
         let part = |pixel: i32, all: i32| (f64::from(pixel) + 0.5) / f64::from(all);
         let (x_mm, y_mm) = (part(px, frame.w) * length_mm, part(py, frame.h) * width_mm);
-        if layout.at(x_mm / 1e3, y_mm / 1e3).is_some()
+        if layout.layer_at(x_mm / 1e3, y_mm / 1e3).is_some()
             && let Some(value) = field.at(x_mm, y_mm)
         {
             area.draw_pixel((frame.left + px, frame.top + py), &color(value))?;

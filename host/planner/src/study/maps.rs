@@ -7,7 +7,7 @@ use crate::plan::bound::bound_setting_errors;
 use crate::quick::QuickError;
 use crate::reach::Measure;
 use crate::reach::Space;
-use crate::stop::Stop;
+use crate::stop::StopRequest;
 use crate::table::PlanTable;
 use crate::table::touched::Touched;
 use crate::table::{Region, View};
@@ -50,9 +50,9 @@ impl Maps {
         let grid = &table.grid;
         let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
         let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-        let stop = Stop::current();
+        let stop = StopRequest::current_request_of_thread();
         let found = strongest(table, &space);
-        if stop.is_asked() {
+        if stop.is_stop_requested() {
             return Err(PlanError::Stopped);
         }
         let found: Vec<Strongest> = found.into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
@@ -61,7 +61,7 @@ impl Maps {
             .par_iter()
             .zip(&found)
             .map(|(point, strongest)| {
-                if stop.is_asked() {
+                if stop.is_stop_requested() {
                     return Err(PlanError::Stopped);
                 }
                 let (x_m, y_m) = grid.place_m(*point);
@@ -71,7 +71,7 @@ impl Maps {
             })
             .collect::<Result<_, PlanError>>()?;
         let settings = view.points.iter().zip(&found).map(|(point, strongest)| (*point, strongest.setting.as_slice()));
-        let bounds = view.on_grid(table, bound_setting_errors(table, settings).into_iter().map(Bound::value));
+        let bounds = view.on_grid(table, bound_setting_errors(table, settings).into_iter().map(Bound::known_limit));
         Ok(Self {
             error_bound: bounds.into_iter().map(Option::flatten).collect(),
             contrast_db: view.on_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
@@ -127,7 +127,7 @@ impl Maps {
         }
         let bounds = view.on_grid(table, bounds);
         Ok(Self {
-            error_bound: bounds.into_iter().map(|bound| bound.flatten().and_then(Bound::value)).collect(),
+            error_bound: bounds.into_iter().map(|bound| bound.flatten().and_then(Bound::known_limit)).collect(),
             ..Self::without_contrasts(table, view, &found)
         })
     }

@@ -1,7 +1,7 @@
 //! Where a panel yields most to a steady force, and how far.
 
 use crate::table::SurfaceGrid;
-use era_model::model::{BarePanel, ModelError, Yields};
+use era_model::model::{BarePanel, ModelError, SurfaceCompliance};
 use era_model::scene::Scene;
 
 /// The softest place of a panel.
@@ -21,10 +21,10 @@ pub struct Sag {
 /// plates do not have, is not in it.
 ///
 /// # Errors
-/// As [`BarePanel::yields`].
+/// As [`BarePanel::compute_surface_compliance`].
 pub fn softest(panel: &BarePanel, scene: &Scene, max_hz: f64) -> Result<Sag, ModelError> {
     let grid = SurfaceGrid::without_shapes(scene, max_hz);
-    let Yields { m_per_n, error_m_per_n } = panel.yields(scene, &grid.x_m, &grid.y_m)?;
+    let SurfaceCompliance { m_per_n, error_m_per_n } = panel.compute_surface_compliance(scene, &grid.x_m, &grid.y_m)?;
     let known = m_per_n.iter().enumerate().filter(|(_, yields)| !yields.is_nan());
     // Of equals the first.
     let (softest, most) = known.fold((0, 0.0), |most, (p, yields)| if *yields > most.1 { (p, *yields) } else { most });

@@ -6,8 +6,8 @@
 //! the grid is positive (of equally large ones that of the first point, row by row). Of modes at one frequency the first is
 //! the one that is as large as any of them can be anywhere; the others vanish there, and are chosen among themselves in the same way.
 
-use crate::model::bounded::Bounded;
-use crate::model::{Bound, Mode, ModelError};
+use crate::model::bounded::BoundedAnswer;
+use crate::model::{Bound, ModelError, PanelMode};
 use crate::scene::Scene;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -42,7 +42,7 @@ impl ModeShapes {
     /// [`ModelError`]: the finest level's modes cannot be computed again.
     pub fn of(
         scene: &Scene,
-        found: &Bounded<Vec<Mode>>,
+        found: &BoundedAnswer<Vec<PanelMode>>,
         max_hz: f64,
         (x_m, y_m): (Vec<f64>, Vec<f64>),
     ) -> Result<Self, ModelError> {
@@ -51,13 +51,13 @@ impl ModeShapes {
         let reduced = found.model.reduce(max_hz, &[])?;
         let again = reduced.lambda.iter().map(|lambda| lambda.sqrt() / TAU).zip(&frequencies_hz);
         if again.filter(|(again, hz)| (again - *hz).abs() <= ANOTHER * *hz).count() != frequencies_hz.len() {
-            return Err(ModelError::NotConverged { max_hz, vectors: reduced.order() });
+            return Err(ModelError::NotConverged { max_hz, vectors: reduced.count_coordinates() });
         }
-        let mut shapes = reduced.shapes_on(&x_m, &y_m).columns(0, frequencies_hz.len()).into_owned();
+        let mut shapes = reduced.shape_deflections_on_grid(&x_m, &y_m).columns(0, frequencies_hz.len()).into_owned();
         let layout = scene.layout();
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
         for (mut row, (x, y)) in shapes.row_iter_mut().zip(points) {
-            if layout.at(x, y).is_none() {
+            if layout.layer_at(x, y).is_none() {
                 row.fill(f64::NAN);
             }
         }
@@ -79,7 +79,7 @@ impl ModeShapes {
     pub fn csv(&self) -> String {
         let mut text = String::from("mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg\n");
         for (mode, (hz, bound)) in self.frequencies_hz.iter().zip(&self.bounds).enumerate() {
-            let bound = bound.value().map_or_else(String::new, |bound| format!("{bound:.2e}"));
+            let bound = bound.known_limit().map_or_else(String::new, |bound| format!("{bound:.2e}"));
             let points = self.y_m.iter().flat_map(|y| self.x_m.iter().map(move |x| (x * 1e3, y * 1e3)));
             for ((x, y), value) in points.zip(self.shapes.column(mode).iter()) {
                 let value = if value.is_nan() { String::new() } else { format!("{value:.6e}") };

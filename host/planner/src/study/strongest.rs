@@ -4,7 +4,7 @@ use crate::PlanTable;
 use crate::reach::setting::command;
 use crate::reach::{Space, search};
 use crate::request::Work;
-use crate::stop::Stop;
+use crate::stop::StopRequest;
 use crate::table::Part;
 use rayon::prelude::*;
 
@@ -20,17 +20,17 @@ pub struct Strongest {
     pub peak: f64,
 }
 
-/// The strongest drive at each point of a space, each with frequencies and forces of its own; none from when nobody waits on ([`Stop`]).
+/// The strongest drive at each point of a space, each with frequencies and forces of its own; none from when nobody waits on ([`StopRequest`]).
 #[must_use]
 pub fn strongest(table: &PlanTable, space: &Space) -> Vec<Option<Strongest>> {
-    let stop = Stop::current();
+    let stop = StopRequest::current_request_of_thread();
     let points: Vec<usize> = (0..space.points).collect();
     let runs: Vec<Vec<Option<Strongest>>> = points
         .par_chunks(RUN)
         .map(|run| {
             let mut hint: Option<Vec<usize>> = None;
             let each = run.iter().map(|point| {
-                if stop.is_asked() {
+                if stop.is_stop_requested() {
                     return None;
                 }
                 let best = search::best(space, &[*point], Work::Study, hint.as_deref())?;

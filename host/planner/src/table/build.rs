@@ -12,7 +12,7 @@ use crate::physics::limits::Electrodes;
 use crate::physics::rise::{Onset, RiseTimes};
 use crate::physics::softening::{Transducer, static_receptance};
 use crate::response::sweep::SurfaceShapes;
-use crate::response::{ResponseError, Solver};
+use crate::response::{CoordinateSolver, ResponseError};
 use crate::scene::{MAX_ACTUATORS, Scene};
 use crate::table::press::{Pressed, pressed};
 use crate::{HIGHEST_FELT_HZ, perception};
@@ -119,11 +119,11 @@ fn computed(
     let receptance = static_receptance(&model);
     let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance, known);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
-    let solver = Solver::new(&model);
+    let solver = CoordinateSolver::new(&model);
     let free = if matches!(purpose, Purpose::Roughly(_)) { None } else { free_motion(&model) };
     let onset = free.as_ref().map(|(_, onset)| onset);
     let drivers = drivers(&electrodes, &transducers, &receptance);
-    let mass_kg = scene.mass_kg();
+    let mass_kg = scene.surface_mass_kg();
     let panel = Panel { model: &model, mass_kg, products: &products, drivers: &drivers, onset, purpose };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
@@ -199,18 +199,22 @@ fn on_rails(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
 
 /// Accelerations of all actuators of a model at many frequencies; `None` where they are unbounded.
 pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<Vec<DVector<Complex64>>>> {
-    let solver = Solver::new(model);
+    let solver = CoordinateSolver::new(model);
     let row = |frequency_hz: &f64| -> Option<Vec<DVector<Complex64>>> {
         let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-        Some(solver.coordinates(*frequency_hz).ok()?.into_iter().map(|q| q * scale).collect())
+        Some(solver.solve_at_frequency(*frequency_hz).ok()?.into_iter().map(|q| q * scale).collect())
     };
     frequencies_hz.par_iter().map(row).collect()
 }
 
 /// Everything but the figures that take a look at every point; `None` where the response is unbounded.
-fn entries_at(panel: Panel<'_>, solver: &Solver<'_>, frequency_hz: f64) -> Result<Option<Vec<Entry>>, ResponseError> {
+fn entries_at(
+    panel: Panel<'_>,
+    solver: &CoordinateSolver<'_>,
+    frequency_hz: f64,
+) -> Result<Option<Vec<Entry>>, ResponseError> {
     let Panel { model, mass_kg, products, drivers, onset, purpose } = panel;
-    let coordinates = match solver.coordinates(frequency_hz) {
+    let coordinates = match solver.solve_at_frequency(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(None),
         Err(error) => return Err(error),
@@ -321,7 +325,7 @@ struct Harmonic {
 /// without `products`. What is unbounded there is left out: a resonance without damping, which an edge of finite length does not meet.
 fn harmonics(
     model: &ReducedModel,
-    solver: &Solver<'_>,
+    solver: &CoordinateSolver<'_>,
     products: Option<&DMatrix<f64>>,
     frequency_hz: f64,
 ) -> Vec<Harmonic> {
@@ -331,7 +335,7 @@ fn harmonics(
     numbers
         .map(|number| {
             let scale = Complex64::from(-(TAU * number * frequency_hz).powi(2));
-            let coordinates = solver.coordinates(number * frequency_hz).unwrap_or_default();
+            let coordinates = solver.solve_at_frequency(number * frequency_hz).unwrap_or_default();
             let square = |q: &DVector<Complex64>| {
                 products.filter(|_| is_felt(number)).map_or(0.0, |products| mean_square(products, &(q * scale)))
             };
@@ -354,9 +358,9 @@ fn surface_figures(scene: &Scene, computed: &mut Computed) -> Result<(), Respons
         .par_chunks(CHUNK)
         .map(|chunk| {
             let hz: Vec<f64> = chunk.iter().map(|k| frequencies_hz[*k]).collect();
-            let sweep = shapes.sweep(&hz)?;
+            let sweep = shapes.compute_accelerations(&hz)?;
             let figures = (0..chunk.len()).flat_map(|k| (0..sweep.actuators).map(move |i| (k, i)));
-            Ok(figures.map(|(k, i)| figures_of(sweep.field(k, i), grid)).collect())
+            Ok(figures.map(|(k, i)| figures_of(sweep.accelerations_of_all_points(k, i), grid)).collect())
         })
         .collect::<Result<_, ResponseError>>()?;
     let mut figures = chunks.into_iter().flatten();
@@ -410,7 +414,7 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
         return Ok(below.iter().map(|entry| (*entry).clone()).collect());
     }
     let model = &table.model;
-    let coordinates = Solver::new(model).coordinates(frequency_hz)?;
+    let coordinates = CoordinateSolver::new(model).solve_at_frequency(frequency_hz)?;
     // Without a neighbour there is nothing to say which widths are quiet.
     let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
     let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;

@@ -34,7 +34,7 @@ impl Rough {
             SurfaceKind::Plate => std::f64::consts::PI * TARGET_RADIUS_M * TARGET_RADIUS_M,
             SurfaceKind::Bar => 2.0 * TARGET_RADIUS_M * surface.width_m,
         };
-        let part = (disc / scene.area_m2()).min(0.9);
+        let part = (disc / scene.surface_area_m2()).min(0.9);
         let rest = 1.0 - part;
         let quiet = |entry: &Entry| entry.widths[0].harmonics.min(entry.strong().harmonics);
         let all = |of: &dyn Fn(&Entry) -> f64| -> Vec<f64> {

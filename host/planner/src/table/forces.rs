@@ -26,8 +26,8 @@ pub(crate) const GROWN: f64 = 1.5;
 /// Travel of every actuator for the model's coordinates.
 pub(crate) fn travel_by(model: &ReducedModel, displacement: &DVector<Complex64>) -> [Complex64; MAX_ACTUATORS] {
     let mut travel = [Complex64::ZERO; MAX_ACTUATORS];
-    for (other, travel) in travel.iter_mut().enumerate().take(model.actuators()) {
-        *travel = model.travel(other, displacement);
+    for (other, travel) in travel.iter_mut().enumerate().take(model.count_actuators()) {
+        *travel = model.actuator_travel(other, displacement);
     }
     travel
 }

@@ -1,7 +1,7 @@
 //! Points over the surface, with the mode shapes there.
 
 use crate::model::ReducedModel;
-use crate::scene::{Layer, Layout, Scene, SurfaceKind, evenly};
+use crate::scene::{Scene, SurfaceKind, SurfaceLayer, SurfaceLayout, equidistant_numbers};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -34,7 +34,7 @@ pub struct SurfaceGrid {
 impl SurfaceGrid {
     pub(super) fn new(scene: &Scene, model: &ReducedModel, max_hz: f64) -> Self {
         let grid = Self::without_shapes(scene, max_hz);
-        Self { shapes: model.shapes_on(&grid.x_m, &grid.y_m), ..grid }
+        Self { shapes: model.shape_deflections_on_grid(&grid.x_m, &grid.y_m), ..grid }
     }
 
     /// The grid with one of `times` of its lines only, and the last one; all its points weigh the same.
@@ -55,7 +55,7 @@ impl SurfaceGrid {
         let each = 1.0 / there.iter().filter(|there| **there).count().max(1) as f64;
         let lines = |all: &[f64], some: &[usize]| some.iter().map(|line| all[*line]).collect::<Vec<_>>();
         let (x_m, y_m) = (lines(&whole.x_m, &columns), lines(&whole.y_m, &rows));
-        let shapes = model.shapes_on(&x_m, &y_m);
+        let shapes = model.shape_deflections_on_grid(&x_m, &y_m);
         let weights = there.iter().map(|there| if *there { each } else { 0.0 }).collect();
         Self { x_m, y_m, shapes, weights, there }
     }
@@ -63,7 +63,7 @@ impl SurfaceGrid {
     /// One point of the surface, in m, which stands for all of it.
     pub(super) fn at(model: &ReducedModel, (x_m, y_m): (f64, f64)) -> Self {
         let (x_m, y_m) = (vec![x_m], vec![y_m]);
-        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights: vec![1.0], there: vec![true] }
+        Self { shapes: model.shape_deflections_on_grid(&x_m, &y_m), x_m, y_m, weights: vec![1.0], there: vec![true] }
     }
 
     /// The points alone.
@@ -72,15 +72,15 @@ impl SurfaceGrid {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let cell = cell_m(scene, max_hz);
         let count = |side: f64| (side / cell - 1e-9).ceil().max(LEAST_CELLS) as usize + 1;
-        let x_m = evenly(0.0, length, count(length));
+        let x_m = equidistant_numbers(0.0, length, count(length));
         let y_m = match scene.surface.kind {
             SurfaceKind::Bar => vec![width / 2.0],
-            SurfaceKind::Plate => evenly(0.0, width, count(width)),
+            SurfaceKind::Plate => equidistant_numbers(0.0, width, count(width)),
         };
         let (wx, wy) = (gregory(x_m.len()), gregory(y_m.len()));
         let layout = scene.layout();
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-        let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
+        let there: Vec<bool> = points.map(|(x, y)| layout.layer_at(x, y).is_some()).collect();
         let weights = if there.contains(&false) {
             around_cutouts(&layout, &x_m, &y_m, &there)
         } else {
@@ -143,13 +143,13 @@ fn cell_m(scene: &Scene, max_hz: f64) -> f64 {
 /// Length of the shortest bending wave in m: 2 pi (E h^2 / (12 rho w^2))^(1/4). A plate's is longer by (1 - nu^2)^(-1/4).
 pub(super) fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
     let omega = std::f64::consts::TAU * frequency_hz;
-    let ratio = |layer: &Layer| {
+    let ratio = |layer: &SurfaceLayer| {
         let material = &layer.material;
         let uniform = material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * material.density_kg_m3);
         let weight = material.density_kg_m3 * layer.thickness_m;
-        layer.orthotropic.map_or(uniform, |rigidities| rigidities.range()[0] / weight)
+        layer.orthotropic.map_or(uniform, |rigidities| rigidities.least_and_largest_rigidity()[0] / weight)
     };
-    let ratio = scene.layout().layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);
+    let ratio = scene.layout().areas_with_layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);
     std::f64::consts::TAU * (ratio / (omega * omega)).powf(0.25)
 }
 
@@ -171,13 +171,13 @@ fn gregory(points: usize) -> Vec<f64> {
 /// The trapezoidal rule where there are cut-outs, whose borders need not be lines of the grid: what is linear between points is
 /// integrated exactly over each rectangle of the surface. A share that falls to a point within a cut-out is its neighbours'
 /// who are on the surface, so that the mean is off by the square of a cell.
-fn around_cutouts(layout: &Layout, x_m: &[f64], y_m: &[f64], there: &[bool]) -> Vec<f64> {
+fn around_cutouts(layout: &SurfaceLayout, x_m: &[f64], y_m: &[f64], there: &[bool]) -> Vec<f64> {
     let columns = x_m.len();
     let mut weights = vec![0.0; there.len()];
-    for (bottom, top) in pairs(layout.y_m()) {
+    for (bottom, top) in pairs(layout.border_lines_y_m()) {
         let along_y = hats(y_m, bottom, top);
-        for (left, right) in pairs(layout.x_m()) {
-            if layout.at(0.5 * (left + right), 0.5 * (bottom + top)).is_some() {
+        for (left, right) in pairs(layout.border_lines_x_m()) {
+            if layout.layer_at(0.5 * (left + right), 0.5 * (bottom + top)).is_some() {
                 let along_x = hats(x_m, left, right);
                 let shares = along_y.iter().flat_map(|v| along_x.iter().map(move |u| u * v));
                 weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight += share);
@@ -229,7 +229,7 @@ mod tests {
     fn weights_of_a_line_are_good_to_the_fourth_order() {
         for points in [5, 6, 7, 13, 49] {
             let weights = gregory(points);
-            let line = evenly(0.0, 1.0, points);
+            let line = equidistant_numbers(0.0, 1.0, points);
             let mean = |of: &dyn Fn(f64) -> f64| -> f64 { line.iter().zip(&weights).map(|(x, w)| w * of(*x)).sum() };
             assert!((mean(&|_| 1.0) - 1.0).abs() < 1e-12 && (mean(&|x| x) - 0.5).abs() < 1e-12, "{points}");
             if points > 5 {
@@ -255,7 +255,8 @@ mod tests {
                 if kind == SurfaceKind::Plate {
                     assert_eq!((grid.y_m[0], grid.y_m.last()), (0.0, Some(&width)));
                 }
-                let exact = |x: f64, y: f64| scene.surface.place(x, y).unwrap().xy_m() == (x, y);
+                let exact =
+                    |x: f64, y: f64| scene.surface.surface_point_on_rectangle(x, y).unwrap().coordinates_m() == (x, y);
                 assert!(grid.x_m.iter().all(|x| exact(*x, grid.y_m[0])), "{length} x {width}");
                 assert!(grid.y_m.iter().all(|y| exact(0.0, *y)), "{length} x {width}");
             }

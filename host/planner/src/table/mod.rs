@@ -27,8 +27,8 @@ pub use view::{NoPoint, Region, View};
 
 use crate::MIN_SPACING_HZ;
 use crate::model::ReducedModel;
-use crate::model::estimator::Estimator;
-use crate::model::levels::Levels;
+use crate::model::estimator::ErrorEstimator;
+use crate::model::levels::ReducedLevels;
 use crate::physics::PerPair;
 use crate::physics::limits::Electrodes;
 use crate::physics::rise::{DecayingMode, Onset, RiseTimes};
@@ -100,7 +100,7 @@ pub struct PlanTable {
     /// The panel's reduced model.
     pub model: ReducedModel,
     /// Coarser ones, which tell how wrong it may be; without them plans have no error bound.
-    pub coarser: Option<([ReducedModel; 2], Estimator)>,
+    pub coarser: Option<([ReducedModel; 2], ErrorEstimator)>,
     /// The scene.
     pub scene: Scene,
     /// Frequencies in Hz, ascending.
@@ -143,22 +143,22 @@ impl PlanTable {
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub fn with_levels(scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
+    pub fn with_levels(scene: &Scene, levels: ReducedLevels, options: TableOptions) -> Result<Self, ResponseError> {
         Self::of_levels(scene, levels, options, None)
     }
 
-    /// The table of `scene`, which is this table's with fingers on it ([`Scene::touched`]), from its own levels. What a press does to the
+    /// The table of `scene`, which is this table's with fingers on it ([`Scene::with_finger_at_places`]), from its own levels. What a press does to the
     /// gaps is as on this one: a finger that is part of the panel does not hold it against another one.
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub fn touched(&self, scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
+    pub fn touched(&self, scene: &Scene, levels: ReducedLevels, options: TableOptions) -> Result<Self, ResponseError> {
         Self::of_levels(scene, levels, options, Some(&self.pressed))
     }
 
     fn of_levels(
         scene: &Scene,
-        levels: Levels,
+        levels: ReducedLevels,
         options: TableOptions,
         pressed: Option<&[Pressed]>,
     ) -> Result<Self, ResponseError> {
@@ -190,7 +190,7 @@ impl PlanTable {
         let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
         let static_receptance = static_receptance(&model);
         Self {
-            gains: Gains::new(&entries, model.order()),
+            gains: Gains::new(&entries, model.count_coordinates()),
             static_receptance,
             limits: SharedLimits::new(&electrodes, &transducers, static_receptance, &entries),
             rough: Rough::new(scene, &entries),
@@ -342,14 +342,15 @@ impl PlanTable {
     /// Bytes that the table's arrays and those of its models take.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let n = self.model.order();
+        let n = self.model.count_coordinates();
         let entries = self.entries.iter().flatten().flatten().count();
-        let coarser = self.coarser.iter().flat_map(|(models, _)| models).map(ReducedModel::bytes).sum::<usize>();
+        let coarser =
+            self.coarser.iter().flat_map(|(models, _)| models).map(ReducedModel::size_in_bytes).sum::<usize>();
         let rows = self.coarser_rows.iter().flatten().flatten().flatten().map(DVector::len).sum::<usize>();
         entries * (size_of::<Entry>() + size_of::<Complex64>() * n)
             + self.gains.bytes()
             + size_of::<f64>() * (self.grid.shapes.len() + self.products.len())
-            + self.model.bytes()
+            + self.model.size_in_bytes()
             + coarser
             + size_of::<Complex64>() * rows
     }

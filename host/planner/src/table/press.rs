@@ -71,7 +71,8 @@ pub fn pressed(
     let p = electrodes.len().min(MAX_ACTUATORS);
     // Where a press moves the panel without end there is no steady place.
     let is_held = model.is_surface_held();
-    let steady: Vec<Option<DVector<f64>>> = (0..p).map(|i| model.steady_coordinates(i).filter(|_| is_held)).collect();
+    let steady: Vec<Option<DVector<f64>>> =
+        (0..p).map(|i| model.steady_coordinates_per_newton(i).filter(|_| is_held)).collect();
     let alone: Vec<((f64, f64), f64)> = (0..p)
         .map(|i| {
             // The mass of an inertial ERA follows what is steady.
@@ -105,7 +106,7 @@ pub fn pressed(
             .iter()
             .map(|q| displaced(scene, model, grid, q).into_iter().map(|moved| force_n * moved).collect())
             .collect();
-        let receptance = model.steady_travel().view((0, 0), (p, p)).into_owned();
+        let receptance = model.steady_travel_per_newton().view((0, 0), (p, p)).into_owned();
         let pulls_n: Vec<f64> = (0..p).map(|i| taken[i] * electrodes[i].gap_m * pull(TRAVEL_PART)).collect();
         let most_m: Vec<f64> = electrodes.iter().take(p).map(|own| TRAVEL_PART * own.gap_m).collect();
         let (pressed_m, pulls_n, most_m) = (&pressed_m, &pulls_n, &most_m);
@@ -148,7 +149,7 @@ fn furthest(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector
 fn displaced(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<f64>) -> Vec<f64> {
     let on_grid = &grid.shapes * q;
     let on_grid = on_grid.iter().zip(&grid.there).map(|(moved, there)| if *there { *moved } else { 0.0 });
-    let at_actuators = scene.actuators.iter().map(|own| model.shape_at(own.x_m, own.y_m).dot(q));
+    let at_actuators = scene.actuators.iter().map(|own| model.shape_deflections_at(own.x_m, own.y_m).dot(q));
     on_grid.chain(at_actuators).collect()
 }
 
@@ -170,8 +171,8 @@ pub fn sags_on(scene: &Scene, model: &ReducedModel, electrodes: &[Electrodes], p
         .iter()
         .enumerate()
         .map(|(i, Pressed { at_m, alone_m, .. })| {
-            let coordinates = model.steady_coordinates(i).filter(|_| is_held && alone_m.is_finite());
-            let moved = coordinates.map(|q| scene.press_n * model.shape_at(at_m.0, at_m.1).dot(&q).abs());
+            let coordinates = model.steady_coordinates_per_newton(i).filter(|_| is_held && alone_m.is_finite());
+            let moved = coordinates.map(|q| scene.press_n * model.shape_deflections_at(at_m.0, at_m.1).dot(&q).abs());
             // One that follows what is steady stays where it is.
             (*at_m, if *alone_m > 0.0 { moved.unwrap_or(f64::INFINITY) } else { 0.0 })
         })

@@ -7,7 +7,7 @@
 use super::grid::bending_wave_m;
 use crate::HIGHEST_FELT_HZ;
 use crate::model::ReducedModel;
-use crate::model::shape::gauss;
+use crate::model::shape::gauss_legendre_rule;
 use crate::scene::{Scene, SurfaceKind};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -24,19 +24,19 @@ const MOST_GAUSS_POINTS: f64 = 256.0;
 pub(super) fn products(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
     let layout = scene.layout();
     let wave_m = bending_wave_m(scene, HIGHEST_FELT_HZ);
-    let x = nodes(layout.x_m(), wave_m);
+    let x = nodes(layout.border_lines_x_m(), wave_m);
     let y = match scene.surface.kind {
         SurfaceKind::Bar => vec![(scene.surface.width_m / 2.0, 1.0)],
-        SurfaceKind::Plate => nodes(layout.y_m(), wave_m),
+        SurfaceKind::Plate => nodes(layout.border_lines_y_m(), wave_m),
     };
     let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
-    let mut products = DMatrix::zeros(model.order(), model.order());
+    let mut products = DMatrix::zeros(model.count_coordinates(), model.count_coordinates());
     let mut area = 0.0;
     for (y_m, height) in &y {
-        let shapes = model.shapes_on(&x_m, &[*y_m]);
+        let shapes = model.shape_deflections_on_grid(&x_m, &[*y_m]);
         let mut weighted = shapes.clone();
         for (mut row, (x_m, length)) in weighted.row_iter_mut().zip(&x) {
-            let weight = if layout.at(*x_m, *y_m).is_some() { length * height } else { 0.0 };
+            let weight = if layout.layer_at(*x_m, *y_m).is_some() { length * height } else { 0.0 };
             row *= weight;
             area += weight;
         }
@@ -52,7 +52,7 @@ fn nodes(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
     let between = lines_m.windows(2).flat_map(|ends| {
         let (from, side) = (ends[0], ends[1] - ends[0]);
         let count = (TAU * side / wave_m + MORE_POINTS).ceil().min(MOST_GAUSS_POINTS) as usize;
-        gauss(count).into_iter().map(move |(at, weight)| (from + side * at, side * weight))
+        gauss_legendre_rule(count).into_iter().map(move |(at, weight)| (from + side * at, side * weight))
     });
     between.collect()
 }
@@ -61,7 +61,7 @@ fn nodes(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
 mod tests {
     use super::*;
     use crate::model::{Accuracy, PanelModel};
-    use crate::response::Solver;
+    use crate::response::CoordinateSolver;
     use crate::scene::EXAMPLE_PLATE;
     use crate::table::build::mean_square;
     use nalgebra::DVector;
@@ -77,14 +77,14 @@ mod tests {
             });
             cells.collect()
         };
-        let (x, y) = (middles(layout.x_m()), middles(layout.y_m()));
+        let (x, y) = (middles(layout.border_lines_x_m()), middles(layout.border_lines_y_m()));
         let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
         let (mut sum, mut area) = (0.0, 0.0);
         for (y_m, height) in &y {
-            let shapes = model.shapes_on(&x_m, &[*y_m]);
+            let shapes = model.shape_deflections_on_grid(&x_m, &[*y_m]);
             let (re, im) = (&shapes * motion.map(|z| z.re), &shapes * motion.map(|z| z.im));
             for (k, (x_m, length)) in x.iter().enumerate() {
-                if layout.at(*x_m, *y_m).is_some() {
+                if layout.layer_at(*x_m, *y_m).is_some() {
                     sum += (re[k] * re[k] + im[k] * im[k]) * length * height;
                     area += length * height;
                 }
@@ -102,7 +102,7 @@ mod tests {
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
             let products = products(&scene, &model);
             for frequency_hz in [60.0, 287.0, 400.0] {
-                let motions = Solver::new(&model).coordinates(frequency_hz).unwrap();
+                let motions = CoordinateSolver::new(&model).solve_at_frequency(frequency_hz).unwrap();
                 let [few, many] = [100, 200].map(|count| by_midpoints(&scene, &model, &motions[0], count));
                 let wanted = (4.0 * many - few) / 3.0;
                 let found = mean_square(&products, &motions[0]);

@@ -7,9 +7,9 @@
 
 use super::build::{compute_without_figures, figures_of, rows};
 use super::{Entry, PlanTable, TableOptions};
-use crate::model::bounded::Step;
-use crate::model::levels::Levels;
-use crate::model::stored::{Implausible, StoredLevels, complex, expect_size, pairs};
+use crate::model::bounded::RefinementLevel;
+use crate::model::levels::ReducedLevels;
+use crate::model::stored::{ImplausibleStore, StoredLevels, complex_to_pairs, expect_size, restore_complex_vector};
 use crate::model::{Accuracy, ReducedModel};
 use crate::scene::Scene;
 use nalgebra::DVector;
@@ -35,9 +35,9 @@ type StoredRow = Option<Vec<Vec<[f64; 2]>>>;
 type StoredFigures = [f64; 3];
 
 /// Gives an entry the figures that were kept; `nothing` is the acceleration in (m/s^2)/N up to which they are rounding.
-fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Result<(), Implausible> {
+fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Result<(), ImplausibleStore> {
     if !kept.iter().all(|figure| figure.is_finite() && *figure >= 0.0) {
-        return Err(Implausible::NotFinite("figures over the surface"));
+        return Err(ImplausibleStore::NotFinite("figures over the surface"));
     }
     [entry.mean, entry.most_square, entry.steepest] = kept;
     // No mean is above the root of the mean square, and no mean square above the largest: but for the points that they are taken at.
@@ -45,7 +45,7 @@ fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Resu
     let is_motion = entry.most_square.sqrt() > nothing;
     if is_motion && (is_above(entry.mean.powi(2), entry.mean_square) || is_above(entry.mean_square, entry.most_square))
     {
-        return Err(Implausible::Differs("figures over the surface"));
+        return Err(ImplausibleStore::Differs("figures over the surface"));
     }
     Ok(())
 }
@@ -61,10 +61,11 @@ pub struct StoredTable {
 impl StoredTable {
     /// Of a table with coarser levels, whose steps are given; `None` of one without.
     #[must_use]
-    pub fn new(table: &PlanTable, steps: &[Step]) -> Option<Self> {
+    pub fn new(table: &PlanTable, steps: &[RefinementLevel]) -> Option<Self> {
         let (coarser, _) = table.coarser.as_ref()?;
         let figures = |entry: &Option<Entry>| entry.as_ref().map(|own| [own.mean, own.most_square, own.steepest]);
-        let row = |row: &Option<Vec<DVector<Complex64>>>| row.as_ref().map(|row| row.iter().map(pairs).collect());
+        let row =
+            |row: &Option<Vec<DVector<Complex64>>>| row.as_ref().map(|row| row.iter().map(complex_to_pairs).collect());
         Some(Self {
             levels: StoredLevels::new(coarser, steps),
             figures: table.entries.iter().map(|list| list.iter().map(figures).collect()).collect(),
@@ -75,25 +76,26 @@ impl StoredTable {
     /// The table again, and the steps.
     ///
     /// # Errors
-    /// [`Implausible`], if it cannot be that of this scene with these options.
+    /// [`ImplausibleStore`], if it cannot be that of this scene with these options.
     pub fn restore(
         self,
         scene: &Scene,
         accuracy: Accuracy,
         options: TableOptions,
-    ) -> Result<(PlanTable, Vec<Step>), Implausible> {
-        let Levels { fine, coarser, estimator, steps } = self.levels.restore(scene, accuracy, options.to_hz)?;
+    ) -> Result<(PlanTable, Vec<RefinementLevel>), ImplausibleStore> {
+        let ReducedLevels { fine, coarser, estimator, steps } =
+            self.levels.restore_levels(scene, accuracy, options.to_hz)?;
         let mut computed =
-            compute_without_figures(scene, fine, options, None).map_err(|_| Implausible::Differs("model"))?;
+            compute_without_figures(scene, fine, options, None).map_err(|_| ImplausibleStore::Differs("model"))?;
         expect_size("actuators", self.figures.len(), computed.entries.len())?;
-        let nothing = HARDLY_MOVING / scene.mass_kg();
+        let nothing = HARDLY_MOVING / scene.surface_mass_kg();
         for (list, kept) in computed.entries.iter_mut().zip(self.figures) {
             expect_size("frequencies", kept.len(), list.len())?;
             for (entry, kept) in list.iter_mut().zip(kept) {
                 match (entry, kept) {
                     (Some(entry), Some(kept)) => restore_figures(entry, kept, nothing)?,
                     (None, None) => {}
-                    _ => return Err(Implausible::Differs("frequencies without a response")),
+                    _ => return Err(ImplausibleStore::Differs("frequencies without a response")),
                 }
             }
         }
@@ -113,12 +115,12 @@ fn restore_rows(
     stored: Vec<StoredRow>,
     model: &ReducedModel,
     frequencies: usize,
-) -> Result<Vec<Option<Vec<DVector<Complex64>>>>, Implausible> {
+) -> Result<Vec<Option<Vec<DVector<Complex64>>>>, ImplausibleStore> {
     const WHAT: &str = "responses of a coarser level";
     expect_size(WHAT, stored.len(), frequencies)?;
     let row = |row: Vec<Vec<[f64; 2]>>| {
-        expect_size(WHAT, row.len(), model.actuators())?;
-        row.iter().map(|values| complex(WHAT, values, model.order())).collect()
+        expect_size(WHAT, row.len(), model.count_actuators())?;
+        row.iter().map(|values| restore_complex_vector(WHAT, values, model.count_coordinates())).collect()
     };
     stored.into_par_iter().map(|stored| stored.map(row).transpose()).collect()
 }
@@ -133,7 +135,7 @@ fn are_of_the_surface(table: &PlanTable, kept: &Entry) -> bool {
     let [mean, most_square, steepest] = anew;
     let (dx, dy) = table.grid.steps_m();
     // Of a force on an edge that does not move there is only rounding, whose figures are not the same twice.
-    let nothing = HARDLY_MOVING / table.scene.mass_kg();
+    let nothing = HARDLY_MOVING / table.scene.surface_mass_kg();
     if most_square.max(kept.most_square).sqrt() <= nothing {
         return true;
     }
@@ -144,10 +146,10 @@ fn are_of_the_surface(table: &PlanTable, kept: &Entry) -> bool {
 }
 
 /// Computes samples anew: figures over the surface, and responses of the coarser levels.
-fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
+fn check_samples(table: &PlanTable) -> Result<(), ImplausibleStore> {
     for k in samples(table.frequencies_hz.len()) {
         if !table.entries.iter().filter_map(|list| list[k].as_ref()).all(|kept| are_of_the_surface(table, kept)) {
-            return Err(Implausible::Differs("figures over the surface"));
+            return Err(ImplausibleStore::Differs("figures over the surface"));
         }
         let hz = table.frequencies_hz[k];
         for (model, kept) in table.coarser.iter().flat_map(|(models, _)| models).zip(&table.coarser_rows) {
@@ -156,7 +158,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
                 (anew, kept) => anew.is_none() && kept.is_none(),
             };
             if !is_same {
-                return Err(Implausible::Differs("responses of a coarser level"));
+                return Err(ImplausibleStore::Differs("responses of a coarser level"));
             }
         }
     }

@@ -5,10 +5,10 @@
 
 use super::build::{self, Purpose};
 use super::{PlanTable, SurfaceGrid, TableOptions};
-use crate::model::levels::Levels;
+use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, ReducedModel};
 use crate::response::ResponseError;
-use crate::stop::Stop;
+use crate::stop::StopRequest;
 use era_model::model::{BarePanel, ModelError};
 use era_model::scene::Scene;
 use rayon::prelude::*;
@@ -74,13 +74,13 @@ impl<'a> Touched<'a> {
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
-        let stop = Stop::current();
+        let stop = StopRequest::current_request_of_thread();
         let at = |place: &(f64, f64)| {
-            if stop.is_asked() {
+            if stop.is_stop_requested() {
                 return Err(ModelError::Stopped.into());
             }
-            let touched = self.scene.touched(&[*place]);
-            let model = self.panel.coupled(&touched)?;
+            let touched = self.scene.with_finger_at_places(&[*place]);
+            let model = self.panel.couple_to_design(&touched)?;
             let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at(&model, *place));
             Ok(ask(&build::strongest(&touched, model, hz, grid, purpose)?))
         };
@@ -92,8 +92,8 @@ impl<'a> Touched<'a> {
     /// # Errors
     /// [`TouchedError`].
     pub fn table(&self, place_m: (f64, f64), options: TableOptions) -> Result<PlanTable, TouchedError> {
-        let touched = self.scene.touched(&[place_m]);
-        Ok(build::table(&touched, self.panel.coupled(&touched)?, options, Some(&self.untouched.pressed))?)
+        let touched = self.scene.with_finger_at_places(&[place_m]);
+        Ok(build::table(&touched, self.panel.couple_to_design(&touched)?, options, Some(&self.untouched.pressed))?)
     }
 
     /// The same from the scene's own elements in three levels: its plans have an error bound.
@@ -106,8 +106,8 @@ impl<'a> Touched<'a> {
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<PlanTable, TouchedError> {
-        let touched = self.scene.touched(&[place_m]);
-        let levels = Levels::build(&touched, accuracy, options.to_hz)?;
+        let touched = self.scene.with_finger_at_places(&[place_m]);
+        let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
         Ok(PlanTable::of_levels(&touched, levels, options, Some(&self.untouched.pressed))?)
     }
 }

@@ -1,7 +1,7 @@
 //! The points of a surface, or of a region of it, that a minimum is taken over.
 
 use super::PlanTable;
-use crate::scene::{PlaceError, Scene, along_side, evenly};
+use crate::scene::{PlaceError, Scene, check_coordinate_along_side, equidistant_numbers};
 use nalgebra::DMatrix;
 
 /// Lines from one of the table's grid to the next on the finer grid, as a minimum may hide between the points.
@@ -25,7 +25,7 @@ impl Region {
     /// [`PlaceError::Outside`] that names `x_mm` or `y_mm`.
     pub fn on(scene: &Scene, x_m: [f64; 2], y_m: [f64; 2]) -> Result<Self, PlaceError> {
         let along = |field, [from, to]: [f64; 2], side_m| -> Result<[f64; 2], PlaceError> {
-            Ok([along_side(field, from, side_m)?, along_side(field, to, side_m)?])
+            Ok([check_coordinate_along_side(field, from, side_m)?, check_coordinate_along_side(field, to, side_m)?])
         };
         Ok(Self { x_m: along("x_mm", x_m, scene.surface.length_m)?, y_m: along("y_mm", y_m, scene.surface.width_m)? })
     }
@@ -77,9 +77,14 @@ impl View {
         let (x, y) = (between(&grid.x_m, times), between(&grid.y_m, times));
         let places = y.iter().flat_map(|y| x.iter().map(move |x| (*x, *y)));
         let (there, places_m): (Vec<usize>, Vec<(f64, f64)>) =
-            places.enumerate().filter(|(_, (x, y))| is_seen(*x, *y) && layout.at(*x, *y).is_some()).unzip();
+            places.enumerate().filter(|(_, (x, y))| is_seen(*x, *y) && layout.layer_at(*x, *y).is_some()).unzip();
         let shapes = grid.shapes.select_rows(&points);
-        Some(Self { points, shapes, places_m, finer: table.model.shapes_on(&x, &y).select_rows(&there) })
+        Some(Self {
+            points,
+            shapes,
+            places_m,
+            finer: table.model.shape_deflections_on_grid(&x, &y).select_rows(&there),
+        })
     }
 
     /// The same.
@@ -112,6 +117,6 @@ impl View {
 
 /// The lines, and `times` - 1 between every two.
 fn between(lines: &[f64], times: usize) -> Vec<f64> {
-    let parts = |pair: &[f64]| evenly(pair[0], pair[1], times + 1).into_iter().take(times);
+    let parts = |pair: &[f64]| equidistant_numbers(pair[0], pair[1], times + 1).into_iter().take(times);
     lines.windows(2).flat_map(parts).chain(lines.last().copied()).collect()
 }

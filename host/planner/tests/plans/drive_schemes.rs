@@ -1,7 +1,7 @@
 //! The ways to drive a panel, against each other and against the limits.
 
 use era_model::model::Accuracy;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era_planner::reach::setting::{command, part};
 use era_planner::reach::{Measure, everywhere};
@@ -11,7 +11,7 @@ use era_planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target
 
 fn table(text: &str, options: TableOptions) -> PlanTable {
     let scene = Scene::parse("test", text).unwrap();
-    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     PlanTable::build(&scene, levels.fine, options).unwrap()
 }
 

@@ -3,9 +3,9 @@
 //! places.
 
 use super::scenes::SceneText;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel, PanelModel};
-use era_model::response::bounded_curves;
+use era_model::response::compute_curves_with_error_bounds;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era_planner::study::Maps;
 use era_planner::table::touched::Touched;
@@ -40,8 +40,9 @@ fn scene(text: &str) -> Scene {
 
 /// Curves at a point, the first actuator's first, and the largest of their bounds.
 fn curves(scene: &Scene, at: (f64, f64)) -> (Vec<Vec<Complex64>>, f64) {
-    let found = bounded_curves(scene, Accuracy::tolerance(1e-5).unwrap(), at, &frequencies_hz()).unwrap();
-    (found.answer, found.bounds.iter().map(|bound| bound.value().unwrap()).fold(0.0, f64::max))
+    let found = compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(1e-5).unwrap(), at, &frequencies_hz())
+        .unwrap();
+    (found.answer, found.bounds.iter().map(|bound| bound.known_limit().unwrap()).fold(0.0, f64::max))
 }
 
 /// With accelerances of the panel that nothing touches, from the ERA to the touched place (t) and to another one (x) and between these
@@ -55,7 +56,7 @@ fn a_finger_is_a_rank_one_change_of_the_receptance() {
         let touched = scene(&format!("{}{FINGER}", panel.text()));
         let with_force = panel.clone().force(t.0, t.1).scene();
         let (at_t, at_x) = (curves(&with_force, place(t)), curves(&with_force, place(x)));
-        let finger_at_t = touched.touched(&[place(t)]);
+        let finger_at_t = touched.with_finger_at_places(&[place(t)]);
         let (found_t, found_x) = (curves(&finger_at_t, place(t)), curves(&finger_at_t, place(x)));
         let (mut wanted_t, mut wanted_x) = (Vec::new(), Vec::new());
         for (i, hz) in frequencies_hz().into_iter().enumerate() {
@@ -92,7 +93,7 @@ fn few() -> TableOptions {
 
 fn table_for(scene: &Scene, accuracy: Accuracy) -> PlanTable {
     let options = few();
-    PlanTable::with_levels(scene, Levels::build(scene, accuracy, options.to_hz).unwrap(), options).unwrap()
+    PlanTable::with_levels(scene, ReducedLevels::build(scene, accuracy, options.to_hz).unwrap(), options).unwrap()
 }
 
 fn table(scene: &Scene) -> PlanTable {
@@ -100,8 +101,8 @@ fn table(scene: &Scene) -> PlanTable {
 }
 
 fn touched_for(untouched: &PlanTable, place: (f64, f64), accuracy: Accuracy) -> PlanTable {
-    let (scene, options) = (untouched.scene.touched(&[place]), few());
-    untouched.touched(&scene, Levels::build(&scene, accuracy, options.to_hz).unwrap(), options).unwrap()
+    let (scene, options) = (untouched.scene.with_finger_at_places(&[place]), few());
+    untouched.touched(&scene, ReducedLevels::build(&scene, accuracy, options.to_hz).unwrap(), options).unwrap()
 }
 
 fn touched(untouched: &PlanTable, place: (f64, f64)) -> PlanTable {
@@ -195,9 +196,9 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
     let place = (0.7 * 0.3, 0.35 * 0.2);
     let curve = |damping: f64| {
         let text = format!("{}[finger]\ndamping_n_s_per_m = {damping}\n", plate().text());
-        let scene = scene(&text).touched(&[place]);
+        let scene = scene(&text).with_finger_at_places(&[place]);
         let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[place]).unwrap();
-        let shape = model.shape_at(place.0, place.1);
+        let shape = model.shape_deflections_at(place.0, place.1);
         era_model::response::acceleration_curves(&model, &shape, &frequencies_hz()).unwrap().remove(0)
     };
     let [none, some, more, most] = [0.0, 2.0, 8.0, 50.0].map(curve);
@@ -208,6 +209,6 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
     let sum = |curve: &[Complex64]| curve.iter().map(|z| z.norm()).sum::<f64>();
     assert!(sum(&most) < 0.5 * sum(&none));
     let untouched = plate().scene();
-    assert_eq!(scene(&format!("{}[finger]\n", plate().text())).touched(&[place]), untouched);
-    assert_eq!(untouched.touched(&[place]), untouched);
+    assert_eq!(scene(&format!("{}[finger]\n", plate().text())).with_finger_at_places(&[place]), untouched);
+    assert_eq!(untouched.with_finger_at_places(&[place]), untouched);
 }

@@ -1,7 +1,7 @@
 //! Bounds of a plan's harmonics, which lie above the band that the plan's mesh was chosen for.
 
 use era_model::model::Accuracy;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::scene::Scene;
 use era_planner::report::report_plan;
 use era_planner::{PlanTable, Report, Request, TableOptions, Target};
@@ -89,7 +89,7 @@ material = { youngs_modulus_pa = 1.56e11, density_kg_m3 = 7439.0, poisson_ratio 
 
 fn report(scene: &Scene, accuracy: Accuracy, (x_m, y_m): (f64, f64)) -> Report {
     let options = TableOptions::default();
-    let levels = Levels::build(scene, accuracy, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(scene, accuracy, options.to_hz).unwrap();
     let table = PlanTable::with_levels(scene, levels, options).unwrap();
     let target = Target { x_m, y_m, intensity_g: Some(2.0) };
     report_plan(&table, &table.plan_with_details(&Request::touch(&[target])).unwrap())

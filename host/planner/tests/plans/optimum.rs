@@ -1,9 +1,9 @@
 //! The best combination that the planner finds, against all combinations, on random scenes.
 
 use era_model::model::Accuracy;
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::scene::Scene;
-use era_model::scene::random::scene_text;
+use era_model::scene::random::random_scene_text;
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
 use era_planner::search::Choices;
@@ -16,7 +16,7 @@ fn table(scene: &Scene) -> PlanTable {
     // All pairs of 46 frequencies, all triples of 19, each with up to two pulse widths.
     let step_hz = if scene.actuators.len() == 2 { 8.0 } else { 20.0 };
     let options = TableOptions { step_hz, ..TableOptions::default() };
-    let levels = Levels::build(scene, Accuracy::FAST, options.to_hz).unwrap();
+    let levels = ReducedLevels::build(scene, Accuracy::FAST, options.to_hz).unwrap();
     PlanTable::build(scene, levels.fine, options).unwrap()
 }
 
@@ -32,7 +32,7 @@ fn the_planner_finds_what_exhaustive_search_finds() {
     let any = |_: f64, _: f64| true;
     let (mut compared, mut limited, mut unproven, mut most_lack) = ([0; 4], 0, 0, 0.0_f64);
     for number in 0..24 {
-        let scene = Scene::parse("random", &scene_text(3, number)).unwrap();
+        let scene = Scene::parse("random", &random_scene_text(3, number)).unwrap();
         let p = scene.actuators.len();
         if !(2..=3).contains(&p) {
             continue;

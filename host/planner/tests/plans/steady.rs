@@ -1,9 +1,9 @@
 //! Steady forces: what they do depends on springs alone. No damping, no loss factor and no mass changes a press, what masses yield to a steady
 //! force, or what limits follow from it; and what they do is held against closed formulas.
 
-use era_model::model::levels::Levels;
+use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel};
-use era_model::scene::random::scene_text;
+use era_model::scene::random::random_scene_text;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
 use era_planner::press_bounds::{bound_press_travel_error, bound_sag_error};
 use era_planner::softening::static_receptance;
@@ -12,7 +12,7 @@ use era_planner::{PlanTable, TableOptions};
 const OPTIONS: TableOptions = TableOptions { from_hz: 60.0, to_hz: 120.0, step_hz: 30.0 };
 
 fn table(scene: &Scene) -> PlanTable {
-    let levels = Levels::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
+    let levels = ReducedLevels::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
     PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
 }
 
@@ -24,7 +24,7 @@ fn list_changes() -> Vec<Change> {
     vec![
         ("no damping of the surface", |scene| scene.surface.damping = SurfaceDamping::None),
         ("loss factor of the surface or its layers", |scene| scene.surface.damping = SurfaceDamping::LossFactor(1.7)),
-        ("modal ratio", |scene| scene.surface.damping = SurfaceDamping::ModalRatio(ModalRatio::same(0.4))),
+        ("modal ratio", |scene| scene.surface.damping = SurfaceDamping::ModalRatio(ModalRatio::from_single_ratio(0.4))),
         ("Rayleigh's damping", |scene| scene.surface.damping = SurfaceDamping::Rayleigh { alpha: 900.0, beta: 1e-3 }),
         ("loss factors of supports", |scene| scene.supports.iter_mut().for_each(|own| own.loss_factor = 2.0)),
         ("dashpots of supports", |scene| scene.supports.iter_mut().for_each(|own| own.damping_n_s_per_m = 1e6)),
@@ -55,7 +55,7 @@ fn list_changes() -> Vec<Change> {
 /// Random bars and plates, every other one with sealed air, every third plate with a cut-out; `ERA_RELATIONS=20` tries twenty times as many.
 fn scenes() -> Vec<Scene> {
     let of = |stream: u64| {
-        let mut text = scene_text(34, stream);
+        let mut text = random_scene_text(34, stream);
         if stream.is_multiple_of(2) {
             text += &format!("[air]\nsealed_depth_mm = {}.5\n", 3 + stream);
         }
@@ -145,7 +145,8 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
             let yields_now = static_receptance(&after.model);
             let said = || format!("{what}: {:?}\n{scene:#?}", scene.name);
             for i in 0..scene.actuators.len() {
-                let bounds = [&before, &after].map(|own| bound_press_travel_error(own, i).value().unwrap_or(1e-3));
+                let bounds =
+                    [&before, &after].map(|own| bound_press_travel_error(own, i).known_limit().unwrap_or(1e-3));
                 let bound = bounds[0] + bounds[1];
                 let (one, other) = (&before.pressed[i], &after.pressed[i]);
                 assert!(are_equal(one.alone_m, other.alone_m, bound), "{}: {one:?} {other:?} {bound:e}", said());
@@ -173,7 +174,7 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
 fn sag(scene: &Scene) -> Vec<(f64, f64)> {
     let panel = BarePanel::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
     let (x, y) = (0.37 * scene.surface.length_m, 0.71 * scene.surface.width_m);
-    let own = panel.yields(scene, &[x], &[y]).unwrap();
+    let own = panel.compute_surface_compliance(scene, &[x], &[y]).unwrap();
     own.m_per_n.into_iter().zip(own.error_m_per_n).collect()
 }
 
@@ -183,7 +184,7 @@ fn of_a_finger_the_spring_alone_is_steady() {
     let scene = |mass_kg: f64, damping_n_s_per_m: f64, stiffness_n_per_m: f64| {
         let mut scene = Scene::parse("layers", LAYERED).unwrap();
         scene.finger = Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m });
-        scene.touched(&[(0.1, 0.05)])
+        scene.with_finger_at_places(&[(0.1, 0.05)])
     };
     let yields = |scene: &Scene| static_receptance(&table(scene).model);
     let [plain, heavy, soft] =
@@ -231,7 +232,7 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         for (extra, loss, dashpot) in cases {
             let scene = on_corners(x_mm, extra, loss, dashpot);
             let table = table(&scene);
-            let (found, bound) = (table.pressed[0].alone_m, bound_press_travel_error(&table, 0).value().unwrap());
+            let (found, bound) = (table.pressed[0].alone_m, bound_press_travel_error(&table, 0).known_limit().unwrap());
             println!("{x_mm} {extra:?} {loss:?} {dashpot}: {:.5} um, bound {bound:.1e}", found * 1e6);
             // The furthest place is a corner's edge, where the grid has a point.
             assert!((found / expected - 1.0).abs() < bound + 3e-6, "{x_mm} {loss} {dashpot}: {found}, {bound:e}");
@@ -240,7 +241,7 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         // What studies say of the softest place is no less.
         let scene = on_corners(x_mm, "", "loss_factor = 2.0", 1e3);
         let panel = BarePanel::build(&scene, Accuracy::BALANCED, OPTIONS.to_hz).unwrap();
-        let own = panel.yields(&scene, &[x_mm / 1e3], &[0.1]).unwrap();
+        let own = panel.compute_surface_compliance(&scene, &[x_mm / 1e3], &[0.1]).unwrap();
         let by_plan = static_receptance(&table(&scene).model)[0][0];
         assert!((own.m_per_n[0] / by_plan - 1.0).abs() < own.error_m_per_n[0] / by_plan + 1e-4, "{own:?} {by_plan}");
     }
@@ -255,7 +256,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     // A support and a grounded ERA: it turns about the line through both.
     let turns = table(&scene);
     assert!(turns.pressed[0].alone_m.is_infinite(), "{:?}", turns.pressed[0]);
-    assert!(bound_press_travel_error(&turns, 0).value().is_none());
+    assert!(bound_press_travel_error(&turns, 0).known_limit().is_none());
     // The ERA's own spring still holds its mass against its own electrodes, and the inertial one's against its own.
     let yields = static_receptance(&turns.model);
     assert!(yields[0][0].is_finite() && yields[0][0] > 0.0 && yields[1][1].is_finite(), "{yields:?}");
@@ -274,7 +275,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
 }
 
 fn table_at(scene: &Scene, tolerance: f64) -> PlanTable {
-    let levels = Levels::build(scene, Accuracy::tolerance(tolerance).unwrap(), 400.0).unwrap();
+    let levels = ReducedLevels::build(scene, Accuracy::from_tolerance(tolerance).unwrap(), 400.0).unwrap();
     PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
 }
 
@@ -290,11 +291,11 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
             let table = table_at(&scene, 1e-3);
             for (i, own) in table.pressed.iter().enumerate() {
                 let bound =
-                    bound_press_travel_error(&table, i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                    bound_press_travel_error(&table, i).known_limit().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
                 per_n.push((i, own.alone_m / force_n, bound));
                 // Between electrodes and springs the sag is known no worse than some times that, and where a stop is exactly.
-                let of_sag = bound_sag_error(&table, i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                let of_sag = bound_sag_error(&table, i).known_limit().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(of_sag > 0.0 && of_sag < 20.0 * bound + 1e-6, "{force_n} N: {of_sag:e} {bound:e} {own:?}");
             }
         }
@@ -320,7 +321,7 @@ fn moving_masses_take_no_bound_from_a_press() {
         [0, 1].map(|i| {
             (
                 table.pressed[i].alone_m,
-                bound_press_travel_error(&table, i).value().unwrap_or_else(|| panic!("{mass_kg} kg")),
+                bound_press_travel_error(&table, i).known_limit().unwrap_or_else(|| panic!("{mass_kg} kg")),
             )
         })
     };
@@ -369,7 +370,7 @@ fn a_tighter_tolerance_takes_no_bound_from_a_press() {
             let bound = bound_press_travel_error(&table, i);
             let own = &table.pressed[i];
             println!("{tolerance} {i}: {:e} {bound:?}", own.alone_m);
-            (own.alone_m, bound.value().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))
+            (own.alone_m, bound.known_limit().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))
         })
     });
     for pair in found.windows(2) {

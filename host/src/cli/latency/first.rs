@@ -16,7 +16,7 @@ const AHEAD: Duration = Duration::from_millis(200);
 /// Times `clicks` of them in both ways, by turns, so that a busy moment of the machine meets both.
 pub fn time_first_clicks(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
     let mut points = spread_points(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
-    points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
+    points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {
         return Err(Failure::failed("no place that was looked at is on the surface"));
     };

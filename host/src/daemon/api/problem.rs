@@ -247,7 +247,7 @@ impl From<SceneError> for Problem {
             let value = |text: &String| serde_json::from_str(text).unwrap_or_else(|_| text.as_str().into());
             problem.0.value = first.value.as_ref().map(value);
         }
-        let view = |mistake: crate::scene::Mistake| MistakeView { line: line(mistake.line), detail: mistake.text };
+        let view = |mistake: crate::scene::FileMistake| MistakeView { line: line(mistake.line), detail: mistake.text };
         problem.0.mistakes = error.mistakes.into_iter().map(view).collect();
         problem
     }

@@ -3,7 +3,7 @@
 
 use super::low_priority::{Deadline, begin_aside};
 use crate::daemon::api::problem::{Kind, Problem};
-use crate::design::run::Observer;
+use crate::design::run::StudyObserver;
 use serde::Serialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -159,12 +159,12 @@ impl<F: Clone> Job<F> {
     }
 }
 
-impl<F: Send> Observer for Job<F> {
-    fn stops(&self) -> bool {
+impl<F: Send> StudyObserver for Job<F> {
+    fn is_stop_wanted(&self) -> bool {
         self.deadline.is_over()
     }
 
-    fn does(&self, parts: usize) {
+    fn report_computed_designs(&self, parts: usize) {
         self.there.fetch_add(parts, Ordering::Relaxed);
     }
 }
@@ -262,7 +262,7 @@ mod tests {
         let (go, wait) = channel::<()>();
         let taken = place.take(Work::Study).unwrap();
         let work = move |job: &Job<i32>| {
-            job.does(2);
+            job.report_computed_designs(2);
             wait.recv().map_err(|error| error.to_string())?;
             Ok(Some(7))
         };
@@ -286,7 +286,7 @@ mod tests {
         let (began, has_begun) = channel();
         let until_stopped = move |job: &Job<i32>| {
             began.send(()).map_err(|error| error.to_string())?;
-            while !job.stops() {
+            while !job.is_stop_wanted() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             Ok(None)
@@ -300,7 +300,7 @@ mod tests {
         let (began, has_begun) = channel();
         let ended_on_its_way = move |job: &Job<i32>| {
             began.send(()).map_err(|error| error.to_string())?;
-            while !job.stops() {
+            while !job.is_stop_wanted() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             Err("nobody waits for it".into())

@@ -4,7 +4,7 @@
 use crate::daemon::access::sender::Sender;
 use crate::daemon::api::problem::{Kind, Problem};
 use crate::device::priority;
-use era_model::stop::Stop;
+use era_model::stop::StopRequest;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -15,25 +15,25 @@ pub struct Deadline {
     until: Instant,
     longest: Duration,
     /// Models and plans look at it by themselves.
-    stop: Stop,
+    stop: StopRequest,
 }
 
 impl Deadline {
     /// So long from now.
     #[must_use]
     pub fn after(longest: Duration) -> Self {
-        Self { until: Instant::now() + longest, longest, stop: Stop::default() }
+        Self { until: Instant::now() + longest, longest, stop: StopRequest::default() }
     }
 
     /// Nobody wants it any more.
     pub fn cancel(&self) {
-        self.stop.ask();
+        self.stop.request_stop();
     }
 
     /// Whether nobody wants it any more.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        self.stop.is_asked()
+        self.stop.is_stop_requested()
     }
 
     /// Whether the work has to end.
@@ -50,7 +50,7 @@ impl Deadline {
 
     /// Does work whose models and plans end when nobody wants it any more.
     pub fn during<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.stop.clone().during(work)
+        self.stop.clone().run_stoppable(work)
     }
 
     /// # Errors

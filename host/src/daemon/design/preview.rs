@@ -12,7 +12,7 @@ use crate::daemon::api::problem::{Kind, Problem};
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::touch::plan_view::{FieldView, PlanView};
 use crate::model::Accuracy;
-use crate::model::levels::Levels;
+use crate::model::levels::ReducedLevels;
 use crate::planner::{Plan, PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene};
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ const MAX_LAYERS: usize = 32;
 const MAX_UNKNOWNS: f64 = 6_000.0;
 /// Most products of unknowns and attachments, as each attachment has functions of its own, which are integrated over all cells: 32 on the example plate, whose finest level has 2436.
 const MAX_PRODUCT: f64 = 80_000.0;
-/// Most modes that are kept ([`Levels::expected_modes`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
+/// Most modes that are kept ([`ReducedLevels::estimate_mode_count`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
 const MAX_MODES: f64 = 100.0;
 /// Previews that are computed at once, each of another client.
 const AT_ONCE: usize = 2;
@@ -150,11 +150,11 @@ pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Resu
     check_counts(&attachments)?;
     let scene_toml = attachments.moved(&request.moves)?;
     let scene = Scene::parse(SOURCE, &scene_toml)?;
-    let (x_m, y_m) = scene.place_px(request.x_px, request.y_px)?.xy_m();
+    let (x_m, y_m) = scene.surface_point_at_px(request.x_px, request.y_px)?.coordinates_m();
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::preview();
     check_model(&scene, options.to_hz)?;
-    let planned = |levels: Levels| -> Result<_, Problem> {
+    let planned = |levels: ReducedLevels| -> Result<_, Problem> {
         deadline.check()?;
         let table = PlanTable::with_levels(&scene, levels, options)?;
         deadline.check()?;
@@ -164,9 +164,10 @@ pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Resu
     };
     // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 on the
     // example plate while a corner support is dragged inwards.
-    let (mut table, mut plan) = planned(Levels::of_order(&scene, ACCURACY.order(), options.to_hz)?)?;
-    if plan.error_bound.is_none_or(|bound| bound > ACCURACY.value()) {
-        (table, plan) = planned(Levels::build(&scene, ACCURACY, options.to_hz)?)?;
+    let (mut table, mut plan) =
+        planned(ReducedLevels::build_with_order(&scene, ACCURACY.choose_element_order(), options.to_hz)?)?;
+    if plan.error_bound.is_none_or(|bound| bound > ACCURACY.relative_tolerance()) {
+        (table, plan) = planned(ReducedLevels::build(&scene, ACCURACY, options.to_hz)?)?;
     }
     Ok(Planned { table, plan, scene_toml })
 }
@@ -180,7 +181,7 @@ fn compute_preview(request: &PreviewRequest, own: &str, deadline: &Deadline) -> 
         plan: PlanView::new(&table, plan),
         field,
         scene_toml,
-        tolerance: ACCURACY.value(),
+        tolerance: ACCURACY.relative_tolerance(),
         elapsed_ms: started.elapsed().as_secs_f64() * 1e3,
     })
 }
@@ -223,13 +224,13 @@ pub(super) fn check_model(scene: &Scene, to_hz: f64) -> Result<(), Problem> {
     if rectangles > MAX_RECTANGLES {
         return Err(too_large("scene", rectangles, "patches and cut-outs", MAX_RECTANGLES, None));
     }
-    let expected = Levels::expected_unknowns(scene, ACCURACY, to_hz)?;
+    let expected = ReducedLevels::estimate_unknown_count(scene, ACCURACY, to_hz)?;
     #[expect(clippy::cast_precision_loss, reason = "at most 32")]
     let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.max(1) as f64).floor());
     if expected > most {
         return Err(too_large("surface", expected, "unknowns", most, None));
     }
-    let modes = Levels::expected_modes(scene, to_hz).round();
+    let modes = ReducedLevels::estimate_mode_count(scene, to_hz).round();
     if modes > MAX_MODES { Err(too_large("surface", modes, "modes", MAX_MODES, None)) } else { Ok(()) }
 }
 

@@ -7,12 +7,12 @@ use super::low_priority::{Deadline, do_aside};
 use super::preview::{MAX_SCENE, check_counts, check_model, too_large};
 use crate::daemon::access::sender::Sender;
 use crate::daemon::api::problem::{Kind, Problem};
-use crate::design::bounds::{Bounds, Excess, Unusable};
-use crate::design::evaluate::{EvaluateError, Evaluator, Figures, Quick};
-use crate::design::result::{Finalist, Table};
-use crate::design::run::{Folder, Observer, Shard, Stopped, Study, run};
-use crate::design::spec::Wanted;
-use crate::design::written::{figures, worst, write};
+use crate::design::bounds::{ExceededBound, StudyBounds, UnusableStudy};
+use crate::design::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
+use crate::design::result::{DesignTable, Finalist};
+use crate::design::run::{RunEnd, Shard, Study, StudyFolder, StudyObserver, run_study_shard};
+use crate::design::spec::WantedFigure;
+use crate::design::written::{verified_figures_of_finalist, verify_and_write_results, worst_figures_of_finalist};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ use std::time::Duration;
 use utoipa::ToSchema;
 
 /// What is taken of a study. The looks are half a minute of the example plate on one processor, a finalist is a second or two.
-const BOUNDS: Bounds = Bounds { entries: 64, places: 512, written: MAX_SCENE, looks: 2000, finalists: 5 };
+const BOUNDS: StudyBounds = StudyBounds { entries: 64, places: 512, written: MAX_SCENE, looks: 2000, finalists: 5 };
 /// Longest time for looking whether a study can be begun.
 const LONGEST: Duration = Duration::from_secs(10);
 /// What messages call what came in a request.
@@ -155,7 +155,7 @@ impl Studies {
             let study = studies.read_and_check(&read()?)?;
             deadline.check()?;
             let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
-            let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
+            let (all, work) = (study.count_designs(), move |job: &Job<Found>| computed(&study, job));
             Ok(studies.newest.begin(taken, all, found, work)?.into())
         };
         do_aside("study", LONGEST, sender, work).await
@@ -170,7 +170,7 @@ impl Studies {
             }
         }
         check_counts(&Attachments::of(scene))?;
-        let study = Study::parse_within(&BOUNDS, [STUDY, &request.study], [SCENE, scene])?;
+        let study = Study::parse_within_bounds(&BOUNDS, [STUDY, &request.study], [SCENE, scene])?;
         check_model(&Scene::parse(SCENE, scene)?, study.spec.method.to_hz)?;
         if study.spec.method.thorough {
             let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
@@ -181,25 +181,27 @@ impl Studies {
     }
 }
 
-impl From<Unusable> for Problem {
-    fn from(error: Unusable) -> Self {
+impl From<UnusableStudy> for Problem {
+    fn from(error: UnusableStudy) -> Self {
         match error {
-            Unusable::Mistakes(mistakes) => mistakes.into(),
-            Unusable::Excess(Excess { field, value, unit, most }) => too_large(field, value, unit, most, None),
+            UnusableStudy::Mistakes(mistakes) => mistakes.into(),
+            UnusableStudy::Excess(ExceededBound { field, value, unit, most }) => {
+                too_large(field, value, unit, most, None)
+            }
         }
     }
 }
 
 /// A quick look at designs that are no larger than a preview may be, until nobody wants it any more.
 struct Bounded<'a> {
-    quick: Quick,
+    quick: QuickEvaluator,
     to_hz: f64,
     job: &'a Job<Found>,
 }
 
 impl Evaluator for Bounded<'_> {
-    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        if self.job.stops() {
+    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+        if self.job.is_stop_wanted() {
             return Err(EvaluateError::Refused("the study was stopped".into()));
         }
         check_model(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
@@ -211,36 +213,41 @@ impl Evaluator for Bounded<'_> {
 fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
-    let folder = Folder::open(place.path(), study.key()).map_err(|error| told(&error))?;
-    let quick = Quick::new(study.options());
+    let folder = StudyFolder::open_or_create(place.path(), study.fingerprint()).map_err(|error| told(&error))?;
+    let quick = QuickEvaluator::new(study.table_options());
     let evaluator = Bounded { quick, to_hz: study.spec.method.to_hz, job };
-    let ended = run(study, &folder, &evaluator, Shard::ALL, job);
-    if ended.map_err(|error| told(&error))? == Stopped::Early || job.stops() {
+    let ended = run_study_shard(study, &folder, &evaluator, Shard::ALL, job);
+    if ended.map_err(|error| told(&error))? == RunEnd::Early || job.is_stop_wanted() {
         return Ok(None);
     }
     job.finishes();
-    let Some(written) = write(study, &folder, &|| job.stops()).map_err(|error| told(&error))? else {
+    let Some(written) =
+        verify_and_write_results(study, &folder, &|| job.is_stop_wanted()).map_err(|error| told(&error))?
+    else {
         return Ok(None);
     };
     let view = |own: &Finalist| view(study, &written.table, own);
     let nearest = written
         .table
-        .nearest()
+        .find_design_nearest_to_limits()
         .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
     let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
     let first = || written.table.entries.iter().find_map(|entry| entry.reason.clone());
-    let all_failed = written.table.has_failed().then(first).flatten();
+    let all_failed = written.table.have_all_designs_failed().then(first).flatten();
     Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest, all_failed }))
 }
 
-fn view(study: &Study, table: &Table, own: &Finalist) -> DesignView {
+fn view(study: &Study, table: &DesignTable, own: &Finalist) -> DesignView {
     let verified = own.verified.as_ref();
     DesignView {
         design: own.design,
-        figures: figures(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
+        figures: verified_figures_of_finalist(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
         error_bound: verified.ok().and_then(|verified| verified.bound),
-        worst: worst(study, table, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
-        breaks: own.breaks(study),
+        worst: worst_figures_of_finalist(study, table, own)
+            .into_iter()
+            .filter(|(_, value)| value.is_finite())
+            .collect(),
+        breaks: own.describe_broken_limits_of_finalist(study),
         failed: verified.err().cloned(),
         scene_toml: own.text.clone(),
     }

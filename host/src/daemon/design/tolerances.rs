@@ -8,7 +8,9 @@ use crate::daemon::access::sender::Sender;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::check::check_intensity;
 use crate::daemon::touch::plan_view::PlanView;
-use crate::design::tolerances::{RangeError, Spread, ToleranceError, Tolerances, panels, watched_spread};
+use crate::design::tolerances::{
+    RangeError, Spread, ToleranceError, Tolerances, compute_observed_tolerance_spread, count_modelled_panels,
+};
 use crate::planner::{Plan, PlanTable, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -74,7 +76,7 @@ impl TolerancesRequest {
     /// [`Problem`] that names a tolerance, or the intensity, that is out of range.
     pub fn checked(&self) -> Result<Tolerances, Problem> {
         let tolerances = self.tolerances.unwrap_or_default().tolerances();
-        tolerances.check()?;
+        tolerances.check_ranges()?;
         check_intensity(self.intensity_g)?;
         Ok(tolerances)
     }
@@ -112,7 +114,7 @@ struct Found {
 impl From<Told<Found>> for TolerancesView {
     fn from(told: Told<Found>) -> Self {
         let Told { stage, there, all, found: Found { id, plan, off }, problem } = told;
-        Self { id, stage, there, all, plan, words: off.as_ref().map(Spread::words), off, problem }
+        Self { id, stage, there, all, plan, words: off.as_ref().map(Spread::describe_in_words), off, problem }
     }
 }
 
@@ -163,7 +165,7 @@ impl Looks {
             let tolerances = request.checked()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
             if scene.is_none() && moves.is_none() {
-                let (x_m, y_m) = table.scene.place_px(x_px, y_px)?.xy_m();
+                let (x_m, y_m) = table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
                 deadline.check()?;
                 return looks.begin(taken, &table, plan, tolerances);
@@ -187,8 +189,9 @@ impl Looks {
         let id = 1 + self.count.fetch_add(1, Ordering::Relaxed);
         let scene = table.scene.clone();
         let found = Found { id, plan: Some(PlanView::new(table, plan.clone())), off: None };
-        let (all, known) = (panels(&scene), found.clone());
-        let work = move |job: &Job<Found>| match watched_spread(&scene, &[], &plan, tolerances, job) {
+        let (all, known) = (count_modelled_panels(&scene), found.clone());
+        let work = move |job: &Job<Found>| match compute_observed_tolerance_spread(&scene, &[], &plan, tolerances, job)
+        {
             Ok(off) => Ok(Some(Found { off: Some(off), ..known })),
             Err(ToleranceError::Stopped) => Ok(None),
             Err(error) => Err(error.to_string()),

@@ -81,7 +81,7 @@ impl Equipment {
     /// Puts the simulated sensor under the first target of plan `id`.
     pub fn place_sensor(&self, id: u64, plan: &Plan) {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.place_accelerometer(id, self.table.model.shape_at(target.x_m, target.y_m));
+            sim.place_accelerometer(id, self.table.model.shape_deflections_at(target.x_m, target.y_m));
         }
     }
 

@@ -64,12 +64,14 @@ impl App {
     /// What a touch where the last one was, or in the middle of the screen, would take.
     fn plan_for_nobody(&self) {
         let screen = &self.table.scene.screen;
-        let middle = || self.table.scene.place_px(f64::from(screen.width_px) / 2.0, f64::from(screen.height_px) / 2.0);
+        let middle = || {
+            self.table.scene.surface_point_at_px(f64::from(screen.width_px) / 2.0, f64::from(screen.height_px) / 2.0)
+        };
         let last = self
             .driver
             .active()
             .and_then(|active| active.plan.plan().targets.first().map(|target| (target.x_m, target.y_m)));
-        let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.xy_m())) else { return };
+        let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.coordinates_m())) else { return };
         // A place in a cut-out has no plan, and nothing is lost.
         if let Ok(plan) = self.table.plan(&[Target { x_m, y_m, intensity_g: None }]) {
             std::hint::black_box(self.table.predict_motion(&plan));

@@ -412,7 +412,7 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     crate::daemon::touch::check::check_intensity(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
-            let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
+            let (x_m, y_m) = app.table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
             let _place = app.driver.admission.place(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {

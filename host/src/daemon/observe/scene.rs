@@ -233,7 +233,7 @@ impl SceneView {
             edges: scene
                 .edges
                 .iter()
-                .map(|e| EdgeView { side: e.side, kind: e.kind.name(), loss_factor: e.kind.loss_factor() })
+                .map(|e| EdgeView { side: e.side, kind: e.kind.name(), loss_factor: e.kind.spring_loss_factor() })
                 .collect(),
             masses: scene
                 .masses

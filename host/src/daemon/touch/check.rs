@@ -133,7 +133,7 @@ impl Finger {
     /// # Errors
     /// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
     pub fn check(self, scene: &Scene) -> Result<CheckedFinger, Problem> {
-        let (x_m, y_m) = scene.place_px(self.x_px, self.y_px)?.xy_m();
+        let (x_m, y_m) = scene.surface_point_at_px(self.x_px, self.y_px)?.coordinates_m();
         check_intensity(self.intensity_g)?;
         Ok(CheckedFinger { finger: self, target: Target { x_m, y_m, intensity_g: self.intensity_g } })
     }
@@ -141,7 +141,7 @@ impl Finger {
 
 impl QuietZone {
     fn check(&self, scene: &Scene) -> Result<Quiet, Problem> {
-        let (x_m, y_m) = scene.place_px(self.x_px, self.y_px)?.xy_m();
+        let (x_m, y_m) = scene.surface_point_at_px(self.x_px, self.y_px)?.coordinates_m();
         let most_mm = MAX_QUIET_RADIUS_M * 1e3;
         if !(0.0..=most_mm).contains(&self.radius_mm) {
             return Err(Problem::range("radius_mm", self.radius_mm, 0, most_mm));

@@ -10,7 +10,7 @@ use super::rails::SimRail;
 use super::timer::SimTimer;
 use crate::planner::PlanTable;
 use crate::planner::softening::Transducer;
-use crate::transient::reduced::{ModalSystem, Stepper, VELOCITY_SCALE, is_stepped};
+use crate::transient::reduced::{ConstantForceStepper, ModalSystem, VELOCITY_SCALE, is_mode_stepped};
 use era_shared::MAX_CHANNELS;
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use nalgebra::DVector;
@@ -47,7 +47,7 @@ pub struct TravelExtreme {
 /// The panel, its drives and the accelerometer on it.
 #[derive(Clone, Debug)]
 pub struct SimPanel {
-    stepper: Stepper,
+    stepper: ConstantForceStepper,
     kept: Vec<usize>,
     omega: DVector<f64>,
     state: DVector<f64>,
@@ -85,7 +85,7 @@ impl SimPanel {
     /// The same with another step than [`STEP_S`].
     #[must_use]
     pub fn with_step(system: &ModalSystem, transducers: Vec<Transducer>, step_s: f64) -> Self {
-        let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| is_stepped(system.lambda[*i])).collect();
+        let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| is_mode_stepped(system.lambda[*i])).collect();
         let system = ModalSystem {
             lambda: system.lambda.select_rows(&kept),
             damping: system.damping.select_rows(&kept).select_columns(&kept),
@@ -93,7 +93,7 @@ impl SimPanel {
         };
         let n = kept.len();
         Self {
-            stepper: Stepper::new(&system, step_s),
+            stepper: ConstantForceStepper::new(&system, step_s),
             kept,
             omega: system.lambda.map(f64::sqrt),
             state: DVector::zeros(2 * n),

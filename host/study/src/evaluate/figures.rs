@@ -1,7 +1,7 @@
 //! Figures of a scene whose plan table is known.
 
 use super::{EvaluateError, Figures};
-use crate::spec::{Drives, Figure, Settings, Wanted};
+use crate::spec::{Figure, FrequencyGrouping, SettingScope, WantedFigure};
 use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
@@ -20,7 +20,7 @@ const LITTLE_G: f64 = 1e-6;
 
 /// A scene whose finger is on the place that a figure is about.
 #[derive(Clone, Copy, Debug)]
-pub struct Fingered<'a> {
+pub struct FingeredScene<'a> {
     /// One place after the other.
     pub touched: Touched<'a>,
     /// Frequencies of plans.
@@ -34,16 +34,20 @@ pub struct Fingered<'a> {
 ///
 /// # Errors
 /// [`EvaluateError`].
-pub fn figures(table: &PlanTable, fingered: Option<Fingered<'_>>, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-    let mut known = Known { table, fingered, weakest: Vec::new() };
-    let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
+pub fn compute_figures(
+    table: &PlanTable,
+    fingered: Option<FingeredScene<'_>>,
+    wanted: &[WantedFigure],
+) -> Result<Figures, EvaluateError> {
+    let mut known = FigureCache { table, fingered, weakest: Vec::new() };
+    let values = wanted.iter().map(|wanted| known.compute_figure(wanted)).collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
 }
 
-fn weakest_touched(
+fn find_weakest_place_with_finger(
     table: &PlanTable,
-    fingered: Fingered<'_>,
+    fingered: FingeredScene<'_>,
     measure: Measure,
 ) -> Result<Option<Weakest>, EvaluateError> {
     if let Some(known) = fingered.in_g.filter(|_| measure == Measure::G) {
@@ -53,26 +57,30 @@ fn weakest_touched(
     Ok(reach.and_then(|reach| every_touch_touched(table, &reach)))
 }
 
-struct Known<'a> {
+struct FigureCache<'a> {
     table: &'a PlanTable,
-    fingered: Option<Fingered<'a>>,
-    weakest: Vec<(Settings, Drives, Measure, Weakest)>,
+    fingered: Option<FingeredScene<'a>>,
+    weakest: Vec<(SettingScope, FrequencyGrouping, Measure, Weakest)>,
 }
 
-impl Known<'_> {
-    fn figure(&mut self, wanted: &Wanted) -> Result<f64, EvaluateError> {
-        let nothing = |reason| EvaluateError::Figure { figure: wanted.column(), reason };
+impl FigureCache<'_> {
+    fn compute_figure(&mut self, wanted: &WantedFigure) -> Result<f64, EvaluateError> {
+        let nothing = |reason| EvaluateError::Figure { figure: wanted.column_name(), reason };
         Ok(match wanted.figure {
-            Figure::WeakestG => self.weakest(wanted.setting, wanted.drives, Measure::G)?.peak,
+            Figure::WeakestG => self.cached_weakest_place(wanted.setting, wanted.drives, Measure::G)?.peak,
             Figure::WeakestDb => {
-                let peak = self.weakest(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
+                let peak = self.cached_weakest_place(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
                 level_db(peak).ok_or_else(|| nothing("nothing moves at the weakest place"))?
             }
-            Figure::PowerW => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.power_w,
-            Figure::VoltageV => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.voltage_v,
-            Figure::ContrastDb => self.plan(wanted)?.1.predicted.contrast_db,
+            Figure::PowerW => {
+                self.cached_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.power_w
+            }
+            Figure::VoltageV => {
+                self.cached_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.voltage_v
+            }
+            Figure::ContrastDb => self.plan_weak_touch(wanted)?.1.predicted.contrast_db,
             Figure::RiseMs => {
-                let (table, plan) = self.plan(wanted)?;
+                let (table, plan) = self.plan_weak_touch(wanted)?;
                 let rise = era_planner::report::compute_times(&table, &plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion never settles, or cannot be followed"))?
             }
@@ -83,23 +91,32 @@ impl Known<'_> {
         })
     }
 
-    fn weakest(&mut self, setting: Settings, drives: Drives, measure: Measure) -> Result<&Weakest, EvaluateError> {
+    fn cached_weakest_place(
+        &mut self,
+        setting: SettingScope,
+        drives: FrequencyGrouping,
+        measure: Measure,
+    ) -> Result<&Weakest, EvaluateError> {
         let at = self.weakest.iter().position(|(own, by, unit, _)| (*own, *by, *unit) == (setting, drives, measure));
         let at = match at {
             Some(at) => at,
             None => {
                 let phases = match drives {
-                    Drives::Distinct => None,
-                    Drives::OneFrequency => Some(Phases::Chosen),
-                    Drives::InPhase => Some(Phases::Equal),
+                    FrequencyGrouping::Distinct => None,
+                    FrequencyGrouping::OneFrequency => Some(Phases::Chosen),
+                    FrequencyGrouping::InPhase => Some(Phases::Equal),
                 };
                 let table = self.table;
                 let found = match (setting, phases, self.fingered) {
-                    (Settings::One, ..) => one_setting(table, measure),
-                    (Settings::EveryTouch, None, None) => every_touch(table, measure),
-                    (Settings::EveryTouch, None, Some(fingered)) => weakest_touched(table, fingered, measure)?,
-                    (Settings::EveryTouch, Some(phases), None) => every_touch_at_one_frequency(table, measure, phases),
-                    (Settings::EveryTouch, Some(phases), Some(fingered)) => {
+                    (SettingScope::One, ..) => one_setting(table, measure),
+                    (SettingScope::EveryTouch, None, None) => every_touch(table, measure),
+                    (SettingScope::EveryTouch, None, Some(fingered)) => {
+                        find_weakest_place_with_finger(table, fingered, measure)?
+                    }
+                    (SettingScope::EveryTouch, Some(phases), None) => {
+                        every_touch_at_one_frequency(table, measure, phases)
+                    }
+                    (SettingScope::EveryTouch, Some(phases), Some(fingered)) => {
                         every_touch_at_one_frequency_touched(table, fingered.touched, measure, phases)?
                     }
                 };
@@ -111,7 +128,7 @@ impl Known<'_> {
     }
 
     /// The plan for a weak touch at a place, and the table that it is of.
-    fn plan(&self, wanted: &Wanted) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {
+    fn plan_weak_touch(&self, wanted: &WantedFigure) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {
         let [x_mm, y_mm] = wanted.at_mm.unwrap_or_default();
         let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
         let table = match self.fingered {

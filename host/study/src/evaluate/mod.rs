@@ -1,6 +1,6 @@
 //! What a design is worth: figures of a scene.
 //!
-//! [`Evaluator`] is what a study asks; [`Quick`] models what changes, [`Thorough`] the whole scene in three levels, as a plan does.
+//! [`Evaluator`] is what a study asks; [`QuickEvaluator`] models what changes, [`ThoroughEvaluator`] the whole scene in three levels, as a plan does.
 //! [`parts`] are figures that need no model.
 
 mod figures;
@@ -9,11 +9,11 @@ mod quick;
 mod sag;
 mod thorough;
 
-pub use figures::{Fingered, figures};
-pub use quick::Quick;
-pub use thorough::{Thorough, Verified};
+pub use figures::{FingeredScene, compute_figures};
+pub use quick::QuickEvaluator;
+pub use thorough::{ThoroughEvaluator, VerifiedFigures};
 
-use crate::spec::Wanted;
+use crate::spec::WantedFigure;
 use era_model::model::ModelError;
 use era_model::scene::Scene;
 use era_planner::PlanError;
@@ -69,5 +69,5 @@ pub trait Evaluator: Sync {
     ///
     /// # Errors
     /// [`EvaluateError`]: the design fails, and a row of the study says why.
-    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError>;
+    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError>;
 }

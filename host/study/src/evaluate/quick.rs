@@ -1,7 +1,7 @@
 //! Designs of a panel that stays the same: what changes is coupled to it.
 
-use super::{EvaluateError, Evaluator, Figures, Fingered, figures, sag};
-use crate::spec::{Figure, Wanted};
+use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_figures, sag};
+use crate::spec::{Figure, WantedFigure};
 use era_model::scene::Scene;
 use era_planner::perception::level_db;
 use era_planner::quick::{QuickError, QuickPanel};
@@ -16,13 +16,13 @@ const KEPT: usize = 16;
 /// Solves a panel once, and couples to it what each design attaches. Where no more than the weakest place with a setting for every
 /// touch is wanted, that is found without a plan table.
 #[derive(Debug)]
-pub struct Quick {
+pub struct QuickEvaluator {
     options: TableOptions,
     /// Those used last at the end.
     panels: Mutex<Vec<Arc<QuickPanel>>>,
 }
 
-impl Quick {
+impl QuickEvaluator {
     /// For a band of frequencies.
     #[must_use]
     pub const fn new(options: TableOptions) -> Self {
@@ -30,9 +30,9 @@ impl Quick {
     }
 
     /// The panel of a scene, whatever is attached to it.
-    fn panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
+    fn cached_bare_panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
         let mut panels = self.panels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(at) = panels.iter().position(|known| known.bare().is_of(scene)) {
+        if let Some(at) = panels.iter().position(|known| known.bare().is_panel_of_design(scene)) {
             let found = panels.remove(at);
             panels.push(Arc::clone(&found));
             return Ok(found);
@@ -49,27 +49,31 @@ impl Quick {
     }
 }
 
-impl Evaluator for Quick {
-    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        let panel = self.panel(scene)?;
-        let mut found = match wanted.iter().all(Wanted::is_quick) {
-            true => quick_figures(&panel, scene, wanted)?,
+impl Evaluator for QuickEvaluator {
+    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+        let panel = self.cached_bare_panel(scene)?;
+        let mut found = match wanted.iter().all(WantedFigure::needs_no_plan_table) {
+            true => compute_figures_without_table(&panel, scene, wanted)?,
             false => {
-                let table = PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?;
+                let table = PlanTable::build(scene, panel.bare().couple_to_design(scene)?, self.options)?;
                 let touched = scene.finger.map(|_| Touched::new(panel.bare(), scene, &table));
-                let fingered = touched.map(|touched| Fingered { touched, options: self.options, in_g: None });
-                figures(&table, fingered, wanted)?
+                let fingered = touched.map(|touched| FingeredScene { touched, options: self.options, in_g: None });
+                compute_figures(&table, fingered, wanted)?
             }
         };
-        if sag::is_wanted(wanted) {
-            sag::fill(&mut found, wanted, scene, self.options.to_hz, panel.bare())?;
+        if sag::is_any_sag_wanted(wanted) {
+            sag::fill_in_sags(&mut found, wanted, scene, self.options.to_hz, panel.bare())?;
         }
         Ok(found)
     }
 }
 
 /// Figures that need no plan table; sags and those of [`super::parts`] are NaN.
-fn quick_figures(panel: &QuickPanel, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+fn compute_figures_without_table(
+    panel: &QuickPanel,
+    scene: &Scene,
+    wanted: &[WantedFigure],
+) -> Result<Figures, EvaluateError> {
     let mut found = Figures { values: Vec::with_capacity(wanted.len()), weakest_mm: None };
     for wanted in wanted {
         let measure = match wanted.figure {
@@ -85,7 +89,7 @@ fn quick_figures(panel: &QuickPanel, scene: &Scene, wanted: &[Wanted]) -> Result
         found.values.push(match measure {
             Measure::G => weakest.peak,
             Measure::Thresholds => level_db(weakest.peak).ok_or_else(|| EvaluateError::Figure {
-                figure: wanted.column(),
+                figure: wanted.column_name(),
                 reason: "nothing moves at the weakest place",
             })?,
         });

@@ -1,17 +1,17 @@
 //! How far a panel yields where it is pressed.
 
 use super::{EvaluateError, Figures};
-use crate::spec::{Figure, Wanted};
+use crate::spec::{Figure, WantedFigure};
 use era_model::model::BarePanel;
 use era_model::scene::Scene;
 use era_planner::study::sag::{Sag, softest};
 
 /// Whether any sag is wanted.
-pub(super) fn is_wanted(wanted: &[Wanted]) -> bool {
-    wanted.iter().any(is_sag)
+pub(super) fn is_any_sag_wanted(wanted: &[WantedFigure]) -> bool {
+    wanted.iter().any(is_sag_figure)
 }
 
-fn is_sag(wanted: &Wanted) -> bool {
+fn is_sag_figure(wanted: &WantedFigure) -> bool {
     wanted.figure == Figure::SagUm
 }
 
@@ -20,15 +20,15 @@ fn is_sag(wanted: &Wanted) -> bool {
 ///
 /// # Errors
 /// [`EvaluateError::Model`].
-pub(super) fn fill(
+pub(super) fn fill_in_sags(
     found: &mut Figures,
-    wanted: &[Wanted],
+    wanted: &[WantedFigure],
     scene: &Scene,
     max_hz: f64,
     panel: &BarePanel,
 ) -> Result<Option<f64>, EvaluateError> {
     let Sag { m_per_n, error_m_per_n, .. } = softest(panel, scene, max_hz)?;
-    for (value, wanted) in found.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag(wanted)) {
+    for (value, wanted) in found.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag_figure(wanted)) {
         *value = m_per_n * wanted.force_n.unwrap_or(scene.press_n) * 1e6;
     }
     let bound = error_m_per_n / m_per_n;

@@ -1,9 +1,9 @@
 //! Designs with the whole scene's own elements, in three levels, and a bound on what is most wanted.
 
-use super::{EvaluateError, Evaluator, Figures, Fingered, figures, sag};
-use crate::spec::{Figure, Wanted};
-use era_model::model::levels::Levels;
-use era_model::model::{Accuracy, BarePanel, bounded_modes};
+use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_figures, sag};
+use crate::spec::{Figure, WantedFigure};
+use era_model::model::levels::ReducedLevels;
+use era_model::model::{Accuracy, BarePanel, compute_modes_with_error_bounds};
 use era_model::scene::Scene;
 use era_planner::reach::Measure;
 use era_planner::study::Maps;
@@ -20,14 +20,14 @@ const ALL_THERE_IS_G: f64 = 1e6;
 
 /// Solves every scene anew to 1e-3.
 #[derive(Clone, Copy, Debug)]
-pub struct Thorough {
+pub struct ThoroughEvaluator {
     options: TableOptions,
     accuracy: Accuracy,
 }
 
 /// Figures of a finalist.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Verified {
+pub struct VerifiedFigures {
     /// As they were wanted.
     pub figures: Figures,
     /// Bound on the relative error of the strongest peak at the weakest place, in g, where that is wanted with a setting for every touch; `None` where
@@ -45,57 +45,63 @@ pub struct Verified {
     pub y_mm: Vec<f64>,
 }
 
-impl Verified {
+impl VerifiedFigures {
     /// Whether the errors of all figures that can have a bound, of those that are `wanted`, are within a tolerance; `None` where one of them has none, and
     /// where there is none of them.
     #[must_use]
-    pub fn is_met(&self, wanted: &[Wanted], tolerance: f64) -> Option<bool> {
+    pub fn is_tolerance_met(&self, wanted: &[WantedFigure], tolerance: f64) -> Option<bool> {
         let each = wanted.iter().zip(&self.figures.values).zip(&self.bounds);
         // A mode that there is not has no frequency.
-        let bounded = each.filter(|((wanted, value), _)| wanted.has_bound() && value.is_finite());
+        let bounded = each.filter(|((wanted, value), _)| wanted.has_error_bound() && value.is_finite());
         let bounds: Vec<f64> = bounded.map(|(_, bound)| *bound).collect::<Option<_>>()?;
         Some(bounds.into_iter().reduce(f64::max)? <= tolerance)
     }
 }
 
-impl Thorough {
+impl ThoroughEvaluator {
     /// For a band of frequencies.
     #[must_use]
     pub const fn new(options: TableOptions) -> Self {
         Self { options, accuracy: Accuracy::BALANCED }
     }
 
-    /// The tolerance that its models are made for.
+    /// The relative tolerance that its models are made for.
     #[must_use]
-    pub const fn tolerance(&self) -> f64 {
-        self.accuracy.value()
+    pub const fn relative_tolerance(&self) -> f64 {
+        self.accuracy.relative_tolerance()
     }
 
-    fn table(&self, scene: &Scene) -> Result<PlanTable, EvaluateError> {
-        let levels = Levels::build(scene, self.accuracy, self.options.to_hz)?;
+    /// The plan table of a scene from models of three levels.
+    fn build_plan_table(&self, scene: &Scene) -> Result<PlanTable, EvaluateError> {
+        let levels = ReducedLevels::build(scene, self.accuracy, self.options.to_hz)?;
         Ok(PlanTable::with_levels(scene, levels, self.options)?)
     }
 
     /// The panel alone, for what is coupled to it: sags, and a finger on one place after the other. `None` where neither is asked for.
-    fn bare(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Option<BarePanel>, EvaluateError> {
-        let is_needed = scene.finger.is_some() || sag::is_wanted(wanted);
+    fn build_bare_panel_if_needed(
+        &self,
+        scene: &Scene,
+        wanted: &[WantedFigure],
+    ) -> Result<Option<BarePanel>, EvaluateError> {
+        let is_needed = scene.finger.is_some() || sag::is_any_sag_wanted(wanted);
         let build = || BarePanel::build(scene, self.accuracy, self.options.to_hz);
         Ok(is_needed.then(build).transpose()?)
     }
 
     /// The figures of a scene with this table, and the bound on the relative error of its sags.
-    fn figures(
+    fn compute_figures_and_sag_bound(
         &self,
         scene: &Scene,
         table: &PlanTable,
         bare: Option<&BarePanel>,
         in_g: Option<&TouchedReach>,
-        wanted: &[Wanted],
+        wanted: &[WantedFigure],
     ) -> Result<(Figures, Option<f64>), EvaluateError> {
-        let fingered = touched(scene, table, bare).map(|touched| Fingered { touched, options: self.options, in_g });
-        let mut found = figures(table, fingered, wanted)?;
-        let bound = match bare.filter(|_| sag::is_wanted(wanted)) {
-            Some(panel) => sag::fill(&mut found, wanted, scene, self.options.to_hz, panel)?,
+        let fingered =
+            panel_with_finger(scene, table, bare).map(|touched| FingeredScene { touched, options: self.options, in_g });
+        let mut found = compute_figures(table, fingered, wanted)?;
+        let bound = match bare.filter(|_| sag::is_any_sag_wanted(wanted)) {
+            Some(panel) => sag::fill_in_sags(&mut found, wanted, scene, self.options.to_hz, panel)?,
             None => None,
         };
         Ok((found, bound))
@@ -106,25 +112,26 @@ impl Thorough {
     ///
     /// # Errors
     /// [`EvaluateError`].
-    pub fn verified(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
-        let found = self.looked_at(scene, wanted)?;
-        let is_open = found.bound.is_none_or(|bound| bound > self.tolerance());
-        if !is_open || !wanted.iter().any(Wanted::has_bound_of_weakest) || scene.finger.is_some() {
+    pub fn verify_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<VerifiedFigures, EvaluateError> {
+        let found = self.verify_figures_once(scene, wanted)?;
+        let is_open = found.bound.is_none_or(|bound| bound > self.relative_tolerance());
+        if !is_open || !wanted.iter().any(WantedFigure::is_bounded_weakest_peak) || scene.finger.is_some() {
             return Ok(found);
         }
         let bound = found.bound.unwrap_or(f64::INFINITY);
-        let finer = Self { accuracy: Accuracy::tolerance(FINER * self.tolerance())?, ..*self };
+        let finer = Self { accuracy: Accuracy::from_tolerance(FINER * self.relative_tolerance())?, ..*self };
         // What is there is not lost where finer models are too large.
-        let again = finer.looked_at(scene, wanted).ok().filter(|again| again.bound.is_some_and(|own| own < bound));
+        let again =
+            finer.verify_figures_once(scene, wanted).ok().filter(|again| again.bound.is_some_and(|own| own < bound));
         Ok(again.unwrap_or(found))
     }
 
-    fn looked_at(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
-        let table = self.table(scene)?;
-        let bare = self.bare(scene, wanted)?;
+    fn verify_figures_once(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<VerifiedFigures, EvaluateError> {
+        let table = self.build_plan_table(scene)?;
+        let bare = self.build_bare_panel_if_needed(scene, wanted)?;
         // A search at every point, which other figures do without.
-        let is_mapped = wanted.iter().any(|wanted| wanted.figure.is_of_settings());
-        let touched = touched(scene, &table, bare.as_ref()).filter(|_| is_mapped);
+        let is_mapped = wanted.iter().any(|wanted| wanted.figure.depends_on_settings());
+        let touched = panel_with_finger(scene, &table, bare.as_ref()).filter(|_| is_mapped);
         let reach = match touched {
             None => None,
             Some(touched) => {
@@ -133,7 +140,8 @@ impl Thorough {
             }
         };
         let in_g = reach.as_ref().map(|(_, reach)| reach);
-        let (mut figures, sag_bound) = self.figures(scene, &table, bare.as_ref(), in_g, wanted)?;
+        let (mut figures, sag_bound) =
+            self.compute_figures_and_sag_bound(scene, &table, bare.as_ref(), in_g, wanted)?;
         let (map, known) = match &reach {
             None if !is_mapped => (Vec::new(), None),
             // Drives at one frequency need no room for several.
@@ -145,7 +153,7 @@ impl Thorough {
         };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
         let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1));
-        let is_bounded = Wanted::has_bound_of_weakest;
+        let is_bounded = WantedFigure::is_bounded_weakest_peak;
         let bound = match (weakest, known) {
             _ if !wanted.iter().any(is_bounded) => None,
             (None, _) => None,
@@ -168,21 +176,21 @@ impl Thorough {
             _ => bound.filter(|_| is_bounded(wanted)),
         });
         let mut bounds: Vec<Option<f64>> = bounds.collect();
-        for (k, _) in wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.is_of_a_mode()) {
-            if let Some((hz, own)) = self.mode(scene, figures.values[k]) {
+        for (k, _) in wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.is_mode_frequency()) {
+            if let Some((hz, own)) = self.find_nearest_mode_hz_and_bound(scene, figures.values[k]) {
                 (figures.values[k], bounds[k]) = (hz, own);
             }
         }
         let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect();
         let (x_mm, y_mm) = (mm(&table.grid.x_m), mm(&table.grid.y_m));
-        Ok(Verified { figures, bound, bounds, strongest_g: map, x_mm, y_mm })
+        Ok(VerifiedFigures { figures, bound, bounds, strongest_g: map, x_mm, y_mm })
     }
 }
 
-impl Thorough {
+impl ThoroughEvaluator {
     /// The frequency in Hz of the mode near `hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none, or it cannot be
     /// computed: the figure is there without it.
-    fn mode(&self, scene: &Scene, hz: f64) -> Option<(f64, Option<f64>)> {
+    fn find_nearest_mode_hz_and_bound(&self, scene: &Scene, hz: f64) -> Option<(f64, Option<f64>)> {
         // Above it so that a mesh which puts it a little higher still has it.
         const BESIDE: f64 = 1.05;
         const LEAST_HZ: f64 = 10.0;
@@ -190,21 +198,21 @@ impl Thorough {
         if hz.is_nan() || hz <= 0.0 {
             return None;
         }
-        let found = bounded_modes(scene, self.accuracy, (BESIDE * hz).max(LEAST_HZ)).ok()?;
-        let all = found.answer.iter().zip(&found.bounds).map(|(mode, bound)| (mode.frequency_hz, bound.value()));
+        let found = compute_modes_with_error_bounds(scene, self.accuracy, (BESIDE * hz).max(LEAST_HZ)).ok()?;
+        let all = found.answer.iter().zip(&found.bounds).map(|(mode, bound)| (mode.frequency_hz, bound.known_limit()));
         let nearest = all.min_by(|a, b| (a.0 - hz).abs().total_cmp(&(b.0 - hz).abs()));
         nearest.filter(|(own, _)| is_it(*own))
     }
 }
 
-impl Evaluator for Thorough {
-    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        let bare = self.bare(scene, wanted)?;
-        Ok(self.figures(scene, &self.table(scene)?, bare.as_ref(), None, wanted)?.0)
+impl Evaluator for ThoroughEvaluator {
+    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+        let bare = self.build_bare_panel_if_needed(scene, wanted)?;
+        Ok(self.compute_figures_and_sag_bound(scene, &self.build_plan_table(scene)?, bare.as_ref(), None, wanted)?.0)
     }
 }
 
 /// The panel with the scene's finger, where it has one, on one place after the other.
-fn touched<'a>(scene: &'a Scene, table: &'a PlanTable, bare: Option<&'a BarePanel>) -> Option<Touched<'a>> {
+fn panel_with_finger<'a>(scene: &'a Scene, table: &'a PlanTable, bare: Option<&'a BarePanel>) -> Option<Touched<'a>> {
     bare.filter(|_| scene.finger.is_some()).map(|panel| Touched::new(panel, scene, table))
 }

@@ -1,16 +1,16 @@
 //! The designs as data for the report's script, and the places where it draws them.
 
-use crate::result::{Entry, Finals, Status, Table};
+use crate::result::{DesignStatus, DesignTable, TableEntry, VerifiedFinalists};
 use crate::run::Study;
 use crate::space::Design;
-use crate::spec::Goal;
+use crate::spec::WishGoal;
 use serde_json::{Value, json};
 
 /// Most designs that the report shows: more are slow to draw. All are in the table.
 const MOST: usize = 5000;
 
-/// The plots' places.
-pub(super) fn plots(study: &Study, table: &Table) -> String {
+/// The places of the plots, as HTML.
+pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
     let what = if study.spec.wishes.len() > 1 {
         "Large dots are designs that no other surpasses in all wishes; red rings are the best, with their numbers."
     } else {
@@ -20,7 +20,7 @@ pub(super) fn plots(study: &Study, table: &Table) -> String {
     let all = table.entries.len();
     let shown =
         if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
-    let lines = if table.entries.iter().any(|entry| entry.status == Status::Kept) {
+    let lines = if table.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
         "A line for each design that meets the limits"
     } else {
         "No design meets the limits: a line for each that has figures"
@@ -35,15 +35,15 @@ pub(super) fn plots(study: &Study, table: &Table) -> String {
 }
 
 /// What the script draws: names of columns, and a row of numbers for each design.
-pub(super) fn json(study: &Study, table: &Table, finals: &Finals) -> String {
-    let wishes = study.spec.wishes.iter().map(|wish| wish.wanted.column());
+pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
+    let wishes = study.spec.wishes.iter().map(|wish| wish.wanted.column_name());
     let mut columns: Vec<Value> = vec![json!({"name": "design"})];
     columns.extend(table.columns.iter().map(|column| match &column.words {
         Some(words) => json!({"name": column.name, "words": words}),
         None => json!({"name": column.name}),
     }));
     let first_figure = columns.len();
-    columns.extend(table.figures.iter().map(|wanted| json!({"name": wanted.column()})));
+    columns.extend(table.figures.iter().map(|wanted| json!({"name": wanted.column_name()})));
     let goals: Vec<Value> = study
         .spec
         .wishes
@@ -51,38 +51,47 @@ pub(super) fn json(study: &Study, table: &Table, finals: &Finals) -> String {
         .zip(wishes)
         .map(|(wish, name)| {
             let column = table.figures.iter().position(|wanted| *wanted == wish.wanted).map(|k| first_figure + k);
-            json!({"name": name, "column": column, "most": wish.goal == Goal::Most})
+            json!({"name": name, "column": column, "most": wish.goal == WishGoal::Most})
         })
         .collect();
     let finalists: Vec<usize> = finals.best.iter().map(|own| own.design).collect();
-    let rows: Vec<Value> = chosen(study, table, &finalists)
+    let rows: Vec<Value> = choose_shown_designs(study, table, &finalists)
         .into_iter()
         .map(|number| {
             let entry = &table.entries[number - 1];
-            json!([state(entry), values(study, table, entry, &entry.row.design, number)])
+            json!([plot_state_of_design(entry), row_values_of_design(study, table, entry, &entry.row.design, number)])
         })
         .collect();
-    let base = json!([state(&table.base), values(study, table, &table.base, &study.space.as_it_is(), 0)]);
+    let base = json!([
+        plot_state_of_design(&table.base),
+        row_values_of_design(study, table, &table.base, &study.space.design_of_scene_file(), 0)
+    ]);
     let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows, "base": base});
     // Nothing of it ends the script that it stands in.
     data.to_string().replace('<', "\\u003c")
 }
 
 /// 0 breaks a limit, 1 keeps all, 2 is on the front.
-fn state(entry: &Entry) -> u8 {
+fn plot_state_of_design(entry: &TableEntry) -> u8 {
     match (entry.status, entry.is_on_front) {
-        (Status::Kept, true) => 2,
-        (Status::Kept, false) => 1,
+        (DesignStatus::Kept, true) => 2,
+        (DesignStatus::Kept, false) => 1,
         _ => 0,
     }
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn values(study: &Study, table: &Table, entry: &Entry, design: &Design, number: usize) -> Vec<Value> {
+fn row_values_of_design(
+    study: &Study,
+    table: &DesignTable,
+    entry: &TableEntry,
+    design: &Design,
+    number: usize,
+) -> Vec<Value> {
     let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
     let mut values = vec![Value::from(number)];
-    values.extend(table.columns.iter().map(|column| column.number(design).map_or(Value::Null, rounded)));
-    let figures = entry.row.figures();
+    values.extend(table.columns.iter().map(|column| column.number_in_design(design).map_or(Value::Null, rounded)));
+    let figures = entry.row.figures_if_found();
     values.extend(table.figures.iter().enumerate().map(|(k, wanted)| {
         let wish = study.spec.wishes.iter().position(|wish| wish.wanted == *wanted);
         let worst = wish.and_then(|wish| entry.wishes.get(wish));
@@ -93,16 +102,17 @@ fn values(study: &Study, table: &Table, entry: &Entry, design: &Design, number: 
 }
 
 /// The designs that are shown, by number: those of the front, the finalists, and others evenly.
-fn chosen(study: &Study, table: &Table, finalists: &[usize]) -> Vec<usize> {
+fn choose_shown_designs(study: &Study, table: &DesignTable, finalists: &[usize]) -> Vec<usize> {
     let with_figures: Vec<usize> =
-        (1..=table.entries.len()).filter(|number| table.entries[number - 1].status != Status::Failed).collect();
+        (1..=table.entries.len()).filter(|number| table.entries[number - 1].status != DesignStatus::Failed).collect();
     if with_figures.len() <= MOST {
         return with_figures;
     }
     let mut best: Vec<usize> = with_figures.clone();
     if let Some(goal) = study.spec.wishes.first().map(|wish| wish.goal) {
-        let loss =
-            |number: &usize| table.entries[number - 1].wishes.first().map_or(f64::INFINITY, |own| goal.loss(*own));
+        let loss = |number: &usize| {
+            table.entries[number - 1].wishes.first().map_or(f64::INFINITY, |own| goal.loss_of_figure(*own))
+        };
         best.sort_by(|a, b| loss(a).total_cmp(&loss(b)));
     }
     let front = with_figures.iter().copied().filter(|number| table.entries[number - 1].is_on_front).take(MOST / 4);

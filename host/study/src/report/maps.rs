@@ -1,8 +1,8 @@
 //! Maps of the strongest peak at every point: the scene as it is beside the best design.
 
-use super::{escaped, shown};
-use crate::evaluate::Verified;
-use crate::result::{Finalist, Finals};
+use super::{escape_html, format_four_digits};
+use crate::evaluate::VerifiedFigures;
+use crate::result::{Finalist, VerifiedFinalists};
 use crate::run::Study;
 use std::fmt::Write;
 
@@ -22,15 +22,16 @@ const COLORS: [[f64; 3]; 6] = [
     [253.0, 231.0, 37.0],
 ];
 
-pub(super) fn side_by_side(study: &Study, finals: &Finals) -> String {
+/// The maps of the scene of the file and of the best design side by side, as HTML.
+pub(super) fn write_maps_html(study: &Study, finals: &VerifiedFinalists) -> String {
     let Some(best) = finals.best.first() else { return "<p>There is no best design.</p>\n".into() };
-    let both: Vec<(&str, &Finalist, &Verified)> = [("as it is", &finals.base), ("best 1", best)]
+    let both: Vec<(&str, &Finalist, &VerifiedFigures)> = [("as it is", &finals.base), ("best 1", best)]
         .into_iter()
         .filter_map(|(name, own)| Some((name, own, own.verified.as_ref().ok()?)))
         .collect();
     let peaks = || both.iter().flat_map(|(_, _, verified)| verified.strongest_g.iter().flatten().copied());
     let (least, most) = (peaks().fold(f64::INFINITY, f64::min), peaks().fold(0.0, f64::max));
-    if !study.figures.iter().any(|wanted| wanted.figure.is_of_settings()) {
+    if !study.figures.iter().any(|wanted| wanted.figure.depends_on_settings()) {
         return "<p>There is no map: nothing that is wanted depends on what can be had at each place.</p>\n".into();
     }
     if !(least > 0.0 && most > least) {
@@ -39,35 +40,38 @@ pub(super) fn side_by_side(study: &Study, finals: &Finals) -> String {
     let mut html = format!(
         "<p>The strongest peak that can be had at each place, with a setting for every touch, from {} g (dark) to {} g (light), \
          colours by ratio; circles are actuators, squares supports, the cross is the weakest place.</p>\n<div class=\"maps\">\n",
-        shown(least),
-        shown(most)
+        format_four_digits(least),
+        format_four_digits(most)
     );
     for (name, own, verified) in &both {
         let weakest = verified.strongest_g.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-        let _ = write!(html, "<figure>\n{}", map(study, own, verified, (least, most)));
+        let _ = write!(html, "<figure>\n{}", draw_peak_map_svg(study, own, verified, (least, most)));
         let _ = writeln!(
             html,
             "<figcaption>{}: {} g at the weakest place</figcaption>\n</figure>",
-            escaped(name),
-            shown(weakest)
+            escape_html(name),
+            format_four_digits(weakest)
         );
     }
     html.push_str("</div>\n");
     html
 }
 
-fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, f64)) -> String {
-    let Ok(scene) = study.space.read(&own.text) else { return String::new() };
+/// A map of the strongest peaks as SVG, with supports, actuators and the weakest place.
+fn draw_peak_map_svg(study: &Study, own: &Finalist, verified: &VerifiedFigures, (least, most): (f64, f64)) -> String {
+    let Ok(scene) = study.space.parse_scene_text(&own.text) else { return String::new() };
     let (length, width) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
     let scale = SIDE / length.max(width);
     let (w, h) = (length * scale, (width * scale).max(LEAST_HEIGHT));
     let up = if verified.y_mm.len() < 2 { 0.0 } else { h / width };
     let mut svg =
         format!("<svg viewBox=\"-8 -8 {:.0} {:.0}\" width=\"{:.0}\" role=\"img\">\n", w + 16.0, h + 16.0, w + 16.0);
-    let (x, y) = (borders(&verified.x_mm, length), borders(&verified.y_mm, width));
+    let (x, y) =
+        (cell_borders_between_lines(&verified.x_mm, length), cell_borders_between_lines(&verified.y_mm, width));
     let columns = verified.x_mm.len();
     for (j, row) in verified.strongest_g.chunks(columns.max(1)).enumerate() {
-        let (top, bottom) = if up > 0.0 { (tenths(y[j] * up), tenths(y[j + 1] * up)) } else { (0.0, h) };
+        let (top, bottom) =
+            if up > 0.0 { (round_to_tenths(y[j] * up), round_to_tenths(y[j + 1] * up)) } else { (0.0, h) };
         let band = |peak: Option<f64>| {
             peak.map(|peak| ((peak / least).ln() / (most / least).ln() * BANDS).floor().min(BANDS - 1.0))
         };
@@ -76,13 +80,13 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
             let own = band(row[from]);
             let to = (from..columns).find(|k| band(row[*k]) != own).unwrap_or(columns);
             if let Some(own) = own {
-                let (left, right) = (tenths(x[from] * scale), tenths(x[to] * scale));
+                let (left, right) = (round_to_tenths(x[from] * scale), round_to_tenths(x[to] * scale));
                 let _ = writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{}\"/>",
                     right - left,
                     bottom - top,
-                    color((own + 0.5) / BANDS)
+                    color_of_fraction((own + 0.5) / BANDS)
                 );
             }
             from = to;
@@ -103,7 +107,7 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
         let _ = writeln!(
             svg,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"7\" class=\"actuator\"><title>{}</title></circle>",
-            escaped(&actuator.id)
+            escape_html(&actuator.id)
         );
     }
     let places = verified.strongest_g.iter().enumerate().filter_map(|(k, peak)| Some((k, (*peak)?)));
@@ -116,19 +120,20 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
 }
 
 /// In tenths of a pixel, as it is written: rounded sizes would leave gaps between rounded corners.
-fn tenths(at: f64) -> f64 {
+fn round_to_tenths(at: f64) -> f64 {
     (10.0 * at).round() / 10.0
 }
 
 /// The borders of the areas that a grid's lines stand for.
-fn borders(lines_mm: &[f64], side_mm: f64) -> Vec<f64> {
+fn cell_borders_between_lines(lines_mm: &[f64], side_mm: f64) -> Vec<f64> {
     let between = lines_mm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
     std::iter::once(0.0).chain(between).chain(std::iter::once(side_mm)).collect()
 }
 
+/// The colour of a fraction, 0 to 1, of the scale.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255, and of a short list")]
-pub(super) fn color(part: f64) -> String {
-    let at = part.clamp(0.0, 1.0) * 5.0;
+pub(super) fn color_of_fraction(fraction: f64) -> String {
+    let at = fraction.clamp(0.0, 1.0) * 5.0;
     let first = (at as usize).min(COLORS.len() - 2);
     let rest = at - first as f64;
     let mixed = |k: usize| (COLORS[first][k] * (1.0 - rest) + COLORS[first + 1][k] * rest).round() as u8;

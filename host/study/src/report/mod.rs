@@ -5,28 +5,33 @@ mod maps;
 mod pictures;
 mod tables;
 
-use crate::result::{Finals, Table};
+use crate::result::{DesignTable, VerifiedFinalists};
 use crate::run::Study;
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 
-/// The report of a study.
+/// The report of a study as HTML.
 #[must_use]
-pub fn report(study: &Study, table: &Table, finals: &Finals) -> String {
-    let name = escaped(&study.spec.name);
+pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
+    let name = escape_html(&study.spec.name);
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n"
     );
-    html.push_str(&tables::summary(study, table, finals));
-    section(&mut html, "designs", "All designs", &data::plots(study, table));
-    section(&mut html, "maps", "Where the panel is strong", &maps::side_by_side(study, finals));
-    section(&mut html, "effects", "What the variables do", &pictures::effects(study, table));
-    section(&mut html, "doubts", "What was not converged, and what failed", &tables::doubts(study, table, finals));
-    let data = data::json(study, table, finals);
+    html.push_str(&tables::write_summary_html(study, table, finals));
+    add_html_section(&mut html, "designs", "All designs", &data::write_plots_html(study, table));
+    add_html_section(&mut html, "maps", "Where the panel is strong", &maps::write_maps_html(study, finals));
+    add_html_section(&mut html, "effects", "What the variables do", &pictures::write_effects_html(study, table));
+    add_html_section(
+        &mut html,
+        "doubts",
+        "What was not converged, and what failed",
+        &tables::write_doubts_html(study, table, finals),
+    );
+    let data = data::write_plot_data_json(study, table, finals);
     let _ = write!(
         html,
         "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
@@ -34,12 +39,12 @@ pub fn report(study: &Study, table: &Table, finals: &Finals) -> String {
     html
 }
 
-fn section(html: &mut String, id: &str, title: &str, body: &str) {
+fn add_html_section(html: &mut String, id: &str, title: &str, body: &str) {
     let _ = write!(html, "<section id=\"{id}\">\n<h2>{title}</h2>\n{body}</section>\n");
 }
 
-/// Text as HTML shows it.
-fn escaped(text: &str) -> String {
+/// Text as HTML writes it.
+fn escape_html(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
@@ -55,7 +60,7 @@ fn escaped(text: &str) -> String {
 
 /// A bound with one digit, no less than it is.
 #[must_use]
-pub fn rounded_up(bound: f64) -> String {
+pub fn format_bound_rounded_up(bound: f64) -> String {
     let unit = 10.0_f64.powf(bound.log10().floor());
     let up = (bound / unit * (1.0 - 1e-9)).ceil() * unit;
     if up.is_finite() { format!("{up:.0e}") } else { format!("{bound:.0e}") }
@@ -63,16 +68,16 @@ pub fn rounded_up(bound: f64) -> String {
 
 /// Four digits, or that there is no value.
 #[must_use]
-pub fn shown(value: f64) -> String {
-    if value.is_nan() {
+pub fn format_four_digits(number: f64) -> String {
+    if number.is_nan() {
         return "no value".into();
     }
-    if value == 0.0 || !value.is_finite() || value.abs() >= 1e4 {
-        return format!("{value:.0}");
+    if number == 0.0 || !number.is_finite() || number.abs() >= 1e4 {
+        return format!("{number:.0}");
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
-    let digits = (3.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.digits$}")
+    let digits = (3.0 - number.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{number:.digits$}")
 }
 
 #[cfg(test)]
@@ -81,17 +86,17 @@ mod tests {
 
     #[test]
     fn bounds_are_never_told_smaller() {
-        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(rounded_up);
+        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(format_bound_rounded_up);
         assert_eq!(told, ["2e-3", "1e-3", "1e-4", "0e0", "inf"]);
     }
 
     #[test]
     fn numbers_have_four_digits_and_text_no_tags() {
         assert_eq!(
-            [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(shown),
+            [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(format_four_digits),
             ["0", "0.3715", "12.35", "98765", "-0.001235"]
         );
-        assert_eq!([f64::NAN, f64::INFINITY].map(shown), ["no value", "inf"]);
-        assert_eq!(escaped("<b>&\"</b>"), "&lt;b&gt;&amp;&quot;&lt;/b&gt;");
+        assert_eq!([f64::NAN, f64::INFINITY].map(format_four_digits), ["no value", "inf"]);
+        assert_eq!(escape_html("<b>&\"</b>"), "&lt;b&gt;&amp;&quot;&lt;/b&gt;");
     }
 }

@@ -1,11 +1,11 @@
 //! Main effects and interactions, as pictures and tables.
 
-use super::maps::color;
-use super::{escaped, shown};
-use crate::result::{Cut, Effects, Interaction, Table};
+use super::maps::color_of_fraction;
+use super::{escape_html, format_four_digits};
+use crate::result::{DesignTable, DimensionLevels, EffectAnalysis, Interaction};
 use crate::run::Study;
-use crate::space::Dimension;
-use crate::spec::Way;
+use crate::space::CubeDimension;
+use crate::spec::PointMethod;
 use std::fmt::Write;
 
 /// Width and height of a panel in pixels.
@@ -19,69 +19,82 @@ const GAP: f64 = 3.0;
 /// Pairs that are drawn: those with the largest interactions.
 const MOST_PAIRS: usize = 6;
 
-pub(super) fn effects(study: &Study, table: &Table) -> String {
+/// Main effects and interactions of all wishes, as HTML.
+pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
     let dimensions = study.space.dimensions();
     let mut html = String::from(
         "<p>Main effects: the mean of a figure over the designs in each part of a variable's range, all others as they come. \
          Parts are those of the variance (sums of squares between levels over the whole); what mere chance would give is \
          beside them. Interactions: what lies between the pairs of levels beyond that.</p>\n",
     );
-    if study.spec.method.way == Way::Evolution {
+    if study.spec.method.way == PointMethod::Evolution {
         html.push_str(
             "<p>These designs are an evolution's: most are near the best, and effects are those of that region. A grid, a Latin \
              hypercube or Sobol's sequence shows the whole range.</p>\n",
         );
     }
     for (k, wish) in study.spec.wishes.iter().enumerate() {
-        let name = wish.wanted.column();
+        let name = wish.wanted.column_name();
         let points: Vec<(&[f64], f64)> = table
             .entries
             .iter()
             .filter_map(|entry| Some((entry.row.point.as_slice(), entry.wishes.get(k).copied()?)))
             .filter(|(_, figure)| figure.is_finite())
             .collect();
-        let Some(found) = Effects::of(dimensions, &points) else {
-            let _ = writeln!(html, "<p>{}: no effects, as no two designs differ in it.</p>", escaped(&name));
+        let Some(found) = EffectAnalysis::analyse_variance(dimensions, &points) else {
+            let _ = writeln!(html, "<p>{}: no effects, as no two designs differ in it.</p>", escape_html(&name));
             continue;
         };
-        let _ = writeln!(html, "<h3>{}: {} designs, mean {}</h3>", escaped(&name), found.count, shown(found.mean));
-        html.push_str(&main(study, dimensions, &found));
-        html.push_str(&pairs(study, dimensions, &found));
+        let _ = writeln!(
+            html,
+            "<h3>{}: {} designs, mean {}</h3>",
+            escape_html(&name),
+            found.count,
+            format_four_digits(found.mean)
+        );
+        html.push_str(&draw_main_effects(study, dimensions, &found));
+        html.push_str(&draw_interactions(study, dimensions, &found));
     }
     html
 }
 
 /// What a level of a dimension is called: its value, or the middle of its part of the range, or of several values the first and the last.
-fn level_name(study: &Study, dimension: &Dimension, number: usize, cut: &Cut, level: usize) -> String {
-    let name = |at: f64| name_at(study, dimension, number, at);
-    match cut.ends(level).map(|ends| ends.map(name)) {
+fn name_of_level(
+    study: &Study,
+    dimension: &CubeDimension,
+    number: usize,
+    cut: &DimensionLevels,
+    level: usize,
+) -> String {
+    let name = |at: f64| name_of_value_at(study, dimension, number, at);
+    match cut.first_and_last_value_of_level(level).map(|ends| ends.map(name)) {
         Some([first, last]) if first != last => format!("{first} to {last}"),
         _ => cut.at.get(level).map(|at| name(*at)).unwrap_or_default(),
     }
 }
 
 /// What a dimension's value at a coordinate is called.
-fn name_at(study: &Study, dimension: &Dimension, number: usize, at: f64) -> String {
+fn name_of_value_at(study: &Study, dimension: &CubeDimension, number: usize, at: f64) -> String {
     let mut point = vec![0.5; study.space.dimensions().len()];
     point[number] = at;
-    let design = study.space.design(&point);
-    let own = |column: &&crate::space::Column| {
+    let design = study.space.design_at_point(&point);
+    let own = |column: &&crate::space::DesignColumn| {
         column.variable == dimension.variable
             && !column.follows
             && (column.name == dimension.name || column.coordinate == 0)
     };
-    let columns = study.space.columns();
+    let columns = study.space.table_columns();
     let named = columns.iter().find(|column| column.name == dimension.name && column.variable == dimension.variable);
     let column = named.or_else(|| columns.iter().find(own));
     let text = column.and_then(|column| match column.words {
-        Some(_) => column.text(&design),
-        None => column.number(&design).map(shown).map(without_zeros),
+        Some(_) => column.text_in_design(&design),
+        None => column.number_in_design(&design).map(format_four_digits).map(trim_trailing_zeros),
     });
     text.unwrap_or_default()
 }
 
 /// A number without zeros at the end of its fraction.
-fn without_zeros(number: String) -> String {
+fn trim_trailing_zeros(number: String) -> String {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.').to_owned() } else { number }
 }
 
@@ -93,7 +106,7 @@ fn without_zeros(number: String) -> String {
     clippy::cast_precision_loss,
     reason = "a few characters"
 )]
-fn below_axis(names: &[String], room: f64) -> Vec<String> {
+fn fit_labels_below_axis(names: &[String], room: f64) -> Vec<String> {
     let most = ((room - GAP) / CHARACTER).floor().max(1.0) as usize;
     let mut end = f64::NEG_INFINITY;
     let each = names.iter().enumerate().map(|(level, name)| {
@@ -111,7 +124,8 @@ fn below_axis(names: &[String], room: f64) -> Vec<String> {
     each.collect()
 }
 
-fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
+/// The main effect of each dimension on a figure, as pictures.
+fn draw_main_effects(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
     let means = || found.main.iter().flat_map(|own| own.levels.iter().filter_map(|(_, mean)| *mean));
     let (least, most) = (means().fold(f64::INFINITY, f64::min), means().fold(f64::NEG_INFINITY, f64::max));
     let span = if most > least { most - least } else { 1.0 };
@@ -131,8 +145,8 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
              <text x=\"{4}\" y=\"{0:.0}\" class=\"end\">{3}</text>\n",
             h - 26.0,
             w - 8.0,
-            shown(most),
-            shown(least),
+            format_four_digits(most),
+            format_four_digits(least),
             BESIDE - 2.0
         );
         let points: Vec<(usize, f64)> =
@@ -140,9 +154,10 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
         let line: Vec<String> =
             points.iter().map(|(level, mean)| format!("{:.1},{:.1}", x(*level), y(*mean))).collect();
         let _ = writeln!(html, "<polyline class=\"effect\" points=\"{}\"/>", line.join(" "));
-        let names: Vec<String> =
-            (0..own.levels.len()).map(|level| level_name(study, dimension, own.dimension, &own.cut, level)).collect();
-        let below = below_axis(&names, room);
+        let names: Vec<String> = (0..own.levels.len())
+            .map(|level| name_of_level(study, dimension, own.dimension, &own.cut, level))
+            .collect();
+        let below = fit_labels_below_axis(&names, room);
         for (level, mean) in points {
             let _ = writeln!(
                 html,
@@ -150,18 +165,18 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
                  <text x=\"{:.1}\" y=\"{:.0}\" class=\"middle\">{}</text>",
                 x(level),
                 y(mean),
-                escaped(&names[level]),
-                shown(mean),
+                escape_html(&names[level]),
+                format_four_digits(mean),
                 own.levels[level].0,
                 x(level),
                 h - 14.0,
-                escaped(&below[level])
+                escape_html(&below[level])
             );
         }
         let _ = writeln!(
             html,
             "</svg>\n<figcaption>{}: {:.1} % (chance {:.1} %)</figcaption>\n</figure>",
-            escaped(&dimension.name),
+            escape_html(&dimension.name),
             100.0 * own.part,
             100.0 * own.by_chance
         );
@@ -170,7 +185,8 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
     html
 }
 
-fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
+/// The largest interactions of two dimensions, as pictures.
+fn draw_interactions(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
     let mut order: Vec<&Interaction> = found.pairs.iter().filter(|pair| pair.part > 0.0).collect();
     order.sort_by(|a, b| {
         (b.part - b.by_chance).total_cmp(&(a.part - a.by_chance)).then(a.dimensions.cmp(&b.dimensions))
@@ -199,24 +215,24 @@ fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
                     html,
                     "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{cell_w:.1}\" height=\"{cell_h:.1}\" fill=\"{}\"><title>{} {}, {} {}: \
                      {}</title></rect>",
-                    color(part),
-                    escaped(&one.name),
-                    escaped(&level_name(study, one, i, &found.main[i].cut, a)),
-                    escaped(&other.name),
-                    escaped(&level_name(study, other, j, &found.main[j].cut, b)),
-                    shown(*mean)
+                    color_of_fraction(part),
+                    escape_html(&one.name),
+                    escape_html(&name_of_level(study, one, i, &found.main[i].cut, a)),
+                    escape_html(&other.name),
+                    escape_html(&name_of_level(study, other, j, &found.main[j].cut, b)),
+                    format_four_digits(*mean)
                 );
             }
         }
         let _ = writeln!(
             html,
             "</svg>\n<figcaption>{} (across) and {} (down): {:.1} % (chance {:.1} %), {} to {}</figcaption>\n</figure>",
-            escaped(&one.name),
-            escaped(&other.name),
+            escape_html(&one.name),
+            escape_html(&other.name),
             100.0 * pair.part,
             100.0 * pair.by_chance,
-            shown(least),
-            shown(most)
+            format_four_digits(least),
+            format_four_digits(most)
         );
     }
     html.push_str("</div>\n");
@@ -230,14 +246,14 @@ mod tests {
     #[test]
     fn names_of_levels_do_not_meet() {
         let below = |names: &[&str], room: f64| {
-            below_axis(&names.iter().map(|own| (*own).to_owned()).collect::<Vec<_>>(), room)
+            fit_labels_below_axis(&names.iter().map(|own| (*own).to_owned()).collect::<Vec<_>>(), room)
         };
         assert_eq!(below(&["38", "94", "150", "206", "262"], 26.8), ["38", "94", "150", "206", "262"]);
         // One that has no room is left out, and the next one has.
         assert_eq!(below(&["659.8", "1149", "2000"], 26.8), ["659.8", "", "2000"]);
         assert_eq!(below(&["aluminium", "glass"], 40.0), ["alumi\u{2026}", "glass"]);
         assert_eq!(
-            ["38.00", "100", "0.250", "1200"].map(|text| without_zeros(text.into())),
+            ["38.00", "100", "0.250", "1200"].map(|text| trim_trailing_zeros(text.into())),
             ["38", "100", "0.25", "1200"]
         );
     }

@@ -1,9 +1,9 @@
 //! The report's tables: what was found, how sure it is, what failed.
 
-use super::{escaped, rounded_up, shown};
-use crate::result::{Finalist, Finals, Status, Table};
+use super::{escape_html, format_bound_rounded_up, format_four_digits};
+use crate::result::{DesignStatus, DesignTable, Finalist, VerifiedFinalists};
 use crate::run::Study;
-use crate::space::described;
+use crate::space::describe_variable;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -12,32 +12,36 @@ const MOST_REASONS: usize = 20;
 /// Characters of a reason by which failures are counted together: numbers differ from design to design.
 const ALIKE: usize = 48;
 
-pub(super) fn summary(study: &Study, table: &Table, finals: &Finals) -> String {
-    let count = |status: Status| table.entries.iter().filter(|entry| entry.status == status).count();
+/// What the study did and found, as HTML.
+pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
+    let count = |status: DesignStatus| table.entries.iter().filter(|entry| entry.status == status).count();
     let method = &study.spec.method;
     let mut html = format!(
         "<p>{} designs by {}: {} keep all limits, {} break one, {} failed. {:.0} to {:.0} Hz.",
         table.entries.len(),
-        escaped(method.way.name()).replace('_', " "),
-        count(Status::Kept),
-        count(Status::Broken),
-        count(Status::Failed),
+        escape_html(method.way.name()).replace('_', " "),
+        count(DesignStatus::Kept),
+        count(DesignStatus::Broken),
+        count(DesignStatus::Failed),
         method.from_hz,
         method.to_hz
     );
-    if study.scenarios() > 0 {
-        let _ =
-            write!(html, " Each design is as good as the worst of {} samples of what may be off.", study.scenarios());
+    if study.count_uncertainty_samples() > 0 {
+        let _ = write!(
+            html,
+            " Each design is as good as the worst of {} samples of what may be off.",
+            study.count_uncertainty_samples()
+        );
     }
     html.push_str("</p>\n<p>Variables:</p>\n<ul>\n");
     for variable in study.space.variables() {
-        let _ = writeln!(html, "<li>{}</li>", escaped(&described(variable)));
+        let _ = writeln!(html, "<li>{}</li>", escape_html(&describe_variable(variable)));
     }
     html.push_str("</ul>\n<p>Wanted: ");
-    let wishes = study.spec.wishes.iter().map(|wish| format!("{} {}", wish.goal.name(), wish.wanted.column()));
-    html.push_str(&escaped(&wishes.collect::<Vec<_>>().join(", ")));
+    let wishes = study.spec.wishes.iter().map(|wish| format!("{} {}", wish.goal.name(), wish.wanted.column_name()));
+    html.push_str(&escape_html(&wishes.collect::<Vec<_>>().join(", ")));
     let limits = study.spec.limits.iter().map(|limit| {
-        let name = limit.wanted.column();
+        let name = limit.wanted.column_name();
         match (limit.least.is_finite(), limit.most.is_finite()) {
             (true, true) => format!("{name} from {} to {}", limit.least, limit.most),
             (true, false) => format!("{name} at least {}", limit.least),
@@ -46,15 +50,15 @@ pub(super) fn summary(study: &Study, table: &Table, finals: &Finals) -> String {
     });
     let limits: Vec<String> = limits.collect();
     if !limits.is_empty() {
-        let _ = write!(html, "; {}", escaped(&limits.join(", ")));
+        let _ = write!(html, "; {}", escape_html(&limits.join(", ")));
     }
     html.push_str(".</p>\n");
-    html.push_str(&best(study, table, finals));
+    html.push_str(&write_best_designs_table(study, table, finals));
     html
 }
 
 /// The scene as it is beside the best designs, figures computed anew.
-fn best(study: &Study, table: &Table, finals: &Finals) -> String {
+fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
     let mut html = String::from("<table>\n<tr><th></th><th>as it is</th>");
     for number in 1..=finals.best.len() {
         let _ = write!(html, "<th>best {number}</th>");
@@ -64,30 +68,30 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
         let _ = write!(html, "<td>{}</td>", own.design);
     });
     html.push_str("</tr>\n");
-    let as_it_is = study.space.as_it_is();
+    let as_it_is = study.space.design_of_scene_file();
     for column in &table.columns {
-        let text = column.text(&as_it_is).unwrap_or_else(|| "as in its file".into());
-        let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escaped(&column.name), escaped(&text));
+        let text = column.text_in_design(&as_it_is).unwrap_or_else(|| "as in its file".into());
+        let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escape_html(&column.name), escape_html(&text));
         for own in &finals.best {
-            let text = own.entry(table).and_then(|entry| column.text(&entry.row.design));
-            let _ = write!(html, "<td>{}</td>", escaped(&text.unwrap_or_default()));
+            let text = own.entry_in_table(table).and_then(|entry| column.text_in_design(&entry.row.design));
+            let _ = write!(html, "<td>{}</td>", escape_html(&text.unwrap_or_default()));
         }
         html.push_str("</tr>\n");
     }
     for (k, wanted) in study.figures.iter().enumerate() {
-        let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escaped(&wanted.column()));
+        let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escape_html(&wanted.column_name()));
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            html.push_str(&cell(study, own, k));
+            html.push_str(&figure_cell_of_finalist(study, own, k));
         }
         html.push_str("</tr>\n");
     }
     if table.has_ends {
         for (k, wish) in study.spec.wishes.iter().enumerate() {
-            let name = escaped(&wish.wanted.column());
+            let name = escape_html(&wish.wanted.column_name());
             let _ = write!(html, "<tr><th>{name}, the worst of what may be off (first look)</th>");
             for own in std::iter::once(&finals.base).chain(&finals.best) {
-                let worst = own.entry(table).and_then(|entry| entry.wishes.get(k)).copied();
-                let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, shown));
+                let worst = own.entry_in_table(table).and_then(|entry| entry.wishes.get(k)).copied();
+                let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, format_four_digits));
             }
             html.push_str("</tr>\n");
         }
@@ -95,18 +99,22 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     if !study.spec.limits.is_empty() {
         html.push_str("<tr><th>limits</th>");
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            html.push_str(&limits(study, table, own));
+            html.push_str(&limits_cell_of_finalist(study, table, own));
         }
         html.push_str("</tr>\n");
     }
     html.push_str("</table>\n");
     if finals.best.is_empty() {
-        html.push_str(if table.has_failed() { "<p>All designs failed." } else { "<p>No design keeps all limits." });
-        if let Some((design, near)) = table.nearest() {
-            let reason = escaped(near.reason.as_deref().unwrap_or_default());
+        html.push_str(if table.have_all_designs_failed() {
+            "<p>All designs failed."
+        } else {
+            "<p>No design keeps all limits."
+        });
+        if let Some((design, near)) = table.find_design_nearest_to_limits() {
+            let reason = escape_html(near.reason.as_deref().unwrap_or_default());
             let _ = write!(html, " Design {design} comes nearest: {reason}.");
         } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_deref()) {
-            let _ = write!(html, " The first: {}.", escaped(reason));
+            let _ = write!(html, " The first: {}.", escape_html(reason));
         }
         html.push_str("</p>\n");
     } else {
@@ -116,48 +124,52 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
 }
 
 /// A figure of a finalist, as a table's cell.
-fn cell(study: &Study, own: &Finalist, figure: usize) -> String {
+fn figure_cell_of_finalist(study: &Study, own: &Finalist, figure: usize) -> String {
     match &own.verified {
         Ok(verified) => {
             let value = verified.figures.values.get(figure).copied();
-            value.map_or_else(|| "<td></td>".into(), |value| marked(study, figure, value))
+            value.map_or_else(|| "<td></td>".into(), |value| figure_cell_with_limit_mark(study, figure, value))
         }
-        Err(reason) => format!("<td>{}</td>", escaped(reason)),
+        Err(reason) => format!("<td>{}</td>", escape_html(reason)),
     }
 }
 
 /// A figure as a table's cell, with a mark where it is beyond a limit.
-fn marked(study: &Study, figure: usize, value: f64) -> String {
-    match unmet(study, figure, value) {
+fn figure_cell_with_limit_mark(study: &Study, figure: usize, value: f64) -> String {
+    match find_broken_limit(study, figure, value) {
         Some(allowed) => {
-            format!("<td class=\"unmet\" title=\"{}\">{} (not met)</td>", escaped(&allowed), shown(value))
+            format!(
+                "<td class=\"unmet\" title=\"{}\">{} (not met)</td>",
+                escape_html(&allowed),
+                format_four_digits(value)
+            )
         }
-        None => format!("<td>{}</td>", shown(value)),
+        None => format!("<td>{}</td>", format_four_digits(value)),
     }
 }
 
-/// What a limit allows that a figure breaks.
-fn unmet(study: &Study, figure: usize, value: f64) -> Option<String> {
+/// What the limit that a figure breaks allows; `None` if it breaks none.
+fn find_broken_limit(study: &Study, figure: usize, value: f64) -> Option<String> {
     let wanted = study.figures.get(figure)?;
     let limits = study.spec.limits.iter().filter(|limit| limit.wanted == *wanted);
-    limits.filter_map(|limit| limit.broken_by(value, value)).map(|(_, allowed)| allowed).next()
+    limits.filter_map(|limit| limit.find_broken_end(value, value)).map(|(_, allowed)| allowed).next()
 }
 
 /// Whether a finalist keeps all limits, as a table's cell: as it was computed anew, and as it was looked at, with all that may be off.
-fn limits(study: &Study, table: &Table, own: &Finalist) -> String {
-    match own.entry(table) {
-        Some(found) if found.status == Status::Broken => {
+fn limits_cell_of_finalist(study: &Study, table: &DesignTable, own: &Finalist) -> String {
+    match own.entry_in_table(table) {
+        Some(found) if found.status == DesignStatus::Broken => {
             let reason = found.reason.as_deref().unwrap_or_default();
-            format!("<td class=\"unmet\" title=\"{}\">not met</td>", escaped(reason))
+            format!("<td class=\"unmet\" title=\"{}\">not met</td>", escape_html(reason))
         }
-        _ if own.breaks(study).is_some() => "<td class=\"unmet\">not met</td>".into(),
-        Some(found) if found.status == Status::Kept => "<td>met</td>".into(),
+        _ if own.describe_broken_limits_of_finalist(study).is_some() => "<td class=\"unmet\">not met</td>".into(),
+        Some(found) if found.status == DesignStatus::Kept => "<td>met</td>".into(),
         _ => "<td>not known</td>".into(),
     }
 }
 
 /// How much the quick look and the thorough one differ, whether a search had arrived, and why designs failed.
-pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
+pub(super) fn write_doubts_html(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
     let mut html = format!(
         "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
          tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in modes' frequencies and in sags; for others no bound is known, because none is worked out.</p>\n\
@@ -166,70 +178,71 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
         finals.tolerance
     );
     for own in std::iter::once(&finals.base).chain(&finals.best) {
-        let Some(figures) = own.entry(table).and_then(|entry| entry.row.figures()) else { continue };
+        let Some(figures) = own.entry_in_table(table).and_then(|entry| entry.row.figures_if_found()) else { continue };
         for (k, wanted) in study.figures.iter().enumerate() {
             let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
             let Ok(verified) = &own.verified else { continue };
             let anew = verified.figures.values.get(k).copied().unwrap_or(f64::NAN);
             let difference = if first.is_nan() || anew.is_nan() {
                 String::from("unknown")
-            } else if wanted.figure.is_level() {
+            } else if wanted.figure.is_level_in_db() {
                 format!("{:+.2} dB", first - anew)
             } else {
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))
             };
             let bound = match verified.bounds.get(k).copied().flatten() {
-                Some(bound) => rounded_up(bound),
+                Some(bound) => format_bound_rounded_up(bound),
                 None => "not known".into(),
             };
             let _ = writeln!(
                 html,
                 "<tr><td>{}</td><td>{}</td>{}{}<td>{difference}</td><td>{bound}</td></tr>",
                 own.design,
-                escaped(&wanted.column()),
-                marked(study, k, first),
-                marked(study, k, anew)
+                escape_html(&wanted.column_name()),
+                figure_cell_with_limit_mark(study, k, first),
+                figure_cell_with_limit_mark(study, k, anew)
             );
         }
     }
     html.push_str("</table>\n");
-    html.push_str(&arrival(study, table));
-    html.push_str(&failures(table));
+    html.push_str(&write_search_convergence(study, table));
+    html.push_str(&write_failures_table(table));
     html
 }
 
 /// Whether the last quarter of the designs found better ones than those before.
-fn arrival(study: &Study, table: &Table) -> String {
+fn write_search_convergence(study: &Study, table: &DesignTable) -> String {
     let [wish] = study.spec.wishes.as_slice() else { return String::new() };
     let mut order: Vec<usize> = (0..table.entries.len()).collect();
-    if let Some(evolution) = study.evolution() {
+    if let Some(evolution) = study.evolution_if_any() {
         // Generations of all searches side by side.
-        let (own, generations) = (evolution.population(), evolution.generations());
+        let (own, generations) = (evolution.population_size(), evolution.count_generations());
         order.sort_by_key(|k| ((k / own) % generations.max(1), *k));
     }
     let best = |part: &[usize]| {
-        let kept = part.iter().map(|k| &table.entries[*k]).filter(|entry| entry.status == Status::Kept);
-        kept.map(|entry| wish.goal.loss(entry.wishes[0])).fold(f64::INFINITY, f64::min)
+        let kept = part.iter().map(|k| &table.entries[*k]).filter(|entry| entry.status == DesignStatus::Kept);
+        kept.map(|entry| wish.goal.loss_of_figure(entry.wishes[0])).fold(f64::INFINITY, f64::min)
     };
     let (before, last) = order.split_at(order.len() - order.len() / 4);
     let (before, last) = (best(before), best(last));
     if !before.is_finite() || !last.is_finite() {
         return String::new();
     }
-    let name = escaped(&wish.wanted.column());
+    let name = escape_html(&wish.wanted.column_name());
     if last < before {
         let more = 100.0 * (before - last) / before.abs().max(1e-12);
         format!(
             "<p>The last quarter of the designs still took {name} from {} to {} ({more:.2} %): more designs may find better ones.</p>\n",
-            shown(wish.goal.loss(before)),
-            shown(wish.goal.loss(last))
+            format_four_digits(wish.goal.loss_of_figure(before)),
+            format_four_digits(wish.goal.loss_of_figure(last))
         )
     } else {
         format!("<p>The last quarter of the designs found none with a better {name}.</p>\n")
     }
 }
 
-fn failures(table: &Table) -> String {
+/// A table of the reasons for which designs failed, with how many failed for each.
+fn write_failures_table(table: &DesignTable) -> String {
     let mut counts: BTreeMap<String, (usize, usize, &str)> = BTreeMap::new();
     for (number, entry) in table.entries.iter().enumerate() {
         if let Some(reason) = &entry.reason {
@@ -246,7 +259,7 @@ fn failures(table: &Table) -> String {
         "<table>\n<tr><th>designs</th><th>the first of them</th><th>why it failed, or breaks a limit</th></tr>\n",
     );
     for (count, first, reason) in all.iter().take(MOST_REASONS) {
-        let _ = writeln!(html, "<tr><td>{count}</td><td>{first}</td><td>{}</td></tr>", escaped(reason));
+        let _ = writeln!(html, "<tr><td>{count}</td><td>{first}</td><td>{}</td></tr>", escape_html(reason));
     }
     html.push_str("</table>\n");
     if all.len() > MOST_REASONS {

@@ -1,7 +1,7 @@
 //! How much each variable, and each pair of them, has to do with a figure: the analysis of variance of a factorial study, with
 //! continuous variables cut into a few levels.
 
-use crate::space::{Dimension, one_of};
+use crate::space::{CubeDimension, index_at_fraction};
 
 /// Levels that a continuous variable, or one of many values, is cut into.
 const LEVELS: usize = 5;
@@ -12,7 +12,7 @@ const MOST_COORDINATES: usize = 9;
 
 /// Effects on one figure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Effects {
+pub struct EffectAnalysis {
     /// Designs that have the figure.
     pub count: usize,
     /// Its mean over them.
@@ -20,18 +20,18 @@ pub struct Effects {
     /// Sum of the squared distances from that.
     pub squares: f64,
     /// Of each dimension.
-    pub main: Vec<Effect>,
+    pub main: Vec<MainEffect>,
     /// Of each pair of dimensions, the first below the second.
     pub pairs: Vec<Interaction>,
 }
 
 /// What one dimension does.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Effect {
+pub struct MainEffect {
     /// The dimension's number.
     pub dimension: usize,
     /// Its levels.
-    pub cut: Cut,
+    pub cut: DimensionLevels,
     /// How many designs are in each level, and their mean.
     pub levels: Vec<(usize, Option<f64>)>,
     /// Part of the squares that lies between the levels.
@@ -55,7 +55,7 @@ pub struct Interaction {
 
 /// The levels of a dimension.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cut {
+pub struct DimensionLevels {
     /// A coordinate in each level, ascending: the one that all its designs have, or its middle.
     pub at: Vec<f64>,
     /// Whether the levels are those coordinates alone, and not equal parts of the range.
@@ -64,10 +64,10 @@ pub struct Cut {
     of: Option<usize>,
 }
 
-impl Cut {
+impl DimensionLevels {
     /// Few values have a level each: those of a list, or those that all designs together have. More are cut into equal parts.
     #[must_use]
-    pub fn of(dimension: &Dimension, coordinates: impl Iterator<Item = f64>) -> Self {
+    pub fn from_dimension(dimension: &CubeDimension, coordinates: impl Iterator<Item = f64>) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a few levels")]
         let middles = |count: usize| (0..count).map(|k| (k as f64 + 0.5) / count as f64).collect();
         if let Some(count) = dimension.count {
@@ -86,26 +86,26 @@ impl Cut {
         Self { at: known, is_exact: true, of: None }
     }
 
-    /// How many levels there are.
+    /// Number of levels.
     #[must_use]
-    pub const fn count(&self) -> usize {
+    pub const fn count_levels(&self) -> usize {
         self.at.len()
     }
 
-    /// The level that a coordinate is in.
-    fn level(&self, at: f64) -> usize {
+    /// The level that contains a coordinate.
+    fn level_of_coordinate(&self, at: f64) -> usize {
         match self.is_exact {
             true => self.at.partition_point(|own| own.total_cmp(&at).is_lt()).min(self.at.len().saturating_sub(1)),
-            false => one_of(self.at.len(), at),
+            false => index_at_fraction(self.at.len(), at),
         }
     }
 
     /// Coordinates of the first and the last value in a level, where it has several of what can be counted.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-    pub fn ends(&self, level: usize) -> Option<[f64; 2]> {
+    pub fn first_and_last_value_of_level(&self, level: usize) -> Option<[f64; 2]> {
         let of = self.of?;
-        let in_it = |k: &usize| self.level((*k as f64 + 0.5) / of as f64) == level;
+        let in_it = |k: &usize| self.level_of_coordinate((*k as f64 + 0.5) / of as f64) == level;
         let (first, last) = ((0..of).find(in_it)?, (0..of).rfind(in_it)?);
         Some([first, last].map(|k| (k as f64 + 0.5) / of as f64))
     }
@@ -113,34 +113,36 @@ impl Cut {
 
 /// Sums over the designs of a level, or of a pair.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cell {
+struct LevelSum {
     count: usize,
     sum: f64,
 }
 
-impl Cell {
-    fn add(&mut self, figure: f64) {
+impl LevelSum {
+    /// Adds a design's figure.
+    fn add_figure(&mut self, figure: f64) {
         self.count += 1;
         self.sum += figure;
     }
 
+    /// The mean of the figures; `None` without any.
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    fn mean(self) -> Option<f64> {
+    fn mean_of_figures(self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 
-    /// Its part of the squares between cells.
+    /// The part of the squared deviations between cells that is this one's.
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    fn square(self, mean: f64) -> f64 {
-        self.mean().map_or(0.0, |own| self.count as f64 * (own - mean).powi(2))
+    fn squared_deviation_share(self, mean: f64) -> f64 {
+        self.mean_of_figures().map_or(0.0, |own| self.count as f64 * (own - mean).powi(2))
     }
 }
 
-impl Effects {
+impl EffectAnalysis {
     /// The effects on the figures of some points of the unit cube; `None` where there are none, or all have the same figure.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    pub fn of(dimensions: &[Dimension], points: &[(&[f64], f64)]) -> Option<Self> {
+    pub fn analyse_variance(dimensions: &[CubeDimension], points: &[(&[f64], f64)]) -> Option<Self> {
         let count = points.len();
         let mean = points.iter().map(|(_, figure)| figure).sum::<f64>() / count as f64;
         let squares: f64 = points.iter().map(|(_, figure)| (figure - mean).powi(2)).sum();
@@ -149,18 +151,18 @@ impl Effects {
             return None;
         }
         let by_chance = |cells: usize| cells.saturating_sub(1) as f64 / (count as f64 - 1.0).max(1.0);
-        let main: Vec<Effect> = dimensions
+        let main: Vec<MainEffect> = dimensions
             .iter()
             .enumerate()
             .map(|(k, dimension)| {
-                let cut = Cut::of(dimension, points.iter().map(|(point, _)| point[k]));
-                let mut cells = vec![Cell::default(); cut.count()];
-                points.iter().for_each(|(point, figure)| cells[cut.level(point[k])].add(*figure));
-                Effect {
+                let cut = DimensionLevels::from_dimension(dimension, points.iter().map(|(point, _)| point[k]));
+                let mut cells = vec![LevelSum::default(); cut.count_levels()];
+                points.iter().for_each(|(point, figure)| cells[cut.level_of_coordinate(point[k])].add_figure(*figure));
+                MainEffect {
                     dimension: k,
                     cut,
-                    levels: cells.iter().map(|cell| (cell.count, cell.mean())).collect(),
-                    part: cells.iter().map(|cell| cell.square(mean)).sum::<f64>() / squares,
+                    levels: cells.iter().map(|cell| (cell.count, cell.mean_of_figures())).collect(),
+                    part: cells.iter().map(|cell| cell.squared_deviation_share(mean)).sum::<f64>() / squares,
                     by_chance: by_chance(cells.iter().filter(|cell| cell.count > 0).count()),
                 }
             })
@@ -168,16 +170,16 @@ impl Effects {
         let mut pairs = Vec::new();
         for (i, one) in main.iter().map(|own| &own.cut).enumerate() {
             for (j, other) in main.iter().map(|own| &own.cut).enumerate().skip(i + 1) {
-                let mut cells = vec![vec![Cell::default(); other.count()]; one.count()];
+                let mut cells = vec![vec![LevelSum::default(); other.count_levels()]; one.count_levels()];
                 for (point, figure) in points {
-                    cells[one.level(point[i])][other.level(point[j])].add(*figure);
+                    cells[one.level_of_coordinate(point[i])][other.level_of_coordinate(point[j])].add_figure(*figure);
                 }
                 let all = || cells.iter().flatten();
-                let between = all().map(|cell| cell.square(mean)).sum::<f64>() / squares;
+                let between = all().map(|cell| cell.squared_deviation_share(mean)).sum::<f64>() / squares;
                 let filled = all().filter(|cell| cell.count > 0).count();
                 pairs.push(Interaction {
                     dimensions: [i, j],
-                    means: cells.iter().map(|row| row.iter().map(|cell| cell.mean()).collect()).collect(),
+                    means: cells.iter().map(|row| row.iter().map(|cell| cell.mean_of_figures()).collect()).collect(),
                     part: (between - main[i].part - main[j].part).max(0.0),
                     by_chance: (by_chance(filled) - main[i].by_chance - main[j].by_chance).max(0.0),
                 });
@@ -191,8 +193,9 @@ impl Effects {
 mod tests {
     use super::*;
 
-    fn dimensions(counts: &[Option<usize>]) -> Vec<Dimension> {
-        let of = |count: &Option<usize>| Dimension { variable: 0, name: String::new(), count: *count, levels: None };
+    fn dimensions(counts: &[Option<usize>]) -> Vec<CubeDimension> {
+        let of =
+            |count: &Option<usize>| CubeDimension { variable: 0, name: String::new(), count: *count, levels: None };
         counts.iter().map(of).collect()
     }
 
@@ -210,9 +213,9 @@ mod tests {
         points
     }
 
-    fn effects(dimensions: &[Dimension], points: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> Effects {
+    fn effects(dimensions: &[CubeDimension], points: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> EffectAnalysis {
         let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), of(point))).collect();
-        Effects::of(dimensions, &told).unwrap()
+        EffectAnalysis::analyse_variance(dimensions, &told).unwrap()
     }
 
     /// Of a sum, every term has the part of the variance that is its own: 0, 1, .., 4 has the variance 2, times 9 18; of -5 and 5
@@ -258,10 +261,10 @@ mod tests {
             assert!((mean - (k * k) as f64).abs() < 1e-9, "{means:?}");
         }
         assert_eq!((found.main[1].cut.at.as_slice(), found.main[1].levels.len()), ([0.0, 0.5, 1.0].as_slice(), 3));
-        assert!((0..3).all(|level| found.main[1].cut.ends(level).is_none()));
+        assert!((0..3).all(|level| found.main[1].cut.first_and_last_value_of_level(level).is_none()));
         // Of sixty values twelve are in each of five levels: the first to the twelfth, ...
-        let ends = found.main[2].cut.ends(0).unwrap().map(|at| one_of(60, at));
-        assert_eq!((found.main[2].cut.count(), ends), (5, [0, 11]));
+        let ends = found.main[2].cut.first_and_last_value_of_level(0).unwrap().map(|at| index_at_fraction(60, at));
+        assert_eq!((found.main[2].cut.count_levels(), ends), (5, [0, 11]));
     }
 
     #[test]
@@ -269,7 +272,7 @@ mod tests {
         let dimensions = dimensions(&[Some(2), Some(2), Some(2)]);
         let points = grid([2, 2, 2]);
         let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), 3.5)).collect();
-        assert_eq!(Effects::of(&dimensions, &told), None);
-        assert_eq!(Effects::of(&dimensions, &[]), None);
+        assert_eq!(EffectAnalysis::analyse_variance(&dimensions, &told), None);
+        assert_eq!(EffectAnalysis::analyse_variance(&dimensions, &[]), None);
     }
 }

@@ -1,9 +1,9 @@
 //! Which designs are looked at again.
 
-use super::table::{Entry, Status, Table, losses};
+use super::table::{DesignStatus, DesignTable, TableEntry, losses_of_wishes};
 use crate::run::Study;
-use crate::space::one_of;
-use crate::spec::What;
+use crate::space::index_at_fraction;
+use crate::spec::VariableKind;
 
 /// Designs that are nearer than this in every dimension of the unit cube count as one; of lists those with the same values.
 const ALIKE: f64 = 0.05;
@@ -12,22 +12,23 @@ const ALIKE: f64 = 0.05;
 /// not all alike; with several the one that is best between them (whose largest distance from the best of each wish, in parts of its
 /// range over the front, is least), then the best of each, then others of the front in the first one's way.
 #[must_use]
-pub fn finalists(study: &Study, table: &Table, count: usize) -> Vec<usize> {
-    let kept: Vec<usize> = (0..table.entries.len()).filter(|k| table.entries[*k].status == Status::Kept).collect();
-    let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses(study, &table.entries[*k])).collect();
+pub fn choose_finalists(study: &Study, table: &DesignTable, count: usize) -> Vec<usize> {
+    let kept: Vec<usize> =
+        (0..table.entries.len()).filter(|k| table.entries[*k].status == DesignStatus::Kept).collect();
+    let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses_of_wishes(study, &table.entries[*k])).collect();
     let wishes = study.spec.wishes.len();
     let (order, sure) = if wishes == 1 {
         let mut order: Vec<usize> = (0..kept.len()).collect();
         order.sort_by(|a, b| losses[*a][0].total_cmp(&losses[*b][0]));
         (order, 0)
     } else {
-        between(&losses, wishes, |k| table.entries[kept[k]].is_on_front)
+        order_front_by_compromise(&losses, wishes, |k| table.entries[kept[k]].is_on_front)
     };
     let mut chosen: Vec<usize> = Vec::new();
     for (place, own) in order.into_iter().map(|k| kept[k]).enumerate() {
         let is_alike = |other: &usize| {
             let (one, other) = (&table.entries[*other], &table.entries[own]);
-            one.row.design == other.row.design || place >= sure && alike(study, one, other)
+            one.row.design == other.row.design || place >= sure && are_designs_alike(study, one, other)
         };
         if chosen.len() < count && !chosen.iter().any(is_alike) {
             chosen.push(own);
@@ -37,16 +38,22 @@ pub fn finalists(study: &Study, table: &Table, count: usize) -> Vec<usize> {
 }
 
 /// Whether two designs are near each other: of what is chosen from a list, the same.
-fn alike(study: &Study, one: &Entry, other: &Entry) -> bool {
+fn are_designs_alike(study: &Study, one: &TableEntry, other: &TableEntry) -> bool {
     let mut both = study.space.dimensions().iter().zip(one.row.point.iter().zip(&other.row.point));
     both.all(|(dimension, (a, b))| match study.spec.variables.get(dimension.variable).map(|own| &own.what) {
-        Some(What::Choice { values, .. }) => one_of(values.len(), *a) == one_of(values.len(), *b),
+        Some(VariableKind::Choice { values, .. }) => {
+            index_at_fraction(values.len(), *a) == index_at_fraction(values.len(), *b)
+        }
         _ => (a - b).abs() < ALIKE,
     })
 }
 
 /// The front, in the order of several wishes, and how many of its first are the one between them and the best of each.
-fn between(losses: &[Vec<f64>], wishes: usize, is_on_front: impl Fn(usize) -> bool) -> (Vec<usize>, usize) {
+fn order_front_by_compromise(
+    losses: &[Vec<f64>],
+    wishes: usize,
+    is_on_front: impl Fn(usize) -> bool,
+) -> (Vec<usize>, usize) {
     let front: Vec<usize> = (0..losses.len()).filter(|k| is_on_front(*k)).collect();
     let end =
         |wish: usize, of: fn(f64, f64) -> f64, start: f64| front.iter().fold(start, |end, k| of(end, losses[*k][wish]));

@@ -8,10 +8,10 @@ mod parquet;
 mod table;
 mod verify;
 
-pub use self::parquet::{TableError, write as write_parquet};
-pub use effects::{Cut, Effect, Effects, Interaction};
-pub use finalists::finalists;
-pub use limits::{broken_limits, constraints_of, objectives_of};
-pub use pareto::front;
-pub use table::{Entry, GatherError, Status, Table};
-pub use verify::{Finalist, Finals};
+pub use self::parquet::{TableError, write_parquet_table as write_parquet};
+pub use effects::{DimensionLevels, EffectAnalysis, Interaction, MainEffect};
+pub use finalists::choose_finalists;
+pub use limits::{constraint_margins_of_design, describe_broken_limits, objective_values_of_design};
+pub use pareto::find_pareto_front;
+pub use table::{DesignStatus, DesignTable, GatherError, TableEntry};
+pub use verify::{Finalist, VerifiedFinalists};

@@ -1,6 +1,6 @@
 //! The table as a Parquet file.
 
-use super::table::{Entry, Table};
+use super::table::{DesignTable, TableEntry};
 use parquet::basic::{Compression, ConvertedType, Repetition, Type as Physical};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
@@ -19,36 +19,37 @@ const GROUP: usize = 65_536;
 pub struct TableError(#[from] ParquetError);
 
 /// A column: its name, and the value of each entry.
-struct Written<'a> {
+struct ParquetColumn<'a> {
     name: String,
-    value: Of<'a>,
+    value: ColumnValues<'a>,
 }
 
 /// The value of an entry, where it has one.
-type Get<'a, T> = Box<dyn Fn(&Entry) -> Option<T> + 'a>;
+type EntryValue<'a, T> = Box<dyn Fn(&TableEntry) -> Option<T> + 'a>;
 
-enum Of<'a> {
-    Number(Get<'a, f64>),
-    Text(Get<'a, String>),
-    Flag(Box<dyn Fn(&Entry) -> bool + 'a>),
+enum ColumnValues<'a> {
+    Number(EntryValue<'a, f64>),
+    Text(EntryValue<'a, String>),
+    Flag(Box<dyn Fn(&TableEntry) -> bool + 'a>),
 }
 
 /// The bytes of the file: a row for each design, `design` 0 being the scene as it is in its file.
 ///
 /// # Errors
 /// [`TableError`].
-pub fn write(table: &Table) -> Result<Vec<u8>, TableError> {
-    let columns = columns(table);
+pub fn write_parquet_table(table: &DesignTable) -> Result<Vec<u8>, TableError> {
+    let columns = build_parquet_columns(table);
     let mut fields = vec![Arc::new(
         Type::primitive_type_builder("design", Physical::INT64).with_repetition(Repetition::REQUIRED).build()?,
     )];
     for column in &columns {
         let (physical, converted) = match column.value {
-            Of::Number(_) => (Physical::DOUBLE, ConvertedType::NONE),
-            Of::Text(_) => (Physical::BYTE_ARRAY, ConvertedType::UTF8),
-            Of::Flag(_) => (Physical::BOOLEAN, ConvertedType::NONE),
+            ColumnValues::Number(_) => (Physical::DOUBLE, ConvertedType::NONE),
+            ColumnValues::Text(_) => (Physical::BYTE_ARRAY, ConvertedType::UTF8),
+            ColumnValues::Flag(_) => (Physical::BOOLEAN, ConvertedType::NONE),
         };
-        let repetition = if matches!(column.value, Of::Flag(_)) { Repetition::REQUIRED } else { Repetition::OPTIONAL };
+        let repetition =
+            if matches!(column.value, ColumnValues::Flag(_)) { Repetition::REQUIRED } else { Repetition::OPTIONAL };
         let field = Type::primitive_type_builder(&column.name, physical);
         fields.push(Arc::new(field.with_converted_type(converted).with_repetition(repetition).build()?));
     }
@@ -58,7 +59,7 @@ pub fn write(table: &Table) -> Result<Vec<u8>, TableError> {
         .set_compression(Compression::SNAPPY)
         .set_created_by(concat!("era-study ", env!("CARGO_PKG_VERSION")).into())
         .build();
-    let entries: Vec<&Entry> = std::iter::once(&table.base).chain(&table.entries).collect();
+    let entries: Vec<&TableEntry> = std::iter::once(&table.base).chain(&table.entries).collect();
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
     for (group, part) in entries.chunks(GROUP).enumerate() {
@@ -74,15 +75,17 @@ pub fn write(table: &Table) -> Result<Vec<u8>, TableError> {
         for own in &columns {
             let Some(mut column) = rows.next_column()? else { break };
             match (column.untyped(), &own.value) {
-                (ColumnWriter::DoubleColumnWriter(writer), Of::Number(of)) => {
-                    let (values, there) = optional(part, |entry| of(entry).filter(|value| value.is_finite()));
+                (ColumnWriter::DoubleColumnWriter(writer), ColumnValues::Number(of)) => {
+                    let (values, there) =
+                        split_present_values(part, |entry| of(entry).filter(|value| value.is_finite()));
                     writer.write_batch(&values, Some(&there), None)?;
                 }
-                (ColumnWriter::ByteArrayColumnWriter(writer), Of::Text(of)) => {
-                    let (values, there) = optional(part, |entry| of(entry).map(|text| ByteArray::from(text.as_str())));
+                (ColumnWriter::ByteArrayColumnWriter(writer), ColumnValues::Text(of)) => {
+                    let (values, there) =
+                        split_present_values(part, |entry| of(entry).map(|text| ByteArray::from(text.as_str())));
                     writer.write_batch(&values, Some(&there), None)?;
                 }
-                (ColumnWriter::BoolColumnWriter(writer), Of::Flag(of)) => {
+                (ColumnWriter::BoolColumnWriter(writer), ColumnValues::Flag(of)) => {
                     let values: Vec<bool> = part.iter().map(|entry| of(entry)).collect();
                     writer.write_batch(&values, None, None)?;
                 }
@@ -96,43 +99,54 @@ pub fn write(table: &Table) -> Result<Vec<u8>, TableError> {
     Ok(bytes)
 }
 
-/// The values that are there, and for each entry 1 if its is.
-fn optional<T>(entries: &[&Entry], of: impl Fn(&Entry) -> Option<T>) -> (Vec<T>, Vec<i16>) {
+/// The values that are there, and for each entry 1 if its value is.
+fn split_present_values<T>(entries: &[&TableEntry], of: impl Fn(&TableEntry) -> Option<T>) -> (Vec<T>, Vec<i16>) {
     let all: Vec<Option<T>> = entries.iter().map(|entry| of(entry)).collect();
     let there = all.iter().map(|value| i16::from(value.is_some())).collect();
     (all.into_iter().flatten().collect(), there)
 }
 
-fn number<'t>(name: String, of: impl Fn(&Entry) -> Option<f64> + 't) -> Written<'t> {
-    Written { name, value: Of::Number(Box::new(of)) }
+/// A column of numbers.
+fn number_column<'t>(name: String, of: impl Fn(&TableEntry) -> Option<f64> + 't) -> ParquetColumn<'t> {
+    ParquetColumn { name, value: ColumnValues::Number(Box::new(of)) }
 }
 
-fn columns(table: &Table) -> Vec<Written<'_>> {
+/// All columns of the file after `design`.
+fn build_parquet_columns(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
     let mut columns = vec![
-        Written { name: "status".into(), value: Of::Text(Box::new(|entry| Some(entry.status.name().into()))) },
-        Written { name: "reason".into(), value: Of::Text(Box::new(|entry| entry.reason.clone())) },
-        Written { name: "on_front".into(), value: Of::Flag(Box::new(|entry| entry.is_on_front)) },
+        ParquetColumn {
+            name: "status".into(),
+            value: ColumnValues::Text(Box::new(|entry| Some(entry.status.name().into()))),
+        },
+        ParquetColumn { name: "reason".into(), value: ColumnValues::Text(Box::new(|entry| entry.reason.clone())) },
+        ParquetColumn { name: "on_front".into(), value: ColumnValues::Flag(Box::new(|entry| entry.is_on_front)) },
     ];
     for column in &table.columns {
         columns.push(match column.words {
-            Some(_) => Written {
+            Some(_) => ParquetColumn {
                 name: column.name.clone(),
-                value: Of::Text(Box::new(move |entry| column.text(&entry.row.design))),
+                value: ColumnValues::Text(Box::new(move |entry| column.text_in_design(&entry.row.design))),
             },
-            None => number(column.name.clone(), move |entry| column.number(&entry.row.design)),
+            None => number_column(column.name.clone(), move |entry| column.number_in_design(&entry.row.design)),
         });
     }
     for (k, wanted) in table.figures.iter().enumerate() {
-        let name = wanted.column();
-        columns.push(number(name.clone(), move |entry| entry.row.figures()?.values.get(k).copied()));
+        let name = wanted.column_name();
+        columns.push(number_column(name.clone(), move |entry| entry.row.figures_if_found()?.values.get(k).copied()));
         if table.has_ends {
-            columns.push(number(format!("{name}_low"), move |entry| entry.row.ends(k).map(|(low, _)| low)));
-            columns.push(number(format!("{name}_high"), move |entry| entry.row.ends(k).map(|(_, high)| high)));
+            columns.push(number_column(format!("{name}_low"), move |entry| {
+                entry.row.least_and_most_of_figure(k).map(|(low, _)| low)
+            }));
+            columns.push(number_column(format!("{name}_high"), move |entry| {
+                entry.row.least_and_most_of_figure(k).map(|(_, high)| high)
+            }));
         }
     }
-    if table.has_weakest() {
+    if table.has_weakest_places() {
         for (k, name) in ["weakest_x_mm", "weakest_y_mm"].into_iter().enumerate() {
-            columns.push(number(name.into(), move |entry| entry.row.figures()?.weakest_mm.map(|at| at[k])));
+            columns.push(number_column(name.into(), move |entry| {
+                entry.row.figures_if_found()?.weakest_mm.map(|at| at[k])
+            }));
         }
     }
     columns

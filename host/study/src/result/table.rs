@@ -1,14 +1,16 @@
 //! All designs of a study, side by side.
 
-use super::limits::broken_limits;
-use super::pareto::front;
-use crate::run::{Folder, FolderError, Outcome, Row, Study, Task, broken, worst};
-use crate::space::Column;
-use crate::spec::Wanted;
+use super::limits::describe_broken_limits;
+use super::pareto::find_pareto_front;
+use crate::run::{
+    DesignOutcome, DesignRow, FolderError, Study, StudyFolder, StudyTask, measure_broken_limits, worst_wished_figure,
+};
+use crate::space::DesignColumn;
+use crate::spec::WantedFigure;
 
 /// What became of a design.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
+pub enum DesignStatus {
     /// It keeps all limits.
     Kept,
     /// It has figures, and breaks a limit.
@@ -17,7 +19,7 @@ pub enum Status {
     Failed,
 }
 
-impl Status {
+impl DesignStatus {
     /// The word in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -31,11 +33,11 @@ impl Status {
 
 /// A row of the table.
 #[derive(Clone, Debug)]
-pub struct Entry {
+pub struct TableEntry {
     /// The design and its figures.
-    pub row: Row,
+    pub row: DesignRow,
     /// What became of it.
-    pub status: Status,
+    pub status: DesignStatus,
     /// Why, unless it keeps all limits.
     pub reason: Option<String>,
     /// The figure of each wish, the worst of what may be off; empty if it failed.
@@ -48,17 +50,17 @@ pub struct Entry {
 
 /// All designs of a study.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct DesignTable {
     /// Columns of the variables.
-    pub columns: Vec<Column>,
+    pub columns: Vec<DesignColumn>,
     /// What the figures are.
-    pub figures: Vec<Wanted>,
+    pub figures: Vec<WantedFigure>,
     /// Whether figures have a least and a most over what may be off.
     pub has_ends: bool,
     /// The scene as it is in its file.
-    pub base: Entry,
+    pub base: TableEntry,
     /// The designs, in the order in which they were chosen.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<TableEntry>,
 }
 
 /// A study whose table cannot be made.
@@ -77,80 +79,82 @@ pub enum GatherError {
     },
 }
 
-impl Table {
+impl DesignTable {
     /// The table of what a folder has of a study.
     ///
     /// # Errors
     /// [`GatherError`].
-    pub fn gather(study: &Study, folder: &Folder) -> Result<Self, GatherError> {
+    pub fn gather_from_folder(study: &Study, folder: &StudyFolder) -> Result<Self, GatherError> {
         let (mut base, mut rows, mut missing) = (None, Vec::new(), 0);
-        for task in study.tasks() {
+        for task in study.list_tasks() {
             match (folder.rows(task)?, task) {
-                (Some(own), Task::Base) => base = own.into_iter().next(),
+                (Some(own), StudyTask::Base) => base = own.into_iter().next(),
                 (Some(own), _) => rows.extend(own),
                 // It is none of the designs.
-                (None, Task::Base) => {}
-                (None, _) => missing += study.size(task),
+                (None, StudyTask::Base) => {}
+                (None, _) => missing += study.count_designs_of_task(task),
             }
         }
         let missing = if base.is_none() { missing.max(1) } else { missing };
-        let base = base.filter(|_| missing == 0).ok_or(GatherError::Missing { missing, all: study.designs() })?;
-        Ok(Self::of(study, base, rows))
+        let base = base.filter(|_| missing == 0).ok_or(GatherError::Missing { missing, all: study.count_designs() })?;
+        Ok(Self::from_rows(study, base, rows))
     }
 
     /// Where no design keeps all limits, the one that is least beyond them, the first of equals, with its number from 1; none if all have failed.
     #[must_use]
-    pub fn nearest(&self) -> Option<(usize, &Entry)> {
-        if self.entries.iter().any(|entry| entry.status == Status::Kept) {
+    pub fn find_design_nearest_to_limits(&self) -> Option<(usize, &TableEntry)> {
+        if self.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
             return None;
         }
-        let broken = (1..).zip(&self.entries).filter(|(_, entry)| entry.status == Status::Broken);
+        let broken = (1..).zip(&self.entries).filter(|(_, entry)| entry.status == DesignStatus::Broken);
         broken.min_by(|(_, a), (_, b)| a.beyond.total_cmp(&b.beyond))
     }
 
     /// Whether there is no design that has figures: none breaks a limit, and none keeps all.
     #[must_use]
-    pub fn has_failed(&self) -> bool {
-        self.entries.iter().all(|entry| entry.status == Status::Failed)
+    pub fn have_all_designs_failed(&self) -> bool {
+        self.entries.iter().all(|entry| entry.status == DesignStatus::Failed)
     }
 
     /// Whether any row has a weakest place.
     #[must_use]
-    pub fn has_weakest(&self) -> bool {
+    pub fn has_weakest_places(&self) -> bool {
         let all = std::iter::once(&self.base).chain(&self.entries);
-        all.filter_map(|entry| entry.row.figures()).any(|figures| figures.weakest_mm.is_some())
+        all.filter_map(|entry| entry.row.figures_if_found()).any(|figures| figures.weakest_mm.is_some())
     }
 
-    /// The table of rows.
+    /// The table of a study's rows.
     #[must_use]
-    pub fn of(study: &Study, base: Row, rows: Vec<Row>) -> Self {
-        let mut entries: Vec<Entry> = rows.into_iter().map(|row| entry(study, &base, row)).collect();
-        let base = entry(study, &base.clone(), base);
-        let kept: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].status == Status::Kept).collect();
-        let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses(study, &entries[*k])).collect();
-        for (own, is_on) in kept.into_iter().zip(front(&losses)) {
+    pub fn from_rows(study: &Study, base: DesignRow, rows: Vec<DesignRow>) -> Self {
+        let mut entries: Vec<TableEntry> = rows.into_iter().map(|row| build_table_entry(study, &base, row)).collect();
+        let base = build_table_entry(study, &base.clone(), base);
+        let kept: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].status == DesignStatus::Kept).collect();
+        let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses_of_wishes(study, &entries[*k])).collect();
+        for (own, is_on) in kept.into_iter().zip(find_pareto_front(&losses)) {
             entries[own].is_on_front = is_on;
         }
-        let has_ends = study.scenarios() > 0;
-        Self { columns: study.space.columns(), figures: study.figures.clone(), has_ends, base, entries }
+        let has_ends = study.count_uncertainty_samples() > 0;
+        Self { columns: study.space.table_columns(), figures: study.figures.clone(), has_ends, base, entries }
     }
 }
 
-/// An entry's wishes, less being better.
-pub(super) fn losses(study: &Study, entry: &Entry) -> Vec<f64> {
-    study.spec.wishes.iter().zip(&entry.wishes).map(|(wish, figure)| wish.goal.loss(*figure)).collect()
+/// A design's loss for each wish: less is better.
+pub(super) fn losses_of_wishes(study: &Study, entry: &TableEntry) -> Vec<f64> {
+    study.spec.wishes.iter().zip(&entry.wishes).map(|(wish, figure)| wish.goal.loss_of_figure(*figure)).collect()
 }
 
-fn entry(study: &Study, base: &Row, row: Row) -> Entry {
-    let wishes: Option<Vec<f64>> = study.spec.wishes.iter().map(|wish| worst(&row, &study.figures, wish)).collect();
-    let beyond = broken(&row, &study.figures, &study.spec.limits, Some(base));
+/// The table's entry for a row: its status, wishes and reason.
+fn build_table_entry(study: &Study, base: &DesignRow, row: DesignRow) -> TableEntry {
+    let wishes: Option<Vec<f64>> =
+        study.spec.wishes.iter().map(|wish| worst_wished_figure(&row, &study.figures, wish)).collect();
+    let beyond = measure_broken_limits(&row, &study.figures, &study.spec.limits, Some(base));
     let (status, reason) = match (&row.outcome, beyond) {
-        (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
-        (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
-        (_, Some(0.0)) => (Status::Failed, Some("a wish's figure is not a finite number".into())),
-        (_, None) => (Status::Failed, Some("a figure that has a limit has no value".into())),
-        _ => (Status::Broken, broken_limits(study, |figure| row.ends(figure))),
+        (DesignOutcome::Failed(reason), _) => (DesignStatus::Failed, Some(reason.clone())),
+        (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (DesignStatus::Kept, None),
+        (_, Some(0.0)) => (DesignStatus::Failed, Some("a wish's figure is not a finite number".into())),
+        (_, None) => (DesignStatus::Failed, Some("a figure that has a limit has no value".into())),
+        _ => (DesignStatus::Broken, describe_broken_limits(study, |figure| row.least_and_most_of_figure(figure))),
     };
-    let beyond = beyond.filter(|_| status != Status::Failed).unwrap_or(f64::INFINITY);
-    Entry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false, beyond }
+    let beyond = beyond.filter(|_| status != DesignStatus::Failed).unwrap_or(f64::INFINITY);
+    TableEntry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false, beyond }
 }

@@ -1,11 +1,11 @@
 //! The finalists, looked at again thoroughly, beside the scene as it is in its file.
 
-use super::finalists::finalists;
-use super::limits::broken_limits;
-use super::table::{Entry, Table};
-use crate::evaluate::{Thorough, Verified};
+use super::finalists::choose_finalists;
+use super::limits::describe_broken_limits;
+use super::table::{DesignTable, TableEntry};
+use crate::evaluate::{ThoroughEvaluator, VerifiedFigures};
 use crate::run::Study;
-use crate::space::Refused;
+use crate::space::RefusedDesign;
 
 /// A design that was looked at again.
 #[derive(Clone, Debug)]
@@ -15,20 +15,20 @@ pub struct Finalist {
     /// The scene, as a file's text.
     pub text: String,
     /// What was found.
-    pub verified: Result<Verified, String>,
+    pub verified: Result<VerifiedFigures, String>,
 }
 
 impl Finalist {
     /// The limits that its figures, as they were computed anew, break; `None` if it keeps all, or has none.
     #[must_use]
-    pub fn breaks(&self, study: &Study) -> Option<String> {
+    pub fn describe_broken_limits_of_finalist(&self, study: &Study) -> Option<String> {
         let values = self.verified.as_ref().ok().map(|verified| verified.figures.values.as_slice())?;
-        broken_limits(study, |figure| values.get(figure).map(|value| (*value, *value)))
+        describe_broken_limits(study, |figure| values.get(figure).map(|value| (*value, *value)))
     }
 
     /// Its row of a study's table; `None` if it has none.
     #[must_use]
-    pub fn entry<'t>(&self, table: &'t Table) -> Option<&'t Entry> {
+    pub fn entry_in_table<'t>(&self, table: &'t DesignTable) -> Option<&'t TableEntry> {
         match self.design.checked_sub(1) {
             None => Some(&table.base),
             Some(at) => table.entries.get(at),
@@ -38,7 +38,7 @@ impl Finalist {
 
 /// The scene of the file and the finalists.
 #[derive(Clone, Debug)]
-pub struct Finals {
+pub struct VerifiedFinalists {
     /// The scene of the file.
     pub base: Finalist,
     /// The best first.
@@ -47,32 +47,36 @@ pub struct Finals {
     pub tolerance: f64,
 }
 
-impl Finals {
+impl VerifiedFinalists {
     /// Looks at them; `None` if `stops` said so in between.
     ///
     /// # Errors
-    /// [`Refused`], for a scene that was not refused before.
-    pub fn of(study: &Study, table: &Table, stops: &dyn Fn() -> bool) -> Result<Option<Self>, Refused> {
-        let thorough = Thorough::new(study.options());
-        let base = finalist(study, &thorough, 0, &table.base)?;
+    /// [`RefusedDesign`], for a scene that was not refused before.
+    pub fn verify_scene_and_finalists(
+        study: &Study,
+        table: &DesignTable,
+        stops: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, RefusedDesign> {
+        let thorough = ThoroughEvaluator::new(study.table_options());
+        let base = verify_finalist(study, &thorough, 0, &table.base)?;
         let mut best = Vec::new();
-        for own in finalists(study, table, study.spec.method.finalists) {
+        for own in choose_finalists(study, table, study.spec.method.finalists) {
             if stops() {
                 return Ok(None);
             }
-            best.push(finalist(study, &thorough, own + 1, &table.entries[own])?);
+            best.push(verify_finalist(study, &thorough, own + 1, &table.entries[own])?);
         }
-        in_order(study, &mut best);
-        Ok(Some(Self { base, best, tolerance: thorough.tolerance() }))
+        sort_finalists(study, &mut best);
+        Ok(Some(Self { base, best, tolerance: thorough.relative_tolerance() }))
     }
 }
 
 /// Puts those that break a limit as the thorough look tells it last, and those that failed after them. Of the others the one with the better figure is first, not where there are
 /// several wishes, between which the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
-fn in_order(study: &Study, best: &mut [Finalist]) {
+fn sort_finalists(study: &Study, best: &mut [Finalist]) {
     let rank = |own: &Finalist| match own.verified {
         Err(_) => 2,
-        Ok(_) if own.breaks(study).is_some() => 1,
+        Ok(_) if own.describe_broken_limits_of_finalist(study).is_some() => 1,
         Ok(_) => 0,
     };
     best.sort_by_key(rank);
@@ -80,18 +84,23 @@ fn in_order(study: &Study, best: &mut [Finalist]) {
     let Some(place) = study.figures.iter().position(|wanted| *wanted == wish.wanted) else { return };
     let loss = |own: &Finalist| {
         let figure = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(place).copied());
-        figure.map_or(f64::INFINITY, |figure| wish.goal.loss(figure))
+        figure.map_or(f64::INFINITY, |figure| wish.goal.loss_of_figure(figure))
     };
     best.sort_by(|a, b| rank(a).cmp(&rank(b)).then(loss(a).total_cmp(&loss(b))));
 }
 
-fn finalist(study: &Study, thorough: &Thorough, design: usize, entry: &Entry) -> Result<Finalist, Refused> {
+fn verify_finalist(
+    study: &Study,
+    thorough: &ThoroughEvaluator,
+    design: usize,
+    entry: &TableEntry,
+) -> Result<Finalist, RefusedDesign> {
     let own = &entry.row.design;
-    let text = study.space.text(own)?;
-    let scene = study.space.scene(own, &[])?;
-    let verified = thorough.verified(&scene, &study.figures).map_err(|error| error.to_string());
+    let text = study.space.design_as_scene_text(own)?;
+    let scene = study.space.design_as_scene(own, &[])?;
+    let verified = thorough.verify_figures(&scene, &study.figures).map_err(|error| error.to_string());
     let verified = verified.map(|mut verified| {
-        study.add_parts(&scene, own, &mut verified.figures);
+        study.add_part_figures(&scene, own, &mut verified.figures);
         verified
     });
     Ok(Finalist { design, text, verified })

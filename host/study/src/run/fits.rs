@@ -1,8 +1,8 @@
 //! What a study's file asks for that shows only with its scene and its variables: told with its lines, before anything is computed.
 
-use crate::space::Space;
-use crate::spec::{Drives, MOST_DESIGNS, Spec, Wanted, Way, What};
-use era_model::scene::read::{self, Report, Section};
+use crate::space::DesignSpace;
+use crate::spec::{FrequencyGrouping, MOST_DESIGNS, PointMethod, StudySpec, VariableKind, WantedFigure};
+use era_model::scene::read::{self, MistakeReport, TomlSection};
 use era_model::scene::{ROUNDING, Scene, SceneError};
 use era_planner::MIN_SPACING_HZ;
 
@@ -10,32 +10,32 @@ use era_planner::MIN_SPACING_HZ;
 ///
 /// # Errors
 /// [`SceneError`] with every mistake found.
-pub(super) fn check(
-    spec: &Spec,
-    space: &Space,
+pub(super) fn check_study_fits_scene(
+    spec: &StudySpec,
+    space: &DesignSpace,
     scene: &Scene,
     designs: usize,
     source: &str,
     text: &str,
 ) -> Result<(), SceneError> {
-    let document = read::document(source, text)?;
-    let report = Report::new(text);
+    let document = read::parse_toml_document(source, text)?;
+    let report = MistakeReport::new(text);
     {
-        let file = Section::new(&report, document.get_ref(), String::new(), 0..0);
-        if let Some(method) = file.table("method") {
-            grid(&method, spec, designs);
-            band(&method, spec, space, scene);
+        let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
+        if let Some(method) = file.read_table("method") {
+            check_grid_size(&method, spec, designs);
+            check_frequency_band(&method, spec, space, scene);
         }
-        let wishes = file.tables("wish").into_iter().zip(spec.wishes.iter().map(|wish| &wish.wanted));
-        let limits = file.tables("limit").into_iter().zip(spec.limits.iter().map(|limit| &limit.wanted));
-        wishes.chain(limits).for_each(|(section, wanted)| place(&section, wanted, space));
+        let wishes = file.read_tables("wish").into_iter().zip(spec.wishes.iter().map(|wish| &wish.wanted));
+        let limits = file.read_tables("limit").into_iter().zip(spec.limits.iter().map(|limit| &limit.wanted));
+        wishes.chain(limits).for_each(|(section, wanted)| check_place_on_surface(&section, wanted, space));
     }
-    report.finish(source)
+    report.into_result(source)
 }
 
 /// A grid has as many designs as it has: no more than may be asked for by number.
-fn grid(method: &Section<'_, '_>, spec: &Spec, designs: usize) {
-    if spec.method.way != Way::Grid || designs <= MOST_DESIGNS as usize {
+fn check_grid_size(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usize) {
+    if spec.method.way != PointMethod::Grid || designs <= MOST_DESIGNS as usize {
         return;
     }
     // What cannot be counted is the largest number.
@@ -44,20 +44,21 @@ fn grid(method: &Section<'_, '_>, spec: &Spec, designs: usize) {
         "method.levels is {}: with the levels and steps of the variables that makes {count} designs, but there may be at most {MOST_DESIGNS}",
         spec.method.levels
     );
-    method.report().add(&method.place("levels"), text);
+    method.mistake_report().add_mistake_at(&method.byte_range_of_value("levels"), text);
 }
 
 /// A band has room for the frequencies of the fewest actuators that a design has, where each has one of its own.
-fn band(method: &Section<'_, '_>, spec: &Spec, space: &Space, scene: &Scene) {
-    let is_distinct = |wanted: &Wanted| {
-        wanted.figure.is_of_a_place() || wanted.figure.is_of_settings() && wanted.drives == Drives::Distinct
+fn check_frequency_band(method: &TomlSection<'_, '_>, spec: &StudySpec, space: &DesignSpace, scene: &Scene) {
+    let is_distinct = |wanted: &WantedFigure| {
+        wanted.figure.depends_on_place()
+            || wanted.figure.depends_on_settings() && wanted.drives == FrequencyGrouping::Distinct
     };
     // Whoever puts another list in place of this one may have as few as one.
-    if !spec.figures().iter().any(is_distinct) || space.changes(&["actuator"]) {
+    if !spec.wanted_figures().iter().any(is_distinct) || space.is_key_changed(&["actuator"]) {
         return;
     }
     let counts = spec.variables.iter().filter_map(|own| match &own.what {
-        What::Count { list, from, .. } if list == "actuator" => Some(*from),
+        VariableKind::Count { list, from, .. } if list == "actuator" => Some(*from),
         _ => None,
     });
     let fewest = counts.fold(scene.actuators.len(), usize::min);
@@ -67,21 +68,21 @@ fn band(method: &Section<'_, '_>, spec: &Spec, space: &Space, scene: &Scene) {
         return;
     }
     let why = format!("so that {fewest} actuators have frequencies {MIN_SPACING_HZ} Hz apart");
-    if method.has("to_hz") {
-        method.wrong("to_hz", to_hz.to_string(), &format!("at least {}, {why}", from_hz + between));
+    if method.has_key("to_hz") {
+        method.report_wrong_value("to_hz", to_hz.to_string(), &format!("at least {}, {why}", from_hz + between));
     } else {
-        method.wrong("from_hz", from_hz.to_string(), &format!("at most {}, {why}", to_hz - between));
+        method.report_wrong_value("from_hz", from_hz.to_string(), &format!("at most {}, {why}", to_hz - between));
     }
 }
 
 /// A figure's place is on the surface, as far as the scene's file says where that ends.
-fn place(section: &Section<'_, '_>, wanted: &Wanted, space: &Space) {
+fn check_place_on_surface(section: &TomlSection<'_, '_>, wanted: &WantedFigure, space: &DesignSpace) {
     let Some(at_mm) = wanted.at_mm else { return };
     let sides_mm = space.known_sides_mm();
     let is_on = |at: f64, side: Option<f64>| at >= 0.0 && side.is_none_or(|side| at <= side * (1.0 + ROUNDING));
     if !at_mm.into_iter().zip(sides_mm).all(|(at, side)| is_on(at, side)) {
         let range = |side: Option<f64>| side.map_or_else(|| "0 and above".to_owned(), |side| format!("0 to {side}"));
         let [x, y] = sides_mm.map(range);
-        section.wrong_list("at_mm", &format!("on the surface: x {x}, y {y}"));
+        section.report_wrong_list("at_mm", &format!("on the surface: x {x}, y {y}"));
     }
 }

@@ -4,8 +4,8 @@
 //! who do the same task write the same bytes, and no two write to the same file beside it, on whatever machines they are. What is read is checked: the
 //! study that it belongs to, and a hash of the task and its rows.
 
-use super::row::Row;
-use super::task::Task;
+use super::row::DesignRow;
+use super::task::StudyTask;
 use era_files::{Readers, replace_file};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -23,7 +23,7 @@ const HASH: usize = 32;
 
 /// A study's folder.
 #[derive(Debug)]
-pub struct Folder {
+pub struct StudyFolder {
     path: PathBuf,
     key: [u8; HASH],
 }
@@ -53,12 +53,12 @@ pub enum FolderError {
     },
 }
 
-impl Folder {
+impl StudyFolder {
     /// Opens a study's folder, made if it is not there.
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn open(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
+    pub fn open_or_create(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
         let folder = Self { path: path.into(), key };
         let rows = folder.path.join(ROWS);
         fs::create_dir_all(&rows).map_err(|error| FolderError::Io {
@@ -66,7 +66,7 @@ impl Folder {
             path: rows.clone(),
             error,
         })?;
-        let own = hex(&key);
+        let own = format_hex(&key);
         let known = folder.path.join(KEY);
         match fs::read_to_string(&known) {
             Ok(text) if text.trim() == own => Ok(folder),
@@ -81,7 +81,7 @@ impl Folder {
     }
 
     fn write_key(self) -> Result<Self, FolderError> {
-        self.write(KEY, format!("{}\n", hex(&self.key)).as_bytes())?;
+        self.write_file(KEY, format!("{}\n", format_hex(&self.key)).as_bytes())?;
         Ok(self)
     }
 
@@ -103,9 +103,9 @@ impl Folder {
         Ok(true)
     }
 
-    /// Where it is.
+    /// Where the folder is.
     #[must_use]
-    pub fn path(&self) -> &Path {
+    pub fn folder_path(&self) -> &Path {
         &self.path
     }
 
@@ -113,39 +113,39 @@ impl Folder {
     ///
     /// # Errors
     /// [`FolderError`] where the file is there and cannot be read.
-    pub fn rows(&self, task: Task) -> Result<Option<Vec<Row>>, FolderError> {
-        let path = self.path.join(ROWS).join(task.file());
+    pub fn rows(&self, task: StudyTask) -> Result<Option<Vec<DesignRow>>, FolderError> {
+        let path = self.path.join(ROWS).join(task.rows_file_name());
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FolderError::Io { doing: "read", path, error }),
         };
-        let rows = decoded(&self.key, task, &bytes);
+        let rows = decode_task_rows(&self.key, task, &bytes);
         if rows.is_none() {
             tracing::warn!("{} is not whole, and computed again", path.display());
         }
         Ok(rows)
     }
 
-    /// Keeps the rows of a task.
+    /// Writes the rows of a task.
     ///
     /// # Errors
     /// [`FolderError`]; nothing of them is left then.
-    pub fn keep(&self, task: Task, rows: &[Row]) -> Result<(), FolderError> {
-        let encoded = encoded(&self.key, task, rows);
-        let name = format!("{ROWS}/{}", task.file());
+    pub fn write_task_rows(&self, task: StudyTask, rows: &[DesignRow]) -> Result<(), FolderError> {
+        let encoded = encode_task_rows(&self.key, task, rows);
+        let name = format!("{ROWS}/{}", task.rows_file_name());
         let failed = |error| FolderError::Io { doing: "encode", path: self.path.join(&name), error };
-        self.write(&name, &encoded.map_err(failed)?)
+        self.write_file(&name, &encoded.map_err(failed)?)
     }
 
-    /// Keeps the rows of a task as somebody else has [`encoded`] them; says whether they are rows of this study and task.
+    /// Keeps the rows of a task as somebody else has [`encode_task_rows`] them; says whether they are rows of this study and task.
     ///
     /// # Errors
-    /// As [`Folder::keep`].
-    pub fn keep_encoded(&self, task: Task, bytes: &[u8]) -> Result<bool, FolderError> {
-        let is_own = decoded(&self.key, task, bytes).is_some();
+    /// As [`StudyFolder::write_task_rows`].
+    pub fn write_encoded_task_rows(&self, task: StudyTask, bytes: &[u8]) -> Result<bool, FolderError> {
+        let is_own = decode_task_rows(&self.key, task, bytes).is_some();
         if is_own {
-            self.write(&format!("{ROWS}/{}", task.file()), bytes)?;
+            self.write_file(&format!("{ROWS}/{}", task.rows_file_name()), bytes)?;
         }
         Ok(is_own)
     }
@@ -154,7 +154,7 @@ impl Folder {
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+    pub fn write_file(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.path.join(name);
         replace_file(&path, Readers::ByUmask, bytes).map_err(|error| FolderError::Io { doing: "write", path, error })
     }
@@ -164,22 +164,22 @@ impl Folder {
 ///
 /// # Errors
 /// Rows that postcard does not take, of which there are none.
-pub fn encoded(key: &[u8; HASH], task: Task, rows: &[Row]) -> io::Result<Vec<u8>> {
+pub fn encode_task_rows(key: &[u8; HASH], task: StudyTask, rows: &[DesignRow]) -> io::Result<Vec<u8>> {
     let body = postcard::to_allocvec(rows).map_err(io::Error::other)?;
-    Ok([MAGIC.as_slice(), key, &hash(task, &body), &body].concat())
+    Ok([MAGIC.as_slice(), key, &hash_task_rows(task, &body), &body].concat())
 }
 
-fn hash(task: Task, body: &[u8]) -> [u8; HASH] {
+fn hash_task_rows(task: StudyTask, body: &[u8]) -> [u8; HASH] {
     // Names have no zero in them.
     Sha256::new().chain_update(task.to_string()).chain_update([0]).chain_update(body).finalize().into()
 }
 
 /// The rows in a file's bytes, if they are of this study and task, and whole.
 #[must_use]
-pub fn decoded(key: &[u8; HASH], task: Task, bytes: &[u8]) -> Option<Vec<Row>> {
+pub fn decode_task_rows(key: &[u8; HASH], task: StudyTask, bytes: &[u8]) -> Option<Vec<DesignRow>> {
     let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(key.as_slice())?;
     let (told, body) = rest.split_at_checked(HASH)?;
-    if hash(task, body) != told {
+    if hash_task_rows(task, body) != told {
         return None;
     }
     postcard::from_bytes(body).ok()
@@ -191,30 +191,31 @@ fn is_whole_key(text: &str) -> bool {
     key.len() == 2 * HASH && key.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
-pub(super) fn hex(bytes: &[u8]) -> String {
+/// Bytes in hexadecimal digits.
+pub(super) fn format_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::row::Outcome;
-    use crate::space::{Design, Setting};
+    use crate::run::row::DesignOutcome;
+    use crate::space::{Design, VariableSetting};
 
-    fn rows() -> Vec<Row> {
-        let design = Design { settings: vec![Setting::Number(0.1), Setting::Place([1.5, 2.5])] };
-        vec![Row { point: vec![0.25, 0.75], design, outcome: Outcome::Failed("no such place".into()) }]
+    fn read_task_rows() -> Vec<DesignRow> {
+        let design = Design { settings: vec![VariableSetting::Number(0.1), VariableSetting::Place([1.5, 2.5])] };
+        vec![DesignRow { point: vec![0.25, 0.75], design, outcome: DesignOutcome::Failed("no such place".into()) }]
     }
 
     #[test]
     fn rows_come_back_unless_a_byte_of_them_has_changed() {
         let place = tempfile::tempdir().unwrap();
-        let folder = Folder::open(place.path(), [7; 32]).unwrap();
-        let task = Task::Designs { chunk: 3 };
+        let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+        let task = StudyTask::Designs { chunk: 3 };
         assert_eq!(folder.rows(task).unwrap(), None);
-        folder.keep(task, &rows()).unwrap();
-        assert_eq!(folder.rows(task).unwrap(), Some(rows()));
-        let file = place.path().join("rows").join(task.file());
+        folder.write_task_rows(task, &read_task_rows()).unwrap();
+        assert_eq!(folder.rows(task).unwrap(), Some(read_task_rows()));
+        let file = place.path().join("rows").join(task.rows_file_name());
         let whole = fs::read(&file).unwrap();
         for at in [0, 20, 60, whole.len() - 1] {
             let mut bytes = whole.clone();
@@ -225,19 +226,22 @@ mod tests {
         fs::write(&file, &whole[..whole.len() - 1]).unwrap();
         assert_eq!(folder.rows(task).unwrap(), None);
         // Nor are they another task's.
-        let other = Task::Designs { chunk: 4 };
-        fs::write(place.path().join("rows").join(other.file()), &whole).unwrap();
+        let other = StudyTask::Designs { chunk: 4 };
+        fs::write(place.path().join("rows").join(other.rows_file_name()), &whole).unwrap();
         assert_eq!(folder.rows(other).unwrap(), None);
-        assert!(!folder.keep_encoded(other, &whole).unwrap() && folder.keep_encoded(task, &whole).unwrap());
-        assert_eq!(folder.rows(task).unwrap(), Some(rows()));
+        assert!(
+            !folder.write_encoded_task_rows(other, &whole).unwrap()
+                && folder.write_encoded_task_rows(task, &whole).unwrap()
+        );
+        assert_eq!(folder.rows(task).unwrap(), Some(read_task_rows()));
     }
 
     #[test]
     fn a_folder_belongs_to_one_study() {
         let place = tempfile::tempdir().unwrap();
-        Folder::open(place.path(), [7; 32]).unwrap();
-        assert!(Folder::open(place.path(), [7; 32]).is_ok());
-        let refused = Folder::open(place.path(), [8; 32]).unwrap_err();
+        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+        assert!(StudyFolder::open_or_create(place.path(), [7; 32]).is_ok());
+        let refused = StudyFolder::open_or_create(place.path(), [8; 32]).unwrap_err();
         assert!(matches!(refused, FolderError::Other { .. }), "{refused}");
         assert!(refused.to_string().contains(&place.path().display().to_string()));
     }
@@ -247,15 +251,15 @@ mod tests {
     fn a_damaged_key_is_written_anew_beside_rows_of_the_same_study_only() {
         let place = tempfile::tempdir().unwrap();
         let key = place.path().join(KEY);
-        let task = Task::Designs { chunk: 0 };
-        Folder::open(place.path(), [7; 32]).unwrap().keep(task, &rows()).unwrap();
+        let task = StudyTask::Designs { chunk: 0 };
+        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap().write_task_rows(task, &read_task_rows()).unwrap();
         let whole = fs::read(&key).unwrap();
         for damaged in [&b""[..], &whole[..20], &[0; 65]] {
             fs::write(&key, damaged).unwrap();
-            let folder = Folder::open(place.path(), [7; 32]).unwrap();
-            assert_eq!((fs::read(&key).unwrap(), folder.rows(task).unwrap()), (whole.clone(), Some(rows())));
+            let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+            assert_eq!((fs::read(&key).unwrap(), folder.rows(task).unwrap()), (whole.clone(), Some(read_task_rows())));
             fs::write(&key, damaged).unwrap();
-            assert!(matches!(Folder::open(place.path(), [8; 32]), Err(FolderError::Other { .. })));
+            assert!(matches!(StudyFolder::open_or_create(place.path(), [8; 32]), Err(FolderError::Other { .. })));
         }
     }
 
@@ -263,19 +267,19 @@ mod tests {
     #[test]
     fn what_cannot_be_written_is_told_and_leaves_nothing() {
         let place = tempfile::tempdir().unwrap();
-        let folder = Folder::open(place.path(), [7; 32]).unwrap();
-        let task = Task::Designs { chunk: 0 };
+        let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
+        let task = StudyTask::Designs { chunk: 0 };
         // A folder in the file's place: the rename fails after all has been written.
-        fs::create_dir(place.path().join("rows").join(task.file())).unwrap();
-        let refused = folder.keep(task, &rows()).unwrap_err();
-        assert!(refused.to_string().contains(&task.file()), "{refused}");
+        fs::create_dir(place.path().join("rows").join(task.rows_file_name())).unwrap();
+        let refused = folder.write_task_rows(task, &read_task_rows()).unwrap_err();
+        assert!(refused.to_string().contains(&task.rows_file_name()), "{refused}");
         let left: Vec<String> = fs::read_dir(place.path().join("rows"))
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
-        assert_eq!(left, [task.file()]);
+        assert_eq!(left, [task.rows_file_name()]);
         fs::write(place.path().join("no-folder"), "").unwrap();
-        let refused = Folder::open(&place.path().join("no-folder"), [7; 32]).unwrap_err();
+        let refused = StudyFolder::open_or_create(&place.path().join("no-folder"), [7; 32]).unwrap_err();
         assert!(refused.to_string().contains("no-folder"), "{refused}");
     }
 }

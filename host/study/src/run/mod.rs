@@ -8,9 +8,9 @@ mod study;
 mod task;
 mod work;
 
-pub use folder::{Folder, FolderError, decoded, encoded};
-pub use losses::{broken, loss, worst};
-pub use row::{Outcome, Row};
+pub use folder::{FolderError, StudyFolder, decode_task_rows, encode_task_rows};
+pub use losses::{compute_design_loss, measure_broken_limits, worst_wished_figure};
+pub use row::{DesignOutcome, DesignRow};
 pub use study::{Study, StudyError};
-pub use task::{Shard, ShardError, Task, TaskError};
-pub use work::{Observer, RunError, Stopped, run};
+pub use task::{Shard, ShardError, StudyTask, TaskError};
+pub use work::{RunEnd, RunError, StudyObserver, run_study_shard};

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// What came of a design.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Outcome {
+pub enum DesignOutcome {
     /// Its figures, in the study's order.
     Found {
         /// With everything as it is meant to be.
@@ -22,34 +22,34 @@ pub enum Outcome {
 
 /// One design.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct DesignRow {
     /// Where it is in the unit cube; empty for the scene as it is in its file.
     pub point: Vec<f64>,
     /// What it is.
     pub design: Design,
     /// What came of it.
-    pub outcome: Outcome,
+    pub outcome: DesignOutcome,
 }
 
-impl Row {
-    /// Its figures.
+impl DesignRow {
+    /// Its figures; `None` if it failed.
     #[must_use]
-    pub const fn figures(&self) -> Option<&Figures> {
+    pub const fn figures_if_found(&self) -> Option<&Figures> {
         match &self.outcome {
-            Outcome::Found { figures, .. } => Some(figures),
-            Outcome::Failed(_) => None,
+            DesignOutcome::Found { figures, .. } => Some(figures),
+            DesignOutcome::Failed(_) => None,
         }
     }
 
-    /// Least and most of a figure over what may be off.
+    /// Least and most of a figure over the samples of what may be off.
     #[must_use]
-    pub fn ends(&self, figure: usize) -> Option<(f64, f64)> {
+    pub fn least_and_most_of_figure(&self, figure: usize) -> Option<(f64, f64)> {
         match &self.outcome {
-            Outcome::Found { figures, low, high } => {
+            DesignOutcome::Found { figures, low, high } => {
                 let own = *figures.values.get(figure)?;
                 Some((low.get(figure).copied().unwrap_or(own), high.get(figure).copied().unwrap_or(own)))
             }
-            Outcome::Failed(_) => None,
+            DesignOutcome::Failed(_) => None,
         }
     }
 }

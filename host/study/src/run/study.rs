@@ -1,15 +1,15 @@
 //! A study, ready to be computed.
 
 use super::fits;
-use super::folder::hex;
-use super::losses::loss;
-use super::row::{Outcome, Row};
-use super::task::Task;
-use crate::bounds::{Bounds, Unusable};
+use super::folder::format_hex;
+use super::losses::compute_design_loss;
+use super::row::{DesignOutcome, DesignRow};
+use super::task::StudyTask;
+use crate::bounds::{StudyBounds, UnusableStudy};
 use crate::evaluate::{EvaluateError, Evaluator, Figures, parts};
-use crate::space::{Design, Scenarios, Setting, Space};
-use crate::spec::{Figure, Robust, Spec, Wanted, Way, has_few_corners};
-use crate::ways::{Evolution, MOST_SOBOL, Samples};
+use crate::space::{Design, DesignSpace, UncertaintySamples, VariableSetting};
+use crate::spec::{Figure, PointMethod, StudySpec, UncertaintySampling, WantedFigure, has_few_corners};
+use crate::ways::{Evolution, KnownPoints, MOST_SOBOL};
 use era_model::model::Accuracy;
 use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
 use era_model::text_file::read_text_file;
@@ -35,30 +35,30 @@ const MOST_CHUNKS: usize = 100_000;
 #[derive(Debug)]
 pub struct Study {
     /// What its file says.
-    pub spec: Spec,
+    pub spec: StudySpec,
     /// What may change.
-    pub space: Space,
+    pub space: DesignSpace,
     /// The figures that are computed of every design.
-    pub figures: Vec<Wanted>,
-    points: Points,
-    scenarios: Scenarios,
+    pub figures: Vec<WantedFigure>,
+    points: StudyPoints,
+    scenarios: UncertaintySamples,
     chunk: usize,
     key: [u8; 32],
 }
 
 /// Which points are looked at.
 #[derive(Debug)]
-enum Points {
-    Known(Samples),
+enum StudyPoints {
+    Known(KnownPoints),
     Evolving(Evolution),
 }
 
-impl Points {
-    /// How many there are.
-    fn count(&self) -> usize {
+impl StudyPoints {
+    /// Number of points; more than can be counted is the largest number.
+    fn count_points(&self) -> usize {
         match self {
-            Self::Known(samples) => samples.count(),
-            Self::Evolving(own) => own.population() * own.runs() * own.generations(),
+            Self::Known(samples) => samples.count_points(),
+            Self::Evolving(own) => own.population_size() * own.count_runs() * own.count_generations(),
         }
     }
 }
@@ -91,74 +91,84 @@ impl Study {
         };
         let text = read(path)?;
         let source = path.display().to_string();
-        let spec = Spec::parse(&source, &text)?;
+        let spec = StudySpec::parse(&source, &text)?;
         let scene = path.parent().unwrap_or(Path::new("")).join(&spec.scene);
         let scene_text = read(&scene)?;
-        Ok(Self::of(spec, &source, &text, &scene.display().to_string(), &scene_text)?)
+        Ok(Self::from_spec_and_texts(spec, &source, &text, &scene.display().to_string(), &scene_text)?)
     }
 
     /// A study of texts; the scene that it names is of no account.
     ///
     /// # Errors
     /// [`SceneError`] with every mistake found.
-    pub fn parse(source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
-        Self::of(Spec::parse(source, text)?, source, text, scene_source, scene_text)
+    pub fn parse_texts(source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
+        Self::from_spec_and_texts(StudySpec::parse(source, text)?, source, text, scene_source, scene_text)
     }
 
     /// The same within bounds, which are looked at before anything is listed or computed.
     ///
     /// # Errors
-    /// [`Unusable`]: mistakes, or more than the bounds allow.
-    pub fn parse_within(
-        bounds: &Bounds,
+    /// [`UnusableStudy`]: mistakes, or more than the bounds allow.
+    pub fn parse_within_bounds(
+        bounds: &StudyBounds,
         [source, text]: [&str; 2],
         [scene_source, scene_text]: [&str; 2],
-    ) -> Result<Self, Unusable> {
-        Self::build_within(Some(bounds), Spec::parse(source, text)?, [source, text], [scene_source, scene_text])
+    ) -> Result<Self, UnusableStudy> {
+        Self::build_within(Some(bounds), StudySpec::parse(source, text)?, [source, text], [scene_source, scene_text])
     }
 
-    fn of(spec: Spec, source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
+    fn from_spec_and_texts(
+        spec: StudySpec,
+        source: &str,
+        text: &str,
+        scene_source: &str,
+        scene_text: &str,
+    ) -> Result<Self, SceneError> {
         Self::build_within(None, spec, [source, text], [scene_source, scene_text]).map_err(|error| match error {
-            Unusable::Mistakes(mistakes) => mistakes,
+            UnusableStudy::Mistakes(mistakes) => mistakes,
             // Without bounds there is none.
-            Unusable::Excess(excess) => SceneError::of(source, 0, excess.to_string()),
+            UnusableStudy::Excess(excess) => SceneError::from_single_mistake(source, 0, excess.to_string()),
         })
     }
 
     fn build_within(
-        bounds: Option<&Bounds>,
-        spec: Spec,
+        bounds: Option<&StudyBounds>,
+        spec: StudySpec,
         [source, text]: [&str; 2],
         [scene_source, scene_text]: [&str; 2],
-    ) -> Result<Self, Unusable> {
+    ) -> Result<Self, UnusableStudy> {
         if let Some(bounds) = bounds {
-            bounds.check_spec(&spec)?;
+            bounds.check_entry_and_finalist_counts(&spec)?;
         }
-        let space = Space::read_scene(&spec, scene_source, scene_text)?;
+        let space = DesignSpace::from_scene_text_unchecked(&spec, scene_source, scene_text)?;
         if let Some(bounds) = bounds {
-            bounds.check_space(&spec, &space)?;
+            bounds.check_scene_place_counts(&spec, &space)?;
         }
-        let off = space.uncertain_values();
-        let has_corners = spec.method.robust == Robust::Corners;
+        let off = space.count_uncertain_values();
+        let has_corners = spec.method.robust == UncertaintySampling::Corners;
         if let Some(bounds) = bounds
             && (!has_corners || has_few_corners(off))
         {
-            bounds.check_looks(&spec.method, &space, Scenarios::count(off, spec.method.robust))?;
+            bounds.check_evaluation_count(
+                &spec.method,
+                &space,
+                UncertaintySamples::count_samples(off, spec.method.robust),
+            )?;
         }
-        space.check_study(&spec, source, text)?;
-        let refused = |text: String| Unusable::Mistakes(SceneError::of(source, 0, text));
+        space.check_study_against_scene(&spec, source, text)?;
+        let refused = |text: String| UnusableStudy::Mistakes(SceneError::from_single_mistake(source, 0, text));
         let scene = Scene::parse(scene_source, scene_text)?;
-        let figures = spec.figures();
+        let figures = spec.wanted_figures();
         if scene.actuators.is_empty() || scene.actuators.len() > MAX_ACTUATORS {
             let count = scene.actuators.len();
             return Err(refused(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
         }
         if scene.finger.is_some()
-            && let Some(one) = figures.iter().find(|wanted| wanted.is_of_one_setting())
+            && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting())
         {
             return Err(refused(format!(
                 "{} is wanted with one setting for the whole surface, which does not know where the scene's [finger] is: leave out one of the two",
-                one.column()
+                one.column_name()
             )));
         }
         if has_corners && !has_few_corners(off) {
@@ -167,106 +177,117 @@ impl Study {
                  let several vary together, or use \"latin_hypercube\""
             )));
         }
-        let scenarios = Scenarios::new(off, spec.method.robust, spec.method.seed);
+        let scenarios = UncertaintySamples::new(off, spec.method.robust, spec.method.seed);
         let dimensions = space.dimensions();
-        if spec.method.way == Way::Sobol && dimensions.len() > MOST_SOBOL {
+        if spec.method.way == PointMethod::Sobol && dimensions.len() > MOST_SOBOL {
             let count = dimensions.len();
             return Err(refused(format!(
                 "method.way is \"sobol\", which has at most {MOST_SOBOL} dimensions, but there are {count}"
             )));
         }
-        let points = match Samples::new(&spec.method, dimensions) {
-            Some(samples) => Points::Known(samples),
+        let points = match KnownPoints::new(&spec.method, dimensions) {
+            Some(samples) => StudyPoints::Known(samples),
             None if dimensions.is_empty() => return Err(refused("an evolution needs a variable".into())),
-            None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
+            None => StudyPoints::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
-        let designs = points.count();
-        fits::check(&spec, &space, &scene, designs, source, text)?;
-        let looks_s = look_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
-        let chunk = spec.method.chunk.unwrap_or_else(|| chunk(looks_s, designs));
-        let key = key(&scene, &spec, text, scene_text);
+        let designs = points.count_points();
+        fits::check_study_fits_scene(&spec, &space, &scene, designs, source, text)?;
+        let looks_s = estimate_time_of_design_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
+        let chunk = spec.method.chunk.unwrap_or_else(|| choose_chunk_size(looks_s, designs));
+        let key = compute_study_fingerprint(&scene, &spec, text, scene_text);
         Ok(Self { spec, space, figures, points, scenarios, chunk, key })
     }
 
     /// What the study follows from, as one number: its file, the scene's, and this program.
     #[must_use]
-    pub const fn key(&self) -> [u8; 32] {
+    pub const fn fingerprint(&self) -> [u8; 32] {
         self.key
     }
 
-    /// The frequencies that are looked at.
+    /// The frequencies that plan tables cover.
     #[must_use]
-    pub fn options(&self) -> TableOptions {
+    pub fn table_options(&self) -> TableOptions {
         TableOptions { from_hz: self.spec.method.from_hz, to_hz: self.spec.method.to_hz, ..TableOptions::default() }
     }
 
-    /// How many designs there are, the scene itself not counted.
+    /// Number of designs, the scene itself not counted.
     #[must_use]
-    pub fn designs(&self) -> usize {
-        self.points.count()
+    pub fn count_designs(&self) -> usize {
+        self.points.count_points()
     }
 
     /// How many samples of what may be off each design is looked at with.
     #[must_use]
-    pub fn scenarios(&self) -> usize {
+    pub fn count_uncertainty_samples(&self) -> usize {
         self.scenarios.0.len()
     }
 
-    /// The generations, if points depend on results.
+    /// The evolution, if points depend on results.
     #[must_use]
-    pub const fn evolution(&self) -> Option<&Evolution> {
+    pub const fn evolution_if_any(&self) -> Option<&Evolution> {
         match &self.points {
-            Points::Known(_) => None,
-            Points::Evolving(evolution) => Some(evolution),
+            StudyPoints::Known(_) => None,
+            StudyPoints::Evolving(evolution) => Some(evolution),
         }
     }
 
     /// All tasks, those of a search in their order.
-    pub fn tasks(&self) -> impl Iterator<Item = Task> + use<> {
+    pub fn list_tasks(&self) -> impl Iterator<Item = StudyTask> + use<> {
         let (chunks, runs, generations) = match &self.points {
-            Points::Known(samples) => (samples.count().div_ceil(self.chunk), 0, 0),
-            Points::Evolving(own) => (0, own.runs(), own.generations()),
+            StudyPoints::Known(samples) => (samples.count_points().div_ceil(self.chunk), 0, 0),
+            StudyPoints::Evolving(own) => (0, own.count_runs(), own.count_generations()),
         };
-        let designs = (0..chunks).map(|chunk| Task::Designs { chunk });
-        let searches =
-            (0..runs).flat_map(move |run| (0..generations).map(move |generation| Task::Generation { run, generation }));
-        std::iter::once(Task::Base).chain(designs).chain(searches)
+        let designs = (0..chunks).map(|chunk| StudyTask::Designs { chunk });
+        let searches = (0..runs)
+            .flat_map(move |run| (0..generations).map(move |generation| StudyTask::Generation { run, generation }));
+        std::iter::once(StudyTask::Base).chain(designs).chain(searches)
     }
 
-    /// How many designs a task has.
+    /// Number of designs of a task.
     #[must_use]
-    pub fn size(&self, task: Task) -> usize {
+    pub fn count_designs_of_task(&self, task: StudyTask) -> usize {
         match (task, &self.points) {
-            (Task::Base, _) => 1,
-            (Task::Designs { chunk }, Points::Known(samples)) => self.range(chunk, samples.count()).len(),
-            (Task::Generation { .. }, Points::Evolving(own)) => own.population(),
+            (StudyTask::Base, _) => 1,
+            (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
+                self.point_range_of_chunk(chunk, samples.count_points()).len()
+            }
+            (StudyTask::Generation { .. }, StudyPoints::Evolving(own)) => own.population_size(),
             _ => 0,
         }
     }
 
-    const fn range(&self, chunk: usize, count: usize) -> Range<usize> {
+    const fn point_range_of_chunk(&self, chunk: usize, count: usize) -> Range<usize> {
         let from = chunk * self.chunk;
         let to = from + self.chunk;
         from..if to < count { to } else { count }
     }
 
-    /// Computes a task. `told` are the losses of all earlier generations of its search; of no account for others.
+    /// Computes a task. `earlier_losses` are the losses of all earlier generations of its search; of no account for others.
     #[must_use]
-    pub fn compute(&self, task: Task, told: &[Vec<f64>], evaluator: &dyn Evaluator) -> Vec<Row> {
+    pub fn compute_task_rows(
+        &self,
+        task: StudyTask,
+        earlier_losses: &[Vec<f64>],
+        evaluator: &dyn Evaluator,
+    ) -> Vec<DesignRow> {
         let points = match (task, &self.points) {
-            (Task::Base, _) => {
-                let design = Design { settings: vec![Setting::Kept; self.space.variables().len()] };
-                return vec![self.row(Vec::new(), design, evaluator)];
+            (StudyTask::Base, _) => {
+                let design = Design { settings: vec![VariableSetting::Kept; self.space.variables().len()] };
+                return vec![self.compute_design_row(Vec::new(), design, evaluator)];
             }
-            (Task::Designs { chunk }, Points::Known(samples)) => samples.points(self.range(chunk, samples.count())),
-            (Task::Generation { run, .. }, Points::Evolving(own)) => own.ask(run, told),
+            (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
+                samples.points_in_range(self.point_range_of_chunk(chunk, samples.count_points()))
+            }
+            (StudyTask::Generation { run, .. }, StudyPoints::Evolving(own)) => {
+                own.points_of_next_generation(run, earlier_losses)
+            }
             _ => Vec::new(),
         };
         points
             .into_par_iter()
             .map(|point| {
-                let design = self.space.design(&point);
-                self.row(point, design, evaluator)
+                let design = self.space.design_at_point(&point);
+                self.compute_design_row(point, design, evaluator)
             })
             .collect()
     }
@@ -274,43 +295,44 @@ impl Study {
     /// The design at a point of the unit cube, one number from 0 to 1 for each dimension of the space, and what comes of it: for searches of
     /// another program.
     #[must_use]
-    pub fn compute_point(&self, point: Vec<f64>, evaluator: &dyn Evaluator) -> Row {
-        let design = self.space.design(&point);
-        self.row(point, design, evaluator)
+    pub fn compute_row_at_point(&self, point: Vec<f64>, evaluator: &dyn Evaluator) -> DesignRow {
+        let design = self.space.design_at_point(&point);
+        self.compute_design_row(point, design, evaluator)
     }
 
     /// What the designs of a generation are worth to their search.
     #[must_use]
-    pub fn losses(&self, run: usize, base: &Row, rows: &[Row]) -> Vec<f64> {
-        let weights = self.evolution().map(|own| own.weights(run, self.spec.wishes.len())).unwrap_or_default();
-        rows.iter().map(|row| loss(&self.spec, &self.figures, Some(base), &weights, row)).collect()
+    pub fn losses_of_generation(&self, run: usize, base: &DesignRow, rows: &[DesignRow]) -> Vec<f64> {
+        let weights =
+            self.evolution_if_any().map(|own| own.wish_weights_of_run(run, self.spec.wishes.len())).unwrap_or_default();
+        rows.iter().map(|row| compute_design_loss(&self.spec, &self.figures, Some(base), &weights, row)).collect()
     }
 
-    fn row(&self, point: Vec<f64>, design: Design, evaluator: &dyn Evaluator) -> Row {
-        let outcome = self.outcome(&design, evaluator).unwrap_or_else(Outcome::Failed);
-        Row { point, design, outcome }
+    fn compute_design_row(&self, point: Vec<f64>, design: Design, evaluator: &dyn Evaluator) -> DesignRow {
+        let outcome = self.evaluate_design_outcome(&design, evaluator).unwrap_or_else(DesignOutcome::Failed);
+        DesignRow { point, design, outcome }
     }
 
-    fn outcome(&self, design: &Design, evaluator: &dyn Evaluator) -> Result<Outcome, String> {
-        let figures = self.looked_at(design, &[], evaluator)?;
+    fn evaluate_design_outcome(&self, design: &Design, evaluator: &dyn Evaluator) -> Result<DesignOutcome, String> {
+        let figures = self.evaluate_design_once(design, &[], evaluator)?;
         let (mut low, mut high) = (Vec::new(), Vec::new());
         if !self.scenarios.0.is_empty() {
             (low, high) = (figures.values.clone(), figures.values.clone());
         }
         for (number, off) in self.scenarios.0.iter().enumerate() {
-            let own = self.looked_at(design, off, evaluator);
+            let own = self.evaluate_design_once(design, off, evaluator);
             let own = own.map_err(|reason| format!("with sample {} of what may be off: {reason}", number + 1))?;
             low.iter_mut().zip(&own.values).for_each(|(low, value)| *low = low.min(*value));
             high.iter_mut().zip(&own.values).for_each(|(high, value)| *high = high.max(*value));
         }
-        Ok(Outcome::Found { figures, low, high })
+        Ok(DesignOutcome::Found { figures, low, high })
     }
 
-    fn looked_at(&self, design: &Design, off: &[f64], evaluator: &dyn Evaluator) -> Result<Figures, String> {
-        let scene = self.space.scene(design, off).map_err(|refused| refused.to_string())?;
+    fn evaluate_design_once(&self, design: &Design, off: &[f64], evaluator: &dyn Evaluator) -> Result<Figures, String> {
+        let scene = self.space.design_as_scene(design, off).map_err(|refused| refused.to_string())?;
         // A design that no one has thought of must not end the study.
         let found =
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.evaluated(&scene, design, evaluator)));
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.evaluate_figures(&scene, design, evaluator)));
         let figures =
             found.map_err(|_| String::from("this design makes era itself fail; please report it with the scene"))?;
         figures.map_err(|error: EvaluateError| error.to_string())
@@ -320,25 +342,25 @@ impl Study {
     ///
     /// # Errors
     /// As the evaluator's.
-    pub fn evaluated(
+    pub fn evaluate_figures(
         &self,
         scene: &Scene,
         design: &Design,
         evaluator: &dyn Evaluator,
     ) -> Result<Figures, EvaluateError> {
         let mut figures = evaluator.evaluate(scene, &self.figures)?;
-        self.add_parts(scene, design, &mut figures);
+        self.add_part_figures(scene, design, &mut figures);
         Ok(figures)
     }
 
-    /// Puts in the figures of parts, which no evaluator knows.
-    pub fn add_parts(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
+    /// Fills in the figures of parts, which no evaluator knows.
+    pub fn add_part_figures(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
         for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
             match wanted.figure {
-                Figure::MassG => *value = parts::mass_g(scene),
+                Figure::MassG => *value = parts::total_mass_g(scene),
                 Figure::Cost => {
-                    let known = self.space.with_own_choices(design);
-                    *value = parts::cost(scene, &self.spec.costs, self.space.variables(), &known);
+                    let known = self.space.fill_in_choices_of_scene_file(design);
+                    *value = parts::total_cost(scene, &self.spec.costs, self.space.variables(), &known);
                 }
                 _ => {}
             }
@@ -348,8 +370,8 @@ impl Study {
 
 /// About what the looks at a design, with all samples of what may be off, take in s.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-fn look_s(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) -> f64 {
-    let is_quick = figures.iter().all(|wanted| wanted.is_quick());
+fn estimate_time_of_design_s(spec: &StudySpec, has_finger: bool, figures: &[WantedFigure], scenarios: usize) -> f64 {
+    let is_quick = figures.iter().all(|wanted| wanted.needs_no_plan_table());
     let [quick_s, table_s, thorough_s] = if has_finger { FINGER_S } else { LOOK_S };
     let each_s = match (spec.method.thorough, is_quick) {
         (true, _) => thorough_s,
@@ -361,19 +383,19 @@ fn look_s(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) -
 
 /// Designs of a chunk, of so many that take so long each.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-fn chunk(look_s: f64, designs: usize) -> usize {
+fn choose_chunk_size(look_s: f64, designs: usize) -> usize {
     let fitting = (CHUNK_S / look_s).floor().max(1.0) as usize;
     fitting.max(designs.div_ceil(MOST_CHUNKS))
 }
 
-fn key(scene: &Scene, spec: &Spec, text: &str, scene_text: &str) -> [u8; 32] {
+fn compute_study_fingerprint(scene: &Scene, spec: &StudySpec, text: &str, scene_text: &str) -> [u8; 32] {
     let options = TableOptions { from_hz: spec.method.from_hz, to_hz: spec.method.to_hz, ..TableOptions::default() };
     // The planner's own key stands for its code and the model's.
     let code = Key::new(scene, Accuracy::BALANCED, options).map_or_else(String::new, |key| key.to_string());
     let parts = [&FORMAT.to_string(), env!("CARGO_PKG_VERSION"), &code, text, scene_text];
     let mut hash = Sha256::new();
     for part in parts {
-        hash.update(hex(&Sha256::digest(part)));
+        hash.update(format_hex(&Sha256::digest(part)));
     }
     hash.finalize().into()
 }

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 /// A piece of a study's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Task {
+pub enum StudyTask {
     /// The scene as it is in its file.
     Base,
     /// Some of the designs that are known beforehand.
@@ -22,10 +22,10 @@ pub enum Task {
     },
 }
 
-impl Task {
-    /// The name of its file.
+impl StudyTask {
+    /// Name of the file of its rows.
     #[must_use]
-    pub fn file(&self) -> String {
+    pub fn rows_file_name(&self) -> String {
         format!("{self}.rows")
     }
 }
@@ -37,7 +37,7 @@ pub struct TaskError {
     name: String,
 }
 
-impl fmt::Display for Task {
+impl fmt::Display for StudyTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Base => f.write_str("base"),
@@ -47,7 +47,7 @@ impl fmt::Display for Task {
     }
 }
 
-impl FromStr for Task {
+impl FromStr for StudyTask {
     type Err = TaskError;
 
     fn from_str(name: &str) -> Result<Self, TaskError> {
@@ -89,17 +89,17 @@ impl Shard {
     /// Whether a task belongs to it: chunks go around in turn, and all generations of a search stay together. The scene itself is
     /// looked at by all, as searches begin from it.
     #[must_use]
-    pub const fn has(&self, task: Task) -> bool {
+    pub const fn contains_task(&self, task: StudyTask) -> bool {
         match task {
-            Task::Base => true,
-            Task::Designs { chunk } => chunk % self.count + 1 == self.number,
-            Task::Generation { run, .. } => run % self.count + 1 == self.number,
+            StudyTask::Base => true,
+            StudyTask::Designs { chunk } => chunk % self.count + 1 == self.number,
+            StudyTask::Generation { run, .. } => run % self.count + 1 == self.number,
         }
     }
 
-    /// Whether it is all of the work.
+    /// Whether the shard is all of the work.
     #[must_use]
-    pub const fn is_all(&self) -> bool {
+    pub const fn is_whole_study(&self) -> bool {
         self.count == 1
     }
 }
@@ -137,23 +137,25 @@ mod tests {
 
     #[test]
     fn a_task_is_known_by_its_name() {
-        let tasks = [Task::Base, Task::Designs { chunk: 12 }, Task::Generation { run: 3, generation: 123_456 }];
+        let tasks =
+            [StudyTask::Base, StudyTask::Designs { chunk: 12 }, StudyTask::Generation { run: 3, generation: 123_456 }];
         for task in tasks {
             assert_eq!(task.to_string().parse(), Ok(task));
         }
         for name in
             ["", "bases", "designs-12", "designs-0000012.rows", "designs--000001", "run-0001", "run-0001-generation-1"]
         {
-            assert!(name.parse::<Task>().is_err(), "{name}");
+            assert!(name.parse::<StudyTask>().is_err(), "{name}");
         }
     }
 
     #[test]
     fn shares_make_up_the_work_and_do_not_overlap() {
-        let tasks = (0..20).map(|chunk| Task::Designs { chunk });
-        let generations = (0..6).flat_map(|run| (0..3).map(move |generation| Task::Generation { run, generation }));
+        let tasks = (0..20).map(|chunk| StudyTask::Designs { chunk });
+        let generations =
+            (0..6).flat_map(|run| (0..3).map(move |generation| StudyTask::Generation { run, generation }));
         for task in tasks.chain(generations) {
-            let owners = (1..=4).filter(|number| Shard { number: *number, count: 4 }.has(task)).count();
+            let owners = (1..=4).filter(|number| Shard { number: *number, count: 4 }.contains_task(task)).count();
             assert_eq!(owners, 1, "{task:?}");
         }
     }

@@ -1,35 +1,35 @@
 //! Doing a study's tasks.
 
-use super::folder::{Folder, FolderError};
-use super::row::Row;
+use super::folder::{FolderError, StudyFolder};
+use super::row::DesignRow;
 use super::study::Study;
-use super::task::{Shard, Task};
+use super::task::{Shard, StudyTask};
 use crate::evaluate::Evaluator;
 use rayon::prelude::*;
 
 /// Whoever wants to know how far it is, and may stop it.
-pub trait Observer: Sync {
+pub trait StudyObserver: Sync {
     /// Whether no other task shall begin.
-    fn stops(&self) -> bool {
+    fn is_stop_wanted(&self) -> bool {
         false
     }
 
     /// So many designs of the share are there from the start, of so many.
-    fn begins(&self, _there: usize, _all: usize) {}
+    fn report_start(&self, _there: usize, _all: usize) {}
 
     /// So many designs more were there from the start.
-    fn finds(&self, _designs: usize) {}
+    fn report_found_designs(&self, _designs: usize) {}
 
     /// So many designs more are there.
-    fn does(&self, _designs: usize) {}
+    fn report_computed_designs(&self, _designs: usize) {}
 }
 
 /// Nobody.
-impl Observer for () {}
+impl StudyObserver for () {}
 
 /// Why a study's work ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stopped {
+pub enum RunEnd {
     /// All of the share is there.
     Done,
     /// The observer stopped it.
@@ -48,97 +48,100 @@ pub enum RunError {
 ///
 /// # Errors
 /// [`RunError`]; what was done before is kept.
-pub fn run(
+pub fn run_study_shard(
     study: &Study,
-    folder: &Folder,
+    folder: &StudyFolder,
     evaluator: &dyn Evaluator,
     shard: Shard,
-    observer: &dyn Observer,
-) -> Result<Stopped, RunError> {
-    let base = match folder.rows(Task::Base)?.and_then(|rows| rows.into_iter().next()) {
+    observer: &dyn StudyObserver,
+) -> Result<RunEnd, RunError> {
+    let base = match folder.rows(StudyTask::Base)?.and_then(|rows| rows.into_iter().next()) {
         Some(base) => base,
         None => {
-            if observer.stops() {
-                return Ok(Stopped::Early);
+            if observer.is_stop_wanted() {
+                return Ok(RunEnd::Early);
             }
-            let rows = study.compute(Task::Base, &[], evaluator);
-            folder.keep(Task::Base, &rows)?;
+            let rows = study.compute_task_rows(StudyTask::Base, &[], evaluator);
+            folder.write_task_rows(StudyTask::Base, &rows)?;
             match rows.into_iter().next() {
                 Some(base) => base,
-                None => return Ok(Stopped::Early),
+                None => return Ok(RunEnd::Early),
             }
         }
     };
-    let tasks: Vec<Task> = study.tasks().filter(|task| *task != Task::Base && shard.has(*task)).collect();
-    match study.evolution() {
-        None => samples(study, folder, evaluator, tasks, observer),
+    let tasks: Vec<StudyTask> =
+        study.list_tasks().filter(|task| *task != StudyTask::Base && shard.contains_task(*task)).collect();
+    match study.evolution_if_any() {
+        None => run_sampled_tasks(study, folder, evaluator, tasks, observer),
         Some(evolution) => {
-            let work = Search { study, folder, evaluator, observer, base: &base };
-            observer.begins(0, tasks.len() * evolution.population());
-            let runs: Vec<usize> =
-                (0..evolution.runs()).filter(|run| shard.has(Task::Generation { run: *run, generation: 0 })).collect();
-            let ended: Vec<Stopped> =
-                runs.into_par_iter().map(|run| work.generations(run)).collect::<Result<_, _>>()?;
-            Ok(if ended.contains(&Stopped::Early) { Stopped::Early } else { Stopped::Done })
+            let work = EvolutionSearch { study, folder, evaluator, observer, base: &base };
+            observer.report_start(0, tasks.len() * evolution.population_size());
+            let runs: Vec<usize> = (0..evolution.count_runs())
+                .filter(|run| shard.contains_task(StudyTask::Generation { run: *run, generation: 0 }))
+                .collect();
+            let ended: Vec<RunEnd> =
+                runs.into_par_iter().map(|run| work.run_generations(run)).collect::<Result<_, _>>()?;
+            Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
         }
     }
 }
 
-fn samples(
+fn run_sampled_tasks(
     study: &Study,
-    folder: &Folder,
+    folder: &StudyFolder,
     evaluator: &dyn Evaluator,
-    tasks: Vec<Task>,
-    observer: &dyn Observer,
-) -> Result<Stopped, RunError> {
-    let all = tasks.iter().map(|task| study.size(*task)).sum();
+    tasks: Vec<StudyTask>,
+    observer: &dyn StudyObserver,
+) -> Result<RunEnd, RunError> {
+    let all = tasks.iter().map(|task| study.count_designs_of_task(*task)).sum();
     let is_there: Vec<bool> =
         tasks.par_iter().map(|task| Ok(folder.rows(*task)?.is_some())).collect::<Result<_, FolderError>>()?;
-    let left: Vec<Task> = tasks.into_iter().zip(is_there).filter(|(_, there)| !there).map(|(task, _)| task).collect();
-    observer.begins(all - left.iter().map(|task| study.size(*task)).sum::<usize>(), all);
+    let left: Vec<StudyTask> =
+        tasks.into_iter().zip(is_there).filter(|(_, there)| !there).map(|(task, _)| task).collect();
+    observer.report_start(all - left.iter().map(|task| study.count_designs_of_task(*task)).sum::<usize>(), all);
     let done = left.par_iter().with_max_len(1).map(|task| {
-        if observer.stops() {
-            return Ok(Stopped::Early);
+        if observer.is_stop_wanted() {
+            return Ok(RunEnd::Early);
         }
-        let rows = study.compute(*task, &[], evaluator);
-        folder.keep(*task, &rows)?;
-        observer.does(rows.len());
-        Ok(Stopped::Done)
+        let rows = study.compute_task_rows(*task, &[], evaluator);
+        folder.write_task_rows(*task, &rows)?;
+        observer.report_computed_designs(rows.len());
+        Ok(RunEnd::Done)
     });
-    let ended: Vec<Stopped> = done.collect::<Result<_, RunError>>()?;
-    Ok(if ended.contains(&Stopped::Early) { Stopped::Early } else { Stopped::Done })
+    let ended: Vec<RunEnd> = done.collect::<Result<_, RunError>>()?;
+    Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
 }
 
-struct Search<'a> {
+struct EvolutionSearch<'a> {
     study: &'a Study,
-    folder: &'a Folder,
+    folder: &'a StudyFolder,
     evaluator: &'a dyn Evaluator,
-    observer: &'a dyn Observer,
-    base: &'a Row,
+    observer: &'a dyn StudyObserver,
+    base: &'a DesignRow,
 }
 
-impl Search<'_> {
+impl EvolutionSearch<'_> {
     /// All generations of a search, one after the other.
-    fn generations(&self, run: usize) -> Result<Stopped, RunError> {
-        let count = self.study.evolution().map_or(0, crate::ways::Evolution::generations);
+    fn run_generations(&self, run: usize) -> Result<RunEnd, RunError> {
+        let count = self.study.evolution_if_any().map_or(0, crate::ways::Evolution::count_generations);
         let mut told: Vec<Vec<f64>> = Vec::with_capacity(count);
         for generation in 0..count {
-            let task = Task::Generation { run, generation };
+            let task = StudyTask::Generation { run, generation };
             let rows = match self.folder.rows(task)? {
                 Some(rows) => {
-                    self.observer.finds(rows.len());
+                    self.observer.report_found_designs(rows.len());
                     rows
                 }
-                None if self.observer.stops() => return Ok(Stopped::Early),
+                None if self.observer.is_stop_wanted() => return Ok(RunEnd::Early),
                 None => {
-                    let rows = self.study.compute(task, &told, self.evaluator);
-                    self.folder.keep(task, &rows)?;
-                    self.observer.does(rows.len());
+                    let rows = self.study.compute_task_rows(task, &told, self.evaluator);
+                    self.folder.write_task_rows(task, &rows)?;
+                    self.observer.report_computed_designs(rows.len());
                     rows
                 }
             };
-            told.push(self.study.losses(run, self.base, &rows));
+            told.push(self.study.losses_of_generation(run, self.base, &rows));
         }
-        Ok(Stopped::Done)
+        Ok(RunEnd::Done)
     }
 }

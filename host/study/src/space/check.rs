@@ -1,12 +1,12 @@
 //! What shows of a study's variables only with the scene: paths that lead nowhere, names and places that two of them have, values that the
 //! scene refuses.
 
-use super::design::{self, Dimension, Setting};
-use super::{Space, all_places, document};
-use crate::spec::{Apart, Step, Variable, Wanted, What};
-use crate::ways::latin_hypercube;
-use era_model::scene::random::Random;
-use era_model::scene::read::Report;
+use super::design::{self, CubeDimension, VariableSetting};
+use super::{DesignSpace, document, places_of_paths};
+use crate::spec::{MinimumDistance, PathStep, StudyVariable, VariableKind, WantedFigure};
+use crate::ways::draw_latin_hypercube;
+use era_model::scene::random::RandomSequence;
+use era_model::scene::read::MistakeReport;
 use std::cell::{Cell, LazyCell};
 
 /// Columns that the table of designs has in any case.
@@ -24,25 +24,25 @@ const SEED: u64 = 1;
 const STREAM: u64 = 0x7a1e;
 
 /// Tells of mistakes in a study's file by its lines.
-struct Lines<'r, 't> {
-    report: &'r Report<'t>,
+struct LineReporter<'r, 't> {
+    report: &'r MistakeReport<'t>,
     /// A report knows lines by bytes.
     starts: Vec<usize>,
 }
 
-impl Lines<'_, '_> {
-    fn tell(&self, line: usize, told: String) {
+impl LineReporter<'_, '_> {
+    fn report_mistake_in_line(&self, line: usize, told: String) {
         let at = self.starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
-        self.report.add(&(at..at), told);
+        self.report.add_mistake_at(&(at..at), told);
     }
 }
 
 /// What is left of the bytes that may be read.
-struct Left(Cell<usize>);
+struct ReadBudget(Cell<usize>);
 
-impl Left {
+impl ReadBudget {
     /// Takes some of them; whether they were there.
-    fn take(&self, bytes: usize) -> bool {
+    fn take_bytes(&self, bytes: usize) -> bool {
         let left = self.0.get().checked_sub(bytes);
         self.0.set(left.unwrap_or(0));
         left.is_some()
@@ -50,27 +50,27 @@ impl Left {
 }
 
 /// A variable as messages call it; `number` counts from zero.
-fn named(number: usize, variable: &Variable) -> String {
+fn name_variable_in_message(number: usize, variable: &StudyVariable) -> String {
     format!("variable[{}] ({})", number + 1, variable.name)
 }
 
-impl Space {
+impl DesignSpace {
     /// Tells of variables that lead nowhere, of those that are not held apart, and of those whose values the scene refuses all; and of what else leads
     /// nowhere. `figures` are the study's.
-    pub(super) fn check(&self, report: &Report<'_>, text: &str, figures: &[Wanted]) {
+    pub(super) fn check_variables_fit_scene(&self, report: &MistakeReport<'_>, text: &str, figures: &[WantedFigure]) {
         let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        let lines = Lines { report, starts };
+        let lines = LineReporter { report, starts };
         let mut is_led = vec![false; self.variables.len()];
         for (number, variable) in self.variables.iter().enumerate() {
-            let name = named(number, variable);
-            if let Err(error) = document::leads(&self.base, variable) {
-                lines.tell(variable.line, format!("{name}: {error}"));
+            let name = name_variable_in_message(number, variable);
+            if let Err(error) = document::check_paths_lead_somewhere(&self.base, variable) {
+                lines.report_mistake_in_line(variable.line, format!("{name}: {error}"));
                 continue;
             }
-            if let What::Mirror { from, .. } = &variable.what
+            if let VariableKind::Mirror { from, .. } = &variable.what
                 && !self.variables[..number].iter().any(|before| before.is_place_of(from))
             {
-                lines.tell(
+                lines.report_mistake_in_line(
                     variable.line,
                     format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
                 );
@@ -78,36 +78,37 @@ impl Space {
             }
             is_led[number] = true;
         }
-        self.check_values(&lines, &is_led);
-        let is_told = self.check_places(&lines);
-        self.check_names(&lines, figures, &is_told);
-        self.check_others(&lines);
+        self.check_scene_takes_values(&lines, &is_led);
+        let is_told = self.check_variables_change_different_places(&lines);
+        self.check_column_names(&lines, figures, &is_told);
+        self.check_uncertain_and_distance_paths(&lines);
     }
 
     /// Tells of variables that change what one before them changes, which would come to nothing. Says of each whether it is one.
-    fn check_places(&self, lines: &Lines<'_, '_>) -> Vec<bool> {
-        let places: Vec<Vec<Vec<Step>>> = self.variables.iter().map(|own| self.written(own)).collect();
+    fn check_variables_change_different_places(&self, lines: &LineReporter<'_, '_>) -> Vec<bool> {
+        let places: Vec<Vec<Vec<PathStep>>> =
+            self.variables.iter().map(|own| self.places_written_by_variable(own)).collect();
         let clash = |number: usize| {
             let own = &self.variables[number];
             (0..number).find_map(|before| {
                 let mut both =
                     places[number].iter().flat_map(|own| places[before].iter().map(move |other| (own, other)));
-                let is_count = matches!(own.what, What::Count { .. });
+                let is_count = matches!(own.what, VariableKind::Count { .. });
                 let found = both.find(|(own, other)| {
                     // A table that is put where a key has been set takes that with it.
                     if is_count { own == other } else { other.starts_with(own) }
                 });
-                found.map(|(_, other)| (before, document::written(other)))
+                found.map(|(_, other)| (before, document::format_place_as_path(other)))
             })
         };
         let tell = |number: usize| {
             let Some((before, place)) = clash(number) else { return false };
             let (own, other) = (&self.variables[number], &self.variables[before]);
-            lines.tell(
+            lines.report_mistake_in_line(
                 own.line,
                 format!(
                     "{}: it changes {place}, which variable[{}] ({}) in line {} changes too: only one of them may",
-                    named(number, own),
+                    name_variable_in_message(number, own),
                     before + 1,
                     other.name,
                     other.line
@@ -119,23 +120,25 @@ impl Space {
     }
 
     /// The places that a variable writes to; none where it leads nowhere.
-    fn written(&self, variable: &Variable) -> Vec<Vec<Step>> {
+    fn places_written_by_variable(&self, variable: &StudyVariable) -> Vec<Vec<PathStep>> {
         let paths = match &variable.what {
-            What::Number { paths, .. } | What::Choice { paths, .. } => paths.clone(),
-            What::Place { of, .. } | What::Mirror { of, .. } => vec![of.below("x_mm"), of.below("y_mm")],
-            What::Count { list, .. } => return vec![vec![Step::Key(list.clone())]],
+            VariableKind::Number { paths, .. } | VariableKind::Choice { paths, .. } => paths.clone(),
+            VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
+                vec![of.child_path("x_mm"), of.child_path("y_mm")]
+            }
+            VariableKind::Count { list, .. } => return vec![vec![PathStep::Key(list.clone())]],
         };
-        all_places(&paths, &self.base).unwrap_or_default()
+        places_of_paths(&paths, &self.base).unwrap_or_default()
     }
 
     /// Tells of variables whose columns of the table another column's name would hide.
-    fn check_names(&self, lines: &Lines<'_, '_>, figures: &[Wanted], is_told: &[bool]) {
+    fn check_column_names(&self, lines: &LineReporter<'_, '_>, figures: &[WantedFigure], is_told: &[bool]) {
         let of_figures: Vec<String> = figures
             .iter()
-            .map(Wanted::column)
+            .map(WantedFigure::column_name)
             .flat_map(|name| [format!("{name}_low"), format!("{name}_high"), name])
             .collect();
-        let columns = design::columns(&self.variables);
+        let columns = design::columns_of_variables(&self.variables);
         let mut last = None;
         for (k, column) in columns.iter().enumerate() {
             let number = column.variable;
@@ -156,11 +159,11 @@ impl Space {
                 continue;
             };
             last = Some(number);
-            lines.tell(
+            lines.report_mistake_in_line(
                 own.line,
                 format!(
                     "{}: its column would be {:?}, which {whose}: give it another `name`",
-                    named(number, own),
+                    name_variable_in_message(number, own),
                     column.name
                 ),
             );
@@ -168,38 +171,38 @@ impl Space {
     }
 
     /// Tells of `[[uncertain]]` and `[[apart]]` that lead nowhere.
-    fn check_others(&self, lines: &Lines<'_, '_>) {
+    fn check_uncertain_and_distance_paths(&self, lines: &LineReporter<'_, '_>) {
         for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
-            if places.iter().any(|place| document::number(&self.base, place).is_none()) {
+            if places.iter().any(|place| document::number_at_place(&self.base, place).is_none()) {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
-                lines.tell(own.line, format!("{name}: the scene's file has no number there"));
+                lines.report_mistake_in_line(own.line, format!("{name}: the scene's file has no number there"));
             }
         }
         let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
         let off =
             (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
         for (number, own) in (1..).zip(&self.apart) {
-            self.check_apart(lines, number, own);
+            self.check_distance_places(lines, number, own);
         }
-        self.check_off_twice(lines);
+        self.check_uncertain_values_once(lines);
         for (name, line, path) in
             apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
         {
             if let Err(error) = path.places(&self.base) {
-                lines.tell(line, format!("{name}: {error}"));
+                lines.report_mistake_in_line(line, format!("{name}: {error}"));
             }
         }
     }
 
     /// Tells of `[[apart]]` whose paths lead to something that has no place, or to fewer than two.
-    fn check_apart(&self, lines: &Lines<'_, '_>, number: usize, own: &Apart) {
-        let mut places: Vec<Vec<Step>> = Vec::new();
+    fn check_distance_places(&self, lines: &LineReporter<'_, '_>, number: usize, own: &MinimumDistance) {
+        let mut places: Vec<Vec<PathStep>> = Vec::new();
         for path in &own.places {
             for place in path.places(&self.base).unwrap_or_default() {
-                let x = [place.as_slice(), &[Step::Key("x_mm".into())]].concat();
-                if document::number(&self.base, &x).is_none() {
+                let x = [place.as_slice(), &[PathStep::Key("x_mm".into())]].concat();
+                if document::number_at_place(&self.base, &x).is_none() {
                     let told = format!("apart[{number}]: {path} is no place: what it leads to has no x_mm");
-                    lines.tell(own.line, told);
+                    lines.report_mistake_in_line(own.line, told);
                     return;
                 }
                 if !places.contains(&place) {
@@ -209,12 +212,15 @@ impl Space {
         }
         let leads = own.places.iter().all(|path| path.places(&self.base).is_ok());
         if leads && places.len() < 2 {
-            lines.tell(own.line, format!("apart[{number}]: places are {}, but must be two at least", places.len()));
+            lines.report_mistake_in_line(
+                own.line,
+                format!("apart[{number}]: places are {}, but must be two at least", places.len()),
+            );
         }
     }
 
     /// Tells of values that two `[[uncertain]]` have off, which would be off by both.
-    fn check_off_twice(&self, lines: &Lines<'_, '_>) {
+    fn check_uncertain_values_once(&self, lines: &LineReporter<'_, '_>) {
         let all = self.uncertain_places();
         for (number, (own, places)) in self.uncertain.iter().zip(&all).enumerate() {
             let clash = places.iter().find_map(|place| {
@@ -222,8 +228,8 @@ impl Space {
                 Some((place, before))
             });
             if let Some((place, before)) = clash {
-                let (place, other) = (document::written(place), &self.uncertain[before]);
-                lines.tell(
+                let (place, other) = (document::format_place_as_path(place), &self.uncertain[before]);
+                lines.report_mistake_in_line(
                     own.line,
                     format!(
                         "uncertain[{}] ({}): it has {place} off, which uncertain[{}] ({}) in line {} has off too: only one of them may",
@@ -240,14 +246,16 @@ impl Space {
 
     /// Tells of variables (of those that lead somewhere) none of whose values the scene takes: neither with all else as in the scene's file, nor where
     /// others change along.
-    fn check_values(&self, lines: &Lines<'_, '_>, is_led: &[bool]) {
-        let left = Left(Cell::new(MOST_READ));
-        let samples = LazyCell::new(|| latin_hypercube(self.dimensions.len(), SAMPLES, &mut Random::new(SEED, STREAM)));
+    fn check_scene_takes_values(&self, lines: &LineReporter<'_, '_>, is_led: &[bool]) {
+        let left = ReadBudget(Cell::new(MOST_READ));
+        let samples = LazyCell::new(|| {
+            draw_latin_hypercube(self.dimensions.len(), SAMPLES, &mut RandomSequence::new(SEED, STREAM))
+        });
         let by_itself: Vec<Option<String>> = (0..self.variables.len())
             .map(|number| {
                 let is_it = |other: usize| is_led[number] && other == number;
-                let reason = self.refusal(&self.ends(number), &is_it, &left)?;
-                self.refusal(&samples, &is_it, &left).map(|_| reason)
+                let reason = self.find_refusal_of_all_points(&self.corner_points_of_variable(number), &is_it, &left)?;
+                self.find_refusal_of_all_points(&samples, &is_it, &left).map(|_| reason)
             })
             .collect();
         let ends = TRIED.map(|part| vec![part; self.dimensions.len()]);
@@ -258,21 +266,25 @@ impl Space {
             let with_all = |other: usize| is_led[other];
             let each: [&dyn Fn(usize) -> bool; 2] = [&with_others, &with_all];
             let is_taken = |changes: &dyn Fn(usize) -> bool| {
-                self.refusal(&ends, changes, &left).is_none() || self.refusal(&samples, changes, &left).is_none()
+                self.find_refusal_of_all_points(&ends, changes, &left).is_none()
+                    || self.find_refusal_of_all_points(&samples, changes, &left).is_none()
             };
             if !each.into_iter().any(is_taken) {
                 let own = &self.variables[number];
-                lines.tell(
+                lines.report_mistake_in_line(
                     own.line,
-                    format!("{}: the scene takes none of its values that were tried: {reason}", named(number, own)),
+                    format!(
+                        "{}: the scene takes none of its values that were tried: {reason}",
+                        name_variable_in_message(number, own)
+                    ),
                 );
             }
         }
     }
 
     /// Points with all combinations of some values of a variable's dimensions.
-    fn ends(&self, number: usize) -> Vec<Vec<f64>> {
-        let own = |dimension: &&Dimension| dimension.variable == number;
+    fn corner_points_of_variable(&self, number: usize) -> Vec<Vec<f64>> {
+        let own = |dimension: &&CubeDimension| dimension.variable == number;
         let count = self.dimensions.iter().filter(own).count();
         let combination = |tried: usize| {
             let mut rest = tried;
@@ -288,16 +300,24 @@ impl Space {
 
     /// Why the scene takes none of the designs at some points, with all that does not change as in its file; `None` if it takes one, or if nothing
     /// is left to try all of them with.
-    fn refusal(&self, points: &[Vec<f64>], changes: &dyn Fn(usize) -> bool, left: &Left) -> Option<String> {
+    fn find_refusal_of_all_points(
+        &self,
+        points: &[Vec<f64>],
+        changes: &dyn Fn(usize) -> bool,
+        left: &ReadBudget,
+    ) -> Option<String> {
         let mut first = None;
         for point in points {
-            if !left.take(self.bytes) {
+            if !left.take_bytes(self.bytes) {
                 return None;
             }
-            let mut design = self.design(point);
+            let mut design = self.design_at_point(point);
             let kept = design.settings.iter_mut().enumerate().filter(|(number, _)| !changes(*number));
-            kept.for_each(|(_, setting)| *setting = Setting::Kept);
-            match self.document(&design).and_then(|document| document::scene(&self.source, &document)) {
+            kept.for_each(|(_, setting)| *setting = VariableSetting::Kept);
+            match self
+                .design_as_document(&design)
+                .and_then(|document| document::parse_document_as_scene(&self.source, &document))
+            {
                 Ok(_) => return None,
                 Err(error) => first = first.or(Some(error.to_string())),
             }

@@ -1,7 +1,7 @@
 //! A design written into the scene's document.
 
-use super::design::Setting;
-use crate::spec::{Apart, Path, PathError, Step, Variable, What};
+use super::design::VariableSetting;
+use crate::spec::{MinimumDistance, PathError, PathStep, ScenePath, StudyVariable, VariableKind};
 use era_model::scene::{Scene, SceneError};
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
@@ -10,7 +10,7 @@ const MOST_TOLD: usize = 8;
 
 /// Why a design is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refused {
+pub enum RefusedDesign {
     /// A path leads nowhere.
     #[error(transparent)]
     Path(#[from] PathError),
@@ -31,8 +31,8 @@ pub enum Refused {
     },
 }
 
-impl Refused {
-    fn of_scene(error: &SceneError) -> Self {
+impl RefusedDesign {
+    fn from_scene_error(error: &SceneError) -> Self {
         // Without the file's name and lines: the text is the design's, not the file's.
         let told: Vec<&str> = error.mistakes.iter().take(MOST_TOLD).map(|mistake| mistake.text.as_str()).collect();
         let more = error.mistakes.len().saturating_sub(MOST_TOLD);
@@ -42,22 +42,24 @@ impl Refused {
 }
 
 /// Whether a variable's paths lead somewhere in a scene.
-pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathError> {
-    let missing = |path: &Path, what: String| PathError::Missing { path: path.to_string(), missing: what };
+pub(super) fn check_paths_lead_somewhere(base: &DocumentMut, variable: &StudyVariable) -> Result<(), PathError> {
+    let missing = |path: &ScenePath, what: String| PathError::Missing { path: path.to_string(), missing: what };
     match &variable.what {
-        What::Number { paths, .. } => paths.iter().try_for_each(|path| takes(base, path, false)),
-        What::Choice { paths, values, .. } => {
-            let are_tables = values.iter().all(Value::is_inline_table);
-            paths.iter().try_for_each(|path| takes(base, path, are_tables))
+        VariableKind::Number { paths, .. } => {
+            paths.iter().try_for_each(|path| check_path_takes_value_kind(base, path, false))
         }
-        What::Place { of, .. } | What::Mirror { of, .. } => {
+        VariableKind::Choice { paths, values, .. } => {
+            let are_tables = values.iter().all(Value::is_inline_table);
+            paths.iter().try_for_each(|path| check_path_takes_value_kind(base, path, are_tables))
+        }
+        VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
             let places = of.places(base)?;
-            let is_one = matches!(places.as_slice(), [place] if table(base, place).is_some());
+            let is_one = matches!(places.as_slice(), [place] if find_table(base, place).is_some());
             if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
         }
-        What::Count { list, to, .. } => {
+        VariableKind::Count { list, to, .. } => {
             let Some(tables) = base.get(list).and_then(Item::as_array_of_tables) else {
-                return Err(PathError::List { list: list.clone(), hint: lists(base, list) });
+                return Err(PathError::List { list: list.clone(), hint: suggest_list_names(base, list) });
             };
             let found = tables.len();
             if found >= *to { Ok(()) } else { Err(PathError::Few { list: list.clone(), found, wanted: *to }) }
@@ -66,7 +68,7 @@ pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathE
 }
 
 /// Which list a name may stand for that is none.
-fn lists(base: &DocumentMut, name: &str) -> String {
+fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
     let all: Vec<&str> = base.iter().filter(|(_, item)| item.is_array_of_tables()).map(|(key, _)| key).collect();
     // Whoever counts writes the plural.
     match all.iter().find(|own| name.starts_with(**own) || own.starts_with(name)) {
@@ -76,32 +78,34 @@ fn lists(base: &DocumentMut, name: &str) -> String {
 }
 
 /// Whether what a path leads to takes tables, or other values: a table of a list takes nothing but tables.
-fn takes(base: &DocumentMut, path: &Path, are_tables: bool) -> Result<(), PathError> {
+fn check_path_takes_value_kind(base: &DocumentMut, path: &ScenePath, are_tables: bool) -> Result<(), PathError> {
     let places = path.places(base)?;
-    let is_table = places.iter().any(|place| matches!(place.last(), Some(Step::Index(_))));
+    let is_table = places.iter().any(|place| matches!(place.last(), Some(PathStep::Index(_))));
     if is_table && !are_tables { Err(PathError::Table { path: path.to_string() }) } else { Ok(()) }
 }
 
-/// Sets a variable. `base` is the scene's file, by which paths are followed.
-pub(super) fn set(
+/// Sets a variable in a document. Paths are followed in `base`, the scene's file.
+pub(super) fn set_variable(
     document: &mut DocumentMut,
     base: &DocumentMut,
-    variable: &Variable,
-    setting: Setting,
+    variable: &StudyVariable,
+    setting: VariableSetting,
 ) -> Result<(), PathError> {
     match (&variable.what, setting) {
-        (What::Number { paths, .. }, Setting::Number(number)) => put_all(document, base, paths, &Value::from(number)),
-        (What::Choice { paths, values, .. }, Setting::Choice(choice)) => match values.get(choice) {
-            Some(value) => put_all(document, base, paths, value),
+        (VariableKind::Number { paths, .. }, VariableSetting::Number(number_at_place)) => {
+            put_value_at_paths(document, base, paths, &Value::from(number_at_place))
+        }
+        (VariableKind::Choice { paths, values, .. }, VariableSetting::Choice(choice)) => match values.get(choice) {
+            Some(value) => put_value_at_paths(document, base, paths, value),
             None => Ok(()),
         },
-        (What::Place { of, .. } | What::Mirror { of, .. }, Setting::Place(at_mm)) => {
+        (VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. }, VariableSetting::Place(at_mm)) => {
             for (key, at_mm) in ["x_mm", "y_mm"].into_iter().zip(at_mm) {
-                put_all(document, base, &[of.below(key)], &Value::from(at_mm))?;
+                put_value_at_paths(document, base, &[of.child_path(key)], &Value::from(at_mm))?;
             }
             Ok(())
         }
-        (What::Count { list, .. }, Setting::Count(count)) => {
+        (VariableKind::Count { list, .. }, VariableSetting::Count(count)) => {
             if let Some(tables) = document.get_mut(list).and_then(Item::as_array_of_tables_mut) {
                 while tables.len() > count {
                     tables.remove(tables.len() - 1);
@@ -113,48 +117,53 @@ pub(super) fn set(
     }
 }
 
-fn put_all(document: &mut DocumentMut, base: &DocumentMut, paths: &[Path], value: &Value) -> Result<(), PathError> {
+fn put_value_at_paths(
+    document: &mut DocumentMut,
+    base: &DocumentMut,
+    paths: &[ScenePath],
+    value: &Value,
+) -> Result<(), PathError> {
     for path in paths {
         for place in path.places(base)? {
-            put(document, &place, value);
+            put_value_at_place(document, &place, value);
         }
     }
     Ok(())
 }
 
 /// Puts a value at a place; nothing where the place is gone, as that of an actuator that this design does without.
-pub(super) fn put(document: &mut DocumentMut, place: &[Step], value: &Value) {
+pub(super) fn put_value_at_place(document: &mut DocumentMut, place: &[PathStep], value: &Value) {
     match (place.split_last(), value) {
-        (Some((Step::Index(_), _)), Value::InlineTable(new)) => {
-            if let Some(own) = table_mut(document, place) {
-                fill(own, new);
+        (Some((PathStep::Index(_), _)), Value::InlineTable(new)) => {
+            if let Some(own) = find_table_mut(document, place) {
+                replace_table_content(own, new);
             }
         }
-        (Some((Step::Key(key), above)), _) => {
-            let Some(table) = table_mut(document, above) else { return };
+        (Some((PathStep::Key(key), above)), _) => {
+            let Some(table) = find_table_mut(document, above) else { return };
             match (table.get_mut(key), value) {
-                (Some(Item::Table(own)), Value::InlineTable(new)) => fill(own, new),
-                _ => replace(table, key, value),
+                (Some(Item::Table(own)), Value::InlineTable(new)) => replace_table_content(own, new),
+                _ => replace_value_keeping_decor(table, key, value),
             }
         }
-        // What leads to a table of a list has tables for values, as [`leads`] makes sure.
+        // What leads to a table of a list has tables for values, as [`check_paths_lead_somewhere`] makes sure.
         _ => {}
     }
 }
 
 /// Gives a table other keys and values. It stays where it is, with its heading and its comments.
-fn fill(own: &mut dyn TableLike, new: &InlineTable) {
+fn replace_table_content(own: &mut dyn TableLike, new: &InlineTable) {
     let gone: Vec<String> = own.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
     for key in gone {
         own.remove(&key);
     }
     for (key, value) in new {
-        replace(own, key, value);
+        replace_value_keeping_decor(own, key, value);
     }
 }
 
 /// A key's value, what is written around the old one left as it is.
-fn replace(table: &mut dyn TableLike, key: &str, value: &Value) {
+fn replace_value_keeping_decor(table: &mut dyn TableLike, key: &str, value: &Value) {
     let mut new = value.clone();
     if let Some(old) = table.get(key).and_then(Item::as_value) {
         *new.decor_mut() = old.decor().clone();
@@ -162,28 +171,28 @@ fn replace(table: &mut dyn TableLike, key: &str, value: &Value) {
     table.insert(key, Item::Value(new));
 }
 
-/// The number at a place.
-pub(super) fn number(document: &DocumentMut, place: &[Step]) -> Option<f64> {
-    let (Step::Key(key), above) = place.split_last()? else { return None };
-    let value = table(document, above)?.get(key)?;
+/// The number at a place; `None` if there is none.
+pub(super) fn number_at_place(document: &DocumentMut, place: &[PathStep]) -> Option<f64> {
+    let (PathStep::Key(key), above) = place.split_last()? else { return None };
+    let value = find_table(document, above)?.get(key)?;
     #[expect(clippy::cast_precision_loss, reason = "as in any other number")]
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
 /// Length and width of the surface in mm, where they are numbers.
-pub(super) fn sides_mm(document: &DocumentMut) -> [Option<f64>; 2] {
-    let side = |key: &str| number(document, &[Step::Key("surface".into()), Step::Key(key.into())]);
+pub(super) fn surface_sides_mm(document: &DocumentMut) -> [Option<f64>; 2] {
+    let side = |key: &str| number_at_place(document, &[PathStep::Key("surface".into()), PathStep::Key(key.into())]);
     [side("length_mm"), side("width_mm")]
 }
 
-fn table<'d>(document: &'d DocumentMut, place: &[Step]) -> Option<&'d dyn TableLike> {
+fn find_table<'d>(document: &'d DocumentMut, place: &[PathStep]) -> Option<&'d dyn TableLike> {
     let mut own: &dyn TableLike = document.as_table();
     let mut steps = place.iter();
     while let Some(step) = steps.next() {
-        let Step::Key(key) = step else { return None };
+        let PathStep::Key(key) = step else { return None };
         own = match own.get(key)? {
             Item::ArrayOfTables(list) => {
-                let Some(Step::Index(index)) = steps.next() else { return None };
+                let Some(PathStep::Index(index)) = steps.next() else { return None };
                 list.get(*index)?
             }
             item => item.as_table_like()?,
@@ -192,15 +201,15 @@ fn table<'d>(document: &'d DocumentMut, place: &[Step]) -> Option<&'d dyn TableL
     Some(own)
 }
 
-fn table_mut<'d>(document: &'d mut DocumentMut, place: &[Step]) -> Option<&'d mut dyn TableLike> {
+fn find_table_mut<'d>(document: &'d mut DocumentMut, place: &[PathStep]) -> Option<&'d mut dyn TableLike> {
     let mut own: &mut dyn TableLike = document.as_table_mut();
     let mut steps = place.iter();
     while let Some(step) = steps.next() {
-        let Step::Key(key) = step else { return None };
+        let PathStep::Key(key) = step else { return None };
         let item = own.get_mut(key)?;
         own = match item {
             Item::ArrayOfTables(list) => {
-                let Some(Step::Index(index)) = steps.next() else { return None };
+                let Some(PathStep::Index(index)) = steps.next() else { return None };
                 list.get_mut(*index)?
             }
             item => item.as_table_like_mut()?,
@@ -209,9 +218,10 @@ fn table_mut<'d>(document: &'d mut DocumentMut, place: &[Step]) -> Option<&'d mu
     Some(own)
 }
 
-/// Whether places keep their distance.
-pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), Refused> {
-    let kind = table(document, &[Step::Key("surface".into())]).and_then(|surface| surface.get("kind")?.as_str());
+/// Checks that places keep their minimum distances.
+pub(super) fn check_minimum_distances(document: &DocumentMut, all: &[MinimumDistance]) -> Result<(), RefusedDesign> {
+    let kind =
+        find_table(document, &[PathStep::Key("surface".into())]).and_then(|surface| surface.get("kind")?.as_str());
     // A bar has no y, whatever stands in its file.
     let is_bar = kind == Some("bar");
     for apart in all {
@@ -219,9 +229,10 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
         for path in &apart.places {
             // One that this design does without keeps any distance.
             for place in path.places(document).unwrap_or_default() {
-                let at = |key: &str| number(document, &[place.as_slice(), &[Step::Key(key.into())]].concat());
+                let at =
+                    |key: &str| number_at_place(document, &[place.as_slice(), &[PathStep::Key(key.into())]].concat());
                 let Some(x) = at("x_mm") else { continue };
-                let name = named(document, &place);
+                let name = name_of_table_place(document, &place);
                 if places.iter().all(|(other, _)| *other != name) {
                     places.push((name, [x, at("y_mm").filter(|_| !is_bar).unwrap_or(0.0)]));
                 }
@@ -231,7 +242,7 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
             for (second, other) in &places[k + 1..] {
                 let distance = (one[0] - other[0]).hypot(one[1] - other[1]);
                 if distance < apart.distance_mm {
-                    return Err(Refused::Near {
+                    return Err(RefusedDesign::Near {
                         first: first.clone(),
                         second: second.clone(),
                         distance_mm: format!("{distance:.1}"),
@@ -245,30 +256,30 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
 }
 
 /// A table's place as people name it: an actuator by its `id`.
-fn named(document: &DocumentMut, place: &[Step]) -> String {
-    let id = table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
-    id.unwrap_or_else(|| written(place))
+fn name_of_table_place(document: &DocumentMut, place: &[PathStep]) -> String {
+    let id = find_table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
+    id.unwrap_or_else(|| format_place_as_path(place))
 }
 
 /// A place as a path to it is written.
-pub(super) fn written(place: &[Step]) -> String {
+pub(super) fn format_place_as_path(place: &[PathStep]) -> String {
     let mut text = String::new();
     for step in place {
         match step {
-            Step::Key(key) if text.is_empty() => text.push_str(key),
-            Step::Key(key) => text.push_str(&format!(".{key}")),
-            Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
+            PathStep::Key(key) if text.is_empty() => text.push_str(key),
+            PathStep::Key(key) => text.push_str(&format!(".{key}")),
+            PathStep::Index(index) => text.push_str(&format!("[{}]", index + 1)),
         }
     }
     text
 }
 
 /// A document as a scene.
-pub(super) fn scene(source: &str, document: &DocumentMut) -> Result<Scene, Refused> {
-    read(source, &document.to_string())
+pub(super) fn parse_document_as_scene(source: &str, document: &DocumentMut) -> Result<Scene, RefusedDesign> {
+    parse_text_as_scene(source, &document.to_string())
 }
 
 /// A scene of its text.
-pub(super) fn read(source: &str, text: &str) -> Result<Scene, Refused> {
-    Scene::parse(source, text).map_err(|error| Refused::of_scene(&error))
+pub(super) fn parse_text_as_scene(source: &str, text: &str) -> Result<Scene, RefusedDesign> {
+    Scene::parse(source, text).map_err(|error| RefusedDesign::from_scene_error(&error))
 }

@@ -1,39 +1,39 @@
 //! What the scene's own file has where a study has variables.
 
-use super::design::{Design, Setting};
-use super::{Space, all_places, document};
-use crate::spec::{Path, Step, What};
+use super::design::{Design, VariableSetting};
+use super::{DesignSpace, document, places_of_paths};
+use crate::spec::{PathStep, ScenePath, VariableKind};
 use toml_edit::{ArrayOfTables, Item};
 
 /// What a variable is set to in the scene's file; `None` where that is not one value of its kind.
-pub(super) fn setting(space: &Space, number: usize) -> Option<Setting> {
+pub(super) fn setting_in_scene_file(space: &DesignSpace, number: usize) -> Option<VariableSetting> {
     match &space.variables.get(number)?.what {
-        What::Number { paths, .. } => same_number(space, paths).map(Setting::Number),
-        What::Choice { values, .. } => {
-            (0..values.len()).map(Setting::Choice).find(|own| is_no_change(space, number, *own))
+        VariableKind::Number { paths, .. } => common_number_at_paths(space, paths).map(VariableSetting::Number),
+        VariableKind::Choice { values, .. } => {
+            (0..values.len()).map(VariableSetting::Choice).find(|own| leaves_scene_unchanged(space, number, *own))
         }
-        What::Place { of, .. } | What::Mirror { of, .. } => {
-            let [x, y] = ["x_mm", "y_mm"].map(|key| same_number(space, &[of.below(key)]));
-            Some(Setting::Place([x?, y?]))
+        VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
+            let [x, y] = ["x_mm", "y_mm"].map(|key| common_number_at_paths(space, &[of.child_path(key)]));
+            Some(VariableSetting::Place([x?, y?]))
         }
-        What::Count { list, .. } => {
-            space.base.get(list).and_then(Item::as_array_of_tables).map(ArrayOfTables::len).map(Setting::Count)
+        VariableKind::Count { list, .. } => {
+            space.base.get(list).and_then(Item::as_array_of_tables).map(ArrayOfTables::len).map(VariableSetting::Count)
         }
     }
 }
 
 /// The number that all places of some paths have.
-fn same_number(space: &Space, paths: &[Path]) -> Option<f64> {
-    let places = all_places(paths, &space.base).ok()?;
-    let mut numbers = places.iter().map(|place: &Vec<Step>| document::number(&space.base, place));
+fn common_number_at_paths(space: &DesignSpace, paths: &[ScenePath]) -> Option<f64> {
+    let places = places_of_paths(paths, &space.base).ok()?;
+    let mut numbers = places.iter().map(|place: &Vec<PathStep>| document::number_at_place(&space.base, place));
     let first = numbers.next()??;
     numbers.all(|other| other == Some(first)).then_some(first)
 }
 
 /// Whether the scene means the same with this setting of a variable: a table may be written in many ways.
-fn is_no_change(space: &Space, number: usize, setting: Setting) -> bool {
-    let mut settings = vec![Setting::Kept; space.variables.len()];
+fn leaves_scene_unchanged(space: &DesignSpace, number: usize, setting: VariableSetting) -> bool {
+    let mut settings = vec![VariableSetting::Kept; space.variables.len()];
     settings[number] = setting;
-    let changed = space.text(&Design { settings }).and_then(|text| space.read(&text));
-    changed.ok().zip(space.base(&[]).ok()).is_some_and(|(changed, own)| changed == own)
+    let changed = space.design_as_scene_text(&Design { settings }).and_then(|text| space.parse_scene_text(&text));
+    changed.ok().zip(space.scene_of_file(&[]).ok()).is_some_and(|(changed, own)| changed == own)
 }

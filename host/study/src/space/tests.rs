@@ -3,17 +3,17 @@
 use super::*;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind};
 
-fn space_of(study: &str, scene: &str) -> Result<Space, SceneError> {
+fn space_of(study: &str, scene: &str) -> Result<DesignSpace, SceneError> {
     let text = format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{study}\n[[wish]]\nfigure = \"weakest_g\"\n");
-    Space::new(&Spec::parse("study.toml", &text)?, "study.toml", &text, "x.toml", scene)
+    DesignSpace::new(&StudySpec::parse("study.toml", &text)?, "study.toml", &text, "x.toml", scene)
 }
 
-fn space(study: &str) -> Space {
+fn space(study: &str) -> DesignSpace {
     space_of(study, EXAMPLE_PLATE).unwrap()
 }
 
-fn scene(space: &Space, point: &[f64]) -> Scene {
-    space.scene(&space.design(point), &[]).unwrap()
+fn scene(space: &DesignSpace, point: &[f64]) -> Scene {
+    space.design_as_scene(&space.design_at_point(point), &[]).unwrap()
 }
 
 #[test]
@@ -44,10 +44,10 @@ fn places_are_free_on_a_line_and_mirrored() {
     assert_eq!((found.actuators[1].x_m, found.actuators[1].y_m), at(265.0, 130.0));
     assert_eq!((found.supports[0].x_m, found.supports[0].y_m), at(20.0, 15.0));
     assert_eq!(space.dimensions().len(), 3);
-    let columns = space.columns();
+    let columns = space.table_columns();
     assert_eq!(columns.len(), 6);
-    let design = space.design(&[0.25, 0.5, 0.6]);
-    assert_eq!(columns[2].number(&design), Some(265.0));
+    let design = space.design_at_point(&[0.25, 0.5, 0.6]);
+    assert_eq!(columns[2].number_in_design(&design), Some(265.0));
     assert!(columns[2].follows && !columns[0].follows);
 }
 
@@ -63,10 +63,10 @@ fn choices_take_tables_and_words() {
     assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2500.0, EdgeKind::Clamped));
     let found = scene(&space, &[0.1, 0.1]);
     assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2700.0, EdgeKind::Pinned));
-    let design = space.design(&[0.9, 0.1]);
-    assert_eq!(space.columns()[0].text(&design).as_deref(), Some("glass"));
+    let design = space.design_at_point(&[0.9, 0.1]);
+    assert_eq!(space.table_columns()[0].text_in_design(&design).as_deref(), Some("glass"));
     // The heading and what stands beside values stay.
-    let text = space.text(&design).unwrap();
+    let text = space.design_as_scene_text(&design).unwrap();
     assert!(text.contains("[surface.material]") && text.contains("# about 5 % of critical"), "{text}");
 }
 
@@ -89,7 +89,7 @@ fn choices_take_tables_of_lists() {
     // What the table does not have is not that of the scene's file.
     assert_eq!((support(&found, 0), found.edges[0].kind), ((0.0, 500.0, 0.0), EdgeKind::Clamped));
     assert_eq!(support(&found, 1), (0.3, 2000.0, 1.3));
-    let text = space.text(&space.design(&[0.9, 0.9])).unwrap();
+    let text = space.design_as_scene_text(&space.design_at_point(&[0.9, 0.9])).unwrap();
     assert!(text.contains("# Four corner springs") && text.matches("[[support]]").count() == 4, "{text}");
 }
 
@@ -109,7 +109,7 @@ fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
     let space = space(study);
     let one = scene(&space, &[0.2, 0.5, 0.5]);
     assert_eq!(one.actuators.len(), 1);
-    let refused = space.scene(&space.design(&[0.8, 0.5, 0.5]), &[]).unwrap_err();
+    let refused = space.design_as_scene(&space.design_at_point(&[0.8, 0.5, 0.5]), &[]).unwrap_err();
     assert_eq!(refused.to_string(), "left and right are 0.0 mm apart, but must be at least 30 mm");
 }
 
@@ -119,8 +119,8 @@ fn what_may_be_off_is_off_by_parts_and_amounts() {
                  [[uncertain]]\nkey = \"actuator.*.x_mm\"\nby = 2.0\nvary = \"together\"\n\
                  [[uncertain]]\nkey = \"support[1].x_mm\"\nby = 2.0\n";
     let space = space(study);
-    assert_eq!(space.uncertain_values(), 6);
-    let found = space.base(&[1.0, -1.0, 0.5, 0.0, 1.0, -1.0]).unwrap();
+    assert_eq!(space.count_uncertain_values(), 6);
+    let found = space.scene_of_file(&[1.0, -1.0, 0.5, 0.0, 1.0, -1.0]).unwrap();
     let springs: Vec<f64> = found.supports.iter().map(|support| support.stiffness_n_per_m).collect();
     assert_eq!(springs, [2400.0, 1600.0, 2200.0, 2000.0]);
     assert_eq!([found.actuators[0].x_m, found.actuators[1].x_m], [0.077, 0.227]);
@@ -141,8 +141,12 @@ fn sides_are_those_of_the_design() {
         let plate = EXAMPLE_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
         let own = space_of(places, &plate).unwrap();
         for off in [vec![], vec![1.0, 1.0], vec![-1.0, 0.5]] {
-            let found = varied.scene(&varied.design(&[0.25, 0.5, part, part]), &off).unwrap();
-            assert_eq!(found, own.scene(&own.design(&[0.25, 0.5]), &off).unwrap(), "{length} {off:?}");
+            let found = varied.design_as_scene(&varied.design_at_point(&[0.25, 0.5, part, part]), &off).unwrap();
+            assert_eq!(
+                found,
+                own.design_as_scene(&own.design_at_point(&[0.25, 0.5]), &off).unwrap(),
+                "{length} {off:?}"
+            );
             let (length_m, width_m) = (found.surface.length_m, found.surface.width_m);
             let right = &found.actuators[1];
             assert!((right.x_m - length_m + 0.035).abs() < 1e-9 && (right.y_m - width_m + 0.07).abs() < 1e-9);
@@ -155,12 +159,12 @@ fn coordinates_stay_on_a_surface_whose_sides_are_off() {
     let length = "[[uncertain]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nby = 3\nvary = \"together\"\n";
     let together = space(length);
     for (off, length_m) in [(1.0, 0.303), (-1.0, 0.297)] {
-        let found = together.base(&[off]).unwrap();
+        let found = together.scene_of_file(&[off]).unwrap();
         assert_eq!([found.surface.length_m, found.supports[1].x_m, found.supports[3].x_m], [length_m; 3]);
     }
     let coordinates = "[[uncertain]]\nkey = \"support.*.x_mm\"\nby = 2\nvary = \"together\"\n\
                        [[uncertain]]\nkey = \"surface.length_mm\"\nby = 1\n";
-    let found = space(coordinates).base(&[1.0, 1.0]).unwrap();
+    let found = space(coordinates).scene_of_file(&[1.0, 1.0]).unwrap();
     assert_eq!([0, 1, 2, 3].map(|k: usize| found.supports[k].x_m), [0.002, 0.301, 0.002, 0.301]);
 }
 
@@ -209,7 +213,7 @@ fn a_count_is_called_by_the_plural_of_its_list() {
     for (list, name) in [("actuator", "number of actuators"), ("mass", "number of masses")] {
         let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 1\n");
         let space = space_of(&study, &format!("{EXAMPLE_PLATE}{mass}")).unwrap();
-        assert_eq!(space.columns()[0].name, name);
+        assert_eq!(space.table_columns()[0].name, name);
     }
 }
 
@@ -279,14 +283,17 @@ fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
     let study = "[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [100, 100, 200, 100]\n\
                  [[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 160\n";
     let space = space(study);
-    assert_eq!(space.base(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
-    assert!(space.scene(&space.as_it_is(), &[]).is_err() && space.scene(&space.design(&[0.5, 0.5]), &[]).is_err());
+    assert_eq!(space.scene_of_file(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
+    assert!(
+        space.design_as_scene(&space.design_of_scene_file(), &[]).is_err()
+            && space.design_as_scene(&space.design_at_point(&[0.5, 0.5]), &[]).is_err()
+    );
 }
 
 #[test]
 fn chosen_numbers_have_few_digits() {
     assert_eq!(
-        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::rounded),
+        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::round_to_written_digits),
         [0.3, 0.333_333, 123_457_000.0, -6.66667e-10]
     );
 }
@@ -305,17 +312,17 @@ fn the_scene_as_it_is_is_a_design() {
                  { density_kg_m3 = 2700, youngs_modulus_pa = 69e9, poisson_ratio = 0.33 },\n]\n";
     let space = space(study);
     let wanted = [
-        Setting::Number(2000.0),
-        Setting::Kept,
-        Setting::Kept,
-        Setting::Place([75.0, 100.0]),
-        Setting::Place([225.0, 100.0]),
-        Setting::Count(4),
-        Setting::Choice(1),
+        VariableSetting::Number(2000.0),
+        VariableSetting::Kept,
+        VariableSetting::Kept,
+        VariableSetting::Place([75.0, 100.0]),
+        VariableSetting::Place([225.0, 100.0]),
+        VariableSetting::Count(4),
+        VariableSetting::Choice(1),
     ];
-    assert_eq!(space.as_it_is().settings, wanted);
+    assert_eq!(space.design_of_scene_file().settings, wanted);
     // It is that scene.
-    assert_eq!(space.scene(&space.as_it_is(), &[]).unwrap(), space.base(&[]).unwrap());
+    assert_eq!(space.design_as_scene(&space.design_of_scene_file(), &[]).unwrap(), space.scene_of_file(&[]).unwrap());
 }
 
 /// What has no place is no table of one, and one place is apart from nothing.
@@ -341,7 +348,7 @@ fn a_bars_y_holds_nothing_apart() {
     let bar = EXAMPLE_BAR.replacen("x_mm", "y_mm = 19\nx_mm", 1);
     let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n[[apart]]\nplaces = [\"support.*\", \"actuator.*\"]\ndistance_mm = 5000\n";
     let of = |text: &str| match space_of(study, text) {
-        Ok(space) => space.scene(&space.design(&[0.5]), &[]).err().map(|error| error.to_string()),
+        Ok(space) => space.design_as_scene(&space.design_at_point(&[0.5]), &[]).err().map(|error| error.to_string()),
         Err(error) => Some(error.to_string()),
     };
     assert!(of(&bar).is_some_and(|told| told.contains("apart")) && of(&bar) == of(EXAMPLE_BAR), "{:?}", of(&bar));

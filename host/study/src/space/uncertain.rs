@@ -1,9 +1,9 @@
 //! Values that may be off: which, by how much, and the samples that all designs are looked at with.
 
 use super::design;
-use super::document::{number, put, sides_mm};
-use crate::spec::{Robust, Step, Uncertain};
-use era_model::scene::random::Random;
+use super::document::{number_at_place, put_value_at_place, surface_sides_mm};
+use crate::spec::{PathStep, UncertainValue, UncertaintySampling};
+use era_model::scene::random::RandomSequence;
 use toml_edit::{DocumentMut, Value};
 
 /// A stream of random numbers of its own.
@@ -11,73 +11,78 @@ const STREAM: u64 = 0x0ff5;
 
 /// The samples of what may be off: the same for all designs, so that their differences are those of the designs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scenarios(
+pub struct UncertaintySamples(
     /// One number from -1 to 1 for each value that may be off.
     pub Vec<Vec<f64>>,
 );
 
-impl Scenarios {
+impl UncertaintySamples {
     /// How many there are for so many values that may be off, before any is listed.
     #[must_use]
-    pub fn count(values: usize, robust: Robust) -> usize {
+    pub fn count_samples(values: usize, robust: UncertaintySampling) -> usize {
         match robust {
             _ if values == 0 => 0,
-            Robust::Corners => {
+            UncertaintySampling::Corners => {
                 u32::try_from(values).ok().and_then(|values| 1_usize.checked_shl(values)).unwrap_or(usize::MAX)
             }
-            Robust::LatinHypercube { samples } => samples,
+            UncertaintySampling::LatinHypercube { samples } => samples,
         }
     }
 
     /// For so many values that may be off.
     #[must_use]
-    pub fn new(values: usize, robust: Robust, seed: u64) -> Self {
+    pub fn new(values: usize, robust: UncertaintySampling, seed: u64) -> Self {
         if values == 0 {
             return Self(Vec::new());
         }
         Self(match robust {
-            Robust::Corners => (0..1_usize << values)
+            UncertaintySampling::Corners => (0..1_usize << values)
                 .map(|corner| (0..values).map(|k| if corner >> k & 1 == 1 { 1.0 } else { -1.0 }).collect())
                 .collect(),
-            Robust::LatinHypercube { samples } => {
-                let mut random = Random::new(seed, STREAM);
-                let points = crate::ways::latin_hypercube(values, samples, &mut random);
+            UncertaintySampling::LatinHypercube { samples } => {
+                let mut random = RandomSequence::new(seed, STREAM);
+                let points = crate::ways::draw_latin_hypercube(values, samples, &mut random);
                 points.into_iter().map(|point| point.into_iter().map(|part| 2.0 * part - 1.0).collect()).collect()
             }
         })
     }
 }
 
-/// How many values of one uncertainty are off by themselves.
-pub(super) fn values(own: &Uncertain, places: &[Vec<Step>]) -> usize {
+/// Number of values of one uncertainty that are off by themselves.
+pub(super) fn count_independent_values(own: &UncertainValue, places: &[Vec<PathStep>]) -> usize {
     if own.together { 1 } else { places.len() }
 }
 
 /// Moves values by parts of what they may be off. Coordinates among them stay on the surface, whose sides may be off themselves.
-pub(super) fn apply(document: &mut DocumentMut, all: &[Uncertain], places: &[Vec<Vec<Step>>], off: &[f64]) {
+pub(super) fn apply_deviations(
+    document: &mut DocumentMut,
+    all: &[UncertainValue],
+    places: &[Vec<Vec<PathStep>>],
+    off: &[f64],
+) {
     let mut first = 0;
     for (own, places) in all.iter().zip(places) {
         for (k, place) in places.iter().enumerate() {
             let part = off.get(first + if own.together { 0 } else { k }).copied().unwrap_or(0.0);
             // None where this design does without.
-            let Some(value) = number(document, place) else { continue };
-            let moved = design::rounded(value * (1.0 + own.part * part) + own.by * part);
-            put(document, place, &Value::from(moved));
+            let Some(value) = number_at_place(document, place) else { continue };
+            let moved = design::round_to_written_digits(value * (1.0 + own.part * part) + own.by * part);
+            put_value_at_place(document, place, &Value::from(moved));
         }
-        first += values(own, places);
+        first += count_independent_values(own, places);
     }
-    let [length_mm, width_mm] = sides_mm(document);
+    let [length_mm, width_mm] = surface_sides_mm(document);
     for place in places.iter().flatten() {
         let side_mm = match place.last() {
-            Some(Step::Key(key)) if key == "x_mm" => length_mm,
-            Some(Step::Key(key)) if key == "y_mm" => width_mm,
+            Some(PathStep::Key(key)) if key == "x_mm" => length_mm,
+            Some(PathStep::Key(key)) if key == "y_mm" => width_mm,
             _ => None,
         };
-        let Some((at_mm, side_mm)) = number(document, place).zip(side_mm) else { continue };
+        let Some((at_mm, side_mm)) = number_at_place(document, place).zip(side_mm) else { continue };
         // Not `clamp`, which a side below 0 would make panic: the scene refuses it.
         let on_mm = at_mm.min(side_mm).max(0.0);
         if on_mm != at_mm {
-            put(document, place, &Value::from(on_mm));
+            put_value_at_place(document, place, &Value::from(on_mm));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 /// How designs are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum PointMethod {
     /// All combinations of some values of each variable.
     Grid,
     /// Each variable's range cut into as many parts as there are designs, each part used once (McKay, Beckman and Conover 1979).
@@ -13,7 +13,7 @@ pub enum Way {
     Evolution,
 }
 
-impl Way {
+impl PointMethod {
     /// The word in the file.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -28,7 +28,7 @@ impl Way {
 
 /// How the uncertain values of a design are sampled; the same for all designs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Robust {
+pub enum UncertaintySampling {
     /// All combinations of the least and the most of each.
     Corners,
     /// So many samples over all of them.
@@ -40,9 +40,9 @@ pub enum Robust {
 
 /// The section `[method]`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Method {
+pub struct StudyMethod {
     /// How designs are chosen.
-    pub way: Way,
+    pub way: PointMethod,
     /// How many there are, of a grid as many as it has.
     pub designs: usize,
     /// Of random numbers.
@@ -58,7 +58,7 @@ pub struct Method {
     /// Designs of a chunk of work; what takes a second or so if `None`.
     pub chunk: Option<usize>,
     /// How uncertain values are sampled.
-    pub robust: Robust,
+    pub robust: UncertaintySampling,
     /// Lowest frequency in Hz.
     pub from_hz: f64,
     /// Highest frequency in Hz.

@@ -11,50 +11,52 @@ mod tests;
 mod variables;
 mod wishes;
 
-pub use method::{Method, Robust, Way};
+pub use method::{PointMethod, StudyMethod, UncertaintySampling};
 pub(crate) use parse::{MOST_DESIGNS, has_few_corners};
-pub use path::{Path, PathError, Step, TABLE_NAMES};
-pub use variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
-pub use wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};
+pub use path::{PathError, PathStep, ScenePath, TABLE_NAMES};
+pub use variables::{
+    MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,
+};
+pub use wishes::{Figure, FigureLimit, FrequencyGrouping, PartCosts, SettingScope, WantedFigure, Wish, WishGoal};
 
 use era_model::scene::SceneError;
 
 /// A study's file as it was read.
 #[derive(Clone, Debug)]
-pub struct Spec {
+pub struct StudySpec {
     /// Its name.
     pub name: String,
     /// The scene's file, as the study's names it: from the study's own folder.
     pub scene: String,
     /// What may change, in the file's order.
-    pub variables: Vec<Variable>,
+    pub variables: Vec<StudyVariable>,
     /// What keeps its distance.
-    pub apart: Vec<Apart>,
+    pub apart: Vec<MinimumDistance>,
     /// What is wanted, at least one.
     pub wishes: Vec<Wish>,
     /// What has to hold.
-    pub limits: Vec<Limit>,
+    pub limits: Vec<FigureLimit>,
     /// What is not known.
-    pub uncertain: Vec<Uncertain>,
+    pub uncertain: Vec<UncertainValue>,
     /// What parts cost.
-    pub costs: Costs,
+    pub costs: PartCosts,
     /// How designs are chosen, and how they are looked at.
-    pub method: Method,
+    pub method: StudyMethod,
 }
 
-impl Spec {
+impl StudySpec {
     /// Reads a study from text; `source` is what messages call it.
     ///
     /// # Errors
     /// [`SceneError`] with every mistake found.
     pub fn parse(source: &str, text: &str) -> Result<Self, SceneError> {
-        parse::spec(source, text)
+        parse::parse_study_spec(source, text)
     }
 
     /// The figures that are computed of every design: of wishes and limits, each once, in the file's order.
     #[must_use]
-    pub fn figures(&self) -> Vec<Wanted> {
-        let mut figures: Vec<Wanted> = Vec::new();
+    pub fn wanted_figures(&self) -> Vec<WantedFigure> {
+        let mut figures: Vec<WantedFigure> = Vec::new();
         let all = self.wishes.iter().map(|wish| &wish.wanted).chain(self.limits.iter().map(|limit| &limit.wanted));
         for wanted in all {
             if !figures.contains(wanted) {

@@ -1,21 +1,23 @@
 //! The study file's keys and what they may be.
 
-use super::Spec;
-use super::method::{Method, Robust, Way};
-use super::path::Path;
-use super::variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
-use super::wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};
+use super::StudySpec;
+use super::method::{PointMethod, StudyMethod, UncertaintySampling};
+use super::path::ScenePath;
+use super::variables::{
+    MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,
+};
+use super::wishes::{Figure, FigureLimit, FrequencyGrouping, PartCosts, SettingScope, WantedFigure, Wish, WishGoal};
 use era_model::scene::SceneError;
-use era_model::scene::read::{self, Allowed, Report, Section};
+use era_model::scene::read::{self, AllowedNumbers, MistakeReport, TomlSection};
 use era_planner::TableOptions;
 use toml_edit::{DocumentMut, Value};
 
 /// The version of study files that is read.
 const VERSION: f64 = 1.0;
 /// Any number that is one.
-const ANY: Allowed = Allowed::Within(-1e20, 1e20);
+const ANY: AllowedNumbers = AllowedNumbers::Within(-1e20, 1e20);
 /// Places, in mm: a panel's sides are no longer.
-const MM: Allowed = Allowed::Within(-10_000.0, 10_000.0);
+const MM: AllowedNumbers = AllowedNumbers::Within(-10_000.0, 10_000.0);
 /// Most designs of a study.
 pub(crate) const MOST_DESIGNS: u32 = 100_000_000;
 /// Most designs that depend on each other, and are all listed first.
@@ -27,102 +29,106 @@ const MOST_LEVELS: u32 = 1000;
 /// Most corners that uncertain values have together: 8 of them.
 const MOST_CORNERS: usize = 256;
 
-pub(super) fn spec(source: &str, text: &str) -> Result<Spec, SceneError> {
-    let document = read::document(source, text)?;
+pub(super) fn parse_study_spec(source: &str, text: &str) -> Result<StudySpec, SceneError> {
+    let document = read::parse_toml_document(source, text)?;
     // The same text again, for values that go into the scene as they are written.
     let values: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
-        SceneError::of(source, 0, format!("not valid TOML: {}", error.message()))
+        SceneError::from_single_mistake(source, 0, format!("not valid TOML: {}", error.message()))
     })?;
-    let report = Report::new(text);
-    let file = Section::new(&report, document.get_ref(), String::new(), 0..0);
-    let spec = whole(&file, &values);
-    file.close();
-    report.finish(source)?;
+    let report = MistakeReport::new(text);
+    let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
+    let spec = read_whole_spec(&file, &values);
+    file.report_unknown_keys();
+    report.into_result(source)?;
     Ok(spec)
 }
 
-fn whole(file: &Section<'_, '_>, values: &DocumentMut) -> Spec {
-    file.number("version", Allowed::Within(VERSION, VERSION));
-    let name = file.text("name");
-    let scene = file.text("scene");
+fn read_whole_spec(file: &TomlSection<'_, '_>, values: &DocumentMut) -> StudySpec {
+    file.read_number("version", AllowedNumbers::Within(VERSION, VERSION));
+    let name = file.read_text("name");
+    let scene = file.read_text("scene");
     let lists = values.get("variable").and_then(|item| item.as_array_of_tables());
     let list_of = |i: usize| lists.and_then(|lists| lists.get(i)?.get("values")?.as_array());
-    let sections = file.tables("variable");
-    let variables: Vec<Variable> =
-        sections.into_iter().enumerate().filter_map(|(i, section)| variable(section, list_of(i))).collect();
-    let apart = file.tables("apart").into_iter().map(apart).collect();
-    let sections = file.tables("wish");
+    let sections = file.read_tables("variable");
+    let variables: Vec<StudyVariable> =
+        sections.into_iter().enumerate().filter_map(|(i, section)| read_variable(section, list_of(i))).collect();
+    let apart = file.read_tables("apart").into_iter().map(read_minimum_distance).collect();
+    let sections = file.read_tables("wish");
     let is_wished = !sections.is_empty();
-    let wishes: Vec<Wish> = sections.into_iter().filter_map(wish).collect();
+    let wishes: Vec<Wish> = sections.into_iter().filter_map(read_wish).collect();
     if !is_wished {
-        file.report().add(&(0..0), "wish is missing: at least one [[wish]] says what is wanted");
+        file.mistake_report().add_mistake_at(&(0..0), "wish is missing: at least one [[wish]] says what is wanted");
     }
-    let limits = file.tables("limit").into_iter().filter_map(limit).collect();
-    let uncertain: Vec<Uncertain> = file.tables("uncertain").into_iter().map(uncertain).collect();
-    let costs = file.table("cost").map_or_else(Costs::default, costs);
-    let method = method(file, &uncertain);
-    Spec { name, scene, variables, apart, wishes, limits, uncertain, costs, method }
+    let limits = file.read_tables("limit").into_iter().filter_map(read_limit).collect();
+    let uncertain: Vec<UncertainValue> = file.read_tables("uncertain").into_iter().map(read_uncertain_value).collect();
+    let costs = file.read_table("cost").map_or_else(PartCosts::default, read_costs);
+    let method = read_method(file, &uncertain);
+    StudySpec { name, scene, variables, apart, wishes, limits, uncertain, costs, method }
 }
 
 /// A path, told if it is none.
-fn path(section: &Section<'_, '_>, key: &'static str, text: &str) -> Option<Path> {
-    Path::parse(text)
-        .map_err(|error| section.report().add(&section.place(key), format!("{}: {error}", section.key(key))))
+fn parse_path_value(section: &TomlSection<'_, '_>, key: &'static str, text: &str) -> Option<ScenePath> {
+    ScenePath::parse_path(text)
+        .map_err(|error| {
+            section
+                .mistake_report()
+                .add_mistake_at(&section.byte_range_of_value(key), format!("{}: {error}", section.key_with_path(key)))
+        })
         .ok()
 }
 
-fn paths(section: &Section<'_, '_>, key: &'static str) -> Vec<Path> {
-    let texts = section.texts(key).unwrap_or_default();
-    texts.iter().filter_map(|text| path(section, key, text)).collect()
+fn read_paths(section: &TomlSection<'_, '_>, key: &'static str) -> Vec<ScenePath> {
+    let texts = section.read_texts(key).unwrap_or_default();
+    texts.iter().filter_map(|text| parse_path_value(section, key, text)).collect()
 }
 
-fn one_path(section: &Section<'_, '_>, key: &'static str) -> Option<Path> {
-    path(section, key, &section.text(key))
+fn read_path(section: &TomlSection<'_, '_>, key: &'static str) -> Option<ScenePath> {
+    parse_path_value(section, key, &section.read_text(key))
 }
 
-fn variable(section: Section<'_, '_>, list: Option<&toml_edit::Array>) -> Option<Variable> {
-    let kinds = ["key", "place", "count"].map(|kind| section.has(kind));
-    let given = if section.has("name") { Some(section.text("name")) } else { None };
-    let levels = section.has("levels").then(|| section.count("levels", MOST_LEVELS) as usize);
-    let line = section.report().line(section.place("name").start);
+fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) -> Option<StudyVariable> {
+    let kinds = ["key", "place", "count"].map(|kind| section.has_key(kind));
+    let given = if section.has_key("name") { Some(section.read_text("name")) } else { None };
+    let levels = section.has_key("levels").then(|| section.read_count("levels", MOST_LEVELS) as usize);
+    let line = section.mistake_report().line_number_at(section.byte_range_of_value("name").start);
     let (usual, what) = match kinds {
         [true, false, false] => {
-            let paths = paths(&section, "key");
+            let paths = read_paths(&section, "key");
             let name = paths.first().map_or_else(String::new, ToString::to_string);
-            let what = if section.has("values") {
-                left_out(&section, ["from", "to", "scale", "step"], "as `values` are given");
-                choice(&section, paths, list)
+            let what = if section.has_key("values") {
+                report_keys_to_leave_out(&section, ["from", "to", "scale", "step"], "as `values` are given");
+                read_choice(&section, paths, list)
             } else {
-                left_out(&section, ["names", "costs"], "as there are no `values`");
-                Some(What::Number { paths, numbers: numbers(&section, "step", ANY) })
+                report_keys_to_leave_out(&section, ["names", "costs"], "as there are no `values`");
+                Some(VariableKind::Number { paths, numbers: read_number_range(&section, "step", ANY) })
             };
             (name, what)
         }
         [false, true, false] => {
-            let of = one_path(&section, "place");
+            let of = read_path(&section, "place");
             let name = of.as_ref().map_or_else(String::new, ToString::to_string);
-            (name, of.and_then(|of| place(&section, of)))
+            (name, of.and_then(|of| read_place_variable(&section, of)))
         }
         [false, false, true] => {
-            let list = section.text("count");
-            let (from, to) = (section.count("from", 1000) as usize, section.count("to", 1000) as usize);
+            let list = section.read_text("count");
+            let (from, to) = (section.read_count("from", 1000) as usize, section.read_count("to", 1000) as usize);
             if from > to {
-                section.wrong("from", from.to_string(), &format!("at most `to`, {to}"));
+                section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
             }
-            (format!("number of {}", plural(&list)), Some(What::Count { list, from, to }))
+            (format!("number of {}", pluralise_list_name(&list)), Some(VariableKind::Count { list, from, to }))
         }
         _ => {
-            one_of(&section, "name", [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])]);
+            report_not_exactly_one(&section, "name", [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])]);
             return None;
         }
     };
     let name = given.unwrap_or(usual);
-    section.close();
-    what.map(|what| Variable { name, what, levels, line })
+    section.report_unknown_keys();
+    what.map(|what| StudyVariable { name, what, levels, line })
 }
 
 /// Several of what a scene has a list of.
-fn plural(list: &str) -> String {
+fn pluralise_list_name(list: &str) -> String {
     match list {
         "mass" | "patch" => format!("{list}es"),
         _ => format!("{}s", list.trim_end_matches('s')),
@@ -130,60 +136,69 @@ fn plural(list: &str) -> String {
 }
 
 /// Tells that not one of three keys is given, but none or several; `at` is the key whose line is told.
-fn one_of(section: &Section<'_, '_>, at: &str, given: [(&str, bool); 3]) {
+fn report_not_exactly_one(section: &TomlSection<'_, '_>, at: &str, given: [(&str, bool); 3]) {
     let [a, b, c] = given.map(|(key, _)| key);
     let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     let text = match there.is_empty() {
-        true => format!("{}: one of {a}, {b} and {c} is needed", section.path()),
+        true => format!("{}: one of {a}, {b} and {c} is needed", section.path_in_messages()),
         false => {
-            format!("{}: {} are given, but only one of {a}, {b} and {c} may be", section.path(), there.join(" and "))
+            format!(
+                "{}: {} are given, but only one of {a}, {b} and {c} may be",
+                section.path_in_messages(),
+                there.join(" and ")
+            )
         }
     };
-    section.report().add(&section.place(at), text);
+    section.mistake_report().add_mistake_at(&section.byte_range_of_value(at), text);
 }
 
 /// `from`, `to`, `scale` and a step.
-fn numbers(section: &Section<'_, '_>, step_key: &'static str, allowed: Allowed) -> Numbers {
-    let (from, to) = (section.number("from", allowed), section.number("to", allowed));
+fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allowed: AllowedNumbers) -> NumberRange {
+    let (from, to) = (section.read_number("from", allowed), section.read_number("to", allowed));
     if from > to {
-        section.wrong("from", from.to_string(), &format!("at most `to`, {to}"));
+        section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
     }
-    let words = [("linear", Scale::Linear), ("log", Scale::Log)];
-    let scale = if section.has("scale") { section.word("scale", &words) } else { None };
-    let scale = scale.unwrap_or(Scale::Linear);
-    if scale == Scale::Log && from <= 0.0 {
-        section.wrong("from", from.to_string(), "above 0, as the scale is \"log\"");
+    let words = [("linear", NumberScale::Linear), ("log", NumberScale::Log)];
+    let scale = if section.has_key("scale") { section.read_word("scale", &words) } else { None };
+    let scale = scale.unwrap_or(NumberScale::Linear);
+    if scale == NumberScale::Log && from <= 0.0 {
+        section.report_wrong_value("from", from.to_string(), "above 0, as the scale is \"log\"");
     }
-    let step = step(section, step_key, to - from);
-    if scale == Scale::Log && step.is_some() {
-        section.wrong(step_key, step.unwrap_or_default().to_string(), "left out, as the scale is \"log\"");
+    let step = read_step(section, step_key, to - from);
+    if scale == NumberScale::Log && step.is_some() {
+        section.report_wrong_value(step_key, step.unwrap_or_default().to_string(), "left out, as the scale is \"log\"");
     }
-    Numbers { from, to, scale, step }
+    NumberRange { from, to, scale, step }
 }
 
-fn step(section: &Section<'_, '_>, key: &'static str, span: f64) -> Option<f64> {
+fn read_step(section: &TomlSection<'_, '_>, key: &'static str, span: f64) -> Option<f64> {
     let least = (span / MOST_STEPS).max(f64::MIN_POSITIVE);
-    section.has(key).then(|| section.number(key, Allowed::Within(least, 1e20)))
+    section.has_key(key).then(|| section.read_number(key, AllowedNumbers::Within(least, 1e20)))
 }
 
-fn choice(section: &Section<'_, '_>, paths: Vec<Path>, list: Option<&toml_edit::Array>) -> Option<What> {
+fn read_choice(
+    section: &TomlSection<'_, '_>,
+    paths: Vec<ScenePath>,
+    list: Option<&toml_edit::Array>,
+) -> Option<VariableKind> {
     let Some(list) = list.filter(|list| !list.is_empty()) else {
-        section.wrong("values", "no list, or an empty one".into(), "a list of values or tables");
+        section.report_wrong_value("values", "no list, or an empty one".into(), "a list of values or tables");
         return None;
     };
     let values: Vec<Value> = list.iter().cloned().map(Value::decorated_plainly).collect();
     let written = || values.iter().map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
-    let names = section.has("names").then(|| section.texts("names")).flatten().unwrap_or_else(|| written().collect());
-    let costs = section.has("costs").then(|| section.numbers("costs", &[values.len()], ANY)).flatten();
+    let names =
+        section.has_key("names").then(|| section.read_texts("names")).flatten().unwrap_or_else(|| written().collect());
+    let costs = section.has_key("costs").then(|| section.read_numbers("costs", &[values.len()], ANY)).flatten();
     if names.len() != values.len() {
-        section.wrong(
+        section.report_wrong_value(
             "names",
             format!("{} names", names.len()),
             &format!("as many as there are values, {}", values.len()),
         );
     }
     let costs = costs.unwrap_or_else(|| vec![0.0; values.len()]);
-    Some(What::Choice { paths, values, names, costs })
+    Some(VariableKind::Choice { paths, values, names, costs })
 }
 
 /// Values without the blanks and comments that are around them in the study's file.
@@ -198,150 +213,176 @@ impl Plain for Value {
     }
 }
 
-fn place(section: &Section<'_, '_>, of: Path) -> Option<What> {
-    let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has(key));
-    let linear = |from: f64, to: f64, step: Option<f64>| Numbers { from, to, scale: Scale::Linear, step };
+fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> Option<VariableKind> {
+    let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has_key(key));
+    let linear = |from: f64, to: f64, step: Option<f64>| NumberRange { from, to, scale: NumberScale::Linear, step };
     if given[2] {
-        left_out(section, ["step_mm"], "as a mirror image follows from `mirror_of`");
+        report_keys_to_leave_out(section, ["step_mm"], "as a mirror image follows from `mirror_of`");
     } else {
-        left_out(section, ["mirrored"], "as there is no `mirror_of`");
+        report_keys_to_leave_out(section, ["mirrored"], "as there is no `mirror_of`");
     }
     match given {
         [true, false, false] => {
-            let corners = section.numbers("within_mm", &[4], MM)?;
+            let corners = section.read_numbers("within_mm", &[4], MM)?;
             let (x, y) = ([corners[0], corners[2]], [corners[1], corners[3]]);
             let order = |[a, b]: [f64; 2]| (a.min(b), a.max(b));
-            let step = step(section, "step_mm", (x[1] - x[0]).abs().max((y[1] - y[0]).abs()));
+            let step = read_step(section, "step_mm", (x[1] - x[0]).abs().max((y[1] - y[0]).abs()));
             let ((x0, x1), (y0, y1)) = (order(x), order(y));
-            Some(What::Place { of, area: Where::Rectangle { x: linear(x0, x1, step), y: linear(y0, y1, step) } })
+            Some(VariableKind::Place {
+                of: table_path,
+                area: PlaceArea::Rectangle { x: linear(x0, x1, step), y: linear(y0, y1, step) },
+            })
         }
         [false, true, false] => {
-            let ends = section.numbers("line_mm", &[4], MM)?;
+            let ends = section.read_numbers("line_mm", &[4], MM)?;
             let (from, to) = ([ends[0], ends[1]], [ends[2], ends[3]]);
             let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-            let step = step(section, "step_mm", length);
-            Some(What::Place { of, area: Where::Line { from, to, along: linear(0.0, length, step) } })
+            let step = read_step(section, "step_mm", length);
+            Some(VariableKind::Place {
+                of: table_path,
+                area: PlaceArea::Line { from, to, along: linear(0.0, length, step) },
+            })
         }
         [false, false, true] => {
-            let from = one_path(section, "mirror_of");
+            let from = read_path(section, "mirror_of");
             let words = [("x", (true, false)), ("y", (false, true)), ("both", (true, true))];
-            let (x, y) = section.word("mirrored", &words)?;
-            Some(What::Mirror { of, from: from?, x, y })
+            let (x, y) = section.read_word("mirrored", &words)?;
+            Some(VariableKind::Mirror { of: table_path, from: from?, x, y })
         }
         _ => {
-            one_of(section, "place", [("within_mm", given[0]), ("line_mm", given[1]), ("mirror_of", given[2])]);
+            report_not_exactly_one(
+                section,
+                "place",
+                [("within_mm", given[0]), ("line_mm", given[1]), ("mirror_of", given[2])],
+            );
             None
         }
     }
 }
 
-fn apart(section: Section<'_, '_>) -> Apart {
-    let apart = Apart {
-        places: paths(&section, "places"),
-        distance_mm: section.number("distance_mm", Allowed::Within(0.0, 1e4)),
-        line: section.report().line(section.place("places").start),
+fn read_minimum_distance(section: TomlSection<'_, '_>) -> MinimumDistance {
+    let apart = MinimumDistance {
+        places: read_paths(&section, "places"),
+        distance_mm: section.read_number("distance_mm", AllowedNumbers::Within(0.0, 1e4)),
+        line: section.mistake_report().line_number_at(section.byte_range_of_value("places").start),
     };
-    section.close();
+    section.report_unknown_keys();
     apart
 }
 
-fn wanted(section: &Section<'_, '_>) -> Option<Wanted> {
+fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     let words = Figure::ALL.map(|figure| (figure.name(), figure));
-    let Some(figure) = section.word("figure", &words) else {
+    let Some(figure) = section.read_word("figure", &words) else {
         // Known, but nobody can say whether they apply.
         for key in ["setting", "drives", "at_mm", "force_n"] {
-            let _ = section.has(key);
+            let _ = section.has_key(key);
         }
         return None;
     };
-    let settings = [("every_touch", Settings::EveryTouch), ("one", Settings::One)];
-    let setting =
-        if figure.is_of_settings() && section.has("setting") { section.word("setting", &settings) } else { None };
-    let mut drives = Drives::Distinct;
-    if figure.is_of_the_weakest_place() && section.has("drives") {
-        drives = section.word("drives", &Drives::ALL.map(|drives| (drives.name(), drives))).unwrap_or(drives);
-        if drives != Drives::Distinct && setting == Some(Settings::One) {
-            section.wrong("drives", format!("{:?}", drives.name()), "\"distinct\", where setting is \"one\"");
+    let settings = [("every_touch", SettingScope::EveryTouch), ("one", SettingScope::One)];
+    let setting = if figure.depends_on_settings() && section.has_key("setting") {
+        section.read_word("setting", &settings)
+    } else {
+        None
+    };
+    let mut drives = FrequencyGrouping::Distinct;
+    if figure.is_weakest_place_peak() && section.has_key("drives") {
+        drives = section
+            .read_word("drives", &FrequencyGrouping::ALL.map(|drives| (drives.name(), drives)))
+            .unwrap_or(drives);
+        if drives != FrequencyGrouping::Distinct && setting == Some(SettingScope::One) {
+            section.report_wrong_value(
+                "drives",
+                format!("{:?}", drives.name()),
+                "\"distinct\", where setting is \"one\"",
+            );
         }
     }
-    let at_mm = if figure.is_of_a_place() {
-        if !section.has("at_mm") {
-            section.wrong("at_mm", "missing".into(), "the place, [x, y] in mm");
+    let at_mm = if figure.depends_on_place() {
+        if !section.has_key("at_mm") {
+            section.report_wrong_value("at_mm", "missing".into(), "the place, [x, y] in mm");
         }
-        Some(section.numbers("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
+        Some(section.read_numbers("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
     } else {
         None
     };
     let is_of_no = |what: &str| format!("as {} is no figure {what}", figure.name());
-    if !figure.is_of_settings() {
-        left_out(section, ["setting"], &is_of_no("of settings"));
+    if !figure.depends_on_settings() {
+        report_keys_to_leave_out(section, ["setting"], &is_of_no("of settings"));
     }
-    if !figure.is_of_the_weakest_place() {
-        left_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
+    if !figure.is_weakest_place_peak() {
+        report_keys_to_leave_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
     }
-    if !figure.is_of_a_place() {
-        left_out(section, ["at_mm"], &is_of_no("of a place"));
+    if !figure.depends_on_place() {
+        report_keys_to_leave_out(section, ["at_mm"], &is_of_no("of a place"));
     }
     if figure != Figure::SagUm {
-        left_out(section, ["force_n"], &is_of_no("of a press"));
+        report_keys_to_leave_out(section, ["force_n"], &is_of_no("of a press"));
     }
-    let is_pressed = figure == Figure::SagUm && section.has("force_n");
-    let force_n = is_pressed.then(|| section.number("force_n", Allowed::Within(0.0, era_model::scene::MOST_PRESS_N)));
-    Some(Wanted { figure, setting: setting.unwrap_or(Settings::EveryTouch), drives, at_mm, force_n })
+    let is_pressed = figure == Figure::SagUm && section.has_key("force_n");
+    let force_n =
+        is_pressed.then(|| section.read_number("force_n", AllowedNumbers::Within(0.0, era_model::scene::MOST_PRESS_N)));
+    Some(WantedFigure { figure, setting: setting.unwrap_or(SettingScope::EveryTouch), drives, at_mm, force_n })
 }
 
-fn wish(section: Section<'_, '_>) -> Option<Wish> {
-    let wanted = wanted(&section);
-    let words = [("most", Goal::Most), ("least", Goal::Least)];
-    let goal = if section.has("goal") { section.word("goal", &words) } else { None };
-    section.close();
+fn read_wish(section: TomlSection<'_, '_>) -> Option<Wish> {
+    let wanted = read_wanted_figure(&section);
+    let words = [("most", WishGoal::Most), ("least", WishGoal::Least)];
+    let goal = if section.has_key("goal") { section.read_word("goal", &words) } else { None };
+    section.report_unknown_keys();
     let wanted = wanted?;
     let goal = goal.unwrap_or(wanted.figure.usual_goal());
     Some(Wish { wanted, goal })
 }
 
-fn limit(section: Section<'_, '_>) -> Option<Limit> {
-    let wanted = wanted(&section);
-    if !section.has("least") & !section.has("most") {
-        section.report().add(&section.place("figure"), format!("{}: least or most is needed", section.path()));
+fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
+    let wanted = read_wanted_figure(&section);
+    if !section.has_key("least") & !section.has_key("most") {
+        section.mistake_report().add_mistake_at(
+            &section.byte_range_of_value("figure"),
+            format!("{}: least or most is needed", section.path_in_messages()),
+        );
     }
-    let least = section.number_or("least", f64::NEG_INFINITY, ANY);
-    let most = section.number_or("most", f64::INFINITY, ANY);
+    let least = section.read_number_or("least", f64::NEG_INFINITY, ANY);
+    let most = section.read_number_or("most", f64::INFINITY, ANY);
     if least > most {
-        section.wrong("least", least.to_string(), &format!("at most `most`, {most}"));
+        section.report_wrong_value("least", least.to_string(), &format!("at most `most`, {most}"));
     }
-    section.close();
-    Some(Limit { wanted: wanted?, least, most })
+    section.report_unknown_keys();
+    Some(FigureLimit { wanted: wanted?, least, most })
 }
 
-fn uncertain(section: Section<'_, '_>) -> Uncertain {
-    let paths = paths(&section, "key");
+fn read_uncertain_value(section: TomlSection<'_, '_>) -> UncertainValue {
+    let paths = read_paths(&section, "key");
     let usual = paths.first().map_or_else(String::new, ToString::to_string);
-    let name = if section.has("name") { section.text("name") } else { usual };
-    if section.has("part") == section.has("by") {
-        section.report().add(&section.place("key"), format!("{}: one of part and by is needed", section.path()));
+    let name = if section.has_key("name") { section.read_text("name") } else { usual };
+    if section.has_key("part") == section.has_key("by") {
+        section.mistake_report().add_mistake_at(
+            &section.byte_range_of_value("key"),
+            format!("{}: one of part and by is needed", section.path_in_messages()),
+        );
     }
-    let part = section.number_or("part", 0.0, Allowed::Within(0.0, 0.99));
-    let by = section.number_or("by", 0.0, Allowed::Within(0.0, 1e20));
+    let part = section.read_number_or("part", 0.0, AllowedNumbers::Within(0.0, 0.99));
+    let by = section.read_number_or("by", 0.0, AllowedNumbers::Within(0.0, 1e20));
     let words = [("each", false), ("together", true)];
-    let together = section.has("vary").then(|| section.word("vary", &words)).flatten().unwrap_or(false);
-    let line = section.report().line(section.place("key").start);
-    section.close();
-    Uncertain { name, paths, part, by, together, line }
+    let together = section.has_key("vary").then(|| section.read_word("vary", &words)).flatten().unwrap_or(false);
+    let line = section.mistake_report().line_number_at(section.byte_range_of_value("key").start);
+    section.report_unknown_keys();
+    UncertainValue { name, paths, part, by, together, line }
 }
 
-fn costs(section: Section<'_, '_>) -> Costs {
-    let each = |key| section.number_or(key, 0.0, Allowed::Within(0.0, 1e12));
+fn read_costs(section: TomlSection<'_, '_>) -> PartCosts {
+    let each = |key| section.read_number_or(key, 0.0, AllowedNumbers::Within(0.0, 1e12));
     let costs =
-        Costs { actuator: each("actuator"), support: each("support"), mass: each("mass"), per_kg: each("per_kg") };
-    section.close();
+        PartCosts { actuator: each("actuator"), support: each("support"), mass: each("mass"), per_kg: each("per_kg") };
+    section.report_unknown_keys();
     costs
 }
 
-fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
+fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> StudyMethod {
     let usual = TableOptions::default();
-    let mut method = Method {
-        way: Way::Sobol,
+    let mut method = StudyMethod {
+        way: PointMethod::Sobol,
         designs: 256,
         seed: 0,
         levels: 5,
@@ -349,72 +390,77 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
         runs: 4,
         finalists: 3,
         chunk: None,
-        robust: Robust::LatinHypercube { samples: 16 },
+        robust: UncertaintySampling::LatinHypercube { samples: 16 },
         from_hz: usual.from_hz,
         to_hz: usual.to_hz,
         thorough: false,
     };
-    let Some(section) = file.table("method") else { return method };
-    let ways = [Way::Grid, Way::LatinHypercube, Way::Sobol, Way::Evolution].map(|way| (way.name(), way));
-    if section.has("way") {
-        method.way = section.word("way", &ways).unwrap_or(method.way);
+    let Some(section) = file.read_table("method") else { return method };
+    let ways = [PointMethod::Grid, PointMethod::LatinHypercube, PointMethod::Sobol, PointMethod::Evolution]
+        .map(|way| (way.name(), way));
+    if section.has_key("way") {
+        method.way = section.read_word("way", &ways).unwrap_or(method.way);
     }
     let count = |key: &'static str, usual: usize, most: u32| -> usize {
-        if section.has(key) { section.count(key, most) as usize } else { usual }
+        if section.has_key(key) { section.read_count(key, most) as usize } else { usual }
     };
-    if method.way == Way::Grid {
+    if method.way == PointMethod::Grid {
         method.levels = count("levels", method.levels, MOST_LEVELS);
-        left_out(&section, ["designs", "seed"], "as a grid has the designs that `levels` makes");
+        report_keys_to_leave_out(&section, ["designs", "seed"], "as a grid has the designs that `levels` makes");
     } else {
-        left_out(&section, ["levels"], "as `way` is not \"grid\"");
-        let most = if method.way == Way::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
+        report_keys_to_leave_out(&section, ["levels"], "as `way` is not \"grid\"");
+        let most = if method.way == PointMethod::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
         method.designs = count("designs", method.designs, most);
         method.seed = u64::from(u32::try_from(count("seed", 0, u32::MAX)).unwrap_or(0));
     }
-    if method.way == Way::Evolution {
+    if method.way == PointMethod::Evolution {
         method.population = count("population", method.population, 10_000);
         method.runs = count("runs", method.runs, 10_000);
         let least = method.population * method.runs;
         if method.population < 4 {
-            section.wrong("population", method.population.to_string(), "4 to 10000");
+            section.report_wrong_value("population", method.population.to_string(), "4 to 10000");
         } else if method.designs < least {
             let wanted = format!("at least one generation of each run, {least}");
-            section.wrong("designs", method.designs.to_string(), &wanted);
+            section.report_wrong_value("designs", method.designs.to_string(), &wanted);
         }
-        left_out(&section, ["chunk"], "as a generation is what is computed together");
+        report_keys_to_leave_out(&section, ["chunk"], "as a generation is what is computed together");
     } else {
-        method.chunk = section.has("chunk").then(|| section.count("chunk", 1_000_000) as usize);
-        left_out(&section, ["population", "runs"], "as `way` is not \"evolution\"");
+        method.chunk = section.has_key("chunk").then(|| section.read_count("chunk", 1_000_000) as usize);
+        report_keys_to_leave_out(&section, ["population", "runs"], "as `way` is not \"evolution\"");
     }
     method.finalists = count("finalists", method.finalists, 100);
-    let band = Allowed::Within(1.0, 1000.0);
-    method.from_hz = section.number_or("from_hz", method.from_hz, band);
-    method.to_hz = section.number_or("to_hz", method.to_hz, band);
+    let band = AllowedNumbers::Within(1.0, 1000.0);
+    method.from_hz = section.read_number_or("from_hz", method.from_hz, band);
+    method.to_hz = section.read_number_or("to_hz", method.to_hz, band);
     if method.from_hz > method.to_hz {
-        section.wrong("from_hz", method.from_hz.to_string(), &format!("at most `to_hz`, {}", method.to_hz));
+        section.report_wrong_value(
+            "from_hz",
+            method.from_hz.to_string(),
+            &format!("at most `to_hz`, {}", method.to_hz),
+        );
     }
     let words = [("quick", false), ("thorough", true)];
-    method.thorough = section.has("look").then(|| section.word("look", &words)).flatten().unwrap_or(false);
+    method.thorough = section.has_key("look").then(|| section.read_word("look", &words)).flatten().unwrap_or(false);
     if !uncertain.is_empty() {
         let words = [("corners", true), ("latin_hypercube", false)];
-        let corners = section.has("robust").then(|| section.word("robust", &words)).flatten().unwrap_or(false);
+        let corners = section.has_key("robust").then(|| section.read_word("robust", &words)).flatten().unwrap_or(false);
         if corners {
-            left_out(&section, ["samples"], "as the corners are the samples");
-            method.robust = Robust::Corners;
+            report_keys_to_leave_out(&section, ["samples"], "as the corners are the samples");
+            method.robust = UncertaintySampling::Corners;
         } else {
-            method.robust = Robust::LatinHypercube { samples: count("samples", 16, 10_000) };
+            method.robust = UncertaintySampling::LatinHypercube { samples: count("samples", 16, 10_000) };
         }
     } else {
-        left_out(&section, ["robust", "samples"], "as there is no [[uncertain]]");
+        report_keys_to_leave_out(&section, ["robust", "samples"], "as there is no [[uncertain]]");
     }
-    section.close();
+    section.report_unknown_keys();
     method
 }
 
 /// Tells of keys that are there though nothing asks for them; `why` goes on after "must be left out, ".
-fn left_out<const N: usize>(section: &Section<'_, '_>, keys: [&'static str; N], why: &str) {
-    for key in keys.into_iter().filter(|key| section.has(key)) {
-        section.wrong_list(key, &format!("left out, {why}"));
+fn report_keys_to_leave_out<const N: usize>(section: &TomlSection<'_, '_>, keys: [&'static str; N], why: &str) {
+    for key in keys.into_iter().filter(|key| section.has_key(key)) {
+        section.report_wrong_list(key, &format!("left out, {why}"));
     }
 }
 

@@ -9,13 +9,13 @@ pub const TABLE_NAMES: [(&str, &str); 2] = [("actuator", "id"), ("edge", "side")
 /// A key's place, or that of a table (`actuator.left`). Tables of a list are counted from one, as messages about scenes do; actuators
 /// go by their `id` too, edges by their `side`, and `*` stands for all of a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Path {
+pub struct ScenePath {
     text: String,
-    segments: Vec<Segment>,
+    segments: Vec<PathSegment>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Segment {
+enum PathSegment {
     /// A key of a table, or the name of a list's table.
     Name(String),
     /// A list's table, from one.
@@ -72,19 +72,19 @@ pub enum PathError {
 
 /// What a path leads to: the steps of one place, indices of lists from zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum PathStep {
     /// A table's key.
     Key(String),
     /// A list's table.
     Index(usize),
 }
 
-impl Path {
-    /// Reads a path.
+impl ScenePath {
+    /// Parses a path.
     ///
     /// # Errors
     /// [`PathError::Form`].
-    pub fn parse(text: &str) -> Result<Self, PathError> {
+    pub fn parse_path(text: &str) -> Result<Self, PathError> {
         let form = || PathError::Form { path: text.into() };
         let mut segments = Vec::new();
         for part in text.split('.') {
@@ -95,27 +95,27 @@ impl Path {
             if name.is_empty() || name.contains([']', ' ', '"']) {
                 return Err(form());
             }
-            segments.push(if name == "*" { Segment::All } else { Segment::Name(name.into()) });
+            segments.push(if name == "*" { PathSegment::All } else { PathSegment::Name(name.into()) });
             match number {
-                Some("*") => segments.push(Segment::All),
+                Some("*") => segments.push(PathSegment::All),
                 Some(number) => {
                     let number = number.parse().ok().filter(|number| *number >= 1).ok_or_else(form)?;
-                    segments.push(Segment::Number(number));
+                    segments.push(PathSegment::Number(number));
                 }
                 None => {}
             }
         }
-        if segments.first().is_none_or(|first| *first == Segment::All) {
+        if segments.first().is_none_or(|first| *first == PathSegment::All) {
             return Err(form());
         }
         Ok(Self { text: text.into(), segments })
     }
 
-    /// A key below this path.
+    /// The path of a key below this one.
     #[must_use]
-    pub fn below(&self, key: &str) -> Self {
+    pub fn child_path(&self, key: &str) -> Self {
         let mut segments = self.segments.clone();
-        segments.push(Segment::Name(key.into()));
+        segments.push(PathSegment::Name(key.into()));
         Self { text: format!("{}.{key}", self.text), segments }
     }
 
@@ -123,14 +123,16 @@ impl Path {
     ///
     /// # Errors
     /// [`PathError::Missing`].
-    pub fn places(&self, document: &DocumentMut) -> Result<Vec<Vec<Step>>, PathError> {
-        let mut places: Vec<(Vec<Step>, At<'_>)> = vec![(Vec::new(), At::Table(document.as_table()))];
+    pub fn places(&self, document: &DocumentMut) -> Result<Vec<Vec<PathStep>>, PathError> {
+        let mut places: Vec<(Vec<PathStep>, PathTarget<'_>)> =
+            vec![(Vec::new(), PathTarget::Table(document.as_table()))];
         for (number, segment) in self.segments.iter().enumerate() {
             let is_last = number + 1 == self.segments.len();
             let mut next = Vec::new();
             for (steps, at) in places {
-                let found = at.follow(segment, is_last);
-                let missing = || PathError::Missing { path: self.text.clone(), missing: self.up_to(number) };
+                let found = at.follow_segment(segment, is_last);
+                let missing =
+                    || PathError::Missing { path: self.text.clone(), missing: self.format_up_to_segment(number) };
                 for (step, at) in found.ok_or_else(missing)? {
                     next.push(([steps.as_slice(), &[step]].concat(), at));
                 }
@@ -141,21 +143,21 @@ impl Path {
     }
 
     /// The path's beginning as it is written in messages.
-    fn up_to(&self, segment: usize) -> String {
+    fn format_up_to_segment(&self, segment: usize) -> String {
         let mut text = String::new();
         for segment in &self.segments[..=segment] {
             match segment {
-                Segment::Name(name) if text.is_empty() => text.push_str(name),
-                Segment::Name(name) => text.push_str(&format!(".{name}")),
-                Segment::Number(number) => text.push_str(&format!("[{number}]")),
-                Segment::All => text.push_str(".*"),
+                PathSegment::Name(name) if text.is_empty() => text.push_str(name),
+                PathSegment::Name(name) => text.push_str(&format!(".{name}")),
+                PathSegment::Number(number) => text.push_str(&format!("[{number}]")),
+                PathSegment::All => text.push_str(".*"),
             }
         }
         text
     }
 }
 
-impl fmt::Display for Path {
+impl fmt::Display for ScenePath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
@@ -163,7 +165,7 @@ impl fmt::Display for Path {
 
 /// Where a path has led so far.
 #[derive(Clone, Copy)]
-enum At<'d> {
+enum PathTarget<'d> {
     Table(&'d Table),
     /// With the key that names its tables, if they have names.
     List(&'d toml_edit::ArrayOfTables, Option<&'static str>),
@@ -172,36 +174,41 @@ enum At<'d> {
     Value,
 }
 
-impl<'d> At<'d> {
+impl<'d> PathTarget<'d> {
     /// Where a segment leads: one place, or all of a list; `None` if nothing is there and the last key may not be new.
-    fn follow(self, segment: &Segment, is_last: bool) -> Option<Vec<(Step, At<'d>)>> {
+    fn follow_segment(self, segment: &PathSegment, is_last: bool) -> Option<Vec<(PathStep, PathTarget<'d>)>> {
         match (self, segment) {
-            (At::Table(table), Segment::Name(name)) => {
-                let step = Step::Key(name.clone());
+            (PathTarget::Table(table), PathSegment::Name(name)) => {
+                let step = PathStep::Key(name.clone());
                 match table.get(name) {
-                    Some(Item::Table(table)) => Some(vec![(step, At::Table(table))]),
+                    Some(Item::Table(table)) => Some(vec![(step, PathTarget::Table(table))]),
                     Some(Item::ArrayOfTables(list)) => {
                         let named_by = TABLE_NAMES.iter().find(|(own, _)| own == name).map(|(_, key)| *key);
-                        Some(vec![(step, At::List(list, named_by))])
+                        Some(vec![(step, PathTarget::List(list, named_by))])
                     }
-                    Some(Item::Value(toml_edit::Value::InlineTable(_))) => Some(vec![(step, At::Inline)]),
-                    Some(_) => is_last.then(|| vec![(step, At::Value)]),
-                    None => is_last.then(|| vec![(step, At::Value)]),
+                    Some(Item::Value(toml_edit::Value::InlineTable(_))) => Some(vec![(step, PathTarget::Inline)]),
+                    Some(_) => is_last.then(|| vec![(step, PathTarget::Value)]),
+                    None => is_last.then(|| vec![(step, PathTarget::Value)]),
                 }
             }
-            (At::Inline, Segment::Name(name)) => is_last.then(|| vec![(Step::Key(name.clone()), At::Value)]),
-            (At::List(list, named_by), Segment::Name(name)) => {
+            (PathTarget::Inline, PathSegment::Name(name)) => {
+                is_last.then(|| vec![(PathStep::Key(name.clone()), PathTarget::Value)])
+            }
+            (PathTarget::List(list, named_by), PathSegment::Name(name)) => {
                 let key = named_by?;
                 let has_name = |table: &Table| table.get(key).and_then(Item::as_str) == Some(name);
                 let index = list.iter().position(has_name)?;
-                Some(vec![(Step::Index(index), At::Table(list.get(index)?))])
+                Some(vec![(PathStep::Index(index), PathTarget::Table(list.get(index)?))])
             }
-            (At::List(list, _), Segment::Number(number)) => {
-                Some(vec![(Step::Index(number - 1), At::Table(list.get(number - 1)?))])
+            (PathTarget::List(list, _), PathSegment::Number(number)) => {
+                Some(vec![(PathStep::Index(number - 1), PathTarget::Table(list.get(number - 1)?))])
             }
-            (At::List(list, _), Segment::All) if !list.is_empty() => {
-                Some(list.iter().enumerate().map(|(index, table)| (Step::Index(index), At::Table(table))).collect())
-            }
+            (PathTarget::List(list, _), PathSegment::All) if !list.is_empty() => Some(
+                list.iter()
+                    .enumerate()
+                    .map(|(index, table)| (PathStep::Index(index), PathTarget::Table(table)))
+                    .collect(),
+            ),
             _ => None,
         }
     }
@@ -218,22 +225,22 @@ mod tests {
             .unwrap()
     }
 
-    fn places(path: &str) -> Result<Vec<Vec<Step>>, PathError> {
-        Path::parse(path)?.places(&document())
+    fn find_places(path: &str) -> Result<Vec<Vec<PathStep>>, PathError> {
+        ScenePath::parse_path(path)?.places(&document())
     }
 
     #[test]
     fn places_are_found_by_number_name_and_all() {
-        let key = |name: &str| Step::Key(name.into());
-        assert_eq!(places("surface.thickness_mm").unwrap(), [[key("surface"), key("thickness_mm")]]);
-        assert_eq!(places("support[2].x_mm").unwrap(), [[key("support"), Step::Index(1), key("x_mm")]]);
-        assert_eq!(places("actuator.right.x_mm").unwrap(), [[key("actuator"), Step::Index(1), key("x_mm")]]);
-        assert_eq!(places("edge.top.kind").unwrap(), [[key("edge"), Step::Index(1), key("kind")]]);
-        assert_eq!(places("edge.top").unwrap(), places("edge[2]").unwrap());
-        let all = places("support.*.damping_n_s_per_m").unwrap();
-        assert_eq!(all, places("support[*].damping_n_s_per_m").unwrap());
+        let key = |name: &str| PathStep::Key(name.into());
+        assert_eq!(find_places("surface.thickness_mm").unwrap(), [[key("surface"), key("thickness_mm")]]);
+        assert_eq!(find_places("support[2].x_mm").unwrap(), [[key("support"), PathStep::Index(1), key("x_mm")]]);
+        assert_eq!(find_places("actuator.right.x_mm").unwrap(), [[key("actuator"), PathStep::Index(1), key("x_mm")]]);
+        assert_eq!(find_places("edge.top.kind").unwrap(), [[key("edge"), PathStep::Index(1), key("kind")]]);
+        assert_eq!(find_places("edge.top").unwrap(), find_places("edge[2]").unwrap());
+        let all = find_places("support.*.damping_n_s_per_m").unwrap();
+        assert_eq!(all, find_places("support[*].damping_n_s_per_m").unwrap());
         assert_eq!(all.len(), 2);
-        assert_eq!(places("surface.material.density_kg_m3").unwrap()[0].len(), 3);
+        assert_eq!(find_places("surface.material.density_kg_m3").unwrap()[0].len(), 3);
     }
 
     #[test]
@@ -246,11 +253,11 @@ mod tests {
             ("mass.*.mass_g", "mass"),
             ("surface.damping.loss_factor", "surface.damping"),
         ] {
-            let found = places(path).unwrap_err();
+            let found = find_places(path).unwrap_err();
             assert_eq!(found, PathError::Missing { path: path.into(), missing: missing.into() });
         }
         for path in ["", "support[0].x_mm", "support[2.x_mm", "a..b", "*.x", "support[x].y"] {
-            assert!(matches!(Path::parse(path), Err(PathError::Form { .. })), "{path}");
+            assert!(matches!(ScenePath::parse_path(path), Err(PathError::Form { .. })), "{path}");
         }
     }
 }

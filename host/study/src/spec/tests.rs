@@ -3,7 +3,7 @@
 use super::*;
 
 fn told(text: &str) -> Vec<(usize, String)> {
-    let error = Spec::parse("s.toml", text).unwrap_err();
+    let error = StudySpec::parse("s.toml", text).unwrap_err();
     error.mistakes.into_iter().map(|mistake| (mistake.line, mistake.text)).collect()
 }
 
@@ -119,10 +119,10 @@ fn each_figure_is_computed_once_and_has_a_column_of_its_own() {
                 [[wish]]\nfigure = \"weakest_g\"\n[[wish]]\nfigure = \"weakest_g\"\nsetting = \"one\"\n\
                 [[wish]]\nfigure = \"contrast_db\"\nat_mm = [10, 20.5]\n\
                 [[limit]]\nfigure = \"weakest_g\"\nleast = 0.1\n[[limit]]\nfigure = \"sag_um\"\nforce_n = 10\nmost = 100\n";
-    let spec = Spec::parse("s.toml", text).unwrap();
-    let columns: Vec<String> = spec.figures().iter().map(Wanted::column).collect();
+    let spec = StudySpec::parse("s.toml", text).unwrap();
+    let columns: Vec<String> = spec.wanted_figures().iter().map(WantedFigure::column_name).collect();
     assert_eq!(columns, ["weakest_g", "weakest_g_one_setting", "contrast_db_at_10_20.5", "sag_um_10_n"]);
-    assert_eq!(spec.wishes[0].goal, Goal::Most);
+    assert_eq!(spec.wishes[0].goal, WishGoal::Most);
 }
 
 #[test]
@@ -132,10 +132,13 @@ fn a_weakest_place_is_driven_as_said() {
             "version = 1\nname = \"s\"\nscene = \"x.toml\"\n[[wish]]\nfigure = \"weakest_g\"\n{wish}[method]\nfinalists = 2\n"
         )
     };
-    let spec = Spec::parse("s.toml", &of("drives = \"in_phase\"\n")).unwrap();
-    assert_eq!(spec.figures()[0].column(), "weakest_g_in_phase");
-    assert_eq!((spec.method.way, spec.method.finalists), (Way::Sobol, 2));
-    assert!(!spec.figures()[0].is_quick() && Spec::parse("s.toml", &of("")).unwrap().figures()[0].is_quick());
+    let spec = StudySpec::parse("s.toml", &of("drives = \"in_phase\"\n")).unwrap();
+    assert_eq!(spec.wanted_figures()[0].column_name(), "weakest_g_in_phase");
+    assert_eq!((spec.method.way, spec.method.finalists), (PointMethod::Sobol, 2));
+    assert!(
+        !spec.wanted_figures()[0].needs_no_plan_table()
+            && StudySpec::parse("s.toml", &of("")).unwrap().wanted_figures()[0].needs_no_plan_table()
+    );
     let told = |wish: &str| told(&of(wish))[0].1.clone();
     assert!(told("drives = \"two\"\n").contains("wish[1].drives is \"two\", but must be one of \"distinct\""));
     let both = told("setting = \"one\"\ndrives = \"one_frequency\"\n");
@@ -143,5 +146,5 @@ fn a_weakest_place_is_driven_as_said() {
         both.contains("wish[1].drives is \"one_frequency\", but must be \"distinct\", where setting is \"one\""),
         "{both}"
     );
-    assert!(Spec::parse("s.toml", &of("").replace("weakest_g\"", "mass_g\"\ndrives = \"distinct\"")).is_err());
+    assert!(StudySpec::parse("s.toml", &of("").replace("weakest_g\"", "mass_g\"\ndrives = \"distinct\"")).is_err());
 }

@@ -1,11 +1,11 @@
 //! What may change, and what is not known.
 
-use super::path::Path;
+use super::path::ScenePath;
 use toml_edit::Value;
 
 /// How numbers are spread between two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
+pub enum NumberScale {
     /// Equal differences.
     Linear,
     /// Equal ratios.
@@ -14,18 +14,18 @@ pub enum Scale {
 
 /// Numbers between two.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Numbers {
+pub struct NumberRange {
     /// Least.
     pub from: f64,
     /// Most.
     pub to: f64,
     /// How they are spread.
-    pub scale: Scale,
+    pub scale: NumberScale,
     /// Only `from` and whole steps beyond it, linear scale only.
     pub step: Option<f64>,
 }
 
-impl Numbers {
+impl NumberRange {
     /// How many there are; `None` if any number between the two will do.
     #[must_use]
     #[expect(
@@ -33,20 +33,20 @@ impl Numbers {
         clippy::cast_sign_loss,
         reason = "at most a million, by the file's reader"
     )]
-    pub fn count(&self) -> Option<usize> {
+    pub fn count_stepped_values(&self) -> Option<usize> {
         self.step.map(|step| ((self.to - self.from) / step + 1e-9).floor() as usize + 1)
     }
 }
 
 /// Where a place may be, in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Where {
+pub enum PlaceArea {
     /// In a rectangle.
     Rectangle {
         /// Between two columns.
-        x: Numbers,
+        x: NumberRange,
         /// Between two rows.
-        y: Numbers,
+        y: NumberRange,
     },
     /// On a straight line.
     Line {
@@ -55,24 +55,24 @@ pub enum Where {
         /// The other.
         to: [f64; 2],
         /// How far it is from one to the other.
-        along: Numbers,
+        along: NumberRange,
     },
 }
 
 /// What a variable changes, and to what.
 #[derive(Clone, Debug)]
-pub enum What {
+pub enum VariableKind {
     /// A number for one key or several.
     Number {
         /// Where it goes.
-        paths: Vec<Path>,
+        paths: Vec<ScenePath>,
         /// What it may be.
-        numbers: Numbers,
+        numbers: NumberRange,
     },
     /// One value, or table, of a list.
     Choice {
         /// Where it goes.
-        paths: Vec<Path>,
+        paths: Vec<ScenePath>,
         /// What it may be.
         values: Vec<Value>,
         /// What these are called.
@@ -83,16 +83,16 @@ pub enum What {
     /// `x_mm` and `y_mm` together.
     Place {
         /// The table that has them.
-        of: Path,
+        of: ScenePath,
         /// Where it may be.
-        area: Where,
+        area: PlaceArea,
     },
     /// The mirror image of another place.
     Mirror {
         /// The table that is moved.
-        of: Path,
+        of: ScenePath,
         /// The one that it is an image of.
-        from: Path,
+        from: ScenePath,
         /// Whether x is mirrored about the surface's middle.
         x: bool,
         /// Whether y is.
@@ -111,30 +111,30 @@ pub enum What {
 
 /// One thing that may change.
 #[derive(Clone, Debug)]
-pub struct Variable {
+pub struct StudyVariable {
     /// What tables and plots call it.
     pub name: String,
     /// What it is.
-    pub what: What,
+    pub what: VariableKind,
     /// How many values a grid has of it (for a rectangle along either side); the method's if `None`.
     pub levels: Option<usize>,
     /// Its line in the file.
     pub line: usize,
 }
 
-impl Variable {
+impl StudyVariable {
     /// Whether it moves the table that a path leads to.
     #[must_use]
-    pub fn is_place_of(&self, path: &Path) -> bool {
-        matches!(&self.what, What::Place { of, .. } | What::Mirror { of, .. } if of == path)
+    pub fn is_place_of(&self, path: &ScenePath) -> bool {
+        matches!(&self.what, VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } if of == path)
     }
 }
 
 /// Places that keep a distance from each other.
 #[derive(Clone, Debug)]
-pub struct Apart {
+pub struct MinimumDistance {
     /// The tables that have them.
-    pub places: Vec<Path>,
+    pub places: Vec<ScenePath>,
     /// Least distance in mm.
     pub distance_mm: f64,
     /// Its line in the file.
@@ -143,11 +143,11 @@ pub struct Apart {
 
 /// What is not known of a design: a value that may be off.
 #[derive(Clone, Debug)]
-pub struct Uncertain {
+pub struct UncertainValue {
     /// What tables call it.
     pub name: String,
     /// Which keys.
-    pub paths: Vec<Path>,
+    pub paths: Vec<ScenePath>,
     /// By which part of itself it may be more or less.
     pub part: f64,
     /// By how much, in the key's unit, it may be more or less.

@@ -29,14 +29,14 @@ pub enum Figure {
 
 /// Whether more or less is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Goal {
+pub enum WishGoal {
     /// More.
     Most,
     /// Less.
     Least,
 }
 
-impl Goal {
+impl WishGoal {
     /// The word in the file.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -48,7 +48,7 @@ impl Goal {
 
     /// A figure as a loss: less is better.
     #[must_use]
-    pub const fn loss(self, figure: f64) -> f64 {
+    pub const fn loss_of_figure(self, figure: f64) -> f64 {
         match self {
             Self::Most => -figure,
             Self::Least => figure,
@@ -58,7 +58,7 @@ impl Goal {
 
 /// Which settings of the actuators count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Settings {
+pub enum SettingScope {
     /// Each place has a setting of its own.
     EveryTouch,
     /// One setting for the whole surface.
@@ -67,7 +67,7 @@ pub enum Settings {
 
 /// How the actuators' frequencies go together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drives {
+pub enum FrequencyGrouping {
     /// One for each actuator.
     Distinct,
     /// One for all of them, with phases.
@@ -76,7 +76,7 @@ pub enum Drives {
     InPhase,
 }
 
-impl Drives {
+impl FrequencyGrouping {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Distinct, Self::OneFrequency, Self::InPhase];
 
@@ -127,72 +127,72 @@ impl Figure {
 
     /// What is usually wanted of it.
     #[must_use]
-    pub const fn usual_goal(self) -> Goal {
+    pub const fn usual_goal(self) -> WishGoal {
         match self {
-            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::BendingModeHz => Goal::Most,
+            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::BendingModeHz => WishGoal::Most,
             Self::RiseMs
             | Self::PowerW
             | Self::MassG
             | Self::Cost
             | Self::RigidModeHz
             | Self::SagUm
-            | Self::VoltageV => Goal::Least,
+            | Self::VoltageV => WishGoal::Least,
         }
     }
 
     /// Whether it is about settings of the actuators over the surface.
     #[must_use]
-    pub const fn is_of_settings(self) -> bool {
+    pub const fn depends_on_settings(self) -> bool {
         matches!(self, Self::WeakestG | Self::WeakestDb | Self::PowerW | Self::VoltageV)
     }
 
     /// Whether it is a peak at the place where the least can be had.
     #[must_use]
-    pub const fn is_of_the_weakest_place(self) -> bool {
+    pub const fn is_weakest_place_peak(self) -> bool {
         matches!(self, Self::WeakestG | Self::WeakestDb)
     }
 
     /// Whether it is the frequency of a mode.
     #[must_use]
-    pub const fn is_of_a_mode(self) -> bool {
+    pub const fn is_mode_frequency(self) -> bool {
         matches!(self, Self::RigidModeHz | Self::BendingModeHz)
     }
 
     /// Whether it is about a place.
     #[must_use]
-    pub const fn is_of_a_place(self) -> bool {
+    pub const fn depends_on_place(self) -> bool {
         matches!(self, Self::ContrastDb | Self::RiseMs)
     }
 
     /// Whether it is a level in dB, which has no ratio to another.
     #[must_use]
-    pub const fn is_level(self) -> bool {
+    pub const fn is_level_in_db(self) -> bool {
         matches!(self, Self::WeakestDb | Self::ContrastDb)
     }
 }
 
 /// A figure with all that it depends on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wanted {
+pub struct WantedFigure {
     /// Which.
     pub figure: Figure,
     /// For figures of settings: which settings.
-    pub setting: Settings,
+    pub setting: SettingScope,
     /// For the weakest place: how it is driven.
-    pub drives: Drives,
+    pub drives: FrequencyGrouping,
     /// For figures of a place: where, in mm.
     pub at_mm: Option<[f64; 2]>,
     /// For the sag: the press in N; the scene's if `None`.
     pub force_n: Option<f64>,
 }
 
-impl Wanted {
+impl WantedFigure {
     /// Whether it follows from the weakest place of a setting for every touch, or from the parts alone.
     #[must_use]
-    pub fn is_quick(&self) -> bool {
+    pub fn needs_no_plan_table(&self) -> bool {
         match self.figure {
             Figure::WeakestG | Figure::WeakestDb => {
-                self.setting == Settings::EveryTouch && self.drives == Drives::Distinct
+                self.setting == SettingScope::EveryTouch && self.drives == FrequencyGrouping::Distinct
             }
             figure => matches!(figure, Figure::SagUm | Figure::MassG | Figure::Cost),
         }
@@ -200,30 +200,31 @@ impl Wanted {
 
     /// Whether it is the peak at the weakest place with a setting for every touch, of which a plan has a bound.
     #[must_use]
-    pub fn has_bound_of_weakest(&self) -> bool {
-        self.figure == Figure::WeakestG && (self.setting, self.drives) == (Settings::EveryTouch, Drives::Distinct)
+    pub fn is_bounded_weakest_peak(&self) -> bool {
+        self.figure == Figure::WeakestG
+            && (self.setting, self.drives) == (SettingScope::EveryTouch, FrequencyGrouping::Distinct)
     }
 
     /// Whether its relative error has a bound when it is computed thoroughly.
     #[must_use]
-    pub fn has_bound(&self) -> bool {
-        self.has_bound_of_weakest() || self.figure == Figure::SagUm || self.figure.is_of_a_mode()
+    pub fn has_error_bound(&self) -> bool {
+        self.is_bounded_weakest_peak() || self.figure == Figure::SagUm || self.figure.is_mode_frequency()
     }
 
     /// Whether it is about one setting for the whole surface.
     #[must_use]
-    pub fn is_of_one_setting(&self) -> bool {
-        self.figure.is_of_settings() && self.setting == Settings::One
+    pub fn is_for_one_setting(&self) -> bool {
+        self.figure.depends_on_settings() && self.setting == SettingScope::One
     }
 
     /// What tables call it.
     #[must_use]
-    pub fn column(&self) -> String {
+    pub fn column_name(&self) -> String {
         let mut name = self.figure.name().to_owned();
-        if self.is_of_one_setting() {
+        if self.is_for_one_setting() {
             name.push_str("_one_setting");
         }
-        if self.drives != Drives::Distinct {
+        if self.drives != FrequencyGrouping::Distinct {
             name.push('_');
             name.push_str(self.drives.name());
         }
@@ -241,27 +242,27 @@ impl Wanted {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
     /// Which.
-    pub wanted: Wanted,
+    pub wanted: WantedFigure,
     /// What is better.
-    pub goal: Goal,
+    pub goal: WishGoal,
 }
 
 /// A figure that has to be within bounds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Limit {
+pub struct FigureLimit {
     /// Which.
-    pub wanted: Wanted,
+    pub wanted: WantedFigure,
     /// No less than this.
     pub least: f64,
     /// No more than this.
     pub most: f64,
 }
 
-impl Limit {
+impl FigureLimit {
     /// Each of its bounds in words (`sag_um at most 800`), with how far the end of a figure's least and most is beyond it, in the figure's unit: what
     /// is kept is at most 0.
-    pub fn margins(&self, low: f64, high: f64) -> impl Iterator<Item = (String, f64)> + use<> {
-        let column = self.wanted.column();
+    pub fn margins_beyond_limits(&self, low: f64, high: f64) -> impl Iterator<Item = (String, f64)> + use<> {
+        let column = self.wanted.column_name();
         let Self { least, most, .. } = *self;
         let least = least.is_finite().then(|| (format!("{column} at least {least}"), least - low));
         let most = most.is_finite().then(|| (format!("{column} at most {most}"), high - most));
@@ -270,7 +271,7 @@ impl Limit {
 
     /// The end of a figure's least and most that is beyond the limit, and what is allowed; `None` if the limit is kept.
     #[must_use]
-    pub fn broken_by(&self, low: f64, high: f64) -> Option<(f64, String)> {
+    pub fn find_broken_end(&self, low: f64, high: f64) -> Option<(f64, String)> {
         if low < self.least {
             Some((low, format!("at least {}", self.least)))
         } else if high > self.most {
@@ -283,7 +284,7 @@ impl Limit {
 
 /// What parts cost, in a currency of the file's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Costs {
+pub struct PartCosts {
     /// Each actuator.
     pub actuator: f64,
     /// Each support.

@@ -1,7 +1,7 @@
 //! Covariance matrix adaptation, (mu/mu_w, lambda)-CMA-ES with negative weights: appendix A of "The CMA Evolution Strategy: A Tutorial" by N. Hansen (arXiv 1604.00772v2).
 //! The tests hold it against what is published of the reference implementation (c-cmaes, `doc.txt`).
 
-use era_model::scene::random::Random;
+use era_model::scene::random::RandomSequence;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -13,8 +13,8 @@ const EQUAL_VALUES: f64 = 1e-12;
 
 /// Where the next generation is looked for: a normal distribution.
 #[derive(Clone, Debug)]
-pub struct Adaptation {
-    rates: Rates,
+pub struct CovarianceAdaptation {
+    rates: AdaptationRates,
     mean: DVector<f64>,
     step: f64,
     covariance: DMatrix<f64>,
@@ -33,7 +33,7 @@ pub struct Adaptation {
 
 /// Weights and learning rates: they follow from the dimensions and the size of a generation alone.
 #[derive(Clone, Debug)]
-struct Rates {
+struct AdaptationRates {
     /// Of each point, the best first; negative ones of the worse half.
     weights: Vec<f64>,
     /// Effective selection mass mu_eff.
@@ -47,7 +47,7 @@ struct Rates {
     normal_length: f64,
 }
 
-impl Rates {
+impl AdaptationRates {
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     fn new(dimensions: usize, population: usize) -> Self {
         let (n, lambda) = (dimensions as f64, population as f64);
@@ -83,13 +83,13 @@ impl Rates {
     }
 }
 
-impl Adaptation {
+impl CovarianceAdaptation {
     /// A search that begins around `mean` with the deviation `step` in every dimension, both in units of the coordinates; `population` is the number of
     /// points of a generation, two or more.
     pub fn new(mean: Vec<f64>, step: f64, population: usize) -> Self {
         let n = mean.len();
         Self {
-            rates: Rates::new(n, population),
+            rates: AdaptationRates::new(n, population),
             mean: DVector::from_vec(mean),
             step,
             covariance: DMatrix::identity(n, n),
@@ -105,7 +105,7 @@ impl Adaptation {
     }
 
     /// Draws the next generation: population x dimensions coordinates.
-    pub fn draw_generation(&mut self, random: &mut Random) -> Vec<Vec<f64>> {
+    pub fn draw_generation_points(&mut self, random: &mut RandomSequence) -> Vec<Vec<f64>> {
         let n = self.mean.len();
         let of = |_| &self.axes * self.lengths.component_mul(&DVector::from_fn(n, |_, _| draw_normal(random)));
         self.steps = (0..self.rates.weights.len()).map(of).collect();
@@ -152,8 +152,8 @@ impl Adaptation {
             self.covariance.ger(rates.rank_mu * weight, step, step, 1.0);
         }
         self.step *= (rates.path_of_step / rates.damping * (length / rates.normal_length - 1.0)).exp();
-        self.record_best(order.first().map_or(f64::INFINITY, value));
-        self.find_axes();
+        self.record_best_value(order.first().map_or(f64::INFINITY, value));
+        self.update_covariance_axes();
     }
 
     /// Generations over which a best value that stays the same ends a search (appendix B.3, EqualFunValues).
@@ -161,14 +161,14 @@ impl Adaptation {
         11 + (30 * self.mean.len()).div_ceil(self.rates.weights.len())
     }
 
-    fn record_best(&mut self, best: f64) {
+    fn record_best_value(&mut self, best: f64) {
         if self.best.len() == self.count_flat_generations() {
             self.best.pop_front();
         }
         self.best.push_back(best);
     }
 
-    fn find_axes(&mut self) {
+    fn update_covariance_axes(&mut self) {
         let covariance = 0.5 * (&self.covariance + self.covariance.transpose());
         let is_finite =
             self.step.is_finite() && covariance.iter().chain(self.mean.iter()).all(|value| value.is_finite());
@@ -186,7 +186,7 @@ impl Adaptation {
     }
 
     /// Whether deviations are below `arrived` in every dimension, or nothing more is learnt (appendix B.3: TolX, EqualFunValues, ConditionCov).
-    pub fn has_ended(&self, arrived: f64) -> bool {
+    pub fn has_search_ended(&self, arrived: f64) -> bool {
         let deviations = self.covariance.diagonal().map(f64::sqrt);
         let paths = self.path_of_covariance.abs();
         let is_near = deviations.iter().chain(paths.iter()).all(|deviation| self.step * deviation < arrived);
@@ -202,8 +202,8 @@ impl Adaptation {
 }
 
 /// A normal deviate of mean 0 and deviation 1 (Box and Muller 1958).
-fn draw_normal(random: &mut Random) -> f64 {
-    (-2.0 * (1.0 - random.unit()).ln()).sqrt() * (TAU * random.unit()).cos()
+fn draw_normal(random: &mut RandomSequence) -> f64 {
+    (-2.0 * (1.0 - random.next_unit_number()).ln()).sqrt() * (TAU * random.next_unit_number()).cos()
 }
 
 #[cfg(test)]
@@ -211,8 +211,8 @@ mod tests {
     use super::*;
 
     /// Counts the generations, of the default size, until a function is below 1e-9 from (3, 3, ...) with a deviation of 1; with the search as it is then.
-    fn count_generations(n: usize, of: impl Fn(&[f64]) -> f64) -> (usize, Adaptation) {
-        let mut random = Random::new(7, 7);
+    fn count_generations(n: usize, of: impl Fn(&[f64]) -> f64) -> (usize, CovarianceAdaptation) {
+        let mut random = RandomSequence::new(7, 7);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -220,9 +220,9 @@ mod tests {
             reason = "the usual size"
         )]
         let population = 4 + (3.0 * (n as f64).ln()) as usize;
-        let mut search = Adaptation::new(vec![3.0; n], 1.0, population);
+        let mut search = CovarianceAdaptation::new(vec![3.0; n], 1.0, population);
         for generation in 1..4000 {
-            let values: Vec<f64> = search.draw_generation(&mut random).iter().map(|point| of(point)).collect();
+            let values: Vec<f64> = search.draw_generation_points(&mut random).iter().map(|point| of(point)).collect();
             if values.iter().any(|value| *value < 1e-9) {
                 return (generation, search);
             }
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn weights_sum_as_they_should() {
         for (n, population) in [(1, 4), (2, 6), (3, 10), (10, 10), (40, 15)] {
-            let rates = Rates::new(n, population);
+            let rates = AdaptationRates::new(n, population);
             let better: f64 = rates.weights.iter().filter(|weight| **weight > 0.0).sum();
             assert!((better - 1.0).abs() < 1e-12 && rates.weights.is_sorted_by(|a, b| a >= b), "{n}");
             assert!(rates.rank_one + rates.rank_mu <= 1.0 + 1e-12 && rates.effective_mass >= 1.0, "{n}");
@@ -265,10 +265,11 @@ mod tests {
     #[test]
     fn where_nothing_is_learnt_it_ends() {
         for value in [1.0, f64::INFINITY, f64::NAN] {
-            let (mut search, mut random) = (Adaptation::new(vec![0.5, 0.5], 0.3, 6), Random::new(1, 1));
+            let (mut search, mut random) =
+                (CovarianceAdaptation::new(vec![0.5, 0.5], 0.3, 6), RandomSequence::new(1, 1));
             let mut count = 0;
-            while !search.has_ended(1e-3) {
-                assert!(search.draw_generation(&mut random).iter().flatten().all(|part| part.is_finite()));
+            while !search.has_search_ended(1e-3) {
+                assert!(search.draw_generation_points(&mut random).iter().flatten().all(|part| part.is_finite()));
                 search.learn_from(&[value; 6]);
                 count += 1;
                 assert!(count < 1000);

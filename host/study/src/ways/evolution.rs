@@ -3,9 +3,9 @@
 //! Every generation is had by going through all before it with the values that are known: they are the same again, as the random
 //! numbers are, and nothing but values has to be kept to go on after a stop.
 
-use super::adaptation::Adaptation;
-use crate::spec::Method;
-use era_model::scene::random::Random;
+use super::adaptation::CovarianceAdaptation;
+use crate::spec::StudyMethod;
+use era_model::scene::random::RandomSequence;
 
 /// A stream of random numbers of its own.
 const STREAM: u64 = 0xe701;
@@ -27,50 +27,53 @@ pub struct Evolution {
 impl Evolution {
     /// The generations of a method over so many dimensions.
     #[must_use]
-    pub fn new(method: &Method, dimensions: usize) -> Self {
+    pub fn new(method: &StudyMethod, dimensions: usize) -> Self {
         let (population, runs) = (method.population.max(2), method.runs.max(1));
         let generations = method.designs / (population * runs);
         Self { dimensions, population, runs, generations, seed: method.seed }
     }
 
-    /// Designs of a generation.
+    /// Number of designs of a generation.
     #[must_use]
-    pub const fn population(&self) -> usize {
+    pub const fn population_size(&self) -> usize {
         self.population
     }
 
-    /// Searches beside each other.
+    /// Number of searches beside each other.
     #[must_use]
-    pub const fn runs(&self) -> usize {
+    pub const fn count_runs(&self) -> usize {
         self.runs
     }
 
-    /// Generations of each.
+    /// Number of generations of each search.
     #[must_use]
-    pub const fn generations(&self) -> usize {
+    pub const fn count_generations(&self) -> usize {
         self.generations
     }
 
     /// The points of the generation after those that are told: losses of each of their points, less being better. A search that has
     /// arrived begins anew elsewhere.
     #[must_use]
-    pub fn ask(&self, run: usize, told: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub fn points_of_next_generation(&self, run: usize, losses_so_far: &[Vec<f64>]) -> Vec<Vec<f64>> {
         if self.dimensions == 0 {
             return vec![Vec::new(); self.population];
         }
-        let mut random = Random::new(self.seed, STREAM + run as u64);
-        let (all, mut told) = (told.len(), told.iter());
+        let mut random = RandomSequence::new(self.seed, STREAM + run as u64);
+        let (all, mut losses_so_far) = (losses_so_far.len(), losses_so_far.iter());
         loop {
-            let middle = if run == 0 && told.len() == all {
+            let middle = if run == 0 && losses_so_far.len() == all {
                 vec![0.5; self.dimensions]
             } else {
-                (0..self.dimensions).map(|_| random.between(0.2, 0.8)).collect()
+                (0..self.dimensions).map(|_| random.next_between(0.2, 0.8)).collect()
             };
-            let mut search = Adaptation::new(middle, FIRST_DEVIATION, self.population);
-            while !search.has_ended(ARRIVED) {
-                let points = search.draw_generation(&mut random);
-                let Some(values) = told.next() else {
-                    return points.into_iter().map(|point| point.into_iter().map(folded).collect()).collect();
+            let mut search = CovarianceAdaptation::new(middle, FIRST_DEVIATION, self.population);
+            while !search.has_search_ended(ARRIVED) {
+                let points = search.draw_generation_points(&mut random);
+                let Some(values) = losses_so_far.next() else {
+                    return points
+                        .into_iter()
+                        .map(|point| point.into_iter().map(fold_into_unit_interval).collect())
+                        .collect();
                 };
                 search.learn_from(values);
             }
@@ -80,7 +83,7 @@ impl Evolution {
     /// What each of some wishes counts in a run: all of one wish first, then between them.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    pub fn weights(&self, run: usize, wishes: usize) -> Vec<f64> {
+    pub fn wish_weights_of_run(&self, run: usize, wishes: usize) -> Vec<f64> {
         let only = |wish: usize| (0..wishes).map(|k| f64::from(u8::from(k == wish))).collect();
         match (wishes, self.runs) {
             (0 | 1, _) => vec![1.0; wishes],
@@ -92,8 +95,8 @@ impl Evolution {
             _ if run == wishes => vec![1.0 / wishes as f64; wishes],
             _ => {
                 // Evenly over the simplex.
-                let mut random = Random::new(self.seed, STREAM.wrapping_sub(1 + run as u64));
-                let parts: Vec<f64> = (0..wishes).map(|_| -(1.0 - random.unit()).ln()).collect();
+                let mut random = RandomSequence::new(self.seed, STREAM.wrapping_sub(1 + run as u64));
+                let parts: Vec<f64> = (0..wishes).map(|_| -(1.0 - random.next_unit_number()).ln()).collect();
                 let whole: f64 = parts.iter().sum();
                 parts.into_iter().map(|part| part / whole).collect()
             }
@@ -102,8 +105,8 @@ impl Evolution {
 }
 
 /// A coordinate beyond an end as its mirror image there: the search knows no ends.
-fn folded(at: f64) -> f64 {
-    let part = at.rem_euclid(2.0);
+fn fold_into_unit_interval(coordinate: f64) -> f64 {
+    let part = coordinate.rem_euclid(2.0);
     if part > 1.0 { 2.0 - part } else { part }
 }
 
@@ -120,8 +123,8 @@ mod tests {
         let mut told: Vec<Vec<f64>> = Vec::new();
         let mut best = (Vec::new(), f64::INFINITY);
         for _ in 0..generations {
-            let points = evolution.ask(run, &told);
-            assert_eq!(points.len(), evolution.population());
+            let points = evolution.points_of_next_generation(run, &told);
+            assert_eq!(points.len(), evolution.population_size());
             let losses: Vec<f64> = points.iter().map(|point| of(point)).collect();
             for (point, loss) in points.iter().zip(&losses) {
                 assert!(point.iter().all(|part| (0.0..=1.0).contains(part)));
@@ -159,36 +162,39 @@ mod tests {
     #[test]
     fn what_is_told_makes_the_same_generations_again_and_other_ones_of_other_values() {
         let evolution = evolution(2, 6, 2);
-        let first = evolution.ask(1, &[]);
+        let first = evolution.points_of_next_generation(1, &[]);
         let losses: Vec<f64> = first.iter().map(|point| point[0]).collect();
-        let second = evolution.ask(1, std::slice::from_ref(&losses));
-        assert_eq!(evolution.ask(1, &[]), first);
-        assert_eq!(evolution.ask(1, std::slice::from_ref(&losses)), second);
+        let second = evolution.points_of_next_generation(1, std::slice::from_ref(&losses));
+        assert_eq!(evolution.points_of_next_generation(1, &[]), first);
+        assert_eq!(evolution.points_of_next_generation(1, std::slice::from_ref(&losses)), second);
         let turned: Vec<f64> = losses.iter().map(|loss| -loss).collect();
-        assert_ne!(evolution.ask(1, &[turned]), second);
-        assert_ne!(evolution.ask(0, &[]), first);
+        assert_ne!(evolution.points_of_next_generation(1, &[turned]), second);
+        assert_ne!(evolution.points_of_next_generation(0, &[]), first);
     }
 
     #[test]
     fn weights_go_from_one_wish_to_the_other() {
         let two = evolution(2, 6, 3);
-        assert_eq!((0..3).map(|run| two.weights(run, 2)).collect::<Vec<_>>(), [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]);
+        assert_eq!(
+            (0..3).map(|run| two.wish_weights_of_run(run, 2)).collect::<Vec<_>>(),
+            [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
+        );
         let many = evolution(2, 6, 9);
         for run in 0..9 {
-            let weights = many.weights(run, 3);
+            let weights = many.wish_weights_of_run(run, 3);
             assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && weights.iter().all(|part| *part >= 0.0));
         }
-        assert_eq!(many.weights(1, 3), [0.0, 1.0, 0.0]);
-        assert_ne!(many.weights(5, 3), many.weights(6, 3));
+        assert_eq!(many.wish_weights_of_run(1, 3), [0.0, 1.0, 0.0]);
+        assert_ne!(many.wish_weights_of_run(5, 3), many.wish_weights_of_run(6, 3));
     }
 
     #[test]
     fn nothing_to_search_is_no_endless_search() {
-        assert_eq!(evolution(0, 6, 1).ask(0, &[vec![1.0; 6]]), vec![Vec::<f64>::new(); 6]);
+        assert_eq!(evolution(0, 6, 1).points_of_next_generation(0, &[vec![1.0; 6]]), vec![Vec::<f64>::new(); 6]);
     }
 
     #[test]
     fn ends_are_mirrors() {
-        assert_eq!([-0.25, 0.25, 1.25, 2.25, -1.5].map(folded), [0.25, 0.25, 0.75, 0.25, 0.5]);
+        assert_eq!([-0.25, 0.25, 1.25, 2.25, -1.5].map(fold_into_unit_interval), [0.25, 0.25, 0.75, 0.25, 0.5]);
     }
 }

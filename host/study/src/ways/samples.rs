@@ -1,8 +1,8 @@
 //! Points that are known beforehand: grids, Latin hypercubes, Sobol's sequence.
 
-use crate::space::Dimension;
-use crate::spec::{Method, Way};
-use era_model::scene::random::Random;
+use crate::space::CubeDimension;
+use crate::spec::{PointMethod, StudyMethod};
+use era_model::scene::random::RandomSequence;
 use sobol::params::JoeKuoD6;
 use sobol::{Sobol, SobolType};
 use std::ops::Range;
@@ -17,7 +17,7 @@ const BITS: usize = <f64 as SobolType>::MAX_RESOLUTION;
 
 /// All points of a study.
 #[derive(Clone, Debug)]
-pub enum Samples {
+pub enum KnownPoints {
     /// All combinations; the last dimension goes fastest.
     Grid {
         /// The values of each dimension.
@@ -36,35 +36,37 @@ pub enum Samples {
     },
 }
 
-impl Samples {
+impl KnownPoints {
     /// The points of a method; `None` for one whose points depend on results.
     #[must_use]
-    pub fn new(method: &Method, dimensions: &[Dimension]) -> Option<Self> {
-        let mut random = Random::new(method.seed, STREAM);
+    pub fn new(method: &StudyMethod, dimensions: &[CubeDimension]) -> Option<Self> {
+        let mut random = RandomSequence::new(method.seed, STREAM);
         match method.way {
-            Way::Grid => {
-                let of = |dimension: &Dimension| levels(dimension, method.levels);
+            PointMethod::Grid => {
+                let of = |dimension: &CubeDimension| grid_levels(dimension, method.levels);
                 Some(Self::Grid { levels: dimensions.iter().map(of).collect() })
             }
-            Way::LatinHypercube => Some(Self::Listed(latin_hypercube(dimensions.len(), method.designs, &mut random))),
-            Way::Sobol => {
-                let shift = |_| if method.seed == 0 { 0.0 } else { random.unit() };
-                let shift: Vec<f64> = (0..dimensions.len()).map(shift).collect();
-                Some(Self::sobol(method.designs, shift))
+            PointMethod::LatinHypercube => {
+                Some(Self::Listed(draw_latin_hypercube(dimensions.len(), method.designs, &mut random)))
             }
-            Way::Evolution => None,
+            PointMethod::Sobol => {
+                let shift = |_| if method.seed == 0 { 0.0 } else { random.next_unit_number() };
+                let shift: Vec<f64> = (0..dimensions.len()).map(shift).collect();
+                Some(Self::sobol_sequence(method.designs, shift))
+            }
+            PointMethod::Evolution => None,
         }
     }
 
     /// Sobol's sequence with what is added to each coordinate; beyond [`MOST_SOBOL`] dimensions there is none.
-    fn sobol(count: usize, shift: Vec<f64>) -> Self {
+    fn sobol_sequence(count: usize, shift: Vec<f64>) -> Self {
         let directions = Sobol::<f64>::init_direction_vals(shift.len(), BITS, &JoeKuoD6::standard());
         Self::Sobol { count, directions, shift }
     }
 
     /// How many there are; more than can be counted is the largest number.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub fn count_points(&self) -> usize {
         match self {
             Self::Grid { levels } => levels.iter().fold(1_usize, |count, own| count.saturating_mul(own.len())),
             Self::Listed(points) => points.len(),
@@ -74,13 +76,13 @@ impl Samples {
 
     /// Some of them.
     #[must_use]
-    pub fn points(&self, range: Range<usize>) -> Vec<Vec<f64>> {
+    pub fn points_in_range(&self, range: Range<usize>) -> Vec<Vec<f64>> {
         match self {
-            Self::Grid { levels } => range.map(|index| combination(levels, index)).collect(),
+            Self::Grid { levels } => range.map(|index| grid_point_at_index(levels, index)).collect(),
             Self::Listed(points) => points.get(range).map(<[_]>::to_vec).unwrap_or_default(),
             Self::Sobol { directions, shift, .. } => {
                 let coordinate = |index: usize, (own, shift): (&Vec<u64>, &f64)| {
-                    (<f64 as SobolType>::render(gray_sum(own, index)) + shift).fract()
+                    (<f64 as SobolType>::render(sobol_coordinate_bits(own, index)) + shift).fract()
                 };
                 range.map(|index| directions.iter().zip(shift).map(|both| coordinate(index, both)).collect()).collect()
             }
@@ -90,17 +92,17 @@ impl Samples {
 
 /// How many designs a method looks at, before any is listed; more than can be counted is the largest number.
 #[must_use]
-pub fn designs_of(method: &Method, dimensions: &[Dimension]) -> usize {
+pub fn count_designs_of_method(method: &StudyMethod, dimensions: &[CubeDimension]) -> usize {
     match method.way {
-        Way::Grid => {
-            dimensions.iter().fold(1_usize, |count, own| count.saturating_mul(level_count(own, method.levels)))
+        PointMethod::Grid => {
+            dimensions.iter().fold(1_usize, |count, own| count.saturating_mul(count_grid_levels(own, method.levels)))
         }
-        Way::LatinHypercube | Way::Sobol | Way::Evolution => method.designs,
+        PointMethod::LatinHypercube | PointMethod::Sobol | PointMethod::Evolution => method.designs,
     }
 }
 
 /// How many values of a dimension are on a grid.
-fn level_count(dimension: &Dimension, usual: usize) -> usize {
+fn count_grid_levels(dimension: &CubeDimension, usual: usize) -> usize {
     match dimension.count {
         Some(count) => dimension.levels.unwrap_or(count).min(count),
         None => dimension.levels.unwrap_or(usual),
@@ -109,25 +111,25 @@ fn level_count(dimension: &Dimension, usual: usize) -> usize {
 
 /// The values of a dimension on a grid: both ends, and evenly between them; of what can be counted all, or as many as asked for.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-fn levels(dimension: &Dimension, usual: usize) -> Vec<f64> {
+fn grid_levels(dimension: &CubeDimension, usual: usize) -> Vec<f64> {
     match dimension.count {
         // The middle of what stands for each.
         Some(count) => {
-            let chosen = level_count(dimension, usual);
+            let chosen = count_grid_levels(dimension, usual);
             let last = chosen.saturating_sub(1).max(1);
             (0..chosen).map(|k| (((k * (count - 1)) as f64 / last as f64).round() + 0.5) / count as f64).collect()
         }
-        None => era_model::scene::evenly(0.0, 1.0, level_count(dimension, usual)),
+        None => era_model::scene::equidistant_numbers(0.0, 1.0, count_grid_levels(dimension, usual)),
     }
 }
 
 /// A point's coordinate by the bits of its index's Gray code (Antonov and Saleev 1979): any point, without those before it.
-fn gray_sum(directions: &[u64], index: usize) -> u64 {
+fn sobol_coordinate_bits(directions: &[u64], index: usize) -> u64 {
     let code = index ^ (index >> 1);
     directions.iter().enumerate().filter(|(bit, _)| code >> bit & 1 == 1).fold(0, |sum, (_, direction)| sum ^ direction)
 }
 
-fn combination(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
+fn grid_point_at_index(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
     let mut rest = index;
     let mut point = vec![0.0; levels.len()];
     for (value, own) in point.iter_mut().zip(levels).rev() {
@@ -140,17 +142,17 @@ fn combination(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
 /// So many points of which each has a part of every dimension for itself, in a place of its own within that part.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-pub fn latin_hypercube(dimensions: usize, count: usize, random: &mut Random) -> Vec<Vec<f64>> {
+pub fn draw_latin_hypercube(dimensions: usize, count: usize, random: &mut RandomSequence) -> Vec<Vec<f64>> {
     let mut points = vec![Vec::with_capacity(dimensions); count];
     for _ in 0..dimensions {
         let mut order: Vec<usize> = (0..count).collect();
         // Fisher and Yates.
         for last in (1..count).rev() {
-            let other = u32::try_from(last + 1).map_or(0, |below| random.below(below) as usize);
+            let other = u32::try_from(last + 1).map_or(0, |below| random.next_below(below) as usize);
             order.swap(last, other);
         }
         for (point, part) in points.iter_mut().zip(order) {
-            point.push((part as f64 + random.unit()) / count as f64);
+            point.push((part as f64 + random.next_unit_number()) / count as f64);
         }
     }
     points
@@ -160,15 +162,15 @@ pub fn latin_hypercube(dimensions: usize, count: usize, random: &mut Random) -> 
 mod tests {
     use super::*;
 
-    fn dimension(count: Option<usize>, levels: Option<usize>) -> Dimension {
-        Dimension { variable: 0, name: String::new(), count, levels }
+    fn dimension(count: Option<usize>, levels: Option<usize>) -> CubeDimension {
+        CubeDimension { variable: 0, name: String::new(), count, levels }
     }
 
     /// The strata are counted.
     #[test]
     fn a_latin_hypercube_has_a_point_in_every_part_of_every_dimension() {
         for count in [1, 2, 7, 64] {
-            let points = latin_hypercube(3, count, &mut Random::new(5, 1));
+            let points = draw_latin_hypercube(3, count, &mut RandomSequence::new(5, 1));
             for d in 0..3 {
                 let mut hits = vec![0; count];
                 points.iter().for_each(|point| hits[(point[d] * count as f64).floor() as usize] += 1);
@@ -177,7 +179,7 @@ mod tests {
         }
         let orders: Vec<Vec<usize>> = (0..2)
             .map(|d| {
-                let points = latin_hypercube(2, 50, &mut Random::new(5, 1));
+                let points = draw_latin_hypercube(2, 50, &mut RandomSequence::new(5, 1));
                 let mut order: Vec<usize> = (0..50).collect();
                 order.sort_by(|a, b| points[*a][d].total_cmp(&points[*b][d]));
                 order
@@ -189,7 +191,7 @@ mod tests {
     /// The first points as Joe and Kuo's own program (new-joe-kuo-6.21201) prints them, its origin included.
     #[test]
     fn sobols_sequence_begins_as_published() {
-        let samples = Samples::sobol(10, vec![0.0; 3]);
+        let samples = KnownPoints::sobol_sequence(10, vec![0.0; 3]);
         let published = [
             [0.0, 0.0, 0.0],
             [0.5, 0.5, 0.5],
@@ -202,17 +204,17 @@ mod tests {
             [0.1875, 0.3125, 0.9375],
             [0.6875, 0.8125, 0.4375],
         ];
-        assert_eq!(samples.points(0..10), published);
-        assert_eq!(samples.points(7..9), published[7..9]);
+        assert_eq!(samples.points_in_range(0..10), published);
+        assert_eq!(samples.points_in_range(7..9), published[7..9]);
         // The library's own sequence, one point after the other.
         let ones: Vec<Vec<f64>> = Sobol::<f64>::new(7, &JoeKuoD6::standard()).take(5000).collect();
-        assert_eq!(Samples::sobol(5000, vec![0.0; 7]).points(0..5000), ones);
+        assert_eq!(KnownPoints::sobol_sequence(5000, vec![0.0; 7]).points_in_range(0..5000), ones);
     }
 
     #[test]
     fn a_shift_moves_all_points_around_the_cube() {
-        let samples = Samples::sobol(4, vec![0.3, 0.0]);
-        let firsts: Vec<f64> = samples.points(0..4).into_iter().map(|point| point[0]).collect();
+        let samples = KnownPoints::sobol_sequence(4, vec![0.3, 0.0]);
+        let firsts: Vec<f64> = samples.points_in_range(0..4).into_iter().map(|point| point[0]).collect();
         for (found, wanted) in firsts.iter().zip([0.3, 0.8, 0.05, 0.55]) {
             assert!((found - wanted).abs() < 1e-12, "{firsts:?}");
         }
@@ -221,12 +223,12 @@ mod tests {
     #[test]
     fn a_grid_has_all_combinations() {
         let dimensions = [dimension(None, Some(3)), dimension(Some(2), None)];
-        let of = |dimension: &Dimension| levels(dimension, 5);
-        let samples = Samples::Grid { levels: dimensions.iter().map(of).collect() };
-        assert_eq!(samples.count(), 6);
+        let of = |dimension: &CubeDimension| grid_levels(dimension, 5);
+        let samples = KnownPoints::Grid { levels: dimensions.iter().map(of).collect() };
+        assert_eq!(samples.count_points(), 6);
         let wanted = [[0.0, 0.25], [0.0, 0.75], [0.5, 0.25], [0.5, 0.75], [1.0, 0.25], [1.0, 0.75]];
-        assert_eq!(samples.points(0..6), wanted);
-        assert_eq!(levels(&dimension(None, None), 5).len(), 5);
-        assert_eq!(levels(&dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
+        assert_eq!(samples.points_in_range(0..6), wanted);
+        assert_eq!(grid_levels(&dimension(None, None), 5).len(), 5);
+        assert_eq!(grid_levels(&dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
     }
 }

@@ -13,11 +13,11 @@
 //! misses right at a point force is extrapolated from two orders; of what holds a plate as well, but not between that and the pressed point. A
 //! force f where the mesh misses m f is in doubt by as much, and forces at several places together by no more than (sum of f sqrt(m))^2: the bound.
 
-use super::{BarePanel, Shapes, dot, position};
+use super::{BarePanel, LoadShapes, find_load_of_vector, multiply_row_with_column};
 use crate::model::ModelError;
 use crate::model::assembly::AttachedVectors;
-use crate::model::eigen::Eigen;
-use crate::model::grid::Derivative;
+use crate::model::eigen::DenseEigenpairs;
+use crate::model::grid::DeflectionDerivative;
 use crate::model::panel::PanelModel;
 use crate::model::sparse::SparseVector;
 use crate::scene::Scene;
@@ -35,7 +35,7 @@ const UNSURE: f64 = 1.0;
 
 /// How far points of a surface yield.
 #[derive(Clone, Debug)]
-pub struct Yields {
+pub struct SurfaceCompliance {
     /// To 1 N at the point itself, in m; infinite where nothing holds the panel. Row by row, x first; NaN where there is no surface.
     pub m_per_n: Vec<f64>,
     /// What they may be off by, in m/N.
@@ -44,7 +44,7 @@ pub struct Yields {
 
 /// What is known of the points of a grid on the bare panel.
 #[derive(Debug)]
-pub(super) struct Points {
+pub(super) struct CompliancePoints {
     x_m: Vec<f64>,
     y_m: Vec<f64>,
     rows: Vec<SparseVector>,
@@ -60,34 +60,40 @@ impl BarePanel {
     /// How far the points of a grid (m, columns and rows) yield to a steady force on each, in the design `scene` of this panel.
     ///
     /// # Errors
-    /// As [`Self::coupled`].
-    pub fn yields(&self, scene: &Scene, x_m: &[f64], y_m: &[f64]) -> Result<Yields, ModelError> {
-        self.check(scene)?;
-        let points = self.points_of(x_m, y_m);
-        let attached = AttachedVectors::of(self.model.grid(), scene);
-        let (free, modes) = (self.dofs(), self.modes());
-        let all = self.loads(&attached.attachments, free);
-        let missing = self.missing(&attached, scene, &all);
+    /// As [`Self::couple_to_design`].
+    pub fn compute_surface_compliance(
+        &self,
+        scene: &Scene,
+        x_m: &[f64],
+        y_m: &[f64],
+    ) -> Result<SurfaceCompliance, ModelError> {
+        self.check_same_bare_panel(scene)?;
+        let points = self.cached_compliance_points(x_m, y_m);
+        let attached = AttachedVectors::from_scene(self.model.grid(), scene);
+        let (free, modes) = (self.count_unknowns(), self.count_modes());
+        let all = self.collect_load_shapes(&attached.attachments, free);
+        let missing = self.estimate_missing_flexibility(&attached, scene, &all);
         // What holds the panel: springs to the ground. One to a mass that nothing else holds bears nothing.
         let mut stiffness = vec![0.0; all.len()];
         for attachment in
             attached.attachments.iter().filter(|own| own.vector.iter().all(|(unknown, _)| *unknown < free))
         {
-            if let Some(k) = position(&all, &attachment.vector, free) {
+            if let Some(k) = find_load_of_vector(&all, &attachment.vector, free) {
                 stiffness[k] += attachment.stiffness;
             }
         }
         let held: Vec<usize> = (0..all.len()).filter(|k| stiffness[*k] > 0.0).collect();
-        let loads: Vec<&Shapes> = held.iter().map(|k| &*all[*k]).collect();
+        let loads: Vec<&LoadShapes> = held.iter().map(|k| &*all[*k]).collect();
         let flexible = DMatrix::from_fn(loads.len(), loads.len(), |i, j| {
             let missing = missing.as_ref().map_or(0.0, |missing| missing[(held[i], held[j])]);
             let spring = if i == j { 1.0 / stiffness[held[i]] } else { 0.0 };
-            spring + missing + dot(&loads[i].load, &loads[j].shapes, 0)
+            spring + missing + multiply_row_with_column(&loads[i].load, &loads[j].shapes, 0)
         });
-        let stiff = inverse(&flexible)?;
+        let stiff = invert_flexibility_matrix(&flexible)?;
         let at_loads = DMatrix::from_fn(modes, loads.len(), |mode, k| loads[k].modes[mode]);
-        let between =
-            DMatrix::from_fn(loads.len(), points.rows.len(), |k, p| dot(&points.rows[p], &loads[k].shapes, 0));
+        let between = DMatrix::from_fn(loads.len(), points.rows.len(), |k, p| {
+            multiply_row_with_column(&points.rows[p], &loads[k].shapes, 0)
+        });
         let pull = &stiff * &between;
         let mut hold = &at_loads * &stiff * at_loads.transpose();
         for (k, lambda) in self.modes.lambda.iter().enumerate() {
@@ -104,13 +110,15 @@ impl BarePanel {
         // What the pressed point and each place that holds are in doubt by: for the mesh, and, as a part of R, for the shift.
         let most = points.missing.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
         let missing_at = |k: usize| missing.as_ref().map_or(most, |missing| missing[(held[k], held[k])].abs());
-        let residual_at = |k: usize| dot(&loads[k].load, &loads[k].shapes, 0).abs();
-        let shift = self.model.shift();
+        let residual_at = |k: usize| multiply_row_with_column(&loads[k].load, &loads[k].shapes, 0).abs();
+        let shift = self.model.spectral_shift_rad2_per_s2();
         let of_shift = shift / self.modes.lambda.iter().copied().fold(shift, f64::max);
         let (mut m_per_n, mut error_m_per_n) = (Vec::new(), Vec::new());
         for p in 0..points.rows.len() {
             let (found, error) = match &solved {
-                _ if points.rows[p].is_empty() => (if self.is_there(&points, p) { 0.0 } else { f64::NAN }, 0.0),
+                _ if points.rows[p].is_empty() => {
+                    (if self.is_point_on_surface(&points, p) { 0.0 } else { f64::NAN }, 0.0)
+                }
                 None => (f64::INFINITY, f64::INFINITY),
                 Some(solved) => {
                     let q = solved.column(p);
@@ -128,35 +136,37 @@ impl BarePanel {
             };
             m_per_n.push(found);
             // Edges on springs so stiff that they were taken for supports: stiffness goes with the square of a frequency.
-            error_m_per_n.push(error + 2.0 * self.model.unresolved() * found.abs());
+            error_m_per_n.push(error + 2.0 * self.model.unresolved_frequency_error() * found.abs());
         }
-        Ok(Yields { m_per_n, error_m_per_n })
+        Ok(SurfaceCompliance { m_per_n, error_m_per_n })
     }
 
-    fn is_there(&self, points: &Points, p: usize) -> bool {
+    /// Whether a point of the grid is on the surface, not in a cut-out.
+    fn is_point_on_surface(&self, points: &CompliancePoints, point_index: usize) -> bool {
         let columns = points.x_m.len();
-        self.scene.layout().at(points.x_m[p % columns], points.y_m[p / columns]).is_some()
+        self.scene.layout().layer_at(points.x_m[point_index % columns], points.y_m[point_index / columns]).is_some()
     }
 
-    fn points_of(&self, x_m: &[f64], y_m: &[f64]) -> Arc<Points> {
+    /// What is known of the points of a grid: kept from the last question, or newly computed.
+    fn cached_compliance_points(&self, x_m: &[f64], y_m: &[f64]) -> Arc<CompliancePoints> {
         let known = self.yields.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(known) = known.filter(|known| known.x_m == x_m && known.y_m == y_m) {
             return known;
         }
-        let found = Arc::new(Points::new(self, x_m, y_m));
+        let found = Arc::new(CompliancePoints::new(self, x_m, y_m));
         *self.yields.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&found));
         found
     }
 }
 
-impl Points {
+impl CompliancePoints {
     fn new(panel: &BarePanel, x_m: &[f64], y_m: &[f64]) -> Self {
         let rows_of = |model: &PanelModel| -> Vec<SparseVector> {
             let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-            points.map(|(x, y)| model.grid().row_at(x, y, Derivative::Value)).collect()
+            points.map(|(x, y)| model.grid().deflection_row_at(x, y, DeflectionDerivative::Value)).collect()
         };
         let rows = rows_of(&panel.model);
-        let (shift, lambda) = (panel.model.shift(), &panel.modes.lambda);
+        let (shift, lambda) = (panel.model.spectral_shift_rad2_per_s2(), &panel.modes.lambda);
         let modes = {
             let mut modes = DMatrix::zeros(lambda.len(), rows.len());
             for (mut column, row) in modes.column_iter_mut().zip(&rows) {
@@ -166,8 +176,10 @@ impl Points {
             }
             modes
         };
-        let own = flexibility(&panel.model, &rows);
-        let below = panel.extrapolated().map(|part| (part, flexibility(&panel.lower, &rows_of(&panel.lower))));
+        let own = compute_point_flexibilities(&panel.model, &rows);
+        let below = panel
+            .extrapolation_factor()
+            .map(|part| (part, compute_point_flexibilities(&panel.lower, &rows_of(&panel.lower))));
         let (mut residual, mut missing) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for (p, own) in own.iter().enumerate() {
             let in_modes: f64 =
@@ -179,22 +191,22 @@ impl Points {
     }
 }
 
-/// r (K + s M)^-1 r' of each row.
-fn flexibility(model: &PanelModel, rows: &[SparseVector]) -> Vec<f64> {
+/// Static deflection per newton of the shifted panel at each row's own point: r (K + s M)^-1 r'.
+fn compute_point_flexibilities(model: &PanelModel, rows: &[SparseVector]) -> Vec<f64> {
     let mut found = Vec::with_capacity(rows.len());
     for rows in rows.chunks(BLOCK) {
-        let mut right = DMatrix::zeros(model.dofs(), rows.len());
+        let mut right = DMatrix::zeros(model.count_unknowns(), rows.len());
         for (mut column, row) in right.column_iter_mut().zip(rows) {
             row.iter().for_each(|(unknown, value)| column[*unknown] += value);
         }
-        let solved = model.operator().factor.solve(&right);
+        let solved = model.shift_invert_operator().factor.solve_for_columns(&right);
         found.extend(right.column_iter().zip(solved.column_iter()).map(|(right, solved)| right.dot(&solved)));
     }
     found
 }
 
 /// The inverse of a symmetric matrix of flexibilities, over what of it is not rounding.
-fn inverse(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
+fn invert_flexibility_matrix(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
     let n = flexible.nrows();
     if n == 0 {
         return Ok(DMatrix::zeros(0, 0));
@@ -202,7 +214,7 @@ fn inverse(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
     // Slopes are in other units than deflections.
     let scale = DVector::from_fn(n, |i, _| 1.0 / flexible[(i, i)].abs().max(f64::MIN_POSITIVE).sqrt());
     let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (flexible[(i, j)] + flexible[(j, i)]) * scale[i] * scale[j]);
-    let eigen = Eigen::of(&scaled)
+    let eigen = DenseEigenpairs::from_symmetric_matrix(&scaled)
         .ok_or_else(|| ModelError::Factorisation { reason: "flexibility at what holds the panel".to_owned() })?;
     let most = eigen.values.amax();
     let part = DVector::from_fn(n, |k, _| if eigen.values[k] > SAME * most { 1.0 / eigen.values[k] } else { 0.0 });

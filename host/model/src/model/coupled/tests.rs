@@ -1,6 +1,6 @@
 use super::*;
 use crate::response::acceleration_curves;
-use crate::scene::random::scene_text;
+use crate::scene::random::random_scene_text;
 use crate::scene::{EdgeKind, Mass, Support};
 use num_complex::Complex64;
 
@@ -41,7 +41,8 @@ fn curves(model: &ReducedModel, scene: &Scene) -> Option<Curves> {
     let hz: Vec<f64> = (0..121).map(|k| 40.0 + 3.0 * f64::from(k)).collect();
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let places = [(0.13, 0.2), (0.5, 0.5), (0.77, 0.31), (0.31, 0.94)];
-    let curve = |(u, v): &(f64, f64)| acceleration_curves(model, &model.shape_at(u * length, v * width), &hz).ok();
+    let curve =
+        |(u, v): &(f64, f64)| acceleration_curves(model, &model.shape_deflections_at(u * length, v * width), &hz).ok();
     places.iter().map(curve).collect()
 }
 
@@ -49,7 +50,7 @@ fn curves(model: &ReducedModel, scene: &Scene) -> Option<Curves> {
 fn difference(scene: &Scene, accuracy: Accuracy) -> Option<f64> {
     let own = PanelModel::build(scene, Accuracy::REFERENCE, MAX_HZ).ok()?;
     let wanted = curves(&own.reduce(MAX_HZ, &[]).unwrap(), scene)?;
-    let found = curves(&BarePanel::build(scene, accuracy, MAX_HZ).unwrap().coupled(scene).unwrap(), scene)?;
+    let found = curves(&BarePanel::build(scene, accuracy, MAX_HZ).unwrap().couple_to_design(scene).unwrap(), scene)?;
     let most = wanted.iter().flatten().flatten().map(|z| z.norm()).fold(0.0, f64::max);
     let pairs = found.iter().zip(&wanted).flat_map(|(found, wanted)| found.iter().zip(wanted));
     let each = pairs.map(|(found, wanted)| {
@@ -115,7 +116,7 @@ fn a_design_on_sealed_air_is_too() {
         let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
         assert!(off.iter().zip(levels).all(|(off, (_, most))| *off < most), "{damping}: {off:?}");
         let deeper = Scene { sealed_depth_m: Some(0.04), ..scene.clone() };
-        let refused = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().coupled(&deeper).unwrap_err();
+        let refused = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().couple_to_design(&deeper).unwrap_err();
         assert_eq!(refused, ModelError::OtherPanel { part: "air" });
     }
 }
@@ -125,7 +126,7 @@ fn a_design_on_sealed_air_is_too() {
 fn designs_at_random_are_too() {
     let mut off: Vec<f64> = Vec::new();
     for number in 0..16 {
-        let scene = scene(&scene_text(1931, number));
+        let scene = scene(&random_scene_text(1931, number));
         let is_damped = scene.surface.damping != crate::scene::SurfaceDamping::None;
         off.extend(is_damped.then(|| difference(&scene, Accuracy::BALANCED)).flatten());
     }
@@ -140,11 +141,11 @@ fn the_order_of_designs_does_not_matter() {
     let (one, other) = (odd_plate("loss_factor = 0.01", 111.1), odd_plate("loss_factor = 0.01", 97.0));
     let panel = BarePanel::build(&one, Accuracy::FAST, MAX_HZ).unwrap();
     let of = |model: ReducedModel| (model.lambda.clone(), model.force.clone(), model.structural.clone());
-    let first = of(panel.coupled(&one).unwrap());
-    panel.coupled(&other).unwrap();
-    assert!(first == of(panel.coupled(&one).unwrap()));
+    let first = of(panel.couple_to_design(&one).unwrap());
+    panel.couple_to_design(&other).unwrap();
+    assert!(first == of(panel.couple_to_design(&one).unwrap()));
     let alone = BarePanel::build(&other, Accuracy::FAST, MAX_HZ).unwrap();
-    assert!(of(alone.coupled(&other).unwrap()) == of(panel.coupled(&other).unwrap()));
+    assert!(of(alone.couple_to_design(&other).unwrap()) == of(panel.couple_to_design(&other).unwrap()));
 }
 
 /// A little more spring at a point raises every squared frequency by that times the square of the shape there, a little more mass
@@ -153,15 +154,15 @@ fn the_order_of_designs_does_not_matter() {
 fn frequencies_follow_springs_and_masses_as_their_shapes_say() {
     let scene = odd_plate("loss_factor = 0.01", 111.1);
     let panel = BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap();
-    let model = panel.coupled(&scene).unwrap();
+    let model = panel.couple_to_design(&scene).unwrap();
     let (spring, weight) = (2.0, 2e-6);
     let mut stiffer = scene.clone();
     stiffer.supports[0].stiffness_n_per_m += spring;
     let mut heavier = scene.clone();
     heavier.masses[0].mass_kg += weight;
     let places = [(scene.supports[0].x_m, scene.supports[0].y_m), (scene.masses[0].x_m, scene.masses[0].y_m)];
-    let [at_spring, at_mass] = places.map(|(x, y)| model.shape_at(x, y));
-    let [stiffer, heavier] = [stiffer, heavier].map(|scene| panel.coupled(&scene).unwrap());
+    let [at_spring, at_mass] = places.map(|(x, y)| model.shape_deflections_at(x, y));
+    let [stiffer, heavier] = [stiffer, heavier].map(|scene| panel.couple_to_design(&scene).unwrap());
     for k in 0..8 {
         let lambda = model.lambda[k];
         let (up, down) = (stiffer.lambda[k] - lambda, heavier.lambda[k] - lambda);
@@ -179,7 +180,7 @@ fn springs_of_any_stiffness_hold_their_points() {
     let with = |stiffness: f64| {
         let mut scene = odd_plate("loss_factor = 0.01", 111.1);
         scene.supports[1].stiffness_n_per_m = stiffness;
-        let model = BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().coupled(&scene).unwrap();
+        let model = BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().couple_to_design(&scene).unwrap();
         model.lambda.iter().take(6).map(|lambda| lambda.sqrt()).collect::<Vec<_>>()
     };
     let [stiff, rigid, beyond] = [1e9, 1e14, 1e18].map(with);
@@ -197,11 +198,11 @@ fn other_panels_are_refused_and_any_order_does() {
     thicker.surface.thickness_m *= 1.01;
     let mut without_edge = scene.clone();
     without_edge.edges.clear();
-    assert_eq!(panel.coupled(&thicker).unwrap_err(), ModelError::OtherPanel { part: "surface" });
-    assert_eq!(panel.coupled(&without_edge).unwrap_err(), ModelError::OtherPanel { part: "edge" });
+    assert_eq!(panel.couple_to_design(&thicker).unwrap_err(), ModelError::OtherPanel { part: "surface" });
+    assert_eq!(panel.couple_to_design(&without_edge).unwrap_err(), ModelError::OtherPanel { part: "edge" });
     let fineness = Fineness { order: 3, cell_m: 0.03, layers: 1 };
-    let coarse = BarePanel::new(&scene, fineness, MAX_HZ).unwrap().coupled(&scene).unwrap();
-    let fine = panel.coupled(&scene).unwrap();
+    let coarse = BarePanel::new(&scene, fineness, MAX_HZ).unwrap().couple_to_design(&scene).unwrap();
+    let fine = panel.couple_to_design(&scene).unwrap();
     assert!((coarse.lambda[0] / fine.lambda[0] - 1.0).abs() < 1e-2, "{} {}", coarse.lambda[0], fine.lambda[0]);
 }
 
@@ -212,7 +213,7 @@ fn motions_that_nothing_holds_have_no_frequency() {
     scene.supports.clear();
     scene.edges.clear();
     scene.actuators.retain(|actuator| actuator.mount == crate::scene::Mount::Inertial);
-    let model = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().coupled(&scene).unwrap();
+    let model = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().couple_to_design(&scene).unwrap();
     assert_eq!(model.lambda.iter().filter(|lambda| **lambda == 0.0).count(), 3, "{}", model.lambda.rows(0, 6));
 }
 
@@ -234,9 +235,9 @@ fn a_point_that_is_pushed_moves_as_its_own_elements_say() {
     });
     scene.masses.push(Mass { x_m: at.0, y_m: at.1, mass_kg: 0.21 });
     let hz: Vec<f64> = (0..37).map(|k| 40.0 + 10.0 * f64::from(k)).collect();
-    let of = |model: &ReducedModel| acceleration_curves(model, &model.shape_at(at.0, at.1), &hz).unwrap();
+    let of = |model: &ReducedModel| acceleration_curves(model, &model.shape_deflections_at(at.0, at.1), &hz).unwrap();
     let wanted = of(&PanelModel::build(&scene, Accuracy::REFERENCE, MAX_HZ).unwrap().reduce(MAX_HZ, &[]).unwrap());
-    let found = of(&BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().coupled(&scene).unwrap());
+    let found = of(&BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().couple_to_design(&scene).unwrap());
     let most = wanted.iter().flatten().map(|z| z.norm()).fold(0.0, f64::max);
     let values = found.iter().flatten().zip(wanted.iter().flatten()).filter(|(_, wanted)| wanted.norm() > 1e-3 * most);
     let off: Vec<f64> = values.map(|(found, wanted)| (found - wanted).norm() / wanted.norm()).collect();

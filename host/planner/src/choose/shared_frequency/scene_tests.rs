@@ -3,7 +3,7 @@
 use super::tests::{Owned, Random, check, exhaustive};
 use super::{ZERO, best};
 use crate::model::{Accuracy, PanelModel, ReducedModel};
-use crate::response::modal_coordinates;
+use crate::response::solve_coordinates_at_frequency;
 use crate::scene::Scene;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -40,7 +40,7 @@ fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) ->
     let model: ReducedModel = PanelModel::build(scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let mut place = || {
         let (x, y) = (random.unit() * scene.surface.length_m, random.unit() * scene.surface.width_m);
-        model.shape_at(x, y)
+        model.shape_deflections_at(x, y)
     };
     let target = place();
     let points: Vec<DVector<f64>> = (0..POINTS).map(|_| place()).collect();
@@ -52,7 +52,7 @@ fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) ->
     for k in 0..count {
         let frequency_hz = 40.0 + 360.0 * k as f64 / count as f64;
         owned.frequencies_hz.push(frequency_hz);
-        let q = modal_coordinates(&model, frequency_hz).unwrap();
+        let q = solve_coordinates_at_frequency(&model, frequency_hz).unwrap();
         let factor = -(std::f64::consts::TAU * frequency_hz).powi(2);
         let elsewhere: Vec<Vec<Complex64>> =
             q.iter().map(|q| points.iter().map(|point| at(point, q) * factor).collect()).collect();
@@ -61,7 +61,7 @@ fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) ->
             for j in 0..actuators {
                 let products = elsewhere[i].iter().zip(&elsewhere[j]).map(|(a, b)| a.conj() * b);
                 owned.energy[k][i][j] = products.sum::<Complex64>() / POINTS as f64;
-                owned.travel[k][i][j] = model.travel(i, &q[j]);
+                owned.travel[k][i][j] = model.actuator_travel(i, &q[j]);
             }
             owned.max_force_n[k][i] = (owned.max_travel_m[i] / owned.travel[k][i][i].norm()).min(most_force_n);
         }

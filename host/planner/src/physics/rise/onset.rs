@@ -84,10 +84,10 @@ impl RiseTimes {
     /// Of a model's actuators. Rigid motions, whose drift is no vibration, are left out.
     #[must_use]
     pub fn onset(&self, model: &ReducedModel) -> Onset {
-        let actuators = model.actuators().min(MAX_ACTUATORS);
+        let actuators = model.count_actuators().min(MAX_ACTUATORS);
         let seen: Vec<(DVector<f64>, DVector<f64>)> = (0..actuators)
             .map(|actuator| {
-                let row = model.travel_row(actuator);
+                let row = model.actuator_travel_row(actuator);
                 (self.re.tr_mul(&row), self.im.tr_mul(&row))
             })
             .collect();

@@ -2,7 +2,7 @@ use super::*;
 use crate::model::{Accuracy, PanelModel};
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use crate::transient::TimeGrid;
-use crate::transient::panel::motion_at;
+use crate::transient::panel::compute_point_motion;
 use std::f64::consts::FRAC_PI_2;
 
 fn model(text: &str) -> ReducedModel {
@@ -10,8 +10,8 @@ fn model(text: &str) -> ReducedModel {
     PanelModel::build(&scene, Accuracy::FAST, 300.0).unwrap().reduce(300.0, &[]).unwrap()
 }
 
-fn sine(actuator: usize, frequency_hz: f64, force_n: f64) -> Drive {
-    Drive { actuator, frequency_hz, force_n, phase_rad: -FRAC_PI_2 }
+fn sine(actuator: usize, frequency_hz: f64, force_n: f64) -> SwitchedForce {
+    SwitchedForce { actuator, frequency_hz, force_n, phase_rad: -FRAC_PI_2 }
 }
 
 /// The examples, and the bar with other springs and losses.
@@ -34,17 +34,17 @@ fn bars() -> Vec<String> {
 fn motion_is_that_of_the_propagator() {
     for (i, text) in bars().iter().enumerate() {
         let model = model(text);
-        let shape = model.shape_at(0.06, 0.01);
+        let shape = model.shape_deflections_at(0.06, 0.01);
         let rise = RiseTimes::prepare(&model).unwrap();
         let drives = [sine(0, 83.0, 0.1), sine(1, 171.0, 0.04)];
         let grid = TimeGrid { step_s: 2e-4, count: 1000 };
-        let motion = motion_at(&model, &shape, &drives, grid).unwrap();
+        let motion = compute_point_motion(&model, &shape, &drives, grid).unwrap();
         let ringings = rise.ringings(&shape, &drives).unwrap();
         let peak = motion.steady_peak_m_per_s2;
         let steady: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.steady.norm() * d.force_n).sum();
         assert!((steady / peak - 1.0).abs() < 1e-4, "{i}: {steady} {peak}");
         for (k, expected) in motion.acceleration_m_per_s2.iter().enumerate() {
-            let t = grid.time_s(k);
+            let t = grid.time_at_index_s(k);
             let found: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.at(t) * d.force_n).sum();
             // A sine has a kink at its start, which excites poles up there by a few per cent.
             assert!((found - expected).abs() < 0.04 * peak, "{i} at {t}: {found} {expected}, peak {peak}");
@@ -65,13 +65,13 @@ fn times_are_those_of_the_running_amplitude() {
         let model = model(text);
         let rise = RiseTimes::prepare(&model).unwrap();
         for (x, hz) in [(0.03, 64.0), (0.11, 131.0), (0.2, 250.0)] {
-            let shape = model.shape_at(x, 0.01);
+            let shape = model.shape_deflections_at(x, 0.01);
             let drives = [sine(0, hz, 0.1), sine(1, hz + 37.0, 0.05)];
             let timing = rise.times(&shape, &drives);
             let grid = TimeGrid { step_s: 1e-4, count: 8001 };
             let ringings = rise.ringings(&shape, &drives).unwrap();
             let envelope = |t: f64, part: f64| -> f64 {
-                let amplitude = |(r, d): (&TransientResponse, &Drive)| {
+                let amplitude = |(r, d): (&TransientResponse, &SwitchedForce)| {
                     let carrier = Complex64::new(0.0, -r.omega_rad_s * t).exp();
                     let one = |(s, c): &(Complex64, Complex64)| {
                         let motion = c * (s * t).exp();
@@ -82,10 +82,13 @@ fn times_are_those_of_the_running_amplitude() {
                 };
                 ringings.iter().zip(&drives).map(amplitude).sum()
             };
-            let peak = motion_at(&model, &shape, &drives, TimeGrid { step_s: 1e-4, count: 2 }).unwrap();
+            let peak = compute_point_motion(&model, &shape, &drives, TimeGrid { step_s: 1e-4, count: 2 }).unwrap();
             let peak = peak.steady_peak_m_per_s2;
             let last = |fails: &dyn Fn(f64) -> bool| {
-                (0..grid.count).rev().find(|k| fails(grid.time_s(*k))).map_or(0.0, |k| grid.time_s(k + 1))
+                (0..grid.count)
+                    .rev()
+                    .find(|k| fails(grid.time_at_index_s(*k)))
+                    .map_or(0.0, |k| grid.time_at_index_s(k + 1))
             };
             let reaches = last(&|t| envelope(t, 1.0) < 0.9 * peak);
             let decays = last(&|t| envelope(t, 0.0) > 0.1 * peak);
@@ -103,7 +106,7 @@ fn without_damping_there_is_no_end() {
         .replace("damping_n_s_per_m = 1.1", "damping_n_s_per_m = 0.0")
         .replace("loss_factor = 0.01", "loss_factor = 0.0");
     let model = model(&text);
-    let shape = model.shape_at(0.06, 0.01);
+    let shape = model.shape_deflections_at(0.06, 0.01);
     let timing = RiseTimes::prepare(&model).unwrap().times(&shape, &[sine(0, 100.0, 0.1)]);
     assert_eq!(timing, Timing { reaches_90_s: None, decays_to_10_s: None });
 }
@@ -143,13 +146,15 @@ fn critical_damping() {
         let damping = ratio * 2.0 * (stiffness * mass).sqrt();
         let model = model(&text.replace("DAMPING", &format!("{damping:.12}")));
         let rise = RiseTimes::prepare(&model).unwrap();
-        let timing = rise.times(&model.shape_at(0.01, 0.01), &[sine(0, 150.0, 1.0)]);
+        let timing = rise.times(&model.shape_deflections_at(0.01, 0.01), &[sine(0, 150.0, 1.0)]);
         let decay = |t: f64| {
             // Of (x, v) at the end of a steady sine, by the oscillator's own propagator.
             let omega = TAU * 150.0;
             let u = Complex64::new(0.0, -1.0) / Complex64::new(stiffness - mass * omega * omega, damping * omega);
             let free = (u.re, (u * Complex64::new(0.0, omega)).re);
-            let (x, v) = crate::transient::oscillator::Step::over(t, stiffness / mass, damping / mass).apply(free);
+            let (x, v) =
+                crate::transient::oscillator::OscillatorStep::from_time_and_mode(t, stiffness / mass, damping / mass)
+                    .advance_state(free);
             ((stiffness * x + damping * v) / mass).abs() / (u.norm() * omega * omega)
         };
         let expected = (0..40_000).rev().map(|k| f64::from(k) * 1e-5).find(|t| decay(*t) > 0.1).unwrap_or(0.0);
@@ -164,7 +169,7 @@ fn critical_damping() {
 fn the_stepper_follows_the_closed_form() {
     let model = model(EXAMPLE_BAR);
     let rise = RiseTimes::prepare(&model).unwrap();
-    let rows = [model.shape_at(0.06, 0.01), model.shape_at(0.2, 0.01)];
+    let rows = [model.shape_deflections_at(0.06, 0.01), model.shape_deflections_at(0.2, 0.01)];
     let (step_s, hz) = (2e-5, 110.0);
     let mut stepper = rise.stepper(&rows, step_s);
     let drive = sine(1, hz, 1.0);
@@ -187,7 +192,7 @@ fn the_stepper_follows_the_closed_form() {
 /// top. At 223 Hz a mode of the random panel takes the ERA's motion away, and takes its time over it.
 #[test]
 fn switching_on_goes_as_far_as_is_told() {
-    let absorbed = crate::scene::random::scene_text(1, 130);
+    let absorbed = crate::scene::random::random_scene_text(1, 130);
     let (mut beyond, mut largest) = (0, 0.0_f64);
     for (text, frequencies_hz) in [
         (EXAMPLE_BAR, [60.0, 97.0, 143.0, 260.0]),
@@ -197,9 +202,10 @@ fn switching_on_goes_as_far_as_is_told() {
         let model = model(text);
         let rise = RiseTimes::prepare(&model).unwrap();
         let onset = rise.onset(&model);
-        let rows: Vec<DVector<f64>> = (0..model.actuators()).map(|actuator| model.travel_row(actuator)).collect();
+        let rows: Vec<DVector<f64>> =
+            (0..model.count_actuators()).map(|actuator| model.actuator_travel_row(actuator)).collect();
         let at_rest = rise.stepper(&rows, 5e-5);
-        for (driven, hz) in (0..model.actuators()).flat_map(|driven| frequencies_hz.map(|hz| (driven, hz))) {
+        for (driven, hz) in (0..model.count_actuators()).flat_map(|driven| frequencies_hz.map(|hz| (driven, hz))) {
             let mut steady = [Complex64::ZERO; crate::scene::MAX_ACTUATORS];
             for (steady, row) in steady.iter_mut().zip(&rows) {
                 let ringing = rise.ringings(row, &[sine(driven, hz, 1.0)]).unwrap().remove(0).displacement();

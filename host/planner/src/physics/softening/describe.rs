@@ -5,7 +5,7 @@
 //! sees, so that integrals over A's windows, twice, are all there is.
 
 use super::{Excitation, HARMONICS, Line, MAX_LINES};
-use crate::model::shape::gauss;
+use crate::model::shape::gauss_legendre_rule;
 use era_model::kernel;
 use num_complex::Complex64;
 use pulp::Arch;
@@ -17,7 +17,7 @@ const NODES: usize = 12;
 /// Points that are summed up at once.
 const LANES: usize = 4;
 /// Its points, 0 to 1, and weights, that add up to 1; the later half comes first, the earlier one mirrors it.
-static GAUSS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(NODES));
+static GAUSS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss_legendre_rule(NODES));
 
 /// Place of a harmonic that may have a line, in arrays over [`HARMONICS`].
 pub const fn index_of(harmonic: u32) -> Option<usize> {

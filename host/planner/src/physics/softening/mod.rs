@@ -329,19 +329,19 @@ impl<'a> ClosingGaps<'a> {
 #[must_use]
 pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>]) -> PerPair {
     let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
-    for (i, row) in matrix.iter_mut().enumerate().take(model.actuators()) {
+    for (i, row) in matrix.iter_mut().enumerate().take(model.count_actuators()) {
         for (entry, q) in row.iter_mut().zip(coordinates) {
-            *entry = model.travel(i, q);
+            *entry = model.actuator_travel(i, q);
         }
     }
     matrix
 }
 
 /// How far the actuators' masses (row) yield to a steady force on each (column), in m/N, by the springs alone
-/// ([`ReducedModel::steady_travel`]); infinite where the force drives a motion that nothing holds. Actuators beyond the most are left out.
+/// ([`ReducedModel::steady_travel_per_newton`]); infinite where the force drives a motion that nothing holds. Actuators beyond the most are left out.
 #[must_use]
 pub fn static_receptance(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACTUATORS] {
-    let travel = model.steady_travel();
+    let travel = model.steady_travel_per_newton();
     let entry = |i: usize, j: usize| travel.get((i, j)).map_or(0.0, |own| own.abs());
     std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
