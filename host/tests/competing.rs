@@ -17,7 +17,7 @@ fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> 
     let request = Request { quiet: quiet.to_vec(), ..Request::touch(&targets) };
     let plan = table.plan_request(&request).unwrap();
     assert!(plan.limited_by.is_some(), "{plan:?}");
-    let trade = explore_trade(&table, &request, &plan).unwrap().unwrap();
+    let trade = explore_trade(table, &request, &plan).unwrap().unwrap();
     (request, trade)
 }
 

@@ -8,6 +8,9 @@ use era::scene::Scene;
 use era::scene::random::{RandomSequence, random_scene_text};
 use era::verify::{Comparison, VerifyError, compare};
 
+/// A figure of one comparison.
+type FigureOf = fn(&Comparison) -> f64;
+
 /// Difference that passes beyond the plan's own error bound.
 const ALLOWED: f64 = 0.02;
 /// Intensities asked for, as powers of ten of g: from a gentle touch to one that no panel reaches, so that the limits are met.
@@ -207,7 +210,7 @@ impl<'a> Tally<'a> {
             compared().count()
         );
         println!("difference, % of the prediction    median     90 %     95 %     99 %  largest");
-        let rows: [(&str, fn(&Comparison) -> f64); 9] = [
+        let rows: [(&str, FigureOf); 9] = [
             ("the plan's softened_peak_g", |c| c.difference),
             ("with harmonics, rounded", |c| c.achieved_difference),
             ("and the damping it has in time", |c| c.causal_difference),

@@ -149,7 +149,7 @@ fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Op
         seen.push(Seen { asked_g, peaks_g });
     }
     seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
-    let mut border = Border { table: table, request, alone_g: &alone_g, seen };
+    let mut border = Border { table, request, alone_g: &alone_g, seen };
     let curves = match alone_g.len() {
         0 | 1 => 0,
         2 => 1,
