@@ -14,14 +14,14 @@
 //! From a touch to a plan:
 //!
 //! ```
-//! use era_model::model::{Accuracy, levels::Levels};
+//! use era_model::model::{Accuracy, levels::ReducedLevels};
 //! use era_model::scene::{EXAMPLE_PLATE, Scene};
 //! use era_planner::{PlanTable, TableOptions, Target};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let scene = Scene::parse("plate.toml", EXAMPLE_PLATE)?;
 //! let grid = TableOptions::default();
-//! let levels = Levels::build(&scene, Accuracy::BALANCED, grid.to_hz)?;
+//! let levels = ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?;
 //! let table = PlanTable::with_levels(&scene, levels, grid)?;
 //! let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.05, intensity_g: Some(0.3) }])?;
 //! for drive in &plan.drives {

@@ -141,7 +141,7 @@ impl DampingMatrices {
     }
 }
 
-/// Shapes b_k [vector], in 1/s over mass-normalised vectors, with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along
+/// Shapes b_k (an entry for each vector), in 1/s over mass-normalised vectors, with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along
 /// edges over `vectors` V [unknown, vector] of the squared frequencies `lambda` in rad^2/s^2; fewer than there are vectors, as motions
 /// of an edge are few.
 ///

@@ -321,7 +321,7 @@ impl Grid {
     }
 
     /// Where the functions are looked at for a place, which rounding may have put beyond an edge or into a cut-out whose border
-    /// it is on ([`crate::scene::Layout::at`] has it so, too); `None` in a cut-out. Beyond an edge the cells' polynomials would go
+    /// it is on ([`crate::scene::SurfaceLayout::layer_at`] has it so, too); `None` in a cut-out. Beyond an edge the cells' polynomials would go
     /// on and the functions of point forces end: half of a shape.
     fn snap_to_surface_m(&self, x_m: f64, y_m: f64) -> Option<(f64, f64)> {
         let along = |lines: &GridLines, at: f64| at.clamp(0.0, lines.at[lines.count_cells()]);

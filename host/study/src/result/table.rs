@@ -44,7 +44,7 @@ pub struct TableEntry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
-    /// By how much it breaks limits, as [`broken`] tells it; zero if it keeps them, infinite if it failed.
+    /// By how much it breaks limits, as [`measure_broken_limits`](crate::run::measure_broken_limits) tells it; zero if it keeps them, infinite if it failed.
     pub beyond: f64,
 }
 

@@ -325,7 +325,7 @@ impl<'a> ClosingGaps<'a> {
 }
 
 /// Travel of every actuator per force on every one, from the modal coordinates of the displacement for 1 N on each alone
-/// (as of [`crate::response::Solver::coordinates`]), in m/N. Actuators beyond the most are left out.
+/// (as of [`crate::response::CoordinateSolver::solve_at_frequency`]), in m/N. Actuators beyond the most are left out.
 #[must_use]
 pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>]) -> PerPair {
     let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
