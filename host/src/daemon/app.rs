@@ -174,7 +174,7 @@ impl App {
     /// Switches everything off, and records that. What is asked for once this has been polled comes after it.
     ///
     /// # Errors
-    /// As [`Driver::stop`].
+    /// If the session cannot confirm the stop.
     pub async fn stop(&self) -> Result<(), SessionError> {
         let result = self.driver.stop().await;
         self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));

@@ -38,10 +38,10 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("independent reference: random scenes", crosscheck::compare_some_scenes)
 }
 
-/// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].
 ///
 /// # Errors
-/// As [`test()`].
+/// As [`run_tests()`].
 pub fn run_ci() -> Result<(), Error> {
     setup::ensure("cargo xtask ci", setup::CI)?;
     let root = repository_root()?;

@@ -89,7 +89,7 @@ pub(crate) fn bound_setting_errors<'a>(
     settings.map(bound).collect()
 }
 
-/// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at
+/// A bound on the error of [`PlanTable::compute_peak_field`] at any point, relative to the field's largest value: as for the target, but at
 /// every point.
 #[must_use]
 pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
