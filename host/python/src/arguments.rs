@@ -25,7 +25,7 @@ pub enum GivenTolerance {
 
 impl GivenTolerance {
     /// The accuracy that the crates take.
-    pub fn to_accuracy(self) -> Result<Accuracy, Raised> {
+    pub fn into_accuracy(self) -> Result<Accuracy, Raised> {
         match self {
             GivenTolerance::Number(value) => Ok(Accuracy::from_tolerance(value)?),
             GivenTolerance::Name(name) => {
@@ -47,7 +47,7 @@ pub fn choose_accuracy(tolerance: Option<GivenTolerance>, within_s: Option<f64>)
             time.map(Accuracy::best_within_time)
                 .ok_or_else(|| Raised::wrong_argument("within_s", within_s, "a time above 0 s"))
         }
-        (Some(tolerance), None) => tolerance.to_accuracy(),
+        (Some(tolerance), None) => tolerance.into_accuracy(),
         (None, None) => Ok(Accuracy::BALANCED),
     }
 }

@@ -92,7 +92,7 @@ impl<'py> FromPyObject<'_, 'py> for DriveGiven {
 }
 
 impl DriveGiven {
-    fn to_switched_force(self, scene: &Scene, at: usize) -> Result<SwitchedForce, Raised> {
+    fn into_switched_force(self, scene: &Scene, at: usize) -> Result<SwitchedForce, Raised> {
         let Self { id, frequency_hz, force_n, phase_rad } = self;
         let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
         let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
@@ -162,7 +162,7 @@ pub fn transient(
     let drives = drives
         .into_iter()
         .enumerate()
-        .map(|(at, drive)| drive.to_switched_force(&scene, at))
+        .map(|(at, drive)| drive.into_switched_force(&scene, at))
         .collect::<Result<Vec<_>, _>>()?;
     if drives.is_empty() {
         return Err(Raised::wrong_argument("len(drives)", 0, "1 and above").into());

@@ -58,7 +58,7 @@ impl RelativeBending {
         ]
     }
 
-    fn to_rigidities(&self) -> PlateRigidities {
+    fn to_rigidities(self) -> PlateRigidities {
         PlateRigidities { d11: self.x, d12: self.poisson, d22: self.y, d66: 0.25 * self.twist }
     }
 
