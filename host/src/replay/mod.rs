@@ -231,7 +231,7 @@ mod tests {
     fn what_is_wrong_is_told_with_its_line() {
         let begin = r#"{"at_ms": 0, "kind": "begin", "format": 1, "scene": "desk"}"#;
         for (text, line, wanted) in [
-            (String::new(), 1, "nothing"),
+            (String::new(), 1, "empty"),
             ("x".into(), 1, "not a line"),
             (r#"{"at_ms": 1, "kind": "stop"}"#.into(), 1, "first line"),
             (begin.replace("format\": 1", "format\": 2"), 1, "format 2, but this program reads format 1"),

@@ -22,7 +22,7 @@ fn a_session_survives_a_program_that_takes_its_answers() {
     wait_until("the board is off", || !board.control().self_observations().energised);
     let state = daemon.wait_for(|state| state["device"]["outages"] == 1);
     let problem = state["device"]["problem"].as_str().unwrap();
-    assert!(problem.contains(&reader.name()) && problem.contains("end it"), "{problem}");
+    assert!(problem.contains(&format!("end {}", reader.name())), "{problem}");
     let begun = Instant::now();
     let (status, _, told) = daemon.post("/v1/stop", "");
     assert!(status == 502 && begun.elapsed() < Duration::from_secs(4), "{:?} {told}", begun.elapsed());

@@ -22,7 +22,7 @@ fn waits_for_a_person(serving: &Serving) {
         status == 409
     });
     let detail = told["detail"].as_str().unwrap();
-    assert!(detail.contains("slept") && detail.contains("held"), "{told}");
+    assert!(detail.contains("slept") && detail.contains("suspended"), "{told}");
     daemon.post("/v1/faults/clear", "");
     wait_until("it is armed by hand", || daemon.post("/v1/arm", "").0 == 200);
     touches_are_driven(daemon);
