@@ -405,22 +405,26 @@ mod tests {
         assert_eq!(f.evaluate_jet_at(0.0, 0.0).value, 0.0);
     }
 
+    /// A reach around `centre` whose ends are far away and hold nothing.
+    fn make_open_reach(centre: f64) -> FunctionReach {
+        FunctionReach { centre, from: -10.0, to: 10.0, at_from: FunctionEnd::Open, at_to: FunctionEnd::Open }
+    }
+
     /// Neither moment nor shear on the free edge, wherever the force is.
     #[test]
     fn half_plane_has_a_free_edge() {
         let (poisson, d) = (0.33, 0.2);
-        let open = |centre: f64| FunctionReach {
-            centre,
-            from: -10.0,
-            to: 10.0,
-            at_from: FunctionEnd::Open,
-            at_to: FunctionEnd::Open,
-        };
         let sources = vec![
             SingularSource::from_inner_point_force((d, 0.0)),
             image_source_of_free_edge(Side::Left, (-d, 0.0), d, poisson),
         ];
-        let f = SingularFunction { x: open(d), y: open(0.0), sources, scale: 1.0, finest: f64::INFINITY };
+        let f = SingularFunction {
+            x: make_open_reach(d),
+            y: make_open_reach(0.0),
+            sources,
+            scale: 1.0,
+            finest: f64::INFINITY,
+        };
         let h = 1e-4;
         let [mut moments, mut shears] = [Vec::new(), Vec::new()];
         for t in [-0.5, -0.1, 0.05, 0.3, 0.9] {
@@ -439,17 +443,10 @@ mod tests {
     #[test]
     fn half_planes_are_held_at_their_edges() {
         let d = 0.2;
-        let open = |centre: f64| FunctionReach {
-            centre,
-            from: -10.0,
-            to: 10.0,
-            at_from: FunctionEnd::Open,
-            at_to: FunctionEnd::Open,
-        };
         let inside = SingularSource::from_inner_point_force((d, 0.0));
         let with = |image: SingularSource| SingularFunction {
-            x: open(d),
-            y: open(0.0),
+            x: make_open_reach(d),
+            y: make_open_reach(0.0),
             sources: vec![inside, image],
             scale: 1.0,
             finest: f64::INFINITY,
