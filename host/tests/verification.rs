@@ -42,7 +42,7 @@ fn prediction_and_simulation_agree_on_random_scenes() {
 
 /// The figures of the manual: of 200 scenes with 10 touches each, unless `ERA_SCENES` says another number of scenes.
 #[test]
-#[ignore = "nine minutes of a processor"]
+#[ignore = "takes nine minutes of processor time; run by hand for the figures of the manual"]
 fn many_random_touches_are_within_their_bounds() {
     let scenes = std::env::var("ERA_SCENES").ok().and_then(|count| count.parse().ok()).unwrap_or(200_u64);
     let trials: Vec<Trial> = (0..scenes).into_par_iter().flat_map_iter(|scene| try_scene(1, scene, 10)).collect();

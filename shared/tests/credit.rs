@@ -21,7 +21,7 @@ fn exposure(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> f64
     (voltage.powi(2) * (FRAC_PI_2 * pulse_width).sin()).powi(2)
 }
 
-fn charge(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> CreditCharge {
+fn make_credit_charge(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> CreditCharge {
     CreditCharge::from_period(&TimerPeriod::with_windows(7, ticks, width, false), millivolts, max_millivolts)
 }
 
@@ -59,13 +59,13 @@ proptest! {
         more in 0_u32..100,
     ) {
         let millivolts = at % (max + max / 10 + 1);
-        let here = charge(ticks, width, millivolts, max);
-        prop_assert!(charge(ticks, width, millivolts + more, max) >= here);
+        let here = make_credit_charge(ticks, width, millivolts, max);
+        prop_assert!(make_credit_charge(ticks, width, millivolts + more, max) >= here);
         let wider = (width + more).min(ticks.div_ceil(2) - 1);
-        prop_assert!(charge(ticks, wider, millivolts, max) >= here);
+        prop_assert!(make_credit_charge(ticks, wider, millivolts, max) >= here);
         // At other frequencies, too: by the part of the period.
         let (first, second) = (width * other_ticks, other_width * ticks);
-        let other = charge(other_ticks, other_width, millivolts, max);
+        let other = make_credit_charge(other_ticks, other_width, millivolts, max);
         let in_order = if first >= second { here >= other } else { here <= other };
         prop_assert!(in_order, "{here:?}, {other:?}");
     }
@@ -81,7 +81,7 @@ proptest! {
         let mut before = 0.0;
         for (elapsed_us, drives, (ticks, width), millivolts) in steps {
             now_us += elapsed_us;
-            let drive = drives.then(|| charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS));
+            let drive = drives.then(|| make_credit_charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS));
             budget.account_and_find_spent(now_us, [None, drive, None, None]);
             let cost = if drives { exposure(ticks, width, millivolts, HIGHEST_MILLIVOLTS) } else { 0.0 };
             let charged = if drives { f64::max(before, cost) } else { 0.0 };
@@ -134,18 +134,18 @@ proptest! {
 
 #[test]
 fn nothing_costs_nothing_and_the_most_costs_its_time() {
-    assert_eq!(charge(1_000, 400, 0, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
-    assert_eq!(charge(1_000, 0, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
-    assert_eq!(charge(1_000, 400, 0, 0), CreditCharge::NONE);
+    assert_eq!(make_credit_charge(1_000, 400, 0, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
+    assert_eq!(make_credit_charge(1_000, 0, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::NONE);
+    assert_eq!(make_credit_charge(1_000, 400, 0, 0), CreditCharge::NONE);
     // A window of 1 - 1e-4 of the half period: less than a millionth is missing.
-    assert_eq!(charge(60_000, 29_998, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::FULL);
-    assert_eq!(charge(60_000, 29_998, u32::MAX, HIGHEST_MILLIVOLTS), CreditCharge::FULL, "above the limit");
-    assert_eq!(charge(60_000, 29_998, 1, 0), CreditCharge::FULL, "no limit known");
+    assert_eq!(make_credit_charge(60_000, 29_998, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS), CreditCharge::FULL);
+    assert_eq!(make_credit_charge(60_000, 29_998, u32::MAX, HIGHEST_MILLIVOLTS), CreditCharge::FULL, "above the limit");
+    assert_eq!(make_credit_charge(60_000, 29_998, 1, 0), CreditCharge::FULL, "no limit known");
     // Half the voltage: a sixteenth. A third of the half period: a quarter.
-    assert_eq!(charge(60_000, 29_998, 1_000_000, HIGHEST_MILLIVOLTS).as_ppm(), 62_500);
-    assert!((parts(charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS)) - 0.25).abs() < ROUNDED);
+    assert_eq!(make_credit_charge(60_000, 29_998, 1_000_000, HIGHEST_MILLIVOLTS).as_ppm(), 62_500);
+    assert!((parts(make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS)) - 0.25).abs() < ROUNDED);
     // The least that there is costs something.
-    assert_eq!(charge(TimerPeriod::MOST_TICKS, 1, 1, u32::MAX).as_ppm(), 1);
+    assert_eq!(make_credit_charge(TimerPeriod::MOST_TICKS, 1, 1, u32::MAX).as_ppm(), 1);
     assert_eq!((CreditCharge::FULL.as_ppm(), CreditCharge::NONE.as_ppm()), (1_000_000, 0));
 }
 
@@ -159,7 +159,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
         let volts_share = ((share - ROUNDED).sqrt() / sine).sqrt();
         assert!(volts_share < 1.0);
         let millivolts = (volts_share * f64::from(HIGHEST_MILLIVOLTS)) as u32;
-        let weak = charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS);
+        let weak = make_credit_charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS);
         assert!(parts(weak) <= share && parts(weak) > share - 1e-4, "{weak:?}");
         let mut budget = DriveBudget::new();
         budget.set_burst_limit(BURST_MAX_MS);
@@ -193,7 +193,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
 /// A drive that becomes weaker between two looks is charged at what it was, one that becomes stronger at what it is.
 #[test]
 fn a_change_between_two_looks_costs_the_greater() {
-    let quarter = charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS);
+    let quarter = make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS);
     let spent_ms = |order: [CreditCharge; 2]| {
         let mut budget = DriveBudget::new();
         budget.account_and_find_spent(0, only(order[0]));

@@ -20,7 +20,7 @@ const YOUNG_PA: f64 = 200e9;
 /// Of each of its two springs.
 const SPRING_N_PER_M: f64 = 900.0;
 
-const fn wanted(figure: Figure) -> WantedFigure {
+const fn want_figure(figure: Figure) -> WantedFigure {
     WantedFigure {
         figure,
         setting: SettingScope::EveryTouch,
@@ -42,8 +42,10 @@ fn near(found: f64, expected: f64, part: f64) {
 #[test]
 fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
     let mass_kg = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3;
-    let found =
-        of(&bar(9.0), &[wanted(Figure::RigidModeHz), WantedFigure { force_n: Some(3.0), ..wanted(Figure::SagUm) }]);
+    let found = of(
+        &bar(9.0),
+        &[want_figure(Figure::RigidModeHz), WantedFigure { force_n: Some(3.0), ..want_figure(Figure::SagUm) }],
+    );
     near(found[0], (3.0 * 2.0 * SPRING_N_PER_M / mass_kg).sqrt() / TAU, 0.005);
     near(found[1], 3.0 / SPRING_N_PER_M * 1e6, 0.005);
 }
@@ -52,12 +54,12 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
 #[test]
 fn a_map_is_made_only_where_settings_are_wanted() {
     let thorough = ThoroughEvaluator::new(TableOptions::default());
-    let sag = [wanted(Figure::SagUm), wanted(Figure::RigidModeHz), wanted(Figure::ContrastDb)];
+    let sag = [want_figure(Figure::SagUm), want_figure(Figure::RigidModeHz), want_figure(Figure::ContrastDb)];
     let sag = sag.map(|own| WantedFigure { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
     let found = thorough.verify_figures(&bar(9.0), &sag).unwrap();
     assert!(found.strongest_g.is_empty() && found.figures.values.iter().all(|value| value.is_finite()), "{found:?}");
     assert!(found.bounds[0].is_some() && found.bounds[1].is_some(), "{:?}", found.bounds);
-    let found = thorough.verify_figures(&bar(9.0), &[wanted(Figure::PowerW)]).unwrap();
+    let found = thorough.verify_figures(&bar(9.0), &[want_figure(Figure::PowerW)]).unwrap();
     assert_eq!(found.strongest_g.len(), found.x_mm.len() * found.y_mm.len());
     assert!(found.strongest_g.len() > 1);
 }
@@ -67,7 +69,7 @@ fn a_map_is_made_only_where_settings_are_wanted() {
 /// On the softest springs a corner yields most. The quick look and the thorough one say the same, and the bound of the thorough one holds.
 #[test]
 fn the_example_plate_sags_as_a_ritz_solution_says() {
-    let sag = [WantedFigure { force_n: Some(10.0), ..wanted(Figure::SagUm) }];
+    let sag = [WantedFigure { force_n: Some(10.0), ..want_figure(Figure::SagUm) }];
     for (stiffness, ritz_um) in [(2e3, 3252.447), (8e3, 1435.29), (40e3, 1094.21)] {
         let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         scene.supports.iter_mut().for_each(|own| own.stiffness_n_per_m = stiffness);
@@ -90,7 +92,7 @@ fn a_thin_bar_bends_as_a_free_one_does() {
     let free = 4.730_041_f64.powi(4) * bending / (line_kg * LENGTH_M.powi(4));
     // The mean square of a free bar's shape is a quarter of the square at its ends.
     let springs = 2.0 * SPRING_N_PER_M * 4.0 / (line_kg * LENGTH_M);
-    near(of(&bar(1.5), &[wanted(Figure::BendingModeHz)])[0], (free + springs).sqrt() / TAU, 0.005);
+    near(of(&bar(1.5), &[want_figure(Figure::BendingModeHz)])[0], (free + springs).sqrt() / TAU, 0.005);
 }
 
 /// The exact frequency of that bar: with b half its length in parts of the wave, the bending moment at its ends is nothing and the shear force is that of the
@@ -112,7 +114,7 @@ fn the_bound_on_a_modes_frequency_holds() {
     let mut scene = bar(1.5);
     scene.actuators[0].moving_mass_kg = 1e-9;
     let found = ThoroughEvaluator::new(TableOptions::default())
-        .verify_figures(&scene, &[wanted(Figure::BendingModeHz)])
+        .verify_figures(&scene, &[want_figure(Figure::BendingModeHz)])
         .unwrap();
     let (hz, bound) = (found.figures.values[0], found.bounds[0].unwrap());
     println!("{hz} of {exact}, bound {bound:.1e}");
@@ -120,7 +122,7 @@ fn the_bound_on_a_modes_frequency_holds() {
     assert!(
         bound <= 1e-3
             && found.bound.is_none()
-            && found.is_tolerance_met(&[wanted(Figure::BendingModeHz)], 1e-3) == Some(true),
+            && found.is_tolerance_met(&[want_figure(Figure::BendingModeHz)], 1e-3) == Some(true),
         "{found:?}"
     );
     near(hz, exact, bound + 1e-6);
@@ -131,7 +133,7 @@ fn the_bound_on_a_modes_frequency_holds() {
 fn one_actuator_has_one_frequency() {
     let second = EXAMPLE_PLATE.rfind("[[actuator]]").unwrap();
     let scene = Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap();
-    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let found = of(&scene, &each);
     near(found[1], found[0], 0.02);
     near(found[2], found[0], 0.02);
@@ -143,7 +145,7 @@ fn one_actuator_has_one_frequency() {
 fn more_freedom_is_no_worse() {
     let scene =
         Scene::parse("plate", &EXAMPLE_PLATE.replace("x_mm = 75.0\ny_mm = 100.0", "x_mm = 61.0\ny_mm = 47.0")).unwrap();
-    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let found = of(&scene, &each);
     assert!(found[1] >= found[2] && found[2] > 0.0 && found[0] > 0.8 * found[1], "{found:?}");
     // What the quick look does not know it leaves to a table of the panel.
@@ -182,8 +184,11 @@ fn what_can_be_had_under_little_voltage_is_known() {
         })
     };
     for drives in [FrequencyGrouping::OneFrequency, FrequencyGrouping::Distinct] {
-        let asked =
-            [WantedFigure { drives, ..wanted(Figure::WeakestG) }, wanted(Figure::VoltageV), wanted(Figure::PowerW)];
+        let asked = [
+            WantedFigure { drives, ..want_figure(Figure::WeakestG) },
+            want_figure(Figure::VoltageV),
+            want_figure(Figure::PowerW),
+        ];
         let found = ThoroughEvaluator::new(options).evaluate(&scene, &asked).unwrap();
         let [one, other] = peaks(found.weakest_mm.unwrap());
         let (mut best, mut best_hz) = (0.0_f64, 0.0);
@@ -255,7 +260,7 @@ fn a_finger_is_on_the_place_that_is_looked_at() {
     let untouched = Scene { press_n: 0.0, ..Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap() };
     let finger = Finger { mass_kg: 3e-3, damping_n_s_per_m: 4.0, stiffness_n_per_m: 1500.0 };
     let scene = Scene { finger: Some(finger), ..untouched.clone() };
-    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..wanted(Figure::WeakestG) });
+    let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let quick = QuickEvaluator::new(TableOptions { step_hz: 4.0, ..TableOptions::default() });
     let found = quick.evaluate(&scene, &each).unwrap().values;
     near(found[1], found[0], 0.02);
@@ -267,7 +272,7 @@ fn a_finger_is_on_the_place_that_is_looked_at() {
     let plain = QuickEvaluator::new(TableOptions::default()).evaluate(&untouched, &each[..1]).unwrap();
     assert!((looked.values[0] / plain.values[0] - 1.0).abs() > 0.03, "{looked:?} {plain:?}");
     let [x_mm, y_mm] = [113.0, 71.0];
-    let contrast = [WantedFigure { at_mm: Some([x_mm, y_mm]), ..wanted(Figure::ContrastDb) }];
+    let contrast = [WantedFigure { at_mm: Some([x_mm, y_mm]), ..want_figure(Figure::ContrastDb) }];
     let written = scene.with_finger_at_places(&[(x_mm * 1e-3, y_mm * 1e-3)]);
     let [under, alone] = [&scene, &written].map(|scene| of(scene, &contrast)[0]);
     assert!((under - alone).abs() < 0.02, "{under} {alone}");

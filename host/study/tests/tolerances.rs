@@ -24,11 +24,11 @@ fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
 }
 
 fn own(spread: &Spread, what: What) -> (f64, f64) {
-    let range = alone(spread, what);
+    let range = find_range_of_one_change(spread, what);
     (range.least_db, range.most_db)
 }
 
-fn alone(spread: &Spread, what: What) -> &PeakRange {
+fn find_range_of_one_change(spread: &Spread, what: What) -> &PeakRange {
     &spread.of.iter().find(|own| own.what == what).unwrap().range
 }
 
@@ -203,7 +203,7 @@ fn what_would_be_in_a_cutout_is_on_its_border() {
     let at_m = (0.15, 0.15);
     let (scene, plan) = planned(Scene::parse("hole", &format!("{EXAMPLE_PLATE}{hole}")).unwrap(), at_m);
     let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING }).unwrap();
-    for range in [&off.range, alone(&off, What::Places)] {
+    for range in [&off.range, find_range_of_one_change(&off, What::Places)] {
         for panel in [&range.weakest, &range.strongest] {
             let [x_mm, y_mm] = panel.places_mm.as_ref().unwrap().actuators[0];
             assert_eq!(scene.cutout_number_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");

@@ -15,16 +15,16 @@ use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 /// Only stops that somebody asks for, and a board that is not given up.
-const FOREVER: LinkTiming = tries(3000);
+const FOREVER: LinkTiming = link_timing_with_tries(3000);
 /// One that is given up soon.
-const SHORT: LinkTiming = tries(3);
+const SHORT: LinkTiming = link_timing_with_tries(3);
 /// No person stands between a board that comes back and the next order.
 const POLICY: SessionPolicy =
     SessionPolicy { idle: SessionPolicy::IDLE, clears_silence: false, arms_after_outage: true };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
-const fn tries(tries: u32) -> LinkTiming {
+const fn link_timing_with_tries(tries: u32) -> LinkTiming {
     LinkTiming { retry_policy: RetryPolicy { tries, stop: Duration::MAX, ..REAL_TIME.retry_policy }, ..REAL_TIME }
 }
 
@@ -307,7 +307,7 @@ fn the_last_stop_is_heard_after_half_a_frame() {
 #[test]
 fn a_stop_that_comes_in_the_last_try_is_sent_after_it() {
     let line = board();
-    let mut client = line.device(tries(1)).open_client().unwrap();
+    let mut client = line.device(link_timing_with_tries(1)).open_client().unwrap();
     line.set(|ear| ear.is_deaf = true);
     let attention = WaitHooks { in_doubt: &mut |_, _| {}, is_stopped: &|| true };
     let answer = client.request_or_stop(&Request::KeepAlive, attention);

@@ -31,7 +31,7 @@ const MATRICES: &str = "Full response of n unknowns at 5001 times (0 to 5 s, 1 m
     medians and include the decomposition.";
 
 /// A chain of masses between two walls.
-fn chain(n: usize) -> SecondOrderSystem {
+fn make_mass_spring_chain(n: usize) -> SecondOrderSystem {
     let mut seed = n as u64;
     let mut next = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -106,7 +106,7 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
     let (mut measured, mut systems) = (Vec::new(), Vec::new());
     for (n, ..) in THESIS {
         for damping in ["proportional", "dashpots"] {
-            let mut system = chain(n);
+            let mut system = make_mass_spring_chain(n);
             if damping == "proportional" {
                 system.c = &system.m * 0.8 + &system.k * 1e-3;
             }

@@ -108,11 +108,11 @@ impl Bench {
         if order.heard {
             self.heard_at_us = self.board.now_us;
         }
-        self.check(before, &order);
+        self.assert_safe_after_order(before, &order);
     }
 
     /// What holds after every step.
-    fn check(&mut self, before: SafetyState, order: &Order) {
+    fn assert_safe_after_order(&mut self, before: SafetyState, order: &Order) {
         let state = self.device.state();
         assert!(state.is_live() || self.board.is_off(), "energised in state {state:?}");
         assert!(state != SafetyState::Running || self.board.connected, "running with the electrodes disconnected");

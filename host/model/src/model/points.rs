@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn deflections_become_unknowns() {
         let rows = vec![vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(1, 0.9), (2, 0.4), (3, -0.3)]];
-        let places = [(0.1, 0.2), (0.3, 0.4)].map(alone);
+        let places = [(0.1, 0.2), (0.3, 0.4)].map(make_stiff_point_without_neighbour);
         let points = StiffPointUnknowns::new(&places, &rows, |index| index == 2);
         for (row, held) in rows.iter().zip(places) {
             let [(unknown, 1.0)] = points.deflection_row_at(held.at.0, held.at.1).unwrap()[..] else { panic!("alone") };
@@ -226,7 +226,11 @@ mod tests {
     #[test]
     fn dependent_points_are_left_alone() {
         let rows = vec![vec![(0, 0.5), (1, 1.0)], vec![(0, 1.0), (1, 2.0)], vec![]];
-        let points = StiffPointUnknowns::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)].map(alone), &rows, |_| true);
+        let points = StiffPointUnknowns::new(
+            &[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)].map(make_stiff_point_without_neighbour),
+            &rows,
+            |_| true,
+        );
         assert!(points.deflection_row_at(0.1, 0.0).is_some() && points.deflection_row_at(0.2, 0.0).is_none());
         assert!(points.deflection_row_at(0.3, 0.0).is_none());
     }
@@ -236,7 +240,8 @@ mod tests {
     fn differences_of_neighbours_become_unknowns() {
         let (first, second) = (vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(0, 0.5), (1, 1.001), (2, 0.2005)]);
         let rows = vec![first.clone(), vec![(1, 1.0), (2, 0.5)]];
-        let places = [alone((0.1, 0.0)), StiffPoint { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
+        let places =
+            [make_stiff_point_without_neighbour((0.1, 0.0)), StiffPoint { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
         let points = StiffPointUnknowns::new(&places, &rows, |_| true);
         for (row, held) in [first, second].into_iter().zip(places) {
             let mut expected = points.deflection_row_at(held.at.0, held.at.1).unwrap();
@@ -253,7 +258,7 @@ mod tests {
         assert!((slopes[0] - 0.2).abs() < 1e-15 && (slopes[1] - 2.0).abs() < 1e-10, "{slopes:?}");
     }
 
-    fn alone(at: (f64, f64)) -> StiffPoint {
+    fn make_stiff_point_without_neighbour(at: (f64, f64)) -> StiffPoint {
         StiffPoint { at, beside: None }
     }
 }

@@ -34,7 +34,7 @@ fn generator(mut seed: u64) -> impl FnMut() -> f64 {
 }
 
 /// Masses 1 to 2 kg in a chain between two walls, springs 500 to 1000 N/m, dashpots 1 to 5 N s/m.
-fn chain(n: usize) -> SecondOrderSystem {
+fn make_mass_spring_chain(n: usize) -> SecondOrderSystem {
     let mut next = generator(n as u64);
     let (mut c, mut k) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     let m = DMatrix::from_diagonal(&DVector::from_fn(n, |_, _| 1.0 + next()));
@@ -161,7 +161,7 @@ fn one_unknown_below_at_and_above_critical_damping() {
 }
 
 /// Three critically damped modes, coupled in the given unknowns, two of them equal.
-fn critical() -> SecondOrderSystem {
+fn make_critically_damped_system() -> SecondOrderSystem {
     let q = reflection();
     let omega = vector(&[2.0, 2.0, 5.0]);
     SecondOrderSystem {
@@ -179,7 +179,7 @@ fn reflection() -> DMatrix<f64> {
 
 #[test]
 fn critical_damping_and_equal_eigenvalues_where_the_published_form_fails() {
-    let (system, grid, initial) = (critical(), grid(0.01, 500), start(3));
+    let (system, grid, initial) = (make_critically_damped_system(), grid(0.01, 500), start(3));
     let q = reflection();
     let (p, v) = (q.transpose() * &initial.displacement, q.transpose() * &initial.velocity);
     let omega = [2.0, 2.0, 5.0];
@@ -203,7 +203,7 @@ fn critical_damping_and_equal_eigenvalues_where_the_published_form_fails() {
 fn proportional_and_general_damping_against_runge_kutta() {
     let n = 7;
     let grid = grid(0.004, 301);
-    for (system, decoupled) in [(proportional(chain(n)), true), (chain(n), false)] {
+    for (system, decoupled) in [(proportional(make_mass_spring_chain(n)), true), (make_mass_spring_chain(n), false)] {
         let (initial, drives) = (start(n), drives(n));
         let propagator = Propagator::new(&system, grid).unwrap();
         assert_eq!(propagator.has_decoupled_modes(), decoupled);
@@ -234,7 +234,7 @@ fn proportional_and_general_damping_against_runge_kutta() {
 #[test]
 fn a_full_mass_matrix_and_many_outputs() {
     let n = 24;
-    let mut system = chain(n);
+    let mut system = make_mass_spring_chain(n);
     let mut next = generator(3);
     let mixing = DMatrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j)) + 0.05 * (next() - 0.5));
     system.m = mixing.transpose() * &system.m * &mixing;
@@ -252,7 +252,7 @@ fn a_full_mass_matrix_and_many_outputs() {
 
 #[test]
 fn what_is_left_in_the_end_is_the_steady_state() {
-    for system in [proportional(chain(9)), chain(9)] {
+    for system in [proportional(make_mass_spring_chain(9)), make_mass_spring_chain(9)] {
         let grid = grid(0.02, 40_001);
         let drive = drives(9).remove(0);
         let propagator = Propagator::new(&system, grid).unwrap();
@@ -322,7 +322,7 @@ fn an_undamped_resonance_grows_with_time() {
 #[test]
 fn forces_by_samples() {
     let n = 7;
-    for system in [proportional(chain(n)), chain(n)] {
+    for system in [proportional(make_mass_spring_chain(n)), make_mass_spring_chain(n)] {
         let mut last = f64::INFINITY;
         // A sampled harmonic force: the hold's error falls as the square of the step.
         for (step_s, count) in [(4e-3, 251), (1e-3, 1001)] {
@@ -380,7 +380,11 @@ fn forces_by_samples() {
 /// Free motion over 20001 steps against one long step each: the recurrence's round-off stays below its bound.
 #[test]
 fn round_off_stays_below_its_bound() {
-    for system in [proportional(chain(20)), chain(20), SecondOrderSystem { c: DMatrix::zeros(20, 20), ..chain(20) }] {
+    for system in [
+        proportional(make_mass_spring_chain(20)),
+        make_mass_spring_chain(20),
+        SecondOrderSystem { c: DMatrix::zeros(20, 20), ..make_mass_spring_chain(20) },
+    ] {
         let (fine, coarse) = (grid(1e-3, 20_001), grid(20.0, 2));
         let get = |grid| {
             let propagator = Propagator::new(&system, grid).unwrap();
@@ -402,7 +406,7 @@ fn round_off_stays_below_its_bound() {
 #[test]
 fn bad_input_is_named() {
     let grid = grid(0.1, 10);
-    let good = chain(3);
+    let good = make_mass_spring_chain(3);
     let error = |system: &SecondOrderSystem| Propagator::new(system, grid).unwrap_err().to_string();
     let mut bad = good.clone();
     bad.k[(0, 1)] += 1.0;

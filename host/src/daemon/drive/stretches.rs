@@ -44,7 +44,7 @@ impl Driver {
             stretches(spans, |targets| self.plan_request(touch, &touch.request.only(targets)))
         })?;
         drop(place);
-        let acts = acts(&all, &touch.fingers);
+        let acts = list_board_acts(&all, &touch.fingers);
         let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
         let shown = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
         let begun = Instant::now();
@@ -72,7 +72,7 @@ impl Driver {
     }
 }
 
-fn acts(all: &[Stretch], touches: &[Finger]) -> Vec<Act> {
+fn list_board_acts(all: &[Stretch], touches: &[Finger]) -> Vec<Act> {
     let after = |i: usize| all.get(i + 1).is_some_and(|next| next.plan.is_some());
     let act = |(i, stretch): (usize, &Stretch)| {
         let Span { from_ms, to_ms, targets } = &stretch.span;

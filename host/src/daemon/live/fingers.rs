@@ -323,7 +323,7 @@ mod tests {
     use crate::effects::NamedEffect;
     use crate::planner::Target;
 
-    fn at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
+    fn make_touch_at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
         let target = Target { x_m: 0.0, y_m: 0.0, intensity_g: None };
         let checked = |id: &i64| {
             let finger = Finger { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None };
@@ -343,7 +343,7 @@ mod tests {
     #[test]
     fn a_finger_that_comes_again_is_another_one() {
         let fingers = Fingers::default();
-        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px, Feel::default()), 0).unwrap();
+        let say = |ids: &[i64], x_px| fingers.are(make_touch_at(ids, x_px, Feel::default()), 0).unwrap();
         say(&[1], 0.0);
         say(&[1, 2], 1.0);
         assert_eq!(steps(&fingers), [(vec![2, 1], false, 1.0)]);
@@ -364,7 +364,7 @@ mod tests {
     fn of_too_many_taps_the_oldest_make_way() {
         let fingers = Fingers::default();
         let tap = |x_px: f64| {
-            let result = fingers.are(at(&[1], x_px, Feel::default()), 0);
+            let result = fingers.are(make_touch_at(&[1], x_px, Feel::default()), 0);
             fingers.are(Touch::without_fingers(), 0).unwrap();
             result.is_ok()
         };
@@ -383,7 +383,7 @@ mod tests {
         let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
         let hand = Hand { down: vec![1, 2], feel, ..Hand::default() };
         let step = |came: &[i64]| Step {
-            touch: at(&[1, 2], 0.0, feel),
+            touch: make_touch_at(&[1, 2], 0.0, feel),
             lifted: false,
             came: came.to_vec(),
             is_tap: false,

@@ -57,7 +57,7 @@ impl Touch {
     /// [`Problem`] that names field, value and range; `also[0].x_px` for the first other target.
     pub fn from_request(asked: &TouchRequest, scene: &Scene) -> Result<Self, Problem> {
         let feel = asked.feel();
-        let (intensity, mode) = feel.check(DEFAULT_DURATION_MS)?;
+        let (intensity, mode) = feel.check_strength_and_mode(DEFAULT_DURATION_MS)?;
         let also = asked.also.iter().flatten();
         let first = Finger { id: 0, x_px: asked.x_px, y_px: asked.y_px, intensity_g: None, effect: None };
         let others = (1..).zip(also.clone()).map(|(id, other)| Finger {
@@ -74,7 +74,7 @@ impl Touch {
             request.targets.push(finger.check(scene).map_err(|problem| problem.of(name(t)))?.target);
         }
         for (i, zone) in asked.quiet.iter().flatten().enumerate() {
-            request.quiet.push(zone.check(scene).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
+            request.quiet.push(zone.check_zone(scene).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
         }
         request.objective = asked.objective.unwrap_or_default();
         request.grouping = asked.grouping.unwrap_or_default();
@@ -91,7 +91,7 @@ impl Touch {
     /// # Errors
     /// [`Problem`] that names field, value and range of what the fingers should feel like.
     pub fn from_fingers(fingers: &[CheckedFinger], feel: Feel) -> Result<Self, Problem> {
-        let (intensity, mode) = feel.check(MAX_DURATION_MS)?;
+        let (intensity, mode) = feel.check_strength_and_mode(MAX_DURATION_MS)?;
         let targets: Vec<Target> = fingers.iter().map(|checked| checked.target).collect();
         Ok(Self {
             fingers: fingers.iter().map(|checked| checked.finger).collect(),
@@ -140,7 +140,7 @@ impl Finger {
 }
 
 impl QuietZone {
-    fn check(&self, scene: &Scene) -> Result<Quiet, Problem> {
+    fn check_zone(&self, scene: &Scene) -> Result<Quiet, Problem> {
         let (x_m, y_m) = scene.surface_point_at_px(self.x_px, self.y_px)?.coordinates_m();
         let most_mm = MAX_QUIET_RADIUS_M * 1e3;
         if !(0.0..=most_mm).contains(&self.radius_mm) {
@@ -155,7 +155,7 @@ impl QuietZone {
 
 impl Feel {
     /// Strength and mode; a touch that says nothing of its length is held for `hold_ms`.
-    fn check(&self, hold_ms: u32) -> Result<(Option<Intensity>, DriveMode), Problem> {
+    fn check_strength_and_mode(&self, hold_ms: u32) -> Result<(Option<Intensity>, DriveMode), Problem> {
         check_intensity(self.intensity_g)?;
         let intensity = match (self.intensity_g, self.intensity_db) {
             (Some(_), Some(db)) => {

@@ -162,7 +162,7 @@ pub fn draw_latin_hypercube(dimensions: usize, count: usize, random: &mut Random
 mod tests {
     use super::*;
 
-    fn dimension(count: Option<usize>, levels: Option<usize>) -> CubeDimension {
+    fn make_cube_dimension(count: Option<usize>, levels: Option<usize>) -> CubeDimension {
         CubeDimension { variable: 0, name: String::new(), count, levels }
     }
 
@@ -222,13 +222,13 @@ mod tests {
 
     #[test]
     fn a_grid_has_all_combinations() {
-        let dimensions = [dimension(None, Some(3)), dimension(Some(2), None)];
+        let dimensions = [make_cube_dimension(None, Some(3)), make_cube_dimension(Some(2), None)];
         let of = |dimension: &CubeDimension| grid_levels(dimension, 5);
         let samples = KnownPoints::Grid { levels: dimensions.iter().map(of).collect() };
         assert_eq!(samples.count_points(), 6);
         let wanted = [[0.0, 0.25], [0.0, 0.75], [0.5, 0.25], [0.5, 0.75], [1.0, 0.25], [1.0, 0.75]];
         assert_eq!(samples.points_in_range(0..6), wanted);
-        assert_eq!(grid_levels(&dimension(None, None), 5).len(), 5);
-        assert_eq!(grid_levels(&dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
+        assert_eq!(grid_levels(&make_cube_dimension(None, None), 5).len(), 5);
+        assert_eq!(grid_levels(&make_cube_dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
     }
 }
