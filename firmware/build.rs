@@ -11,8 +11,17 @@ fn main() {
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed={}", memory.display());
 
-    // Without git, or outside a checkout, the firmware says that it does not know.
-    println!("cargo:rustc-env=ERA_COMMIT={}", git(&["rev-parse", "--short=8", "HEAD"]).unwrap_or_default());
+    // Without git, or outside a checkout, the firmware says that it does not know. A tree with changes is not the commit: a plus takes the
+    // place of the last digit.
+    let mut commit = git(&["rev-parse", "--short=8", "HEAD"]).unwrap_or_default();
+    let changes = git(&["status", "--porcelain", "--untracked-files=no", "--", ".", "../shared", "../memory.x"]);
+    if commit.len() >= 8 && changes.is_none_or(|changes| !changes.is_empty()) {
+        commit.replace_range(7.., "+");
+    }
+    println!("cargo:rustc-env=ERA_COMMIT={commit}");
+    for sources in ["src", "../shared/src"] {
+        println!("cargo:rerun-if-changed={sources}");
+    }
     // Where HEAD lies differs between a checkout and one of git's worktrees.
     for file in ["HEAD", "logs/HEAD"] {
         if let Some(path) = git(&["rev-parse", "--git-path", file]) {

@@ -42,8 +42,8 @@ def read_transitions():
     return {pair: outcome for pair, outcome in table.items() if outcome}
 
 
-# What the picture of the states shows: every change of state that the table has. Arrows from a frame stand for those from
-# every state within it.
+# What the picture of the states shows: every change of state that the table has. Arrows from a dashed box stand for those
+# from every state within it.
 LIVE = ("Arming", "Armed", "Running")
 DRAWN_CHANGES = {
     ("Boot", "BootComplete", "Discharging"),
@@ -115,7 +115,7 @@ def draw_states(_era):
     canvas.text(262, 310, "any fault", anchor="end", size=12, color=RED)
     canvas.arrow([(290, 362), (70, 362), (70, 236)])
     canvas.text(180, 378, "clear, and the cause is gone", anchor="middle", size=12)
-    canvas.text(380, 406, "Every arrow that leaves the right frame switches everything off first.", anchor="middle", size=12, color=GREY)
+    canvas.text(380, 406, "At every arrow that leaves the right dashed box, everything is switched off first.", anchor="middle", size=12, color=GREY)
     return canvas
 
 
@@ -125,7 +125,7 @@ def draw_silence(_era):
     tries = int(re.search(r"\btries: (\d+),\n        doubt: Duration::from", read_source("host/src/device/timing.rs")).group(1))
     deadman = read_constant(LIMITS, "DEADMAN_DEFAULT_MS")
     waits = [min(again * 2**index, most) for index in range(tries)]
-    # `request_with_retries` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
+    # `request_with_retries_or_stop` of host/src/device/client.rs: when the stop falls due, the try under way ends, and a stop is sent at once.
     asked, at = [], alive
     for wait in waits:
         asked.append(at)
@@ -135,8 +135,8 @@ def draw_silence(_era):
         760, 400, "Silence, doubt and outage: what host and board do after the last answer",
         f"Times in milliseconds after the last answer of the board. Host: at {alive} it asks for a sign of life, at {alive + again} "
         f"it asks again, at {alive + doubt} it reports a doubt, from {alive + stop} on it sends stops instead of questions, at "
-        f"about {outage} it reports an outage and opens the port again. A board that hears nothing more goes off by itself {deadman} "
-        "milliseconds after the last frame. A board that hears the host, though its answers are lost, goes off at the first stop.",
+        f"about {outage} it reports an outage and opens the port again. A board that hears nothing more switches off by itself {deadman} "
+        "milliseconds after the last frame. A board that hears the host, though its answers are lost, switches off at the first stop.",
     )
     left, broken, resumed, right = 150, 600, 624, 738
     early = Chart(left, 0, broken, 1, (0, 300), (0, 1))
@@ -230,6 +230,7 @@ def draw_wiring(_era):
         760, 560, "Wiring of host, board, high-voltage supply, power stage, ERAs and safety loops",
         "The host is connected to the board by USB or through the ST-LINK serial port. The board sets and measures two rails of the "
         f"high-voltage supply, up to {limit_kv:.0f} kilovolts each, enables the supply and opens one discharge switch for each rail. "
+        "Without the permit the supply is off, the discharge switches are closed and the electrodes of ERA 4 are off. "
         "Its timers switch the electrodes of four ERAs through the power stage. Rail 1 feeds ERAs 1 and 3, rail 2 feeds ERAs 2 "
         "and 4. Masses and panel are earthed. The loops of interlock and emergency stop and the earth bond lead to the board; the "
         "emergency stop also cuts the supply.",
@@ -242,11 +243,12 @@ def draw_wiring(_era):
     canvas.text(104, 98, f"USB ({pin('USB D-', 'USB D+')})", size=12)
     canvas.text(104, 114, f"or ST-LINK ({pin('LPUART1 TX', 'LPUART1 RX')})", size=12)
     rails = [
-        (196, pin("set-point of rail 1", "set-point of rail 2"), "set-points of the rails", True),
-        (226, pins["high-voltage enable"], "high-voltage enable", True),
-        (256, pin("voltage of rail 1", "voltage of rail 2"), "voltages of the rails", False),
-        (286, pin("momentary current", "average current"), "currents", False),
-        (316, pin("discharge switch, rail 1", "discharge switch, rail 2"), "discharge switches", True),
+        (184, pin("set-point of rail 1", "set-point of rail 2"), "set-points of the rails", True),
+        (210, pin("voltage of rail 1", "voltage of rail 2"), "voltages of the rails", False),
+        (236, pin("momentary current", "average current"), "currents", False),
+        (262, pins["high-voltage enable"], "high-voltage enable", True),
+        (288, pin("discharge switch, rail 1", "discharge switch, rail 2"), "discharge switches", True),
+        (314, pins["permit"], "permit, also for ERA 4", True),
     ]
     for y, names, label, out in rails:
         canvas.text(262, y + 4, f"{label}: {names}", anchor="end", size=12)
@@ -259,7 +261,7 @@ def draw_wiring(_era):
     canvas.box(340, 166, 174, 174, fill=PALE_RED, stroke=RED, radius=8)
     canvas.text(427, 192, "high-voltage supply", anchor="middle", bold=True)
     canvas.text(427, 216, f"rail 1: 0 to {limit_kv:.0f} kV\nrail 2: 0 to {limit_kv:.0f} kV", anchor="middle", size=12)
-    canvas.text(427, 264, "dividers (bleeders)\nshunts\ndischarge switches:\nclosed unless driven", anchor="middle", size=12)
+    canvas.text(427, 264, "dividers, bleeders\nshunts\ndischarge switches:\nclosed unless driven", anchor="middle", size=12)
     # Power stage.
     canvas.box(340, 372, 174, 80, fill=PALE_ORANGE, stroke=ORANGE, radius=8)
     canvas.text(427, 392, "power stage", anchor="middle", bold=True)

@@ -1,13 +1,18 @@
 //! The hardware behind the device logic of `era-shared`.
 
+use crate::clock_check::ClockCheck;
 use crate::clocks::TIMER_CLOCK_HZ;
 use crate::pins::CHANNELS;
-use crate::{bootloader, breaks, comparators, log, outputs, sense, supply, timers, trip};
+use crate::{
+    average_current, bootloader, breaks, comparators, electrode_test, log, outputs, permit, run_record, sense, supply,
+    timers, trip,
+};
 use embassy_time::{Duration, Instant};
 use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{ChannelLimits, FaultCode};
-use era_shared::supply::{FaultFinding, SensorReadings, SupplyCommand};
-use era_shared::waveform::{IDLE, TimerPeriod, TimerPreload};
+use era_shared::safety::ElectrodePulses;
+use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
+use era_shared::waveform::{Electrode, IDLE, TimerPeriod, TimerPreload};
 
 /// What each channel can do.
 pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits::BOARD;
@@ -23,6 +28,8 @@ const COUNT_WAIT: Duration = Duration::from_micros(20);
 
 /// Detail of a finding about the comparators' settings, beyond all channels.
 const DETAIL_COMPARATORS: u32 = 10;
+/// Likewise about the timer that makes the permit.
+const DETAIL_PERMIT: u32 = 11;
 
 /// The fault to report for a step that has failed with `fallback`: a trip that has come meanwhile, as it is the reason for the failure, or else
 /// `fallback`.
@@ -40,14 +47,25 @@ pub struct Stm32Board {
     /// Each counter's value at the last check.
     counts: [Option<u16>; CHANNELS],
     connected: bool,
+    /// A fault that was found at the start and cannot go before the next one.
+    lasting_fault: Option<FaultFinding>,
+    clock_check: ClockCheck,
 }
 
 impl Stm32Board {
     /// The board, with everything off.
-    pub fn new(mut info: BoardInfo) -> Self {
+    pub fn new(mut info: BoardInfo, lasting_fault: Option<FaultFinding>) -> Self {
         info.channels = core::iter::repeat_n(CHANNEL_LIMITS, CHANNELS).collect();
-        outputs::force_outputs_off();
-        Self { info, started_us: 0, loaded: [IDLE; CHANNELS], counts: [None; CHANNELS], connected: false }
+        outputs::force_electrodes_and_supply_off();
+        Self {
+            info,
+            started_us: 0,
+            loaded: [IDLE; CHANNELS],
+            counts: [None; CHANNELS],
+            connected: false,
+            lasting_fault,
+            clock_check: ClockCheck::new(),
+        }
     }
 
     /// Whether a channel's counter has moved since the last check.
@@ -73,9 +91,27 @@ impl Stm32Board {
         false
     }
 
-    fn inspect_timers(&mut self) -> Result<(), FaultFinding> {
+    /// What is wrong with the board itself now.
+    fn find_standing_fault(&mut self) -> Option<FaultFinding> {
+        if let Some(finding) = self.lasting_fault.or_else(|| self.clock_check.find_fault()) {
+            return Some(finding);
+        }
+        // With interrupts masked, so that a break between the two looks is not taken for a line that does not follow.
+        cortex_m::interrupt::free(|_| {
+            if permit::is_withdrawn_by_break() {
+                // A break whose interrupt has not run; one that runs after this notes its reason itself.
+                return Some(breaks::find_trip_cause());
+            }
+            permit::check_line().err()
+        })
+    }
+
+    fn inspect_timers_and_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         if !comparators::are_all_settings_intact() {
             return Err((FaultCode::ReadBack, DETAIL_COMPARATORS));
+        }
+        if !permit::is_routing_intact() {
+            return Err((FaultCode::ReadBack, DETAIL_PERMIT));
         }
         if self.connected && !timers::WITH_BREAK.into_iter().all(timers::is_main_output_enabled) {
             // A break whose interrupt has not run, or not been enabled.
@@ -105,28 +141,54 @@ impl Board for Stm32Board {
     }
 
     fn switch_outputs_off(&mut self) {
-        outputs::force_outputs_off();
+        outputs::force_electrodes_and_supply_off();
         self.connected = false;
     }
 
-    fn read_sensors(&mut self) -> SensorReadings {
-        let measured = sense::measure_inputs();
+    fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
+        let measured = sense::measure_rails_bond_loops_and_reference();
+        let [interlock_millivolts, stop_millivolts] = measured.loop_millivolts;
+        // Before the trips: what a break has withdrawn has its reason there, if its interrupt works.
+        let standing_fault = self.find_standing_fault();
         SensorReadings {
             rail_millivolts: measured.rail_millivolts,
-            average_microamps: measured.average_microamps,
-            interlock_closed: comparators::is_interlock_closed(),
-            stop_released: comparators::is_emergency_stop_released(),
+            average_microamps: average_current::read_average_microamps(),
+            // Both: the comparator acts without software, the level tells a closed loop from a shorted one.
+            interlock_closed: comparators::is_interlock_closed() && sense::is_loop_level_closed(interlock_millivolts),
+            stop_released: comparators::is_emergency_stop_released() && sense::is_loop_level_closed(stop_millivolts),
+            interlock_millivolts,
+            stop_millivolts,
             earth_bonded: measured.earth_bonded,
+            reference_millivolts: measured.reference_millivolts,
             trip: trip::take_trip(),
+            standing_fault,
         }
     }
 
     fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
-        if outputs::are_outputs_low() { breaks::test_all_comparators() } else { Err((FaultCode::ArmFailed, 0)) }
+        match outputs::find_output_not_low() {
+            None => breaks::test_all_comparators(),
+            Some(pin) => Err((FaultCode::ArmFailed, pin)),
+        }
+    }
+
+    fn test_over_voltage_inputs(&mut self, charged: [bool; RAILS]) -> Result<(), FaultFinding> {
+        match outputs::find_electrode_not_low() {
+            None => breaks::test_over_voltage_inputs(charged),
+            Some(pin) => Err((FaultCode::ArmFailed, pin)),
+        }
+    }
+
+    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+        electrode_test::pulse_electrode(channel, electrode)
+    }
+
+    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; CHANNELS]) {
+        run_record::keep_run_record(is_live, credit_ms);
     }
 
     fn apply_supply_command(&mut self, command: &SupplyCommand) {
-        supply::apply_supply_command(command);
+        supply::apply_supply_command_or_off_if_tripped(command);
     }
 
     fn start_timers(&mut self) -> Result<(), FaultCode> {
@@ -134,7 +196,7 @@ impl Board for Stm32Board {
         self.counts = [None; CHANNELS];
         // With interrupts masked, so that the time noted is that of the start.
         cortex_m::interrupt::free(|_| {
-            let started = timers::start_all_timers();
+            let started = timers::start_timers_if_read_back_matches();
             self.started_us = Instant::now().as_micros();
             if started { Ok(()) } else { Err(FaultCode::ReadBack) }
         })
@@ -159,7 +221,7 @@ impl Board for Stm32Board {
         })
     }
 
-    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
+    fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let Some(loaded) = self.loaded.get_mut(preload.channel) else { return Err(FaultCode::DriveFailed) };
         // With interrupts masked for 2 us, so that nothing comes between the look at the clock and the last register.
         cortex_m::interrupt::free(|_| {
@@ -169,14 +231,18 @@ impl Board for Stm32Board {
                 return Err(FaultCode::DriveFailed);
             }
             *loaded = preload.period;
-            if timers::write_preload(preload.channel, &preload.period) { Ok(()) } else { Err(FaultCode::ReadBack) }
+            if timers::write_preload_and_check_read_back(preload.channel, &preload.period) {
+                Ok(())
+            } else {
+                Err(FaultCode::ReadBack)
+            }
         })
         .map_err(take_trip_code_or)
     }
 
-    /// Detail: the channel, or [`DETAIL_COMPARATORS`].
+    /// Detail: the channel, [`DETAIL_COMPARATORS`] or [`DETAIL_PERMIT`].
     fn check_timers(&mut self) -> Result<(), FaultFinding> {
-        self.inspect_timers().map_err(|finding| trip::take_trip().unwrap_or(finding))
+        self.inspect_timers_and_trip_circuits().map_err(|finding| trip::take_trip().unwrap_or(finding))
     }
 
     fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
@@ -188,6 +254,6 @@ impl Board for Stm32Board {
     }
 
     fn request_bootloader_restart(&mut self) {
-        bootloader::request_bootloader();
+        bootloader::signal_bootloader_request();
     }
 }

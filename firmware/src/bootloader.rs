@@ -36,18 +36,18 @@ const ANSWER_MS: u64 = 50;
 static REQUEST: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Requests the restart into the bootloader; returns at once, so that the host's request can still be answered.
-pub fn request_bootloader() {
+pub fn signal_bootloader_request() {
     REQUEST.signal(());
 }
 
-/// Waits for [`request_bootloader`], then leaves the note and resets the chip.
+/// Waits for [`signal_bootloader_request`], then leaves the note and resets the chip.
 #[embassy_executor::task]
 pub async fn await_request_and_reset() {
     REQUEST.wait().await;
     Timer::after_millis(ANSWER_MS).await;
     cortex_m::interrupt::disable();
     // They are off already, as the request is refused otherwise; nothing depends on it.
-    outputs::force_outputs_off();
+    outputs::force_electrodes_and_supply_off();
     // SAFETY: nothing else runs, and nothing returns from here.
     unsafe { NOTE.0.get().cast::<[u32; 2]>().write_volatile([ASKED, !ASKED]) };
     SCB::sys_reset()

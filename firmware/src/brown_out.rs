@@ -4,7 +4,7 @@
 //! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
 //! to be set to 4, 2.8 V, when a board is brought up.
 
-use crate::outputs::force_outputs_off;
+use crate::outputs::force_electrodes_and_supply_off;
 use crate::priorities::PROTECTION;
 use crate::trip;
 use core::cell::UnsafeCell;
@@ -34,7 +34,7 @@ static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// Whether a dip of the supply that memory has survived has reset the chip. Power that was off for a moment counts as a dip: the chip cannot
 /// tell them apart. Leaves the note for the next start. To be called once, at boot.
-pub fn did_supply_dip_cause_reset(reset_cause: ResetCause) -> bool {
+pub fn detect_supply_dip_reset_and_mark_running(reset_cause: ResetCause) -> bool {
     let place = NOTE.0.get().cast::<[u32; 2]>();
     // SAFETY: every bit pattern is valid, and nothing else accesses the memory.
     let ran_before = unsafe { place.read_volatile() } == [RUNNING, !RUNNING];
@@ -70,9 +70,11 @@ pub fn is_voltage_detector_configured() -> bool {
 
 #[interrupt]
 fn PVD_PVM() {
-    force_outputs_off();
+    force_electrodes_and_supply_off();
     trip::note_trip(FaultCode::BrownOut, 0);
     let mut line = Lines(0);
     line.set_line(LINE, true);
     EXTI.pr(0).write_value(line);
+    // As in the handler of the breaks.
+    cortex_m::asm::dsb();
 }

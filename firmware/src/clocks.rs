@@ -11,7 +11,7 @@ pub const TIMER_CLOCK_HZ: u32 = 170_000_000;
 /// Clock configuration: HSI 16 MHz / 4 x 85 / 2 = 170 MHz core clock, the most the chip allows.
 ///
 /// The internal oscillator is within 1 % over temperature, which moves every frequency alike; a board that needs
-/// better replaces the source by a crystal here and nowhere else.
+/// better replaces the source by a crystal here and nowhere else. [`crate::clock_check`] compares it with the watchdog's clock.
 pub fn build_clock_config() -> Config {
     let mut config = Config::default();
     // PLL input 4 MHz (allowed 2.66 to 16 MHz), VCO 340 MHz (allowed 96 to 344 MHz).
@@ -32,7 +32,9 @@ pub fn build_clock_config() -> Config {
     // 0.25 %, untrimmed it has 3 %. It also clocks the random number generator.
     config.rcc.hsi48 = Some(Hsi48Config { sync_from_usb: true });
     config.rcc.mux.clk48sel = mux::Clk48sel::HSI48;
-    // No real-time clock and no low-speed oscillator.
+    // Sleep with the debugger's clocks running can fetch wrong instructions from flash (errata sheet ES0430, 2.2.8).
+    config.enable_debug_during_sleep = false;
+    // No real-time clock, and no low-speed oscillator here: `clock_check` starts it without waiting for ever.
     config.rcc.ls = LsConfig::off();
     config
 }

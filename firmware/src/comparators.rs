@@ -17,6 +17,7 @@ use embassy_stm32::pac::comp::regs::Csr;
 use embassy_stm32::pac::comp::vals::{Hysteresis, Inm, Polarity};
 use embassy_stm32::pac::dac::vals::Mode;
 use embassy_stm32::pac::{COMP1, COMP3, COMP4, COMP5, COMP7, DAC3, RCC};
+use era_shared::circuit::{MOMENTARY_FULL_SCALE_MICROAMPS, RAIL_FULL_SCALE_MILLIVOLTS};
 use era_shared::limits::{OVER_VOLTAGE_MILLIVOLTS, TRIP_MICROAMPS};
 use era_shared::protocol::FaultCode;
 
@@ -32,7 +33,7 @@ pub struct Comparator {
     polarity: Polarity,
 }
 
-/// The loops are below the threshold when they are open.
+/// The loops are below the threshold of 1.2 V when they are open; closed, they are at 2.185 V (pin table).
 const INTERLOCK: Comparator = Comparator {
     number: 5,
     fault: FaultCode::InterlockOpen,
@@ -52,13 +53,19 @@ const fn make_comparator_against_dac(number: u32, fault: FaultCode, registers: C
     Comparator { number, fault, registers, input: Inm::DACA, polarity: Polarity::NOT_INVERTED }
 }
 
+/// Those that watch rails 1 and 2.
+pub const OVER_VOLTAGE: [Comparator; 2] = [
+    make_comparator_against_dac(3, FaultCode::OverVoltage, COMP3),
+    make_comparator_against_dac(1, FaultCode::OverVoltage, COMP1),
+];
+
 /// All that are used, those first whose reason says more if several have tripped: a person's stop before its consequences.
 pub const COMPARATORS: [Comparator; 5] = [
     EMERGENCY_STOP,
     INTERLOCK,
     make_comparator_against_dac(4, FaultCode::OverCurrent, COMP4),
-    make_comparator_against_dac(3, FaultCode::OverVoltage, COMP3),
-    make_comparator_against_dac(1, FaultCode::OverVoltage, COMP1),
+    OVER_VOLTAGE[0],
+    OVER_VOLTAGE[1],
 ];
 
 /// CSR.POL.
@@ -66,14 +73,19 @@ const POLARITY: u32 = 1 << 15;
 
 /// Steps of the converter.
 const FULL_CODE: u64 = 4095;
-/// Threshold of the rails: 3.3 V is 2500 V.
-const OVER_VOLTAGE_CODE: u16 = (OVER_VOLTAGE_MILLIVOLTS as u64 * FULL_CODE / 2_500_000) as u16;
-/// Threshold of the momentary current: 3.3 V is 20 mA.
-const OVER_CURRENT_CODE: u16 = (TRIP_MICROAMPS as u64 * FULL_CODE / 20_000) as u16;
+/// Threshold of the rails.
+const OVER_VOLTAGE_CODE: u16 = (OVER_VOLTAGE_MILLIVOLTS as u64 * FULL_CODE / RAIL_FULL_SCALE_MILLIVOLTS as u64) as u16;
+/// Threshold of the rails during the self-test: 25 V. With half of the hysteresis of 15 V on either side, a rail that counts as charged (35 V or
+/// more) is above it and one that does not (15 V or less) below.
+const TEST_CODE: u16 = (25_000 * FULL_CODE / RAIL_FULL_SCALE_MILLIVOLTS as u64) as u16;
+/// Threshold of the momentary current.
+const OVER_CURRENT_CODE: u16 = (TRIP_MICROAMPS as u64 * FULL_CODE / MOMENTARY_FULL_SCALE_MICROAMPS as u64) as u16;
 const _: () = assert!(OVER_VOLTAGE_CODE < 4095 && OVER_CURRENT_CODE < 4095);
 
 /// DAC3 and the voltage scaler settle within 200 us (DS12288, DAC and comparator characteristics); clocks of 170 MHz.
 const SETTLING_CLOCKS: u32 = 170 * 250;
+/// A converter that runs already settles within 10 us.
+const THRESHOLD_SETTLING_CLOCKS: u32 = 170 * 10;
 
 /// Starts DAC3 and the comparators, and waits until they have settled. To be called once.
 pub fn init_comparators() {
@@ -94,9 +106,16 @@ pub fn init_comparators() {
         w.set_en(1, true);
     });
     for comparator in COMPARATORS {
-        comparator.configure_polarity(false);
+        comparator.write_settings_with_trip_inverted(false);
     }
     cortex_m::asm::delay(SETTLING_CLOCKS);
+}
+
+/// Sets the threshold of the rails: that of the self-test, or that which protects.
+pub fn set_over_voltage_threshold(for_test: bool) {
+    DAC3.dhr12r(0).write(|w| w.set_dhr(if for_test { TEST_CODE } else { OVER_VOLTAGE_CODE }));
+    // The converter without its buffer settles within some us (DS12288).
+    cortex_m::asm::delay(THRESHOLD_SETTLING_CLOCKS);
 }
 
 /// Whether every comparator and threshold is as [`init_comparators`] has set it.
@@ -126,10 +145,10 @@ pub fn is_emergency_stop_released() -> bool {
 }
 
 impl Comparator {
-    /// Writes the comparator's settings; `inverted` exchanges trip and release, for the self-test.
-    pub fn configure_polarity(&self, inverted: bool) {
+    /// Writes the comparator's settings; `trip_inverted` exchanges trip and release, for the self-test.
+    pub fn write_settings_with_trip_inverted(&self, trip_inverted: bool) {
         let mut control = self.build_control_register();
-        if inverted {
+        if trip_inverted {
             control.0 ^= POLARITY;
         }
         self.registers.csr().write_value(control);

@@ -2,11 +2,12 @@
 
 use crate::board::Stm32Board;
 use crate::heartbeat::Heartbeat;
-use crate::links::{Arrival, INBOX, LINKS};
+use crate::links::{Arrival, INBOX, LINKS, uart};
 use crate::watchdog::{self, WatchedTask};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use era_shared::device::{Device, LinkReceiver};
+use era_shared::log_limit::CountReport;
 use era_shared::safety::LinkId;
 
 /// How long the device sleeps at most, in us, whatever it wants: silence is looked for this often. The dead-man time is at
@@ -19,9 +20,10 @@ const SHORTEST_SLEEP_US: u64 = 10;
 #[embassy_executor::task]
 pub async fn run_device(mut board: Stm32Board) -> ! {
     let mut device = Device::new();
-    device.complete_boot(&mut board);
+    device.complete_boot_to_discharging_or_fault(&mut board);
     let mut ports: [LinkReceiver; LINKS.len()] = core::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8)));
     let mut heartbeat = Heartbeat::new();
+    let mut line_errors = CountReport::new();
     let mut state = device.state();
     defmt::info!("device is up, state {}", state.name());
     loop {
@@ -31,6 +33,7 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
         watchdog::feed_if_all_checked_in();
         let now_us = Instant::now().as_micros();
         heartbeat.update_led(device.state(), now_us);
+        uart::log_line_errors_if_due(&mut line_errors, now_us);
         if device.state() != state {
             state = device.state();
             defmt::info!("state {}", state.name());
@@ -43,7 +46,7 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
                 Arrival::Bytes(bytes) => {
                     device.receive_bytes(&mut board, port, &bytes, |answer| outbox.queue_answer(answer));
                 }
-                Arrival::Reopened => port.discard_partial_frame(),
+                Arrival::Reopened => device.reopen_link_switching_off_if_armed(&mut board, port),
             }
         }
     }

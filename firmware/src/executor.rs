@@ -54,6 +54,8 @@ fn UART4() {
         unsafe { executor.poll() };
     }
     ERA_CPU_IDLE.store(idle, Ordering::Relaxed);
+    // What the device has written has arrived when the handler ends (Cortex-M4 erratum 838869).
+    cortex_m::asm::dsb();
 }
 
 /// Starts the device's executor.
@@ -95,5 +97,8 @@ fn take_thread_work_or_sleep() -> bool {
     }
     // SAFETY: no critical section is open here.
     unsafe { cortex_m::interrupt::enable() };
+    // The interrupt that has ended the sleep is taken here, before another instruction is fetched: after a sleep with the debug bits set the
+    // first fetch from flash may be wrong (errata sheet ES0430, 2.2.8; its text was not at hand). Shipped images do not set these bits.
+    cortex_m::asm::isb();
     work
 }

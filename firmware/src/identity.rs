@@ -1,6 +1,7 @@
 //! Who this board is and why it started.
 
 use crate::image::FIRMWARE;
+use crate::pins::CHANNELS;
 use crate::{brown_out, fatal, watchdog};
 use embassy_stm32::pac::{RCC, RNG};
 use embassy_stm32::uid;
@@ -35,10 +36,13 @@ pub fn take_reset_cause() -> ResetCause {
 }
 
 /// What ended the previous run, if the host did not: fault, detail and message. To be called once, at boot.
-pub fn take_previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
+pub fn take_previous_failure(
+    reset_cause: ResetCause,
+    was_live: bool,
+) -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
     // Both are called in any case, so that each clears its note.
     let note = fatal::take_failure_note();
-    let dipped = brown_out::did_supply_dip_cause_reset(reset_cause);
+    let dipped = brown_out::detect_supply_dip_reset_and_mark_running(reset_cause);
     match note {
         Some(note) => Some(note),
         None if reset_cause == ResetCause::Watchdog => {
@@ -46,14 +50,17 @@ pub fn take_previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32,
             Some((FaultCode::Watchdog, missing, text))
         }
         None if dipped => Some((FaultCode::BrownOut, 0, String::new())),
+        // The reset pin, a debug probe, or a reset that nobody has asked for.
+        None if was_live => Some((FaultCode::ResetWhileLive, 0, String::new())),
         None => None,
     }
 }
 
 /// The facts about this board. The channels are added by the board itself.
-pub fn build_board_info(
+pub fn build_board_info_without_channels(
     reset_cause: ResetCause,
     previous_failure: Option<(FaultCode, u32, String<FAILURE_MESSAGE>)>,
+    credit_before_reset_ms: Option<[u32; CHANNELS]>,
 ) -> BoardInfo {
     let (fault_before_reset, failure) = match previous_failure {
         Some((code, detail, text)) => (Some((code, detail)), text),
@@ -68,6 +75,7 @@ pub fn build_board_info(
         firmware: FIRMWARE,
         channels: Vec::new(),
         fault_before_reset,
+        credit_before_reset_ms,
         failure,
     }
 }

@@ -11,7 +11,7 @@ pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
     major: parse_version_number(env!("CARGO_PKG_VERSION_MAJOR")),
     minor: parse_version_number(env!("CARGO_PKG_VERSION_MINOR")),
     patch: parse_version_number(env!("CARGO_PKG_VERSION_PATCH")),
-    commit: commit_digits(),
+    commit: short_commit_digits(),
 };
 
 /// All of the header but its last field, which the linker adds (`memory.x`).
@@ -26,7 +26,7 @@ static HEADER: [u8; 60] = ImageHeader::encode_header_before_end(
 );
 
 /// Eight digits, zeros where the commit is not known.
-const fn commit_digits() -> [u8; 8] {
+const fn short_commit_digits() -> [u8; 8] {
     let mut digits = [b'0'; 8];
     let mut index = 0;
     while index < COMMIT.len() && index < digits.len() {

@@ -129,6 +129,7 @@ unsafe impl defmt::Logger for Logger {
         draft.append_encoded(|encoder, put| encoder.start_frame(put));
     }
 
+    // Nothing to flush: `release` writes the frame.
     unsafe fn flush() {}
 
     unsafe fn release() {

@@ -1,10 +1,10 @@
 //! Everything that can energise something, as plain register writes.
 //!
-//! [`force_outputs_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
+//! [`force_electrodes_and_supply_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
 //! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
 use crate::pins::{self, ELECTRODES, Pin};
-use crate::{rails, timers};
+use crate::{permit, rails, timers};
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
 use embassy_stm32::pac::gpio::{Gpio, regs};
@@ -44,9 +44,9 @@ const fn spread_to_even_bits(pins: u16) -> u32 {
     word
 }
 
-/// Switches everything off, at once and whatever state the chip is in: electrodes low, high voltage disabled, discharge
-/// switches closed, then timers stopped and set-points at zero.
-pub fn force_outputs_off() {
+/// Switches everything off, at once and whatever state the chip is in: permit withdrawn, electrodes low, high voltage disabled,
+/// discharge switches closed, then timers stopped and set-points at zero.
+pub fn force_electrodes_and_supply_off() {
     // After a reset the ports have no clock yet, and a write without one would be lost.
     RCC.ahb2enr().modify(|w| {
         w.set_gpioaen(true);
@@ -61,13 +61,14 @@ pub fn force_outputs_off() {
         port.bsrr().write_value(regs::Bsrr(pins << 16));
         port.moder().modify(|w| w.0 = w.0 & !pairs | outputs);
     }
-    timers::stop_all_timers();
+    permit::mark_withdrawn_and_disable_main_output();
+    timers::stop_timers_outputs_and_break_interrupt();
     rails::set_all_rails_to_zero();
 }
 
 /// Makes the pins that can energise something push-pull outputs without pulls, low. Their reset values are that too.
-pub fn init_output_pins() {
-    force_outputs_off();
+pub fn init_electrode_and_supply_pins_low() {
+    force_electrodes_and_supply_off();
     for HazardousPins { port, pins, pairs, .. } in HAZARDOUS {
         port.otyper().modify(|w| w.0 &= !pins);
         port.pupdr().modify(|w| w.0 &= !pairs);
@@ -86,12 +87,47 @@ pub fn set_electrodes_connected(connected: bool) {
     }
 }
 
-/// Whether every pin that can energise something is held low by its port.
+/// The first pin that can energise something and is not low: not held low by its port, or its pad is high all the same.
 #[must_use]
-pub fn are_outputs_low() -> bool {
-    HAZARDOUS.iter().all(|HazardousPins { port, pins, pairs, outputs }| {
-        port.moder().read().0 & pairs == *outputs && port.odr().read().0 & pins == 0
+pub fn find_output_not_low() -> Option<PinName> {
+    HAZARDOUS.iter().find_map(|HazardousPins { port, pins, pairs, outputs }| {
+        find_pin_not_low(*port, *pins, port.moder().read().0 & pairs != *outputs)
     })
+}
+
+/// The same of the electrodes' pins alone.
+#[must_use]
+pub fn find_electrode_not_low() -> Option<PinName> {
+    ELECTRODES.iter().flatten().find_map(|electrode| find_electrode_pin_not_low(electrode.pin))
+}
+
+/// The same of all electrodes' pins but this one.
+#[must_use]
+pub fn find_other_electrode_not_low(high: Pin) -> Option<PinName> {
+    let others = ELECTRODES.iter().flatten().filter(|electrode| !is_same_pin(electrode.pin, high));
+    { others }.find_map(|electrode| find_electrode_pin_not_low(electrode.pin))
+}
+
+fn is_same_pin(one: Pin, other: Pin) -> bool {
+    one.port == other.port && one.number == other.number
+}
+
+/// This pin of an electrode, if it is not low.
+fn find_electrode_pin_not_low(Pin { port, number }: Pin) -> Option<PinName> {
+    find_pin_not_low(port, 1 << number, port.moder().read().moder(number) != Moder::OUTPUT)
+}
+
+/// A pin for a person: 100 x the number of its port (1 for A) + its number.
+pub type PinName = u32;
+
+/// The first of a port's pins that is not low: all of them, if `has_wrong_mode`, those that are set high or whose pad is high otherwise.
+fn find_pin_not_low(port: Gpio, pins: u32, has_wrong_mode: bool) -> Option<PinName> {
+    // What the pads show, not only what they were told.
+    let high = (port.odr().read().0 | port.idr().read().0) & pins;
+    let wrong = if has_wrong_mode { pins } else { high };
+    // The ports' registers are 1 KiB apart, from port A on (RM0440, section 2.2.2).
+    let port_number = (port.as_ptr().addr() >> 10 & 0xF) as u32 + 1;
+    (wrong != 0).then(|| port_number * 100 + wrong.trailing_zeros())
 }
 
 /// Makes a pin a push-pull output, low from the first moment.

@@ -33,16 +33,16 @@ const SMCR_START_WITH_TIM3: u32 = 0b010 << 4 | 0b110;
 const AF2_CLEAR_BY_COMPARATOR_4: u32 = 0b011 << 16;
 /// BDTR: LOCK = 3; OSSI and OSSR: what MOE or the channel switches off is driven low and not left floating; BKE and BKP: the
 /// break is on and active high. Not in it: AOE, so that only software can set MOE again; filters, which would only cost time.
-const BDTR_LOCKED: u32 = 0b11 << 8 | 1 << 10 | 1 << 11 | 1 << 12 | 1 << 13;
+pub const BDTR_LOCKED: u32 = 0b11 << 8 | 1 << 10 | 1 << 11 | 1 << 12 | 1 << 13;
 /// BDTR.MOE.
-const BDTR_MOE: u32 = 1 << 15;
+pub const BDTR_MOE: u32 = 1 << 15;
 /// AF1.BKCMPxE of comparators 1, 3, 4, 5 and 7, not inverted, and not BKINE: no pin of the chip is a break input.
-const AF1_COMPARATORS: u32 = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7;
+pub const AF1_COMPARATORS: u32 = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 7;
 /// DIER.BIE.
 const DIER_BIE: u32 = 1 << 7;
 
 /// A timer's registers other than BDTR. `None` if there is no such channel.
-fn timer_of_channel(channel: usize) -> Option<TimGp16> {
+fn view_channel_timer_as_general_purpose(channel: usize) -> Option<TimGp16> {
     match (WITH_BREAK.get(channel), channel) {
         // SAFETY: an advanced timer has the registers of a general-purpose one at the same offsets (RM0440, register
         // maps).
@@ -53,14 +53,14 @@ fn timer_of_channel(channel: usize) -> Option<TimGp16> {
 }
 
 fn channel_timers() -> impl Iterator<Item = (usize, TimGp16)> {
-    (0..CHANNELS).filter_map(|channel| Some((channel, timer_of_channel(channel)?)))
+    (0..CHANNELS).filter_map(|channel| Some((channel, view_channel_timer_as_general_purpose(channel)?)))
 }
 
 /// The registers of a channel's timer while it makes `period`.
 fn registers_for_period(channel: usize, period: &TimerPeriod) -> TimerRegisters {
     let outputs = OUTPUTS.get(channel).copied().unwrap_or(OutputPair { a: 1, b: 3 });
     let registers = TimerRegisters::for_running_timer(period, outputs);
-    if has_break_input(channel) { registers } else { registers.with_clear_on_trip() }
+    if has_break_input(channel) { registers } else { registers.with_output_clear_on_trip_enabled() }
 }
 
 fn has_break_input(channel: usize) -> bool {
@@ -97,7 +97,7 @@ pub fn init_timers() {
 }
 
 /// Outputs off, counters stopped, break interrupt off. Does nothing to timers that have no clock yet.
-pub fn stop_all_timers() {
+pub fn stop_timers_outputs_and_break_interrupt() {
     let clocks = RCC.apb2enr().read();
     if !(clocks.tim1en() && clocks.tim8en() && clocks.tim20en()) {
         return;
@@ -117,8 +117,8 @@ pub fn stop_all_timers() {
 /// Loads all timers with [`IDLE`], sets the counters to zero, enables the break interrupt, and starts all timers together. Returns whether every
 /// register held what was written; if not, nothing is started.
 #[must_use]
-pub fn start_all_timers() -> bool {
-    stop_all_timers();
+pub fn start_timers_if_read_back_matches() -> bool {
+    stop_timers_outputs_and_break_interrupt();
     for (channel, timer) in channel_timers() {
         let registers = registers_for_period(channel, &IDLE).with_counter_stopped();
         timer.cr1().write_value(regs::Cr1Gp16(registers.cr1));
@@ -145,8 +145,8 @@ pub fn start_all_timers() -> bool {
 /// Writes a period to a running timer's preload registers, which take effect together, and returns whether they hold it. To be
 /// called with interrupts masked.
 #[must_use]
-pub fn write_preload(channel: usize, period: &TimerPeriod) -> bool {
-    let Some(timer) = timer_of_channel(channel) else { return false };
+pub fn write_preload_and_check_read_back(channel: usize, period: &TimerPeriod) -> bool {
+    let Some(timer) = view_channel_timer_as_general_purpose(channel) else { return false };
     let registers = registers_for_period(channel, period);
     // Should an update event come after all in between, it must not take over half of it.
     timer.cr1().write_value(regs::Cr1Gp16(registers.cr1 | CR1_UDIS));
@@ -160,7 +160,7 @@ pub fn write_preload(channel: usize, period: &TimerPeriod) -> bool {
 /// `connected` says.
 #[must_use]
 pub fn are_registers_intact(channel: usize, period: &TimerPeriod, connected: bool) -> bool {
-    let Some(timer) = timer_of_channel(channel) else { return false };
+    let Some(timer) = view_channel_timer_as_general_purpose(channel) else { return false };
     let bdtr = if connected && has_break_input(channel) { BDTR_MOE } else { 0 };
     read_registers(channel, timer) == TimerRegisters { bdtr, ..registers_for_period(channel, period) }
         && is_trip_routing_intact(channel)
@@ -169,13 +169,13 @@ pub fn are_registers_intact(channel: usize, period: &TimerPeriod, connected: boo
 /// The counter of a channel's timer.
 #[must_use]
 pub fn read_counter(channel: usize) -> u16 {
-    timer_of_channel(channel).map_or(0, |timer| timer.cnt().read().cnt())
+    view_channel_timer_as_general_purpose(channel).map_or(0, |timer| timer.cnt().read().cnt())
 }
 
 /// Whether a channel's timer has been started and not been stopped.
 #[must_use]
 pub fn is_counting(channel: usize) -> bool {
-    timer_of_channel(channel).is_some_and(|timer| timer.cr1().read().0 & CR1_CEN != 0)
+    view_channel_timer_as_general_purpose(channel).is_some_and(|timer| timer.cr1().read().0 & CR1_CEN != 0)
 }
 
 /// Sets the main output enable of the timers that have one. While a break is active they do not keep it.

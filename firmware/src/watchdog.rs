@@ -32,9 +32,11 @@ pub enum WatchedTask {
     UsbReceive,
     /// Transmits over USB.
     UsbTransmit,
+    /// Watches whether a program has the USB port open.
+    UsbLine,
 }
 
-const NAMES: [&str; 6] = ["device", "uart-rx", "uart-tx", "usb", "usb-rx", "usb-tx"];
+const NAMES: [&str; 7] = ["device", "uart-rx", "uart-tx", "usb", "usb-rx", "usb-tx", "usb-line"];
 const ALL: u32 = (1 << NAMES.len()) - 1;
 
 /// How often a task that waits for something else checks in, in units of [`now_in_1024_us`].
@@ -160,6 +162,7 @@ pub fn set_frozen_in_debug(frozen: bool) {
     DBGMCU.apb2fzr().modify(|w| {
         w.set_tim1(true);
         w.set_tim8(true);
+        w.set_tim16(true);
         w.set_tim20(true);
     });
 }

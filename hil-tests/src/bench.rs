@@ -41,8 +41,9 @@ impl Bench {
             damping: DMatrix::from_element(1, 1, 0.1 * omega),
             force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
         };
-        let panel =
-            || (SimPanel::new(&system, vec![Transducer::fixed(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
+        let panel = || {
+            (SimPanel::new(&system, vec![Transducer::with_fixed_force(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS])
+        };
         Self::open_target(&Target::Sim, panel)
     }
 
@@ -82,7 +83,7 @@ impl Bench {
     /// The simulated device's knobs.
     #[must_use]
     pub fn sim_control(&self) -> Option<SimControl> {
-        self.device.sim_control()
+        self.device.sim_control_if_simulated()
     }
 
     /// Turns the simulated device's knobs, back when the guard is dropped.
@@ -97,14 +98,17 @@ impl Bench {
     /// # Errors
     /// If the emulator fails, or the target cannot be reset.
     pub fn reset_device(&self) -> CaseResult {
-        if let Some(control) = self.device.sim_control() {
+        if let Some(control) = self.device.sim_control_if_simulated() {
             control.request_restart();
             // The device looks at its knobs every ms.
             std::thread::sleep(Duration::from_millis(50));
             return Ok(());
         }
-        let board = self.device.emulated_board().ok_or("this target cannot be reset from here")?;
-        board.ask_bridge(&json!({"op": "restart"})).map(|_| ()).map_err(|error| error.to_string())
+        let board = self.device.emulated_board_if_emulated().ok_or("this target cannot be reset from here")?;
+        board
+            .send_bridge_command_and_await_answer(&json!({"op": "inject", "reset": "pin"}))
+            .map(|_| ())
+            .map_err(|error| error.to_string())
     }
 
     /// The timers' registers, where they can be seen: in the emulator.
@@ -113,7 +117,7 @@ impl Bench {
     /// If the emulator fails.
     pub fn read_timer_registers(&self) -> Result<Option<Vec<TimerRegisters>>, String> {
         self.device
-            .emulated_board()
+            .emulated_board_if_emulated()
             .map(|board| board.read_timer_registers().map_err(|error| error.to_string()))
             .transpose()
     }
@@ -123,8 +127,9 @@ impl Bench {
     /// # Errors
     /// If the emulator fails.
     pub fn read_counters_and_periods(&self) -> Result<Option<Vec<(u32, u32)>>, String> {
-        let Some(board) = self.device.emulated_board() else { return Ok(None) };
-        let answer = board.ask_bridge(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
+        let Some(board) = self.device.emulated_board_if_emulated() else { return Ok(None) };
+        let answer =
+            board.send_bridge_command_and_await_answer(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
         let register = |timer: &str, key: &str| {
             let value = answer["timers"][timer][key].as_u64().and_then(|value| u32::try_from(value).ok());
             value.ok_or_else(|| format!("no register {key} of {timer}"))
@@ -138,8 +143,10 @@ impl Bench {
     /// # Errors
     /// If the emulator fails.
     pub fn read_pins(&self) -> Result<Option<serde_json::Value>, String> {
-        let ask = |board: &era::device::emulated::EmulatedBoard| board.ask_bridge(&json!({"op": "pins"}));
-        self.device.emulated_board().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
+        let ask = |board: &era::device::emulated::EmulatedBoard| {
+            board.send_bridge_command_and_await_answer(&json!({"op": "pins"}))
+        };
+        self.device.emulated_board_if_emulated().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
     }
 
     /// Lets `time` pass on the device's own clock without a word to it.
@@ -147,10 +154,10 @@ impl Bench {
     /// # Errors
     /// If the emulator fails.
     pub fn wait_silently(&self, time: Duration) -> CaseResult {
-        match self.device.emulated_board() {
+        match self.device.emulated_board_if_emulated() {
             Some(board) => {
                 let command = json!({"op": "run_for", "seconds": time.as_secs_f64()});
-                board.ask_bridge(&command).map(|_| ()).map_err(|error| error.to_string())
+                board.send_bridge_command_and_await_answer(&command).map(|_| ()).map_err(|error| error.to_string())
             }
             None => {
                 std::thread::sleep(time);
@@ -164,7 +171,7 @@ impl Bench {
     /// # Errors
     /// If the emulator fails.
     pub fn wait_if_emulated(&self, time: Duration) -> CaseResult {
-        if self.device.emulated_board().is_some() { self.wait_silently(time) } else { Ok(()) }
+        if self.device.emulated_board_if_emulated().is_some() { self.wait_silently(time) } else { Ok(()) }
     }
 
     /// Writes bytes to the device's port and returns the frames that come back until it is quiet.
@@ -178,8 +185,11 @@ impl Bench {
         }
         let mut decoder = Decoder::new();
         let mut replies = Vec::new();
-        let quiet =
-            if self.device.emulated_board().is_some() { Duration::from_secs(2) } else { Duration::from_millis(300) };
+        let quiet = if self.device.emulated_board_if_emulated().is_some() {
+            Duration::from_secs(2)
+        } else {
+            Duration::from_millis(300)
+        };
         let mut last = Instant::now();
         let mut buffer = [0; 512];
         while last.elapsed() < quiet {
@@ -367,7 +377,7 @@ impl TestSession<'_> {
             self.bench.wait_silently(Duration::from_millis(20))?;
         }
         if let Some(timers) = self.bench.read_timer_registers()? {
-            let energised = timers.iter().any(TimerRegisters::is_driving);
+            let energised = timers.iter().any(TimerRegisters::is_counting_with_outputs_enabled);
             check_equal("some timer energises electrodes", energised, wanted == SafetyState::Running)?;
         }
         Ok(status)

@@ -92,8 +92,8 @@ pub(crate) fn corrupting_line(bench: &Bench) -> CaseResult {
         session.set_drives(&[make_drive(0, 100_000), make_drive(1, 150_000)])?;
         session.expect_state(SafetyState::Running)?;
     }
-    check_equal("broken answers were noticed", session.client.statistics().bad_frames > 0, true)?;
-    check_equal("and asked for again", session.client.statistics().repeats > 0, true)?;
+    check_equal("broken answers were noticed", session.client.link_statistics().bad_frames > 0, true)?;
+    check_equal("and asked for again", session.client.link_statistics().repeats > 0, true)?;
     session.request(&Request::Stop)?;
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::process::Command;
 fn main() -> io::Result<()> {
     // Build scripts run in their package's folder.
     let package = Path::new(".");
-    let files = code::files(package)?;
+    let files = code::list_files_of_package_and_dependencies_to_hash(package)?;
     for file in &files {
         println!("cargo::rerun-if-changed={}", file.display());
     }
@@ -22,7 +22,7 @@ fn main() -> io::Result<()> {
         std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
     let rustc = std::env::var_os("RUSTC").ok_or_else(|| io::Error::other("cargo sets RUSTC"))?;
     let version = Command::new(rustc).arg("-vV").output()?;
-    let number = code::number(package, &files, variables, &String::from_utf8_lossy(&version.stdout))?;
+    let number = code::hash_source_code(package, &files, variables, &String::from_utf8_lossy(&version.stdout))?;
     println!("cargo::rustc-env=ERA_CODE={number:016x}");
     Ok(())
 }

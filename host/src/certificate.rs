@@ -74,13 +74,13 @@ fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> Stri
     let kinds = ["CERTIFICATE-----", "PUBLIC KEY-----", "OPENSSH PRIVATE KEY-----", "PRIVATE KEY-----"];
     let has = |words: &str| bytes.windows(words.len()).any(|window| window == words.as_bytes());
     let there = match kinds.into_iter().find(|kind| has(kind)) {
-        Some("CERTIFICATE-----") => "has a certificate in it, and",
-        Some("PUBLIC KEY-----") => "has a public key in it, and",
-        Some("OPENSSH PRIVATE KEY-----") => "has a key in OpenSSH's own format in it, and",
-        Some(_) => "has a private key in it, and",
-        None => "has",
+        Some("CERTIFICATE-----") => "a certificate",
+        Some("PUBLIC KEY-----") => "a public key",
+        Some("OPENSSH PRIVATE KEY-----") => "a key in OpenSSH's own format",
+        Some(_) => "a private key",
+        None => return format!("the file has no {wanted} (a file in PEM begins with -----BEGIN)"),
     };
-    format!("the file {there} no {wanted} (PEM is wanted, which begins with -----BEGIN)")
+    format!("the file has {there} in it, but no {wanted}")
 }
 
 /// What is wrong with a certificate's dates at a time, if something is.

@@ -2,8 +2,8 @@
 //!
 //! Data flows one way: [`scene`] (what is there) -> [`model`] (finite elements, modes) -> [`response`] (how it answers a
 //! harmonic force) -> [`planner`] (which drives make a touch felt) -> [`device`] (commands to a board, simulated or
-//! real). The first three, with [`transient`], are the crate `era-model`; the planner, with [`effects`] and [`study`], is
-//! `era-planner`; both are known here by the names of their modules. [`daemon`] puts HTTP and a WebSocket in front of it,
+//! real). The first three, with [`transient`], are the crate `era-model`; the planner, with [`effects`] and [`maps`], is
+//! `era-planner`; both are known here by the names of their modules. [`study`], design studies, is the crate `era-study`. [`daemon`] puts HTTP and a WebSocket in front of it,
 //! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
 //! firmware, [`monitor`] shows its log, [`install`] knows the files that Linux wants for it, [`doctor`] finds what stands in its way,
 //! [`replay`] reads what the daemon has recorded, `private_file` what is secret, `certificate` certificates and keys; `connection` is the way to a daemon,
@@ -24,5 +24,5 @@ pub mod verify;
 
 pub use era_model::{model, response, scene, text_file, transient};
 pub use era_planner as planner;
-pub use era_planner::{effects, study};
-pub use era_study as design;
+pub use era_planner::{effects, maps};
+pub use era_study as study;

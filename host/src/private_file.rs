@@ -46,8 +46,7 @@ fn check(path: &Path, file: &File) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "its mode is {mode:04o}, so that others than its owner may read or write it, and there is a secret in it; do \
-         `chmod 600 {}`",
+        "the file contains a secret, but its mode is {mode:04o}, so other users may read or write the file: run `chmod 600 {}`",
         path.display()
     ))
 }

@@ -52,7 +52,7 @@ proptest! {
             board.ask(&mut clock, sent_s, half_s + there_s, half_s + back_s);
             last_s = sent_s;
         }
-        let quality = clock.quality().expect("sampled");
+        let quality = clock.quality_if_two_samples().expect("sampled");
         prop_assert_eq!(quality.samples, jitter.len() as u64);
         prop_assert!((quality.rate_ppm - drift_ppm).abs() < 20.0, "{:?}", quality);
         // Half the jitter's mean is taken for the trip's; a second ahead the rate adds its own.
@@ -77,7 +77,7 @@ proptest! {
             board.ask(&mut clock, sent_s, 1e-3 + there_s, 1e-3 + back_s);
             last_s = sent_s;
         }
-        let quality = clock.quality().expect("sampled");
+        let quality = clock.quality_if_two_samples().expect("sampled");
         prop_assert_eq!(quality.outliers, if back { 0 } else { holds.len() as u64 });
         let error_s = board.error_s(&clock, last_s + 1.0);
         prop_assert!(error_s.abs() < 50e-6, "{error_s} s: {:?}", quality);
@@ -97,7 +97,7 @@ proptest! {
         for sent_s in times(20) {
             new.ask(&mut clock, begun_s + 0.01 + sent_s, 1e-3, 1e-3);
         }
-        prop_assert_eq!(clock.quality().expect("sampled").samples, 20);
+        prop_assert_eq!(clock.quality_if_two_samples().expect("sampled").samples, 20);
         prop_assert!(new.error_s(&clock, begun_s + 14.0).abs() < 50e-6);
     }
 }
@@ -116,7 +116,7 @@ fn a_lasting_jump_is_believed_after_a_while() {
     for i in 40..45 {
         board.ask(&mut clock, f64::from(i), 1e-3, 1e-3);
     }
-    assert_eq!(clock.quality().expect("sampled").outliers, 5);
+    assert_eq!(clock.quality_if_two_samples().expect("sampled").outliers, 5);
     assert!(board.error_s(&clock, 44.002).abs() < 2.1e-3, "right to a round trip");
     for i in 45..400 {
         board.ask(&mut clock, f64::from(i), 1e-3, 1e-3);
@@ -139,7 +139,7 @@ fn a_stall_is_no_rate() {
             }
             board.ask(&mut clock, sent_s, 1e-3, 1e-3);
         }
-        let quality = clock.quality().expect("sampled");
+        let quality = clock.quality_if_two_samples().expect("sampled");
         assert!((quality.rate_ppm - 50.0).abs() < 20.0 && quality.residual_worst_s < 1e-3, "{stall_s}: {quality:?}");
         assert!(board.error_s(&clock, 73.0).abs() < 0.2e-3, "{stall_s}");
     }
@@ -153,7 +153,7 @@ fn a_stall_is_no_rate() {
         }
         board.ask(&mut clock, sent_s, 1e-3, 1e-3);
     }
-    let quality = clock.quality().expect("sampled");
+    let quality = clock.quality_if_two_samples().expect("sampled");
     assert!((quality.rate_ppm + 50_000.0).abs() < 5_000.0, "{quality:?}");
 }
 
@@ -161,9 +161,9 @@ fn a_stall_is_no_rate() {
 fn nothing_is_known_before_it_is_asked() {
     let zero = Instant::now();
     let mut clock = ClockSync::new(zero);
-    assert_eq!((clock.board_time_us_at(zero), clock.quality()), (None, None));
+    assert_eq!((clock.board_time_us_at(zero), clock.quality_if_two_samples()), (None, None));
     clock.add_sample(zero, zero, 77);
-    assert_eq!((clock.board_time_us_at(zero), clock.quality()), (Some(77), None));
+    assert_eq!((clock.board_time_us_at(zero), clock.quality_if_two_samples()), (Some(77), None));
     clock.forget_samples();
     assert_eq!(clock.board_time_us_at(zero), None);
 }

@@ -59,7 +59,7 @@ fn first_mistakes_are_answered_with_what_would_do() {
     let file = scratch("soft.toml");
     std::fs::write(&file, soft).unwrap();
     let text = told(&era(&["modes", "--scene", &file.display().to_string()]));
-    assert!(text.contains("is youngs_modulus_pa right, which is in Pa?"), "{text}");
+    assert!(text.contains("check that youngs_modulus_pa is right and in Pa"), "{text}");
 }
 
 /// The array's numbers are those of `era response`, and the header is what NumPy reads.
@@ -99,8 +99,8 @@ fn sweeps_that_make_no_sense_are_refused() {
     for (arguments, words) in [
         (&["--grid", "0,3"][..], &["--grid", "1 to 10000"][..]),
         (&["--grid", "9000,3000"], &["--grid", "27000000 points", "allowed"]),
-        (&["--from", "0"], &["--from 0", "above 0 Hz"]),
-        (&["--to", "10"], &["--to 10", "40 Hz (--from)"]),
+        (&["--from", "0"], &["--from is 0", "above 0 Hz"]),
+        (&["--to", "10"], &["--to is 10", "40 Hz (--from)"]),
         (&["--npy", "/nowhere/at/all.npy"], &["/nowhere/at/all.npy"]),
     ] {
         let output = era(&[&["sweep", "--step", "50"], arguments].concat());
@@ -146,7 +146,7 @@ fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
     std::fs::write(file, &bytes[..1000]).unwrap();
     let (again, told) = plan(&[]);
     assert_eq!(again, first);
-    assert!(told.contains(file.to_str().unwrap()) && told.contains("it holds 916 bytes of"), "{told}");
+    assert!(told.contains(file.to_str().unwrap()) && told.contains("the file contains 916 bytes of"), "{told}");
     assert_eq!(std::fs::read(file).unwrap().len(), bytes.len());
 }
 

@@ -2,22 +2,22 @@
 
 mod support;
 
-use era::planner::perception::weight;
-use era::planner::table::at_point;
-use era::planner::trade::{Trade, explore_trade, plan_with_trade};
+use era::planner::perception::felt_weight_relative_to_reference_hz;
+use era::planner::table::acceleration_at_point_from_coordinates;
+use era::planner::trade::{TradeOffs, explore_trade_offs_if_wishes_conflict, plan_and_explore_trade_offs};
 use era::planner::{
-    Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Weigh, Work,
+    Grouping, Objective, Plan, PlanError, PlanTable, QuietZone, Request, STANDARD_GRAVITY, SearchEffort, Target, Weigh,
 };
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 use era::verify::spread_points;
 
-fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> (Request, Trade) {
+fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[QuietZone]) -> (Request, TradeOffs) {
     let targets: Vec<Target> =
         targets.iter().map(|(x_m, y_m, g)| Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(*g) }).collect();
-    let request = Request { quiet: quiet.to_vec(), ..Request::touch(&targets) };
+    let request = Request { quiet: quiet.to_vec(), ..Request::for_touch(&targets) };
     let plan = table.plan_request(&request).unwrap();
     assert!(plan.limited_by.is_some(), "{plan:?}");
-    let trade = explore_trade(table, &request, &plan).unwrap().unwrap();
+    let trade = explore_trade_offs_if_wishes_conflict(table, &request, &plan).unwrap().unwrap();
     (request, trade)
 }
 
@@ -76,7 +76,7 @@ fn what_targets_can_have_together_is_a_falling_curve() {
 #[test]
 fn quiet_zones_are_traded_against_the_targets() {
     let table = support::table(EXAMPLE_BAR);
-    let quiet = Quiet { x_m: 0.2, y_m: 0.01, radius_m: 0.01, at_most_g: 0.01 };
+    let quiet = QuietZone { x_m: 0.2, y_m: 0.01, radius_m: 0.01, at_most_g: 0.01 };
     let (request, trade) = trade_of(&table, &[(0.04, 0.01, 0.5)], &[quiet]);
     assert!(trade.targets.is_empty() && trade.quiet.len() > 2, "{trade:?}");
     for pair in trade.quiet.windows(2) {
@@ -88,13 +88,13 @@ fn quiet_zones_are_traded_against_the_targets() {
     let without = table.plan(&request.targets).unwrap();
     assert_eq!(free.peaks_g, [without.predicted.target_peak_g]);
     // Silence asked for is silence, and each step is from there.
-    let (_, trade) = trade_of(&table, &[(0.04, 0.01, 0.5)], &[Quiet { at_most_g: 0.0, ..quiet }]);
+    let (_, trade) = trade_of(&table, &[(0.04, 0.01, 0.5)], &[QuietZone { at_most_g: 0.0, ..quiet }]);
     assert!(trade.quiet[0].part < 1e-6 && trade.quiet[1].at_most_g == Some(vec![0.002]), "{trade:?}");
     // What is met needs no trade, and one target alone has none.
-    let met = Request::touch(&request.targets);
-    assert_eq!(explore_trade(&table, &met, &without), Ok(None));
-    let far = Request::touch(&[Target { intensity_g: Some(1e3), ..request.targets[0] }]);
-    assert_eq!(explore_trade(&table, &far, &table.plan_request(&far).unwrap()), Ok(None));
+    let met = Request::for_touch(&request.targets);
+    assert_eq!(explore_trade_offs_if_wishes_conflict(&table, &met, &without), Ok(None));
+    let far = Request::for_touch(&[Target { intensity_g: Some(1e3), ..request.targets[0] }]);
+    assert_eq!(explore_trade_offs_if_wishes_conflict(&table, &far, &table.plan_request(&far).unwrap()), Ok(None));
 }
 
 /// A resonant ERA whose narrow pulses (its rail is at the voltage of another) move the mass by harmonics as well: in the zone around a
@@ -160,9 +160,9 @@ max_voltage_v = 625.0
 fn peaks_in_quiet_zones_are_of_the_motion_that_targets_have() {
     let table = support::table(NARROW_PULSES);
     let target = Target { x_m: 0.105, y_m: 0.087, intensity_g: Some(2.0) };
-    let there = Quiet { x_m: target.x_m, y_m: target.y_m, radius_m: 0.0, at_most_g: 3.0 };
-    let besides = Quiet { x_m: 0.099, y_m: 0.019, radius_m: 0.035, at_most_g: 0.04 };
-    let request = Request { quiet: vec![there, besides], work: Work::Study, ..Request::touch(&[target]) };
+    let there = QuietZone { x_m: target.x_m, y_m: target.y_m, radius_m: 0.0, at_most_g: 3.0 };
+    let besides = QuietZone { x_m: 0.099, y_m: 0.019, radius_m: 0.035, at_most_g: 0.04 };
+    let request = Request { quiet: vec![there, besides], work: SearchEffort::Study, ..Request::for_touch(&[target]) };
     let plan = table.plan_request(&request).unwrap();
     let narrow = plan.drives.iter().any(|drive| drive.voltage_v > 0.0 && drive.pulse_width < 0.4);
     let (rest_g, moving_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
@@ -178,14 +178,14 @@ fn quiet_zones_are_quiet_everywhere() {
     let table = support::table(EXAMPLE_PLATE);
     let mut bound = 0;
     for (x_m, y_m, radius_m) in [(0.2, 0.13, 0.05), (0.29, 0.02, 0.09), (0.1, 0.19, 0.04)] {
-        for work in [Work::Touch, Work::Study] {
-            let zone = Quiet { x_m, y_m, radius_m, at_most_g: 0.05 };
+        for work in [SearchEffort::Touch, SearchEffort::Study] {
+            let zone = QuietZone { x_m, y_m, radius_m, at_most_g: 0.05 };
             let target = Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.5) };
-            let request = Request { quiet: vec![zone], work, ..Request::touch(&[target]) };
+            let request = Request { quiet: vec![zone], work, ..Request::for_touch(&[target]) };
             let plan = table.plan_request(&request).unwrap();
             let [told] = plan.quiet.as_slice() else { panic!("{:?}", plan.quiet) };
             assert!(told.peak_g <= 0.05 * (1.0 + 1e-9) && told.radius_m == radius_m, "{told:?}");
-            let field = table.compute_peak_field(&plan);
+            let field = table.compute_peak_at_each_grid_point_m_per_s2(&plan);
             let points = table.grid.y_m.iter().flat_map(|y| table.grid.x_m.iter().map(move |x| (*x, *y)));
             let inside = points.zip(&field).filter(|((x, y), _)| (x - x_m).hypot(y - y_m) <= radius_m);
             let most_g = inside.filter_map(|(_, peak)| *peak).fold(0.0, f64::max) / STANDARD_GRAVITY;
@@ -201,15 +201,15 @@ fn quiet_zones_are_quiet_everywhere() {
 fn a_plan_is_as_good_as_what_it_is_traded_for() {
     let table = support::table(EXAMPLE_PLATE);
     let target = |x_m, y_m, g| Target { x_m, y_m, intensity_g: Some(g) };
-    let zone = |x_m, y_m, radius_m, at_most_g| Quiet { x_m, y_m, radius_m, at_most_g };
+    let zone = |x_m, y_m, radius_m, at_most_g| QuietZone { x_m, y_m, radius_m, at_most_g };
     for (targets, quiet) in [
         (vec![target(0.15, 0.1, 0.5), target(0.047, 0.047, 0.3)], vec![zone(0.234, 0.156, 0.02, 0.05)]),
         (vec![target(0.075, 0.1, 0.5)], vec![zone(0.15, 0.1, 0.015, 0.02)]),
         (vec![target(0.075, 0.1, 0.5)], vec![zone(0.15, 0.1, 0.015, 0.04)]),
         (vec![target(0.1, 0.1, 8.0), target(0.25, 0.15, 6.0)], vec![]),
     ] {
-        let request = Request { quiet, work: Work::Study, ..Request::touch(&targets) };
-        let (planned, trade) = plan_with_trade(&table, &request).unwrap();
+        let request = Request { quiet, work: SearchEffort::Study, ..Request::for_touch(&targets) };
+        let (planned, trade) = plan_and_explore_trade_offs(&table, &request).unwrap();
         let plan = planned.plan;
         let part = |peaks_g: &[f64]| {
             let parts = peaks_g.iter().zip(&plan.targets).map(|(peak, target)| peak / target.wanted_g);
@@ -233,7 +233,7 @@ fn what_limits_phases_and_even_plans_has_a_name() {
     let table = support::table(EXAMPLE_PLATE);
     let target = Target { x_m: 0.1, y_m: 0.07, intensity_g: Some(50.0) };
     for (grouping, objective) in [(Grouping::Shared, Objective::Contrast), (Grouping::Distinct, Objective::Reach)] {
-        let plan = table.plan_request(&Request { grouping, objective, ..Request::touch(&[target]) }).unwrap();
+        let plan = table.plan_request(&Request { grouping, objective, ..Request::for_touch(&[target]) }).unwrap();
         let limits = plan.limited_by.unwrap();
         assert!(limits.contains(" of "), "{grouping:?} {objective:?}: {limits}");
     }
@@ -246,17 +246,19 @@ fn accelerations_may_count_as_they_are_felt() {
     let mut differ = 0;
     for (x_m, y_m) in spread_points(12, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.2) };
-        let plan =
-            |weigh| table.plan_request(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();
+        let plan = |weigh| {
+            table.plan_request(&Request { weigh, work: SearchEffort::Study, ..Request::for_touch(&[target]) }).unwrap()
+        };
         let (equal, felt) = (plan(Weigh::Equal), plan(Weigh::Felt));
         let shape = table.model.shape_deflections_at(x_m, y_m);
         // Felt peak at the target, and felt mean square over the surface, of the fundamentals.
         let figures = |plan: &Plan| {
             let (mut peak, mut energy) = (0.0, 0.0);
             for (i, drive) in plan.drives.iter().enumerate() {
-                let row = table.row_at(drive.frequency_hz).unwrap();
-                let force = drive.force_n * weight(drive.frequency_hz);
-                peak += at_point(&shape, &row[i].acceleration).norm() * force / STANDARD_GRAVITY;
+                let row = table.compute_entries_of_all_actuators_at_hz(drive.frequency_hz).unwrap();
+                let force = drive.force_n * felt_weight_relative_to_reference_hz(drive.frequency_hz);
+                peak += acceleration_at_point_from_coordinates(&shape, &row[i].acceleration).norm() * force
+                    / STANDARD_GRAVITY;
                 energy += row[i].mean_square * force * force;
             }
             (peak, energy)
@@ -276,7 +278,7 @@ fn accelerations_may_count_as_they_are_felt() {
     let both = Request {
         weigh: Weigh::Felt,
         objective: Objective::Reach,
-        ..Request::touch(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: None }])
+        ..Request::for_touch(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: None }])
     };
     assert!(matches!(table.plan_request(&both), Err(PlanError::Together { option: "weigh", .. })));
 }

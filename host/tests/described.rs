@@ -109,7 +109,7 @@ fn refusals_are_as_described() {
 
 #[test]
 fn what_a_token_does_not_open_is_as_described() {
-    let tokens = Access::tokens("view AAAAAAAAAAAAAAAAAAAAAA\narm CCCCCCCCCCCCCCCCCCCCCCCC\n").unwrap();
+    let tokens = Access::parse_tokens("view AAAAAAAAAAAAAAAAAAAAAA\narm CCCCCCCCCCCCCCCCCCCCCCCC\n").unwrap();
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
     assert_eq!((daemon.get("/v1/state").0, daemon.post("/v1/stop", "").0), (401, 401));
     for (path, item) in described().whole["paths"].as_object().unwrap() {

@@ -63,7 +63,7 @@ fn equal_actuators_move_a_panel_equally() {
         }
     }
     // Midpoints of 90 x 60 cells.
-    let q = &CoordinateSolver::new(&table.model).solve_at_frequency(344.0).unwrap()[0];
+    let q = &CoordinateSolver::new(&table.model).solve_coordinates_per_newton_at(344.0).unwrap()[0];
     let scale = (std::f64::consts::TAU * 344.0).powi(2);
     let middle = |i: u32, of: u32| (f64::from(i) + 0.5) / f64::from(of);
     let points = (0..90).flat_map(|i| (0..60).map(move |j| (0.36 * middle(i, 90), 0.24 * middle(j, 60))));
@@ -193,7 +193,7 @@ fn edges_are_places_for_plans() {
     }
     let beyond = Target { x_m: 0.3601, y_m: 0.1, intensity_g: None };
     let error = table.plan(&[beyond]).unwrap_err().to_string();
-    assert_eq!(error, "x_mm: 360.1 is not in the allowed range 0 to 360");
+    assert_eq!(error, "x_mm is 360.1, but must be 0 to 360");
 }
 
 fn era(arguments: &[&str]) -> Output {

@@ -2,17 +2,23 @@
 
 mod support;
 
-use era::device::convert::drive_to_wire;
-use era::device::sim::{Clock, STEP_S, SimBoard, SimPanel};
-use era::effects::{Design, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
-use era::planner::rise::RiseTimes;
+use era::device::convert::{drive_to_wire, windows_to_wire};
+use era::device::sim::{Clock, STEP_S, SimBoard, SimPanel, low_pass_response};
+use era::effects::design::EffectPrediction;
+use era::effects::{
+    EffectDesign, EffectRequest, Intensity, NamedEffect, design_effect, design_effect_with_windows, intensity,
+    plan_request_with_intensity_for_targets_without_one,
+};
+use era::planner::click::{ClickOptions, LEAD_S, design_click_windows};
+use era::planner::rise::PanelPoles;
 use era::planner::{self, PlanTable, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
-use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
+use era_shared::protocol::{CURRENT_VERSION, Reply, Request, WindowSequence};
 use era_shared::safety::LinkId;
 use era_shared::waveform::{Effect, Segment};
+use num_complex::Complex64;
 
 /// How long after the start is recorded, in s.
 const RECORD_S: f64 = 0.5;
@@ -30,10 +36,10 @@ impl Bench {
     fn new(table: &PlanTable, target: &Target) -> Self {
         let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         let mut panel = SimPanel::from_plan_table(table);
-        panel.place_accelerometer(&intensity::shape_of(table, target.x_m, target.y_m));
+        panel.place_accelerometer(&intensity::mode_shape_values_at_point_or_on_bar_axis(table, target.x_m, target.y_m));
         let mut board = SimBoard::new(panel, &volts, Clock::Manual(0));
         let mut device = Device::new();
-        device.complete_boot(&mut board);
+        device.complete_boot_to_discharging_or_fault(&mut board);
         Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
@@ -55,7 +61,7 @@ impl Bench {
             while self.time_us < keep_alive_us {
                 let due_us = self.device.poll_next_due_us(&mut self.board);
                 self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
-                self.board.set_time_us(self.time_us);
+                self.board.set_manual_time_us(self.time_us);
             }
             self.device.poll_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
@@ -64,10 +70,11 @@ impl Bench {
     }
 
     /// The accelerometer's record in m/s^2 from `start_us` on, the effects' start; rails are up long before.
-    fn play(&mut self, design: &Design, effects: &[Effect], start_us: u64) -> Vec<f64> {
+    fn play(&mut self, design: &EffectDesign, effects: &[Effect], start_us: u64) -> Vec<f64> {
         self.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
         self.run_to(100_000);
-        let prepared = self.ask(&Request::Prepare { drives: design.wire_drives().iter().map(drive_to_wire).collect() });
+        let prepared = self
+            .ask(&Request::Prepare { drives: design.drives_with_board_channels().iter().map(drive_to_wire).collect() });
         assert!(matches!(prepared, Reply::Prepared { .. }), "{prepared:?}");
         self.run_to(start_us - 20_000);
         for (channel, effect) in (0..).zip(effects) {
@@ -76,7 +83,7 @@ impl Bench {
         self.run_to(start_us);
         self.board.panel_mut().accelerometer.start_record();
         self.run_to(start_us + (RECORD_S * 1e6) as u64);
-        self.board.panel_mut().accelerometer.take_record()
+        self.board.panel_mut().accelerometer.stop_and_take_record()
     }
 }
 
@@ -89,8 +96,89 @@ fn quiet_ms(record: &[f64], quiet: f64) -> f64 {
     record.iter().rposition(|x| x.abs() > quiet).unwrap_or(0) as f64 * STEP_S * 1e3
 }
 
+/// The felt part of a record of 1 s, line by line: full to 300 Hz, a raised cosine to nothing at 500 Hz; the accelerometer's own low-pass is
+/// taken out. One sample every 1/16 ms from `from_s` on, for 0.2 s.
+fn felt_part(record: &[f64], from_s: f64) -> Vec<f64> {
+    let count = record.len() as f64;
+    let mut felt = vec![0.0; 3200];
+    for hz in 1..500_u32 {
+        let turn = |at: f64| Complex64::cis(std::f64::consts::TAU * f64::from(hz) * at);
+        let step = turn(-STEP_S);
+        let mut phasor = Complex64::ONE;
+        let mut line = Complex64::ZERO;
+        for x in record {
+            line += phasor * x;
+            phasor *= step;
+        }
+        // A sample is the mean over the step that ends with it.
+        let weight =
+            if hz < 300 { 1.0 } else { (std::f64::consts::PI * (f64::from(hz) - 300.0) / 400.0).cos().powi(2) };
+        let middle = turn(0.5 * STEP_S);
+        let line = line * middle / low_pass_response(f64::from(hz)) * (2.0 * weight / count);
+        let (mut now, step) = (line * turn(from_s), turn(1.0 / 16e3));
+        for x in &mut felt {
+            *x += now.re;
+            now *= step;
+        }
+    }
+    felt
+}
+
+/// Clicks of single windows: what the simulated device's panel does is what was designed, to 2 % of the peak (root mean square), and it is crisp
+/// where the design says so.
+#[test]
+fn clicks_of_single_windows_do_what_is_predicted() {
+    let resistors =
+        "\n[electronics]\ncharging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15\n";
+    let [plate, bar] = [EXAMPLE_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
+    let mut crisp = 0;
+    for (scene, x_m, y_m, g) in [
+        (EXAMPLE_PLATE, 0.04, 0.03, 0.5),
+        (EXAMPLE_PLATE, 0.11, 0.1, 0.4),
+        (&plate, 0.04, 0.1, 0.5),
+        (EXAMPLE_BAR, 0.06, 0.01, 0.5),
+        (&bar, 0.12, 0.01, 0.8),
+    ] {
+        let table = support::table(scene);
+        let poles = table.panel_poles().unwrap();
+        let target = Target { x_m, y_m, intensity_g: Some(g) };
+        let plan = table.plan(&[target]).unwrap();
+        let (request, options) = (EffectRequest::with_defaults(NamedEffect::Click), ClickOptions::default());
+        let design = design_effect_with_windows(&table, poles, &plan, request, options).unwrap();
+        let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m);
+        let click = design_click_windows(&table, poles, &shape, g * STANDARD_GRAVITY, options).unwrap();
+        assert_eq!(click.windows.len(), design.windows.len());
+        let mut bench = Bench::new(&table, &target);
+        bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
+        bench.run_to(300_000);
+        let start_us = 600_000;
+        let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
+        assert_eq!(bench.ask(&windows), Reply::WindowsPlaying { start_us });
+        bench.run_to(start_us);
+        bench.board.panel_mut().accelerometer.start_record();
+        bench.run_to(start_us + 1_000_000);
+        let felt = felt_part(&bench.board.panel_mut().accelerometer.stop_and_take_record(), LEAD_S);
+        let peak = largest(&click.felt_motion);
+        let difference: f64 = felt.iter().zip(&click.felt_motion).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let error = (difference / felt.len() as f64).sqrt() / peak;
+        let EffectPrediction { peak_g, peak_at_ms, quiet_ms, .. } = design.predicted;
+        println!(
+            "{x_m} {y_m}: {peak_g:.3} g of {g} at {peak_at_ms:.1} ms, quiet at {quiet_ms:?} ms, error {error:.1e}"
+        );
+        assert!(error < 0.02, "{x_m} {y_m}: {error}");
+        assert!((largest(&felt) / STANDARD_GRAVITY - peak_g).abs() < 0.02 * peak_g, "{x_m} {y_m}");
+        assert!(peak_g <= 1.1 * g, "{x_m} {y_m}: {peak_g} g of {g} g");
+        if quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0) && peak_at_ms <= 15.5 && peak_g >= 0.95 * g {
+            crisp += 1;
+            let from = ((0.045 - LEAD_S) * 16e3) as usize;
+            assert!(largest(&felt[from..]) < 0.11 * largest(&felt), "{x_m} {y_m}");
+        }
+    }
+    assert!(crisp >= 4, "{crisp} of 5 are crisp");
+}
+
 /// The effects up to their first segment: clicks without brakes.
-fn unbraked(design: &Design) -> Vec<Effect> {
+fn unbraked(design: &EffectDesign) -> Vec<Effect> {
     let first = |drive: &era::effects::design::DesignedDrive| {
         let push = drive.effect.segments[0];
         assert!(matches!(push, Segment::Cycles { level: 1000, .. }), "{push:?}");
@@ -101,20 +189,31 @@ fn unbraked(design: &Design) -> Vec<Effect> {
 
 #[test]
 fn clicks_do_what_is_predicted() {
+    let resistors =
+        "\n[electronics]\ncharging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15\n";
+    let [plate, bar] = [EXAMPLE_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
     let places = [
         (EXAMPLE_PLATE, 0.15, 0.06, 0.4),
         (EXAMPLE_PLATE, 0.08, 0.1, 0.3),
         (EXAMPLE_BAR, 0.06, 0.01, 0.5),
         (EXAMPLE_BAR, 0.15, 0.01, 0.5),
+        // Electrodes behind resistors.
+        (&plate, 0.15, 0.06, 0.4),
+        (&bar, 0.06, 0.01, 0.5),
     ];
     let mut sooner = 0;
     for (scene, x_m, y_m, g) in places {
         let table = support::table(scene);
-        let rise = RiseTimes::prepare(&table.model).unwrap();
+        let rise = PanelPoles::find_poles_if_converged(&table.model).unwrap();
         let target = Target { x_m, y_m, intensity_g: None };
-        let plan =
-            plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), Some(Intensity::G(g))).unwrap();
-        let design = design(&table, &rise, &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
+        let plan = plan_request_with_intensity_for_targets_without_one(
+            &table,
+            || Some(&rise),
+            &planner::Request::for_touch(&[target]),
+            Some(Intensity::G(g)),
+        )
+        .unwrap();
+        let design = design_effect(&table, &rise, &plan, EffectRequest::with_defaults(NamedEffect::Click)).unwrap();
         let predicted = design.predicted;
         if design.limited_by.is_none() {
             assert!((predicted.peak_g - g).abs() < 0.02 * g, "{predicted:?}");
@@ -146,11 +245,17 @@ fn clicks_do_what_is_predicted() {
 #[test]
 fn even_effects_are_as_strong_as_planned() {
     let table = support::table(EXAMPLE_BAR);
-    let rise = RiseTimes::prepare(&table.model).unwrap();
+    let rise = PanelPoles::find_poles_if_converged(&table.model).unwrap();
     let target = Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) };
-    let plan = plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), None).unwrap();
+    let plan = plan_request_with_intensity_for_targets_without_one(
+        &table,
+        || Some(&rise),
+        &planner::Request::for_touch(&[target]),
+        None,
+    )
+    .unwrap();
     for effect in [NamedEffect::Buzz, NamedEffect::PulseTrain, NamedEffect::Texture] {
-        let design = design(&table, &rise, &plan, EffectRequest::of(effect)).unwrap();
+        let design = design_effect(&table, &rise, &plan, EffectRequest::with_defaults(effect)).unwrap();
         let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
         let peak = largest(&Bench::new(&table, &target).play(&design, &effects, 400_000)) / STANDARD_GRAVITY;
         let predicted = design.predicted;
@@ -173,7 +278,7 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             .replace("damping_n_s_per_m = 1.1", &format!("damping_n_s_per_m = {damping}"))
             .replace("max_voltage_v = 2000.0", &format!("max_voltage_v = {volts}"));
         let table = support::table(&scene);
-        let rise = RiseTimes::prepare(&table.model).unwrap();
+        let rise = PanelPoles::find_poles_if_converged(&table.model).unwrap();
         // The swell has its full level between 200 and 300 ms.
         for (x_m, effect) in [
             (0.02, NamedEffect::Click),
@@ -182,19 +287,26 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             (0.06, NamedEffect::Swell),
         ] {
             let target = Target { x_m, y_m: 0.01, intensity_g: None };
-            let plan = plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), Some(Intensity::G(30.0)))
-                .unwrap();
-            let design = design(&table, &rise, &plan, EffectRequest::of(effect)).unwrap();
+            let plan = plan_request_with_intensity_for_targets_without_one(
+                &table,
+                || Some(&rise),
+                &planner::Request::for_touch(&[target]),
+                Some(Intensity::G(30.0)),
+            )
+            .unwrap();
+            let design = design_effect(&table, &rise, &plan, EffectRequest::with_defaults(effect)).unwrap();
             assert!(design.limited_by.as_ref().is_some_and(|by| by.contains(" of ")), "{:?}", design.limited_by);
             let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
             let mut bench = Bench::new(&table, &target);
             bench.play(&design, &effects, 400_000);
-            let extremes = bench.board.panel_mut().take_travel_extremes();
-            for ((extreme, electrodes), drive) in extremes.iter().zip(&table.electrodes).zip(&design.drives) {
-                let part = extreme.travel_m / electrodes.gap_m;
-                assert!(!extreme.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");
+            let largest_travels = bench.board.panel_mut().take_largest_travels_since_last_call();
+            for ((largest_travel, electrodes), drive) in
+                largest_travels.iter().zip(&table.electrodes).zip(&design.drives)
+            {
+                let part = largest_travel.travel_m / electrodes.gap_m;
+                assert!(!largest_travel.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");
                 assert!(drive.drive.voltage_v <= electrodes.max_voltage_v);
-                let holds = era::planner::limits::breakdown_v(electrodes.gap_m - extreme.travel_m);
+                let holds = era::planner::limits::breakdown_voltage_v(electrodes.gap_m - largest_travel.travel_m);
                 assert!(
                     drive.drive.voltage_v <= 0.851 * holds,
                     "{effect:?}: {} V, {holds} V break down",

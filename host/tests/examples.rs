@@ -137,7 +137,7 @@ fn plain_python_touches_and_says_what_is_wrong() {
     let told = run();
     let number = told[0].strip_suffix(" None").and_then(|number| number.parse::<u64>().ok());
     assert!(number.is_some() && (told.len(), told[1].as_str()) == (3, "done"), "{told:?}");
-    assert!(is_off(&told[2]) && daemon.sim.drives_received_at().is_some(), "{told:?}");
+    assert!(is_off(&told[2]) && daemon.sim.last_drives_received_at().is_some(), "{told:?}");
     // A board that was away, a fault, and no daemon at all.
     daemon.sim.request_restart();
     daemon.wait_for(|state| state["device"]["waits_to_be_armed"] == true);
@@ -175,7 +175,7 @@ fn with_websockets() -> PathBuf {
     static ENVIRONMENT: LazyLock<PathBuf> = LazyLock::new(|| {
         let requirements = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/examples/requirements.txt");
         let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("examples-venv");
-        python_environment::ensure(&requirements, &environment).unwrap()
+        python_environment::ensure_environment(&requirements, &environment).unwrap()
     });
     ENVIRONMENT.clone()
 }
@@ -270,7 +270,7 @@ fn a_page_of_another_origin_touches() {
     let Some(program) = browser_or_skip() else { return };
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let origin = format!("http://{}", listener.local_addr().unwrap());
-    let access = Access { origins: vec![Access::origin(&origin).unwrap()], ..Access::default() };
+    let access = Access { origins: vec![Access::parse_origin(&origin).unwrap()], ..Access::default() };
     let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
     let html = example("html", "type=\"module\"").replace(HERE, daemon.url.trim_start_matches("http://"));
     let seen = "document.title = `${answer.status}, ${told.type ?? `plan ${told.plan_id}`}`;\n</script>";
@@ -286,7 +286,7 @@ fn a_page_of_another_origin_touches() {
     });
     let told = told.expect("the board is late for ever");
     assert!(told.strip_prefix("200, plan ").is_some_and(|id| id.parse::<u64>().is_ok()), "{told}");
-    assert!(daemon.sim.drives_received_at().is_some());
+    assert!(daemon.sim.last_drives_received_at().is_some());
 }
 
 /// The manual's first study is the one that comes with the program, with which its figures were found; all are studies of the example plate.
@@ -298,7 +298,7 @@ fn the_studies_of_the_manual_are_studies() {
     assert_eq!(studies.first().map(|text| text.trim_end()), Some(example.trim_end()));
     assert!(studies.len() >= 2, "{}", studies.len());
     for text in studies {
-        let study = era::design::run::Study::parse_texts("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
+        let study = era::study::run::Study::parse_texts("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
         assert!(study.is_ok(), "{}", study.unwrap_err());
     }
 }

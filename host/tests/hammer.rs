@@ -76,11 +76,14 @@ fn touch_on_a_page(daemon: &str, who: &'static str, answered: &Sender<&'static s
 fn rest(app: &App, runtime: &tokio::runtime::Runtime, is_over: &AtomicBool) {
     let mut next = Instant::now();
     while !is_over.load(Ordering::SeqCst) {
-        let active = app.driver.active();
+        let active = app.driver.find_active_plan();
         if Instant::now() >= next {
             next = Instant::now() + Duration::from_micros(100);
             if let Some(active) = active {
-                runtime.block_on(app.driver.renew(active.id, Instant::now() + Duration::from_secs(1)));
+                runtime.block_on(
+                    app.driver
+                        .extend_touch_and_check_if_still_shown(active.id, Instant::now() + Duration::from_secs(1)),
+                );
             }
         }
     }
@@ -89,7 +92,10 @@ fn rest(app: &App, runtime: &tokio::runtime::Runtime, is_over: &AtomicBool) {
 fn hammer(answered: &Sender<&'static str>) {
     let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
     let (served, url) = Served::at_a_port(&app, None);
-    served.runtime.block_on(async { app.driver.device().wait_for(|device| device.connected).await.map(drop) }).unwrap();
+    served
+        .runtime
+        .block_on(async { app.driver.subscribe_device_snapshots().wait_for(|device| device.connected).await.map(drop) })
+        .unwrap();
     let url = url.as_str();
     assert_eq!(Daemon::agent().post(format!("{url}/v1/touch")).send(touch(0).to_string()).unwrap().status(), 200);
     let is_over = AtomicBool::new(false);

@@ -119,7 +119,7 @@ fn an_old_order_is_refused_after_a_stop() {
         let order = |stops| era::device::DriveOrder {
             id: 1,
             stops,
-            breaks: None,
+            interruptions: None,
             drives: Vec::new(),
             hold: Duration::from_secs(1),
             from_zero: false,
@@ -146,12 +146,12 @@ fn a_finished_touch_is_no_plan_any_more() {
 fn each_bad_request_says_what_is_wrong() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let bad: &[(&str, &[&str])] = &[
-        ("", &["EOF", "expected"]),
-        ("no json", &["expected"]),
-        ("[]", &["expected"]),
+        ("", &["EOF", "The whole body has the form"]),
+        ("no json", &["The whole body has the form"]),
+        ("[]", &["The whole body has the form"]),
         (r#"{"x_px": 1}"#, &["y_px is missing"]),
         (r#"{"x_px": "1", "y_px": 1}"#, &["x_px is \"1\"", "a number"]),
-        (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["z_px is not known", "intensity_g"]),
+        (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["z_px is not a known field", "intensity_g"]),
         (r#"{"x_px": 1921, "y_px": 1}"#, &["x_px is 1921", "0 to 1920"]),
         (r#"{"x_px": 1, "y_px": -0.5}"#, &["y_px is -0.5", "0 to 1280"]),
         (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 to 1000"]),
@@ -373,8 +373,15 @@ fn a_restarted_device_is_noticed() {
     let before = daemon.state()["device"]["boot_id"].clone();
     daemon.sim.request_restart();
     let state = daemon.wait_for(|state| state["device"]["restarts"] == 1 && state["device"]["boot_id"] != before);
-    assert!(state["device"]["state"] == "safe" || state["device"]["state"] == "discharging", "{state}");
-    // Whoever has restarted it may have a hand in it: a person arms it.
+    // Whoever has restarted it may have a hand in it: what was live is a fault that a person clears, and a person arms it.
+    assert_eq!(
+        (&state["device"]["state"], &state["device"]["fault"]["code"]),
+        (&json!("fault"), &json!(20)),
+        "{state}"
+    );
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 409);
+    assert_eq!(daemon.post("/v1/arm", "").0, 409);
+    assert_eq!(daemon.post("/v1/faults/clear", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 409);
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);

@@ -136,6 +136,8 @@ fn value(command: &str, option: &str) -> &'static str {
         (_, "--effect") => "buzz",
         (_, "--count" | "--workers" | "--touches" | "--points" | "--first-clicks") => "1",
         (_, "--period-ms") => "50",
+        (_, "--crisp-ms") => "40",
+        (_, "--prefer") => "crispness",
         (_, "--also") => "900,80:0.1",
         (_, "--quiet") => "1200,80:5:0.5",
         (_, "--objective") => "power",
@@ -179,6 +181,7 @@ fn instead_of_base(command: &str, option: &str) -> Option<&'static str> {
         // Of these effects.
         ("touch", "--count") | ("touch", "--period-ms") => "--effect pulse_train",
         ("effect", "--count" | "--period-ms") => "=--scene bar.toml --accuracy fast --at 480,80 --effect pulse_train",
+        ("effect", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --at 480,80 --effect click",
         ("plan", "--zone") => "--objective reach",
         ("field", "--reach" | "--schemes") => "=--scene bar.toml --accuracy fast",
         ("field", "--zone" | "--from" | "--to") => "=--scene bar.toml --accuracy fast --reach",

@@ -73,7 +73,7 @@ fn http_tells_what_the_command_line_tells() {
     let words = told["words"].as_str().unwrap();
     // The option's former name is taken as well.
     assert!(planned(&["--tolerances"]).trim_end().ends_with(&format!("\n{words}")), "{words}");
-    assert!(daemon.sim.drives_received_at().is_none(), "nothing was driven");
+    assert!(daemon.sim.last_drives_received_at().is_none(), "nothing was driven");
 }
 
 /// With a scene or moves, even none, the plan is the preview's; what may not be off is not off.
@@ -233,5 +233,5 @@ fn the_page_shows_the_range_beside_the_bound() {
     browser.value(RUN);
     browser.wait_for(&format!("{STATUS}.includes('POST /v1/tolerances/stop ends it')"));
     daemon.post("/v1/tolerances/stop", "");
-    assert!(daemon.sim.drives_received_at().is_none(), "nothing was driven");
+    assert!(daemon.sim.last_drives_received_at().is_none(), "nothing was driven");
 }

@@ -21,21 +21,25 @@ fn examples_are_planned_for() {
     for name in ["bezel", "camera", "stepped_bar"] {
         let scene = Scene::parse(name, &example(name)).unwrap();
         let options = TableOptions { from_hz: 40.0, to_hz: 200.0, step_hz: 4.0 };
-        let levels =
-            ReducedLevels::build_with_order(&scene, Accuracy::FAST.choose_element_order(), options.to_hz).unwrap();
-        let table = PlanTable::with_levels(&scene, levels, options).unwrap();
+        let levels = ReducedLevels::build_with_order_and_two_lower(
+            &scene,
+            Accuracy::FAST.choose_element_order_for_tolerance(),
+            options.to_hz,
+        )
+        .unwrap();
+        let table = PlanTable::from_levels(&scene, levels, options).unwrap();
         let target = |x_m: f64, y_m: f64| Target { x_m, y_m, intensity_g: Some(0.3) };
         let plan = table.plan(&[target(0.05, 0.01)]).unwrap();
         assert!(plan.predicted.target_peak_g > 0.29, "{name}: {plan:?}");
         assert!(plan.error_bound.unwrap() < 0.02, "{name}: {plan:?}");
-        let field = table.compute_peak_field(&plan);
+        let field = table.compute_peak_at_each_grid_point_m_per_s2(&plan);
         let has_hole = name == "camera";
         assert_eq!(field.iter().any(Option::is_none), has_hole, "{name}");
         assert!((table.grid.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         if has_hole {
             let told = table.plan(&[target(0.15, 0.02)]).unwrap_err().to_string();
-            assert!(told.contains("(150, 20)") && told.contains("cutout[1]"), "{told}");
-            let csv = era::study::Field::of(&table, &plan).csv();
+            assert!(told.contains("x_mm = 150 and y_mm = 20") && told.contains("cutout[1]"), "{told}");
+            let csv = era::maps::PeakField::from_plan(&table, &plan).to_csv();
             assert!(csv.lines().any(|line| line.starts_with("150.000,") && line.ends_with(',')), "{csv}");
         }
     }

@@ -3,10 +3,10 @@
 mod support;
 
 use era::device::sim::SimPanel;
-use era::planner::limits::breakdown_v;
+use era::planner::limits::breakdown_voltage_v;
 use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
-use era::verify::{VerifyError, compare, compare_request, spread_points};
+use era::verify::{VerifyError, compare_plan_with_simulation, compare_planned_request_with_simulation, spread_points};
 use std::fmt::Write;
 
 #[test]
@@ -31,10 +31,11 @@ fn plans_meet_the_request_or_say_what_limits_them() {
                 for (i, drive) in plan.drives.iter().enumerate() {
                     assert!(drive.voltage_v <= 2000.0 && drive.force_n >= 0.0);
                     // Travel and breakdown, computed here from the response itself.
-                    let q = era::response::solve_coordinates_at_frequency(&table.model, drive.frequency_hz).unwrap();
-                    let travel = table.model.actuator_travel(i, &q[i]).norm() * drive.force_n;
+                    let q = era::response::solve_coordinates_per_newton_at_frequency(&table.model, drive.frequency_hz)
+                        .unwrap();
+                    let travel = table.model.actuator_mass_travel_against_electrodes(i, &q[i]).norm() * drive.force_n;
                     assert!(travel <= 500e-6 / 3.0 * (1.0 + 1e-9), "{travel}");
-                    assert!(drive.voltage_v <= 0.85 * breakdown_v(500e-6 - travel) * (1.0 + 1e-6));
+                    assert!(drive.voltage_v <= 0.85 * breakdown_voltage_v(500e-6 - travel) * (1.0 + 1e-6));
                 }
             }
         }
@@ -105,7 +106,8 @@ fn simulation_and_prediction_agree() {
         let panel = SimPanel::from_plan_table(&table);
         let surface = &table.scene.surface;
         for (x_m, y_m) in spread_points(10, surface.length_m, surface.width_m) {
-            let found = compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(0.5) }).unwrap();
+            let found =
+                compare_plan_with_simulation(&table, &panel, Target { x_m, y_m, intensity_g: Some(0.5) }).unwrap();
             assert!(found.difference.abs() < 0.01, "fundamentals: {found:?}");
             assert!(found.band_difference.abs() < 0.05, "whole waveform: {found:?}");
         }
@@ -137,7 +139,9 @@ fn worst_difference(table: &PlanTable, points_m: &[(f64, f64)]) -> f64 {
     let panel = SimPanel::from_plan_table(table);
     points_m
         .iter()
-        .map(|(x_m, y_m)| compare(table, &panel, Target { x_m: *x_m, y_m: *y_m, intensity_g: None }).unwrap())
+        .map(|(x_m, y_m)| {
+            compare_plan_with_simulation(table, &panel, Target { x_m: *x_m, y_m: *y_m, intensity_g: None }).unwrap()
+        })
         .map(|found| found.difference.abs().max(found.band_difference.abs()))
         .fold(0.0, f64::max)
 }
@@ -167,7 +171,11 @@ fn a_panel_that_never_settles_says_so() {
     let text = scene("bar", [400.0, 20.0, 3.0], "", &[(390.0, 10.0, "inertial")])
         .replace("damping_n_s_per_m = 0.7", "damping_n_s_per_m = 0");
     let table = support::table(&format!("{text}{edges}"));
-    let found = compare(&table, &SimPanel::from_plan_table(&table), Target { x_m: 0.2, y_m: 0.0, intensity_g: None });
+    let found = compare_plan_with_simulation(
+        &table,
+        &SimPanel::from_plan_table(&table),
+        Target { x_m: 0.2, y_m: 0.0, intensity_g: None },
+    );
     assert!(matches!(found, Err(VerifyError::NeverSettles)), "{found:?}");
 }
 
@@ -185,7 +193,7 @@ fn any_finite_intensity_is_planned_as_far_as_it_goes() {
     for intensity_g in [-1.0, f64::INFINITY, f64::NAN] {
         let found = plan(intensity_g);
         assert!(matches!(found, Err(PlanError::Range { field: "intensity_g", .. })), "{found:?}");
-        assert!(found.unwrap_err().to_string().ends_with("finite numbers from 0 up"));
+        assert!(found.unwrap_err().to_string().ends_with("a finite number of at least 0"));
     }
     assert_eq!(plan(0.0).unwrap().predicted.target_peak_g, 0.0);
 }
@@ -260,14 +268,14 @@ fn random_panels_keep_the_contract() {
 #[test]
 fn verify_refuses_what_it_cannot_do_by_name() {
     for (option, value, allowed) in
-        [("--points", "0", "1 to 100000"), ("--intensity-g", "-1", "0 and up"), ("--limit", "NaN", "0 and up")]
+        [("--points", "0", "1 to 100000"), ("--intensity-g", "-1", "0 or more"), ("--limit", "NaN", "0 or more")]
     {
         // Without the cache of whoever runs the tests.
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
         let ran = command.args(["verify", "--no-cache", option, value]).output().unwrap();
         let said = String::from_utf8_lossy(&ran.stderr).into_owned();
         assert_eq!(ran.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("{option} {value} ")) && said.contains(allowed), "{said}");
+        assert!(said.contains(&format!("{option} is {value}, ")) && said.contains(allowed), "{said}");
     }
 }
 
@@ -280,8 +288,8 @@ fn a_shared_frequency_is_driven_with_its_phases() {
     let mut turned = 0;
     for (x_m, y_m) in spread_points(4, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.5) };
-        let request = Request { grouping: Grouping::Shared, ..Request::touch(&[target]) };
-        let found = compare_request(&table, &panel, &request).unwrap();
+        let request = Request { grouping: Grouping::Shared, ..Request::for_touch(&[target]) };
+        let found = compare_planned_request_with_simulation(&table, &panel, &request).unwrap();
         let [left, right] = [&found.drives[0], &found.drives[1]];
         if left.force_n > 0.0 && right.force_n > 0.0 {
             let apart = (left.phase_rad - right.phase_rad).sin().abs();
@@ -302,7 +310,7 @@ fn no_plan_takes_away_what_brings_a_mass_back() {
         .replace("mount = \"grounded\"", "mount = \"inertial\"")
         .replace("moving_mass_g = 10.0", "moving_mass_g = 5.0")
         .replace("stiffness_n_per_m = 5000.0", &format!("stiffness_n_per_m = {STIFFNESS_N_PER_M:.1}"));
-    let table = support::table(&text).between(120.0, 400.0).unwrap();
+    let table = support::table(&text).keep_frequencies_between_if_any(120.0, 400.0).unwrap();
     let panel = SimPanel::from_plan_table(&table);
     let target = Target { x_m: 0.04, y_m: 0.01, intensity_g: Some(20.0) };
     let plan = table.plan(&[target]).unwrap();
@@ -312,7 +320,7 @@ fn no_plan_takes_away_what_brings_a_mass_back() {
         let softening = drive.pulse_width * 8.854e-12 * 1963.5e-6 * drive.voltage_v.powi(2) / 500e-6_f64.powi(3);
         assert!(drive.voltage_v > 500.0 && softening < 0.65 * STIFFNESS_N_PER_M, "{softening} N/m at {drive:?}");
     }
-    let comparison = compare(&table, &panel, target).unwrap();
+    let comparison = compare_plan_with_simulation(&table, &panel, target).unwrap();
     assert!(comparison.travel.iter().all(|travel| !travel.snapped_in), "{:?}", comparison.travel);
 }
 

@@ -38,7 +38,7 @@ fn a_preview_of_the_unchanged_scene_is_its_plan() {
     let (status, _, again) = daemon.post("/v1/preview", &whole);
     assert_eq!((status, &again["field"]), (200, &preview["field"]));
     assert_eq!(daemon.state()["device"]["state"], "safe", "nothing was driven");
-    assert!(daemon.sim.drives_received_at().is_none(), "nothing was sent either");
+    assert!(daemon.sim.last_drives_received_at().is_none(), "nothing was sent either");
     assert!(daemon.state()["plan"].is_null());
 }
 
@@ -63,7 +63,7 @@ fn a_moved_support_is_the_scene_written_with_it_there() {
     // The daemon's own scene has not changed.
     let (_, scene) = daemon.get("/v1/scene");
     assert_eq!((&scene["supports"][0]["x_mm"], &scene["actuators"][1]["x_mm"]), (&json!(0.0), &json!(225.0)));
-    assert!(daemon.sim.drives_received_at().is_none());
+    assert!(daemon.sim.last_drives_received_at().is_none());
     // Drives go on while previews are made, and a preview does not touch them.
     daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
     let before = daemon.wait_for(|state| state["device"]["state"] == "running")["plan"].clone();

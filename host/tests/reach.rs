@@ -29,12 +29,12 @@ fn bands_zones_and_names_that_make_no_sense_are_refused() {
     for (arguments, words) in [
         (
             &["--from", "100", "--to", "110"][..],
-            &["--from 100 --to 110", "40 to 400 Hz", "20 Hz apart", "need 20 Hz"][..],
+            &["--from 100 --to 110", "between 40 and 400 Hz", "20 Hz apart", "at least 20 Hz wide"][..],
         ),
-        (&["--from", "300", "--to", "200"], &["--from 300 --to 200", "40 to 400 Hz"]),
-        (&["--from", "500"], &["--from 500 --to 400", "40 to 400 Hz"]),
+        (&["--from", "300", "--to", "200"], &["--from 300 --to 200", "between 40 and 400 Hz"]),
+        (&["--from", "500"], &["--from 500 --to 400", "between 40 and 400 Hz"]),
         (&["--from", "nan"], &["--from", "finite"]),
-        (&["--zone", "0,0,300,10"], &["--zone", "x_mm 300", "0 to 250"]),
+        (&["--zone", "0,0,300,10"], &["--zone", "x_mm is 300", "0 to 250"]),
         (&["--zone", "100.1,0,100.2,10"], &["--zone", "mm apart"]),
         (&["--zone", "1,2,3"], &["--zone", "X0,Y0,X1,Y1"]),
         (&["--png", "map.jpg"], &["--png", ".png"]),

@@ -145,7 +145,7 @@ fn broken_toml_and_all_mistakes_at_once() {
     let said = mistake("width_mm = 200.0", "width_mm = = 200.0");
     assert!(said.contains(&format!("panel.toml:{}: not valid TOML", line_of("width_mm = 200.0"))), "{said}");
     let twice = Scene::parse("panel.toml", &EXAMPLE_PLATE.replace("[[support]]", "[support]")).unwrap_err().to_string();
-    assert!(twice.contains("[support] for the second time; each of several is written [[support]]"), "{twice}");
+    assert!(twice.contains("[support] is given twice") && twice.contains("each is written [[support]]"), "{twice}");
     let text = EXAMPLE_PLATE
         .replace("thickness_mm = 2.0", "thickness_mm = 0")
         .replace("air_gap_um = 500.0", "air_gap_um = -5");
@@ -160,8 +160,8 @@ fn active_area_lies_on_the_surface() {
     let with = |area: &str| mistake("height_px = 1280", &format!("height_px = 1280\n{area}"));
     let line = line_of("height_px = 1280");
     let cases: &[(&str, usize, &[&str])] = &[
-        ("x_mm = 10.0\nwidth_mm = 295.0", line + 2, &["screen.width_mm", "305 mm", "within the surface's 300 mm"]),
-        ("height_mm = 200.1", line + 1, &["screen.height_mm", "200.1 mm", "within the surface's 200 mm"]),
+        ("x_mm = 10.0\nwidth_mm = 295.0", line + 2, &["screen.width_mm", "305 mm", "the surface ends at 300 mm"]),
+        ("height_mm = 200.1", line + 1, &["screen.height_mm", "200.1 mm", "the surface ends at 200 mm"]),
         ("x_mm = 300.0", line + 1, &["screen.x_mm is 300", "below 300"]),
         ("y_mm = -1.0", line + 1, &["screen.y_mm is -1", "0 to 200"]),
         ("width_mm = 0.0", line + 1, &["screen.width_mm is 0", "above 0"]),
@@ -235,13 +235,15 @@ fn patches_have_the_surfaces_values_where_they_give_none() {
     assert_eq!((patch.thickness_m, patch.material.density_kg_m3), (0.002, 1000.0));
     assert_eq!(patch.material.youngs_modulus_pa, scene.surface.material.youngs_modulus_pa);
     // The later one on top.
-    assert_eq!(scene.layout().layer_at(0.02, 0.01).unwrap().thickness_m, 0.002);
-    assert_eq!(scene.layout().layer_at(0.2, 0.01).unwrap().thickness_m, 0.003);
+    assert_eq!(scene.layout().layer_at_unless_cut_out(0.02, 0.01).unwrap().thickness_m, 0.002);
+    assert_eq!(scene.layout().layer_at_unless_cut_out(0.2, 0.01).unwrap().thickness_m, 0.003);
     let bar = "[[patch]]\nx_mm = 100\nlength_mm = 50\nwidth_mm = 30\n";
     let bar = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{bar}")).unwrap();
     assert_eq!((bar.patches[0].width_m, bar.patches[0].thickness_m), (0.03, 0.002));
     assert!(
-        (bar.surface_mass_kg() / bar.surface.material.density_kg_m3 / 0.002 - (0.2 * 0.02 + 0.05 * 0.03)).abs() < 1e-15
+        (bar.surface_mass_with_air_kg() / bar.surface.material.density_kg_m3 / 0.002 - (0.2 * 0.02 + 0.05 * 0.03))
+            .abs()
+            < 1e-15
     );
 }
 
@@ -251,9 +253,12 @@ fn cutouts_leave_one_piece_under_everything() {
         format!("[[cutout]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = {length}\nwidth_mm = {width}\n")
     };
     let hole = added(&cutout([100.0, 20.0, 30.0, 20.0])).unwrap();
-    assert_eq!(hole.cutout_number_at(0.11, 0.03), Some(1));
+    assert_eq!(hole.cutout_number_counted_from_1_at(0.11, 0.03), Some(1));
     // Its border is surface.
-    assert_eq!((hole.cutout_number_at(0.1, 0.03), hole.cutout_number_at(0.05, 0.03)), (None, None));
+    assert_eq!(
+        (hole.cutout_number_counted_from_1_at(0.1, 0.03), hole.cutout_number_counted_from_1_at(0.05, 0.03)),
+        (None, None)
+    );
     let cases: [(Vec<[f64; 4]>, &[&str]); 5] = [
         (vec![[100.0, 0.0, 20.0, 200.0]], &["cutout[1]", "2 pieces"]),
         (vec![[60.0, 80.0, 30.0, 40.0]], &["actuator[1].x_mm and y_mm", "(75, 100)", "[[cutout]]"]),
@@ -278,7 +283,7 @@ fn cutouts_leave_one_piece_under_everything() {
     let edge = "[[edge]]\nside = \"right\"\nkind = \"pinned\"\n".to_owned() + &cutout([250.0, 0.0, 50.0, 200.0]);
     let text = EXAMPLE_PLATE.replace("x_mm = 300.0", "x_mm = 200.0") + &edge;
     let told = Scene::parse("panel.toml", &text).unwrap_err().to_string();
-    assert!(told.contains("edge[1].side") && told.contains("taken this side away"), "{told}");
+    assert!(told.contains("edge[1].side") && told.contains("leave nothing of this side"), "{told}");
     let told = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{}", cutout([1.0, 1.0, 1.0, 1.0]))).unwrap_err();
     assert!(told.to_string().contains("a bar has no cut-outs"), "{told}");
 }
@@ -301,7 +306,89 @@ fn a_bias_stays_below_pull_in() {
     assert!(told.contains("actuator[1].bias_voltage_v") && told.contains("0 to 2000"), "{told}");
     // sqrt(300 * 0.5e-3^3 / (8.854e-12 * 1963.5e-6)) = 1468.7 V.
     let told = with("1500", "stiffness_n_per_m = 300.0").unwrap_err();
-    assert!(told.contains("1468.7 V") && told.contains("pull the mass in"), "{told}");
+    assert!(told.contains("1468.7 V") && told.contains("pull the mass onto an electrode"), "{told}");
+}
+
+#[test]
+fn cables_have_a_capacitance() {
+    let with = |cable: &str| {
+        let text = EXAMPLE_PLATE.replacen(
+            "max_voltage_v = 2000.0",
+            &format!("max_voltage_v = 2000.0\ncable_capacitance_pf = {cable}"),
+            1,
+        );
+        Scene::parse("panel.toml", &text).map_err(|error| error.to_string())
+    };
+    let scene = with("200").unwrap();
+    assert!((scene.actuators[0].cable_capacitance_f - 200e-12).abs() < 1e-24);
+    assert!((scene.actuators[1].cable_capacitance_f - 81e-12).abs() < 1e-24, "what the board is designed for");
+    let told = with("10001").unwrap_err();
+    assert!(told.contains("actuator[1].cable_capacitance_pf") && told.contains("0 to 10000"), "{told}");
+}
+
+#[test]
+fn electrodes_behind_resistors() {
+    let with = |table: &str, cable: &str| {
+        let text = EXAMPLE_PLATE.replacen("max_voltage_v = 2000.0", &format!("max_voltage_v = 2000.0\n{cable}"), 1);
+        Scene::parse("panel.toml", &format!("{text}\n[electronics]\n{table}")).map_err(|error| error.to_string())
+    };
+    let scene =
+        with("charging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15", "").unwrap();
+    let times = scene.actuators[1].charging;
+    // eps0 times 1963.5 mm^2 over 500 um are 34.8 pF.
+    assert!(
+        (times.rise_s / 115.8e-6 - 1.0).abs() < 1e-3 && (times.fall_s / times.rise_s - 0.1).abs() < 1e-12,
+        "{times:?}"
+    );
+    assert!((times.hold_s - 15e-6).abs() < 1e-18);
+    let scene = with("charging_resistance_ohm = 1e6", "cable_capacitance_pf = 181").unwrap();
+    let [left, right] = [&scene.actuators[0], &scene.actuators[1]].map(|actuator| actuator.charging);
+    assert!((left.rise_s - right.rise_s - 100e-6).abs() < 1e-9 && left.fall_s == left.rise_s && left.hold_s == 0.0);
+    assert!(with("charging_resistance_ohm = 0", "").unwrap().actuators[0].charging.is_instant());
+    for (table, cable, told) in [
+        ("", "", "electronics.charging_resistance_ohm is missing"),
+        ("charging_resistance_ohm = -1", "", "electronics.charging_resistance_ohm is -1"),
+        (
+            "charging_resistance_ohm = 1e5\ndischarging_resistance_ohm = 2e5",
+            "",
+            "discharging_resistance_ohm is 200000, but must be 0 to 100000",
+        ),
+        (
+            "charging_resistance_ohm = 1e6\ndischarging_delay_us = 101",
+            "",
+            "electronics.discharging_delay_us is 101, but must be 0 to 100",
+        ),
+        (
+            "charging_resistance_ohm = 1e5\ndischarging_delay_us = 40",
+            "",
+            "discharging_delay_us is 40 us, but the electrodes and the cable",
+        ),
+        (
+            "charging_resistance_ohm = 0\ndischarging_delay_us = 1",
+            "",
+            "discharging_delay_us is 1 us, but the electrodes and the cable",
+        ),
+        (
+            "charging_resistance_ohm = 1e7",
+            "",
+            "electronics.charging_resistance_ohm is 1e7 ohm, but the electrodes and the cable of actuator",
+        ),
+        ("charging_resistance_ohm = 2e6", "cable_capacitance_pf = 300", "it must be at most 1.49e6"),
+        ("charging_resistance_ohm = 1e6\nresistance = 1", "", "electronics.resistance"),
+    ] {
+        let found = with(table, cable).expect_err(table);
+        assert!(found.contains(told), "{table} {cable}: {found}");
+        // Where it is to be mended: the table at the end, or the cable.
+        let line = found
+            .split("panel.toml:")
+            .nth(1)
+            .and_then(|rest| rest.split(':').next())
+            .and_then(|line| line.parse::<usize>().ok());
+        if let (Some(line), "cable_capacitance_pf = 300") = (line, cable) {
+            let text = EXAMPLE_PLATE.lines().position(|line| line.contains("max_voltage_v")).unwrap();
+            assert_eq!(line, text + 2, "{found}");
+        }
+    }
 }
 
 /// Keys that are asked for twice, whether they are there and for their value, are listed once.

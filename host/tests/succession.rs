@@ -3,15 +3,15 @@
 mod support;
 
 use era::device::sim::SimPanel;
-use era::effects::{EffectRequest, NamedEffect, design};
+use era::effects::{EffectRequest, NamedEffect, design_effect};
 use era::model::Accuracy;
 use era::model::levels::ReducedLevels;
-use era::planner::residual::{Board, CONCEDED, LONGEST_WAIT_S, ResidualVibration, Room};
+use era::planner::residual::{LIMIT_TOLERANCE, LONGEST_WAIT_S, RailState, ResidualVibration, StartHeadroom};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::random_scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era::verify::VerifyError;
-use era::verify::succession::{Order, Turn, Turned, follow_turns};
+use era::verify::succession::{PlannedTurn, SuccessionMode, TurnResult, simulate_turns};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ use support::Daemon;
 use tungstenite::Message;
 
 /// Most travel in parts of the gap.
-const MOST: f64 = (1.0 + CONCEDED) / 3.0;
+const MOST: f64 = (1.0 + LIMIT_TOLERANCE) / 3.0;
 /// The travel limit decides everywhere.
 const AT_THE_LIMIT_G: f64 = 1e3;
 
@@ -35,7 +35,7 @@ fn plan_at(table: &PlanTable, x: f64, y: f64, intensity_g: f64) -> Plan {
     table.plan(&[Target { x_m, y_m, intensity_g: Some(intensity_g) }]).unwrap()
 }
 
-fn most(turned: &[Turned]) -> f64 {
+fn most(turned: &[TurnResult]) -> f64 {
     turned.iter().flat_map(|turned| &turned.travel).copied().fold(0.0, f64::max)
 }
 
@@ -47,16 +47,19 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
     for (number, targets) in [
         (17, [(0.31, 0.62), (0.5, 0.5)]),
         (46, [(0.87, 0.13), (0.5, 0.5)]),
-        (68, [(0.87, 0.13), (0.31, 0.62)]),
-        (80, [(0.31, 0.62), (0.87, 0.13)]),
-        (84, [(0.31, 0.62), (0.5, 0.5)]),
+        (283, [(0.31, 0.62), (0.5, 0.5)]),
+        (80, [(0.87, 0.13), (0.5, 0.5)]),
+        (84, [(0.87, 0.13), (0.31, 0.62)]),
     ] {
-        let table = table_of(&random_scene_text(11, number));
+        let text = random_scene_text(11, number);
+        // Without resistors, which come last: they weaken the forces, and these scenes were chosen for what their full forces do.
+        let table = table_of(text.split("[electronics]").next().unwrap_or_default());
         let panel = SimPanel::from_plan_table(&table);
         let plans = targets.map(|(x, y)| plan_at(&table, x, y, AT_THE_LIMIT_G));
-        let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
-        let plainly = follow_turns(&table, &panel, &turns, Order::Plainly).unwrap();
-        let fitting = follow_turns(&table, &panel, &turns, Order::AsItFits).unwrap();
+        let turns: Vec<PlannedTurn<'_>> =
+            plans.iter().map(|plan| PlannedTurn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
+        let plainly = simulate_turns(&table, &panel, &turns, SuccessionMode::AtFullForce).unwrap();
+        let fitting = simulate_turns(&table, &panel, &turns, SuccessionMode::FittedToHeadroom).unwrap();
         println!(
             "{number}: {:.3} plainly, {:.3} with {:.2?} of the force",
             most(&plainly),
@@ -67,7 +70,7 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         assert!(most(&fitting) <= MOST, "scene {number}");
         snapped_in += u32::from(most(&plainly) > 0.9);
         weakened += u32::from(fitting[1].parts[0] < 0.9);
-        assert!(fitting.iter().all(|turned| turned.room.after_s <= LONGEST_WAIT_S), "scene {number}");
+        assert!(fitting.iter().all(|turned| turned.room.wait_s <= LONGEST_WAIT_S), "scene {number}");
     }
     assert!(snapped_in >= 1 && weakened >= 3, "{snapped_in} snapped in, {weakened} weaker");
 }
@@ -92,13 +95,13 @@ fn random_successions_stay_within_the_limit() {
             };
             // A place in a cut-out, or one that nothing moves, has no plan.
             let plans: Vec<Plan> = (0..4).filter_map(|i| request(i).ok()).collect();
-            let turn = |(plan, i): (_, u32)| Turn {
+            let turn = |(plan, i): (_, u32)| PlannedTurn {
                 plan,
                 hold_s: [0.016, 0.1, 0.4, 0.7][(start + i) as usize % 4],
                 pause_s: [0.0, 0.02, 0.005, 0.1][(2 * start + 3 * i) as usize % 4],
             };
-            let turns: Vec<Turn<'_>> = plans.iter().zip(0..).map(turn).collect();
-            let turned = match follow_turns(&table, &panel, &turns, Order::AsItFits) {
+            let turns: Vec<PlannedTurn<'_>> = plans.iter().zip(0..).map(turn).collect();
+            let turned = match simulate_turns(&table, &panel, &turns, SuccessionMode::FittedToHeadroom) {
                 Err(VerifyError::Unknown) => continue,
                 turned => turned.unwrap(),
             };
@@ -119,9 +122,13 @@ fn a_drawn_finger_stays_within_the_limit() {
         let table = table_of(&random_scene_text(11, number));
         let plans: Vec<Plan> =
             (0..40).map(|i| plan_at(&table, 0.2 + 0.015 * f64::from(i), 0.4, AT_THE_LIMIT_G)).collect();
-        let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
-        let fitting = follow_turns(&table, &SimPanel::from_plan_table(&table), &turns, Order::AsItFits).unwrap();
-        let plainly = follow_turns(&table, &SimPanel::from_plan_table(&table), &turns, Order::Plainly).unwrap();
+        let turns: Vec<PlannedTurn<'_>> =
+            plans.iter().map(|plan| PlannedTurn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
+        let fitting =
+            simulate_turns(&table, &SimPanel::from_plan_table(&table), &turns, SuccessionMode::FittedToHeadroom)
+                .unwrap();
+        let plainly =
+            simulate_turns(&table, &SimPanel::from_plan_table(&table), &turns, SuccessionMode::AtFullForce).unwrap();
         println!("{number}: {:.3} plainly, {:.3}", most(&plainly), most(&fitting));
         assert!(most(&fitting) <= MOST, "scene {number}");
         // It is felt all the same: 0.28 and more of what the limit allows.
@@ -134,31 +141,55 @@ fn a_drawn_finger_stays_within_the_limit() {
 fn ordinary_touches_are_neither_late_nor_weaker() {
     for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (EXAMPLE_PLATE, 0.2), (EXAMPLE_BAR, 0.6)] {
         let table = table_of(text);
-        let mut residual = ResidualVibration::new(table.decaying_modes());
-        let (mut now_s, mut board, mut took) = (0.0, Board::Down, Vec::new());
+        let mut residual = ResidualVibration::new(table.decay_rate_and_travel_of_each_pole());
+        let (mut now_s, mut board, mut took) = (0.0, RailState::Down, Vec::new());
         for i in 0..300_u32 {
             let along = f64::from(i) / 300.0;
             let plan = plan_at(&table, 0.05 + 0.9 * along, 0.5 + 0.4 * (9.0 * along).sin(), intensity_g);
             let begun = Instant::now();
-            let motion = table.predict_motion(&plan).unwrap();
+            let motion = table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan).unwrap();
             took.push(begun.elapsed().as_secs_f64() * 1e6);
             let drives = Some(plan.drives.as_slice());
-            let room = residual.room(&motion, drives, now_s, board);
-            assert_eq!(room, Room::ALL, "touch {i} of {intensity_g} g");
+            let room = residual.find_headroom(&motion, drives, now_s, board);
+            assert_eq!(room, StartHeadroom::ALL, "touch {i} of {intensity_g} g");
             let is_tap = i >= 200;
-            residual.begin(u64::from(i), &motion, drives, board, now_s, now_s + if is_tap { 0.05 } else { 1.0 });
-            board = if is_tap { Board::Up } else { Board::Driving };
+            residual.record_drives_that_begin_in_place_of_others(
+                u64::from(i),
+                &motion,
+                drives,
+                board,
+                now_s,
+                now_s + if is_tap { 0.05 } else { 1.0 },
+            );
+            board = if is_tap { RailState::Up } else { RailState::Driving };
             now_s += if is_tap { 0.1 } else { 0.016 };
         }
         took.sort_by(f64::total_cmp);
-        println!("{} poles, {:.0} us for a motion (median)", table.decaying_modes().len(), took[took.len() / 2]);
+        println!(
+            "{} poles, {:.0} us for a motion (median)",
+            table.decay_rate_and_travel_of_each_pole().len(),
+            took[took.len() / 2]
+        );
         for i in 0..20_u32 {
             let plan = plan_at(&table, 0.1 + 0.04 * f64::from(i), 0.3, intensity_g);
-            let design = design(&table, table.rise().unwrap(), &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
-            let motion = design.motion(&table).unwrap();
-            let room = residual.room(&motion, None, now_s, Board::Up);
-            assert_eq!(room, Room::ALL, "click {i} of {intensity_g} g");
-            residual.begin(1000 + u64::from(i), &motion, None, Board::Up, now_s, now_s + 0.03);
+            let design = design_effect(
+                &table,
+                table.panel_poles().unwrap(),
+                &plan,
+                EffectRequest::with_defaults(NamedEffect::Click),
+            )
+            .unwrap();
+            let motion = design.predict_travel_and_free_motion_of_effect_if_poles_known(&table).unwrap();
+            let room = residual.find_headroom(&motion, None, now_s, RailState::Up);
+            assert_eq!(room, StartHeadroom::ALL, "click {i} of {intensity_g} g");
+            residual.record_drives_that_begin_in_place_of_others(
+                1000 + u64::from(i),
+                &motion,
+                None,
+                RailState::Up,
+                now_s,
+                now_s + 0.03,
+            );
             now_s += 0.15;
         }
     }
@@ -222,7 +253,7 @@ fn a_touch_that_does_not_fit_is_weaker_at_first() {
     let weaker = touch(0.31, 0.62);
     let peak_g = |answer: &Value| answer["predicted"]["target_peak_g"].as_f64().unwrap();
     assert!(is_still_moving(&weaker) && peak_g(&weaker) < 0.9 * peak_g(&whole), "{weaker}");
-    assert!(weaker["limited_by"].as_str().unwrap().contains("motion left of the touches before"), "{weaker}");
+    assert!(weaker["limited_by"].as_str().unwrap().contains("motion that earlier touches have left"), "{weaker}");
     let grown = served.daemon.wait_for(|state| state["plan"].is_object() && !is_still_moving(&state["plan"]));
     assert_eq!(grown["plan_id"], weaker["plan_id"]);
     assert!((peak_g(&grown["plan"]) / peak_g(&whole) - 1.0).abs() < 1e-6, "{grown}");

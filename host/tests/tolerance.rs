@@ -17,7 +17,7 @@ use support::scenes::SceneText;
 /// The answers for one place and one frequency, and the largest bound.
 fn at_one(scene: &Scene, accuracy: Accuracy, at: (f64, f64), hz: f64) -> (Vec<num_complex::Complex64>, f64) {
     let found = compute_curves_with_error_bounds(scene, accuracy, at, &[hz]).unwrap();
-    let bounds = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::INFINITY));
+    let bounds = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::INFINITY));
     (found.answer.iter().map(|curve| curve[0]).collect(), bounds.fold(0.0, f64::max))
 }
 
@@ -45,7 +45,7 @@ fn bounds_hold_where_two_levels_agree_by_chance() {
                 compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(tolerance).unwrap(), at, &[hz])
                     .unwrap();
             for ((curve, exact), bound) in found.answer.iter().zip(&exact).zip(&found.bounds) {
-                let (error, bound) = ((curve[0] - exact).norm() / exact.norm(), bound.known_limit().unwrap());
+                let (error, bound) = ((curve[0] - exact).norm() / exact.norm(), bound.limit_if_known().unwrap());
                 prop_assert!(error <= bound + own, "{}: {at:?}, {hz} Hz: {error:e} of {bound:e}", scene.name);
             }
         }
@@ -103,7 +103,7 @@ fn plans_meet_the_default_tolerance() {
     for name in ["plate.toml", "bar.toml", "stepped_bar.toml", "bezel.toml", "camera.toml"] {
         let scene = shipped(name);
         let levels = ReducedLevels::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap();
-        let table = PlanTable::with_levels(&scene, levels, options).unwrap();
+        let table = PlanTable::from_levels(&scene, levels, options).unwrap();
         let surface = &scene.surface;
         for (x_m, y_m) in spread_points(12, surface.length_m, surface.width_m) {
             let Ok(plan) = table.plan(&[Target { x_m, y_m, intensity_g: Some(0.1) }]) else { continue };
@@ -151,11 +151,13 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
         let (found, exact) = (at(Accuracy::BALANCED), at(Accuracy::from_tolerance(1e-5).unwrap()));
         for actuator in 0..found.answer.actuators {
             let (bound, own) =
-                (found.bounds[actuator].known_limit().unwrap(), exact.bounds[actuator].known_limit().unwrap());
+                (found.bounds[actuator].limit_if_known().unwrap(), exact.bounds[actuator].limit_if_known().unwrap());
             assert!(bound <= 1e-3, "{bound:e}");
             for point in 0..found.answer.points {
                 let curve = |sweep: &era::response::sweep::AccelerationSweep<f64>| {
-                    (0..frequencies.len()).map(|k| sweep.acceleration_at(k, actuator, point)).collect::<Vec<_>>()
+                    (0..frequencies.len())
+                        .map(|k| sweep.acceleration_per_newton_at_indices(k, actuator, point))
+                        .collect::<Vec<_>>()
                 };
                 let (found, exact) = (curve(&found.answer), curve(&exact.answer));
                 let peak = exact.iter().map(|z| z.norm()).fold(0.0, f64::max);
@@ -172,7 +174,7 @@ fn more_time_buys_a_smaller_bound() {
     let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
     let within = |time| compute_modes_with_error_bounds(&scene, Accuracy::best_within_time(time), 300.0).unwrap();
     let largest = |found: &era::model::BoundedAnswer<Vec<era::model::PanelMode>>| {
-        found.bounds.iter().map(|bound| bound.known_limit().unwrap()).fold(0.0, f64::max)
+        found.bounds.iter().map(|bound| bound.limit_if_known().unwrap()).fold(0.0, f64::max)
     };
     let (short, long) = (within(Duration::from_millis(1)), within(Duration::from_secs(60)));
     assert_eq!(short.steps.len(), 2);

@@ -3,12 +3,12 @@
 use era::device::sim::SimPanel;
 use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, PanelModel};
-use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
+use era::planner::softening::{Excitation, Line, Transducer, compute_travel_receptance, solve_steady_motion};
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::CoordinateSolver;
 use era::scene::random::random_scene_text;
 use era::scene::{EXAMPLE_BAR, Scene};
-use era::verify::{VerifyError, compare};
+use era::verify::{VerifyError, compare_plan_with_simulation};
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use rayon::prelude::*;
 use verification::trials::{Outcome, Tally, Trial, Verdict, exceeds_travel_limit, try_scene, verdict_on};
@@ -88,11 +88,13 @@ fn a_motion_that_is_said_to_be_safe_is() {
         let panel = SimPanel::from_plan_table(&table);
         for (x, y, intensity_g) in [(0.31, 0.62, 3.0), (0.87, 0.13, 1e3)] {
             let (x_m, y_m) = (x * scene.surface.length_m, y * scene.surface.width_m);
-            let found = match compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(intensity_g) }) {
-                Ok(found) => found,
-                Err(VerifyError::NeverSettles | VerifyError::Nothing) => continue,
-                Err(error) => panic!("{error}"),
-            };
+            let found =
+                match compare_plan_with_simulation(&table, &panel, Target { x_m, y_m, intensity_g: Some(intensity_g) })
+                {
+                    Ok(found) => found,
+                    Err(VerifyError::NeverSettles | VerifyError::Nothing) => continue,
+                    Err(error) => panic!("{error}"),
+                };
             // Channels on one rail are at the higher of their voltages.
             let mut rails_v = [0.0_f64; RAILS];
             for (channel, drive) in found.drives.iter().enumerate() {
@@ -103,7 +105,7 @@ fn a_motion_that_is_said_to_be_safe_is() {
                     let travel_m = parts(channel) * electrodes.gap_m;
                     // A voltage at its limit is there but for the last digits.
                     let rail_v = (1.0 - 1e-12) * rails_v[rail_index_of_channel(channel)].min(electrodes.max_voltage_v);
-                    electrodes.violated(travel_m, rail_v).is_some()
+                    electrodes.first_violated_limit_if_any(travel_m, rail_v).is_some()
                 })
             };
             assert!(!violates(&|channel| found.travel[channel].predicted), "scene {number}: {found:?}");
@@ -142,19 +144,27 @@ fn a_drive_of_the_example_bar_is_softened_as_the_spring_law_says() {
     let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
     let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let solver = CoordinateSolver::new(&model);
-    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
+    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::from_actuator).collect();
     let travel = |frequency_hz: f64, voltage_v: f64| {
-        let receptance = travel_receptance(&model, &solver.solve_at_frequency(frequency_hz).unwrap());
-        let drive = |voltage_v: f64| Excitation { frequency: 0, voltage_v, pulse_width: 2.0 / 3.0, phase_rad: 0.0 };
+        let receptance =
+            compute_travel_receptance(&model, &solver.solve_coordinates_per_newton_at(frequency_hz).unwrap());
+        let drive = |voltage_v: f64| Excitation {
+            frequency: 0,
+            frequency_hz,
+            voltage_v,
+            pulse_width: 2.0 / 3.0,
+            phase_rad: 0.0,
+        };
         let mut drives = vec![drive(0.0); transducers.len()];
         drives[0] = drive(voltage_v);
-        let motion = settle(&transducers, &drives, &[Line { frequency: 0, harmonic: 1, receptance }]).unwrap();
+        let motion =
+            solve_steady_motion(&transducers, &drives, &[Line { frequency: 0, harmonic: 1, receptance }]).unwrap();
         motion.travel_m[0][0].norm() / (voltage_v * voltage_v)
     };
     // Far below all resonances the spring alone counts: k_e = w eps0 S V^2 / g^3 and its pulsation, sin(pi w) / pi of it
     // for motion in phase, are taken off.
     let (transducer, volts) = (transducers[0], 500.0);
-    let receptance = travel_receptance(&model, &solver.solve_at_frequency(1.0).unwrap())[0][0].re;
+    let receptance = compute_travel_receptance(&model, &solver.solve_coordinates_per_newton_at(1.0).unwrap())[0][0].re;
     let slope = 2.0 * transducer.newtons_per_volt_squared * volts * volts / transducer.gap_m;
     let width = 2.0 / 3.0_f64;
     let softening = slope * (width + (std::f64::consts::PI * width).sin() / std::f64::consts::PI);

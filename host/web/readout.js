@@ -57,7 +57,7 @@ const SAFE_V = 60;
 
 // What a device that drives nothing is in, for a plan that is over.
 const IDLE_WORDS = { ...STATE_WORDS, safe: "device off", fault: "device off", armed: "device armed", arming: "device arms",
-  boot: "device starts", discharging: "device goes off", unknown: "device unknown" };
+  boot: "device starts", discharging: "device switches off", unknown: "device unknown" };
 
 export class Readout {
   constructor(clearFault, arm) {
@@ -110,7 +110,7 @@ export class Readout {
         row.append(cell(id, `${degrees}° · ${fixed(drive.pulse_width, 2, "")}`), cell(fixed(drive.frequency_hz, 1, " Hz")),
           cell(fixed(drive.voltage_v, 0, " V"), `of ${max_voltage_v.toFixed(0)}`),
           cell(fixed(drive.force_n * 1e3, 1, " mN"), `${(part * 100).toFixed(0)} %`), cell("off"));
-        row.title = "under the name: phase of the force, pulse width; under the force: its part of what the voltage allows";
+        row.title = "under the name: phase of the windows, pulse width; under the force: its part of what the voltage allows";
         const bar = node("meter", { min: 0, max: 1, value: part });
         bar.setAttribute("aria-label", `${(part * 100).toFixed(0)} % of the force that the voltage allows`);
         row.children[3].append(bar);

@@ -88,7 +88,7 @@ export class Studies {
     const words = {
       none: "",
       running: `${study.name}: ${study.there} of ${study.all} designs`,
-      finishing: `${study.name}: computing the best anew`,
+      finishing: `${study.name}: computing the best designs again`,
       done: `${study.name}: ${study.all} designs, ${this.outcome(study)}`,
       stopped: `${study.name}: stopped`,
       failed: `${study.name}: ${study.problem}`,
@@ -104,7 +104,7 @@ export class Studies {
   outcome({ best, nearest, all_failed: reason }) {
     if (best.length) return "the best are below";
     if (reason) return `all of which failed; the first: ${reason}`;
-    const near = nearest ? `; design ${nearest.design} comes nearest: ${nearest.reason}` : "";
+    const near = nearest ? `; design ${nearest.design} comes nearest to the limits: ${nearest.reason}` : "";
     return `none of which keeps all limits${near}`;
   }
 
@@ -135,7 +135,7 @@ export class Studies {
         const text = await file.text();
         const told = text
           .split("\n")
-          .filter((line) => /^# (\S+ = |Computed anew)/.test(line))
+          .filter((line) => /^# (\S+ = |Computed (again|anew))/.test(line))
           .map((line) => line.slice(2));
         return [[file.name, ...told].join(", "), text];
       }),

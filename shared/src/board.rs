@@ -3,8 +3,9 @@
 
 use crate::MAX_CHANNELS;
 use crate::protocol::{BoardKind, ChannelLimits, FAILURE_MESSAGE, FaultCode, FirmwareVersion, IMAGE_NAME, ResetCause};
-use crate::supply::{FaultFinding, SensorReadings, SupplyCommand};
-use crate::waveform::TimerPreload;
+use crate::safety::ElectrodePulses;
+use crate::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
+use crate::waveform::{Electrode, TimerPreload};
 use heapless::{String, Vec};
 
 /// Facts about the board that do not change while it runs.
@@ -28,6 +29,8 @@ pub struct BoardInfo {
     pub fault_before_reset: Option<(FaultCode, u32)>,
     /// What it said then.
     pub failure: String<FAILURE_MESSAGE>,
+    /// The credit in ms that the previous run left its channels; `None` if it is not known, and then they begin with all of it.
+    pub credit_before_reset_ms: Option<[u32; MAX_CHANNELS]>,
 }
 
 /// The hardware under the device logic.
@@ -43,7 +46,7 @@ pub trait Board {
     fn switch_outputs_off(&mut self);
 
     /// Measures rails, current and safety loops. What has tripped since the last call is part of the readings, and is reported once.
-    fn read_sensors(&mut self) -> SensorReadings;
+    fn read_sensors_and_take_trip(&mut self) -> SensorReadings;
 
     /// Tests every comparator and break input that switches off in hardware: each must trip when it is made to, and must be
     /// released afterwards. Electrodes stay off.
@@ -51,6 +54,27 @@ pub trait Board {
     /// # Errors
     /// The first of them that does not trip, or that stays tripped.
     fn test_trip_circuits(&mut self) -> Result<(), FaultFinding>;
+
+    /// Tests the inputs of the comparators that switch off at too much voltage: with their threshold lowered below the self-test's
+    /// voltage, those of the rails that are `charged` must trip, the others must not, and all must be released afterwards. Electrodes
+    /// stay off.
+    ///
+    /// # Errors
+    /// The first of them that does not do so.
+    fn test_over_voltage_inputs(&mut self, charged: [bool; RAILS]) -> Result<(), FaultFinding>;
+
+    /// Switches one electrode to its rail [`crate::limits::TEST_PULSES`] times, for [`crate::limits::TEST_PULSE_MICROSECONDS`] each and with
+    /// [`crate::limits::TEST_PAUSE_MICROSECONDS`] after each, while all others stay low and no timer reaches a pin, and measures its rail after
+    /// the first and after the last pulse. The supply is disabled, the rails stand at the self-test's voltage. The electrode is low when this
+    /// returns, whatever it returns.
+    ///
+    /// # Errors
+    /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low.
+    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding>;
+
+    /// Keeps what the next start must know of this run: whether high voltage may be on, and the channels' credit in ms. To be called every
+    /// ms, and whenever everything has been switched off.
+    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; MAX_CHANNELS]);
 
     /// Enables or disables the supply, and sets its set-points and discharge switches.
     fn apply_supply_command(&mut self, command: &SupplyCommand);
@@ -73,7 +97,7 @@ pub trait Board {
     ///
     /// # Errors
     /// [`FaultCode::ReadBack`] if a register does not hold what was written.
-    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode>;
+    fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode>;
 
     /// Checks that all timers still count and hold what was written to them. To be called every ms while they run.
     ///

@@ -9,7 +9,7 @@
 //!   sequencer that brings running timers from one drive to the next,
 //! * [`supply`]: set-points of the high-voltage rails, and whether what is measured can be believed,
 //! * [`safety`]: the safety state machine, the dead-man timer, the self-test before arming, the budget of each channel,
-//! * [`limits`]: every limit, with its derivation,
+//! * [`circuit`]: the values of the high-voltage circuit outside the chip, [`limits`]: every limit, with its derivation,
 //! * [`board`]: the trait that hardware implements,
 //! * [`device`]: the device's whole behaviour over a [`board::Board`]: what a frame does and what silence does.
 //!
@@ -19,10 +19,12 @@
 #![forbid(unsafe_code)]
 
 pub mod board;
+pub mod circuit;
 pub mod device;
 pub mod image;
 pub mod limits;
 pub mod link;
+pub mod log_limit;
 pub mod log_ring;
 pub mod protocol;
 pub mod safety;

@@ -3,6 +3,8 @@
 //! The board holds to them whatever the host claims. Sources are named with each; "ERA" stands for the default design with a
 //! gap of 0.5 mm, 50 mm electrodes and 100 pF of electrode and cable.
 
+use crate::circuit::{self, longest_discharge_us, longest_electrode_discharge_ns};
+
 /// Highest rail voltage in mV. The gap of an ERA breaks down near 2.57 kV at rest and near 2.0 kV once its mass has moved
 /// by 0.14 mm towards an electrode; 85 % of 2.57 kV is 2.18 kV, and 2.0 kV leaves the over-voltage trip room below that.
 pub const MAX_RAIL_MILLIVOLTS: u32 = 2_000_000;
@@ -13,15 +15,21 @@ const _: () = assert!(OVER_VOLTAGE_MILLIVOLTS > MAX_RAIL_MILLIVOLTS && OVER_VOLT
 
 /// Below this a rail counts as discharged, in mV: 60 V dc is not hazardous (IEC 61010-1, 6.3.1; IEC 62368-1, ES1).
 pub const DISCHARGED_MILLIVOLTS: u32 = 60_000;
-/// Longest time in ms until a rail is discharged. The active discharge takes less than 20 ms; the bleeder alone (1 nF and
-/// 100 Mohm: 0.1 s) takes 0.35 s from 2 kV to 60 V. Access within 1 s of opening the interlock must be harmless.
+/// Longest time in ms until a rail is discharged, whatever does it. Access within 1 s of opening the interlock must be harmless.
 pub const DISCHARGE_LIMIT_MS: u32 = 1_000;
+/// A rail whose discharge switch closes is below [`DISCHARGED_MILLIVOLTS`] after this many ms: the contact's time, the discharge
+/// through the switch (2.26 nF and 1 Mohm from 2 kV to 60 V: 7.9 ms, with tolerances 9.5 ms), the divider's filter, and a ms until
+/// the next measurement. A rail that takes longer has a broken discharge switch, or a supply that still feeds it.
+pub const SWITCHED_DISCHARGE_MS: u32 =
+    (circuit::CONTACT_MICROSECONDS + longest_discharge_us(circuit::DISCHARGE_OHMS) + 4 * circuit::DIVIDER_MICROSECONDS)
+        .div_ceil(1000)
+        + 1;
+/// One bleeder alone has discharged a rail after this many ms (2.26 nF and 100 Mohm from 2 kV to 60 V: 0.79 s, with tolerances
+/// 0.95 s). When what is measured cannot be believed, a rail is not called safe before.
+pub const BLEEDER_MS: u32 = longest_discharge_us(circuit::BLEEDER_OHMS).div_ceil(1000);
+const _: () = assert!(SWITCHED_DISCHARGE_MS < 20 && BLEEDER_MS < DISCHARGE_LIMIT_MS);
 
-/// The bleeder alone has discharged a rail after this many ms (1 nF and 100 Mohm, from 2 kV to 60 V: 0.35 s). When what is
-/// measured cannot be believed, a rail is not called safe before.
-pub const BLEEDER_MS: u32 = 400;
-
-/// Soft start: the most that a set-point rises, in mV per ms. 20 V/ms charges 2 nF with 40 uA, a twelfth of what the supply
+/// Soft start: the most that a set-point rises, in mV per ms. 20 V/ms charges 2.26 nF with 45 uA, an eleventh of what the supply
 /// may deliver.
 pub const RAIL_SLOPE_MILLIVOLTS_PER_MS: u32 = 20_000;
 /// Set-point of the self-test before arming, in mV: enough to see a short, below [`DISCHARGED_MILLIVOLTS`].
@@ -29,9 +37,38 @@ pub const TEST_MILLIVOLTS: u32 = 50_000;
 const _: () = assert!(TEST_MILLIVOLTS < DISCHARGED_MILLIVOLTS);
 /// How far a rail may be from [`TEST_MILLIVOLTS`] when the self-test ends, in mV.
 pub const TEST_TOLERANCE_MILLIVOLTS: u32 = 15_000;
-/// Most that may flow at [`TEST_MILLIVOLTS`] with all electrodes off, in uA: dividers take 1, and an electrode that leaks
-/// through its resistor of 1 Mohm takes 50.
+/// Most that may flow at [`TEST_MILLIVOLTS`] with all electrodes off, in uA: bleeders take 1 for each rail, leakage up to 1, and an
+/// electrode that leaks through its resistor of 1 Mohm takes 50.
 pub const TEST_MICROAMPS: u32 = 20;
+const _: () = assert!(
+    TEST_MICROAMPS
+        > CURRENT_OFFSET_MICROAMPS
+            + circuit::RAILS as u32
+                * (circuit::both_bleeders_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)
+                    + circuit::most_leakage_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)),
+    "a sound board takes more than the self-test allows"
+);
+/// A rail that is not charged shows no more than this during the self-test, in mV.
+pub const TEST_ABSENT_MILLIVOLTS: u32 = 15_000;
+/// For how long the self-test looks at the rails with the supply disabled and the discharge switches open, in ms ...
+pub const TEST_BLEED_MS: u32 = 10;
+/// ... in which the bleeders take at least this much from each rail, in mV: 10 ms of 0.136 s (2.26 nF and 50 Mohm, with tolerances)
+/// take 7 % of the 35 V that a rail has at least, or 2.4 V; the converter's step is 0.6 V.
+pub const TEST_BLEED_MILLIVOLTS: u32 = 1_800;
+const _: () = assert!(
+    circuit::least_bleed_millivolts(TEST_MILLIVOLTS - TEST_TOLERANCE_MILLIVOLTS, TEST_BLEED_MS * 1_000)
+        >= TEST_BLEED_MILLIVOLTS + circuit::RAIL_FULL_SCALE_MILLIVOLTS / 4_095,
+    "the bleeders of a sound rail take less than the self-test wants to see"
+);
+/// Pulses that the self-test makes on each electrode alone, from a rail whose supply is disabled. The rail's fall from after the first to
+/// after the last tells what the electrode takes ([`crate::safety::judge_electrode_pulses`]).
+pub const TEST_PULSES: u32 = 4;
+/// For how long the electrode is on in each pulse, in us: 3.4 of its time constants, with tolerances 2.9.
+pub const TEST_PULSE_MICROSECONDS: u32 = 400;
+/// For how long it is off after each, in us: its lower switch has discharged it after 90 us, with all tolerances against it, and the
+/// filter of the rail's measurement has followed.
+pub const TEST_PAUSE_MICROSECONDS: u32 = 200;
+const _: () = assert!(TEST_PAUSE_MICROSECONDS * 1_000 > LEAST_GUARD_NANOSECONDS);
 /// Longest time in ms for a rail to reach [`TEST_MILLIVOLTS`]: 3 ms of slope and ten times the supply's 5 ms.
 pub const TEST_LIMIT_MS: u32 = 60;
 
@@ -41,26 +78,60 @@ pub const RAIL_TOLERANCE_PERCENT: u32 = 10;
 pub const RAIL_TOLERANCE_MILLIVOLTS: u32 = 40_000;
 /// A rail that rises may be behind its set-point by as much more, in mV: the slope times the supply's 5 ms.
 pub const RISING_TOLERANCE_MILLIVOLTS: u32 = RAIL_SLOPE_MILLIVOLTS_PER_MS * 5;
-/// ... for this many ms, before the measurement or the supply counts as broken.
+/// ... for this many ms, before the measurement or the supply counts as broken. A ms in which they agree takes back a quarter of a ms
+/// in which they do not, so that a measurement that is right only now and then does not pass.
 pub const IMPLAUSIBLE_AFTER_MS: u32 = 50;
+/// How many agreeing ms take back one that does not agree.
+pub const FORGIVING_RATIO: u32 = 4;
 /// A rail that loses more than this part of its voltage from one ms to the next, in per cent, has had an arc or a short.
 pub const COLLAPSE_PERCENT: u32 = 20;
+const _: () = assert!(
+    COLLAPSE_PERCENT * 10 > circuit::most_dip_permille(),
+    "electrodes that rise together look like an arc: the rail's capacitance is too small"
+);
 /// Below this set-point in mV a loss is not looked at, as noise is as large.
 pub const COLLAPSE_FROM_MILLIVOLTS: u32 = 200_000;
+
+/// The supply that set-points, measurements and trips refer to, in mV.
+pub const REFERENCE_MILLIVOLTS: u32 = circuit::PIN_FULL_SCALE_MILLIVOLTS;
+/// How far it may be from that, in per cent: its regulator has 1 %, the chip's own reference 1 % over temperature.
+pub const REFERENCE_TOLERANCE_PERCENT: u32 = 3;
 
 /// Most that the supply may deliver on average, in uA: electrodes at 2 kV and 100 pF take 40 uA each at 200 Hz and 200 uA
 /// at 1 kHz; a person's let-go threshold is 20 times this, the limit of IEC 61010-1 (2 mA dc) 4 times.
 pub const MAX_AVERAGE_MICROAMPS: u32 = 500;
 /// For how many ms the average may be above [`MAX_AVERAGE_MICROAMPS`].
 pub const OVER_CURRENT_AFTER_MS: u32 = 10;
-/// The comparator switches everything off above this momentary current, in uA: the edges of four electrodes that fall
-/// together take 4 x 2 mA (2 kV x 100 pF in 100 us), and a quarter more.
-pub const TRIP_MICROAMPS: u32 = 10_000;
+/// The average current and what the drives should take are compared as means over this time, in us, of which the older part counts less
+/// (exponentially). A power of two, as the board computes it every ms. Longer than the pauses between two charges at 10 Hz.
+pub const ELECTRODE_MEAN_MICROSECONDS: u64 = 1 << 17;
+/// They may differ for this many ms.
+pub const ELECTRODE_FAULT_AFTER_MS: u32 = 20;
+/// How far the measured average current may be off by an offset, in uA: 8 of the converter's steps, which are 3.9 uA (DS12288, total
+/// unadjusted error of the converter: 6.5 steps at most), and what is cut off of each number.
+pub const CURRENT_OFFSET_MICROAMPS: u32 = 5;
+/// ... and by a factor, in per cent: 1 % for the shunt, 1 % for the dividers of the rails, and a half for the converter. The converter's
+/// reference changes rails and current alike.
+pub const CURRENT_TOLERANCE_PERCENT: u32 = 3;
 
-/// Both electrodes of an ERA are off for at least this long between two windows, in ns, whatever is configured: three time
-/// constants of an electrode's discharge by its lower switch take less (100 pF, 100 kohm: 30 us).
-pub const LEAST_GUARD_NANOSECONDS: u32 = 50_000;
-/// The guard time that the board keeps, in ns: the default between 50 us and 1 ms; it costs 0.07 dB of force at 200 Hz.
+/// The comparator switches everything off above this momentary current, in uA: the edges of four electrodes that fall
+/// together take 4 x 2 mA (2 kV behind 1 Mohm each), and a quarter more.
+pub const TRIP_MICROAMPS: u32 = 10_000;
+/// The threshold and its comparator may be off by this much, in per cent: 1 % for the shunt, 2 % for the converter, and 10 mV of
+/// 1.65 V for the comparator's offset and half of its hysteresis.
+const TRIP_TOLERANCE_PERCENT: u32 = 5;
+const _: () = assert!(
+    circuit::most_edge_microamps(MAX_RAIL_MILLIVOLTS) as u64
+        <= circuit::subtract_percent(TRIP_MICROAMPS as u64, TRIP_TOLERANCE_PERCENT),
+    "edges that rise together trip the comparator of the current"
+);
+
+/// No window of an electrode begins sooner than this after the end of one of the other, in ns, whatever is configured. What is never on
+/// together are the commands: the two upper switches of an ERA. The electrodes follow them: with this guard the one that was on is below
+/// 60 V, which is harmless, when the other one begins to rise (the lower switch 40 us late, then 116 pF through 100 kohm from 2 kV: 41 us,
+/// with tolerances 49 us).
+pub const LEAST_GUARD_NANOSECONDS: u32 = longest_electrode_discharge_ns();
+/// The guard time that the board keeps, in ns: the default between the least and 1 ms; it costs 0.07 dB of force at 200 Hz.
 pub const GUARD_NANOSECONDS: u32 = 200_000;
 const _: () = assert!(GUARD_NANOSECONDS >= LEAST_GUARD_NANOSECONDS);
 

@@ -82,7 +82,7 @@ proptest! {
         for (elapsed_us, drives, (ticks, width), millivolts) in steps {
             now_us += elapsed_us;
             let drive = drives.then(|| make_credit_charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS));
-            budget.account_and_find_spent(now_us, [None, drive, None, None]);
+            budget.account_and_find_channels_to_stop(now_us, [None, drive, None, None]);
             let cost = if drives { exposure(ticks, width, millivolts, HIGHEST_MILLIVOLTS) } else { 0.0 };
             let charged = if drives { f64::max(before, cost) } else { 0.0 };
             before = cost;
@@ -125,7 +125,7 @@ proptest! {
             let missing_us = rest_us.saturating_sub(credit_us) * 100 / u64::from(DUTY_PERCENT);
             let wait_ms = resting_us.max(missing_us).div_ceil(1000) as u32;
             let drive = drives.then_some(CreditCharge::FULL);
-            prop_assert_eq!(budget.account_and_find_spent(now_us, [drive, None, None, None]), [spent, false, false, false]);
+            prop_assert_eq!(budget.account_and_find_channels_to_stop(now_us, [drive, None, None, None]), [spent, false, false, false]);
             prop_assert_eq!(budget.required_wait_ms(0), (wait_ms > 0).then_some(wait_ms));
             prop_assert_eq!(u64::from(budget.remaining_credit_ms(0)), credit_us / 1000);
         }
@@ -170,7 +170,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
             // 1.000 to 1.998 ms.
             elapsed_us = 1_000 + (elapsed_us * 7 + 13) % 999;
             now_us += elapsed_us;
-            budget.account_and_find_spent(now_us, only(weak));
+            budget.account_and_find_channels_to_stop(now_us, only(weak));
             least_ms = least_ms.min(budget.remaining_credit_ms(0));
         }
         // What one look costs, before what it earns is there: the first is rounded down.
@@ -184,7 +184,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
         let mut seconds = 0;
         while budget.remaining_credit_ms(0) > 0 {
             seconds += 1;
-            budget.account_and_find_spent(seconds * 1_000_000, only(twice));
+            budget.account_and_find_channels_to_stop(seconds * 1_000_000, only(twice));
         }
         assert!(seconds.abs_diff(600) <= 2, "{seconds} s for 60 s of credit at a tenth net");
     }
@@ -196,15 +196,15 @@ fn a_change_between_two_looks_costs_the_greater() {
     let quarter = make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS);
     let spent_ms = |order: [CreditCharge; 2]| {
         let mut budget = DriveBudget::new();
-        budget.account_and_find_spent(0, only(order[0]));
-        budget.account_and_find_spent(10_000_000, only(order[1]));
+        budget.account_and_find_channels_to_stop(0, only(order[0]));
+        budget.account_and_find_channels_to_stop(10_000_000, only(order[1]));
         DUTY_CREDIT_MS - budget.remaining_credit_ms(0)
     };
     assert_eq!(spent_ms([CreditCharge::FULL, quarter]), 10_000);
     assert_eq!(spent_ms([quarter, CreditCharge::FULL]), 10_000);
     assert!(spent_ms([quarter, quarter]).abs_diff(2_500) <= 1);
     let mut budget = DriveBudget::new();
-    budget.account_and_find_spent(0, only(CreditCharge::FULL));
-    budget.account_and_find_spent(10_000_000, [None; 4]);
+    budget.account_and_find_channels_to_stop(0, only(CreditCharge::FULL));
+    budget.account_and_find_channels_to_stop(10_000_000, [None; 4]);
     assert_eq!(budget.remaining_credit_ms(0), DUTY_CREDIT_MS, "what has ended costs nothing more");
 }

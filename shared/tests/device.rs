@@ -5,9 +5,10 @@ mod support;
 use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
 use era_shared::safety::{SafetyEvent, SafetyState};
-use era_shared::waveform::Effect;
+use era_shared::waveform::{Effect, Electrode};
 use heapless::Vec as Short;
 use proptest::prelude::*;
+use support::circuit::ElectrodeState;
 use support::{Bench, Did, arm, both, drive};
 
 #[test]
@@ -16,12 +17,16 @@ fn a_session_from_hello_to_disarm() {
     assert_eq!(bench.board.log, [Did::Off, Did::Off], "off at boot, before anything else, and when found discharged");
     assert_eq!(bench.state(), SafetyState::Safe);
     let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 3 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 3, 4));
+    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 4, 4));
     assert_eq!(bench.ask(&arm()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(bench.state(), SafetyState::Arming);
-    bench.wait_ms(10);
+    bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Armed);
-    assert_eq!(bench.board.log[2..], [Did::TestTrips, Did::Start]);
+    let inputs = [Did::TestInputs([true, false]), Did::TestInputs([true; 2])];
+    let pulses = [Electrode::A, Electrode::B].into_iter().flat_map(|it| (0..4).map(move |era| Did::Pulse(era, it)));
+    let expected: Vec<Did> =
+        [Did::TestTrips, inputs[0], inputs[1]].into_iter().chain(pulses).chain([Did::Start]).collect();
+    assert_eq!(bench.board.log[2..], expected);
     // Amid the idle periods of 1 ms: at their boundaries nothing is preloaded.
     bench.board.now_us += 500;
     let Reply::DrivesSet { achieved } = bench.ask(&both()) else { panic!() };
@@ -35,96 +40,43 @@ fn a_session_from_hello_to_disarm() {
     assert_eq!(bench.ask(&Request::Disarm), Reply::Disarmed);
     assert!(!bench.board.live());
     assert_eq!(bench.state(), SafetyState::Discharging);
-    bench.wait_ms(1);
+    bench.wait_ms(support::DISCHARGE_MS);
     assert_eq!(bench.state(), SafetyState::Safe);
 }
 
+/// Four ERAs at 2 kV, by hand: 8 x 116 pF x 2 kV for each cycle and 80 uA of the bleeders are 488 uA at 220 Hz and 507 uA at 230 Hz.
 #[test]
-fn safe_is_only_said_of_rails_that_were_measured() {
+fn drives_beyond_the_supply_are_refused_before_they_begin() {
+    let four = |hz: u32| {
+        let one = |channel| ChannelDrive {
+            frequency_millihertz: hz * 1_000,
+            voltage_millivolts: 2_000_000,
+            ..drive(channel)
+        };
+        Short::<_, 4>::from_slice(&[one(0), one(1), one(2), one(3)]).unwrap()
+    };
     let mut bench = Bench::new();
     bench.arm();
-    bench.ask(&both());
-    bench.wait_ms(60);
-    bench.board.rails_show = [Some(900_000), None];
-    bench.ask(&Request::Stop);
-    for left in (61..900).rev().step_by(40) {
-        bench.board.rails_show = [Some(left * 1000), None];
-        bench.wait_ms(1);
-        assert_eq!(bench.state(), SafetyState::Discharging, "{left} V are left");
-    }
-    bench.board.rails_show = [Some(59_999), None];
-    bench.wait_ms(1);
-    assert_eq!(bench.state(), SafetyState::Safe);
-    // And if it never falls, that is a fault, which cannot be cleared while it lasts.
-    bench.arm();
-    bench.board.rails_show = [None, Some(150_000)];
-    bench.ask(&Request::Disarm);
-    bench.wait_ms(1_002);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
-    assert_eq!((fault.code, fault.detail), (FaultCode::DischargeFailed, 20_150));
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
-    bench.board.rails_show = [None; 2];
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
-    bench.wait_ms(1);
-    assert_eq!(bench.state(), SafetyState::Safe);
-    // A rail that charges by itself is noticed too.
-    bench.board.rails_show = [Some(70_000), None];
-    bench.wait_ms(1);
-    assert_eq!(bench.state(), SafetyState::Fault);
-}
-
-#[test]
-fn a_rail_that_stays_charged_is_told_whatever_came_first() {
-    let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
-    bench.wait_ms(60);
-    // The enclosure is opened and the discharge fails.
-    bench.board.rails_show = [Some(900_000), None];
-    bench.board.interlock_closed = false;
-    bench.wait_ms(1_100);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
-    assert_eq!(
-        (fault.code, fault.count),
-        (FaultCode::InterlockOpen, 2),
-        "the first reason is kept, the second counted"
-    );
-    bench.board.interlock_closed = true;
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
-    bench.board.rails_show = [None; 2];
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
-}
-
-#[test]
-fn asking_again_does_not_give_the_discharge_more_time() {
-    let mut bench = Bench::new();
-    bench.arm();
-    bench.board.rails_show = [Some(900_000), None];
-    for _ in 0..3 {
-        bench.ask(&Request::Stop);
-        bench.wait_ms(400);
-    }
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
-    assert_eq!(fault.code, FaultCode::DischargeFailed);
-    let go = Request::Bootloader { key: BOOTLOADER_KEY };
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)), "no bootloader while charged");
-}
-
-#[test]
-fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
-    let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
-    bench.wait_ms(60);
-    // The divider breaks: 0 V are measured of a rail that is charged.
-    bench.board.rails_show = [Some(0), None];
-    bench.wait_ms(2);
-    assert_eq!(bench.state(), SafetyState::Fault);
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
-    bench.wait_ms(390);
-    assert_eq!(bench.state(), SafetyState::Discharging, "the bleeder has not had its time");
-    bench.wait_ms(20);
-    assert_eq!(bench.state(), SafetyState::Safe);
+    let refused = Refusal::Current { requested_microamps: 507, max_microamps: 500 };
+    assert_eq!(bench.ask(&Request::SetDrives { drives: four(230) }), Reply::Refused(refused.clone()));
+    assert_eq!(bench.ask(&Request::Prepare { drives: four(230) }), Reply::Refused(refused));
+    assert_eq!(bench.state(), SafetyState::Armed, "nothing has begun");
+    assert!(matches!(bench.ask(&Request::SetDrives { drives: four(220) }), Reply::DrivesSet { .. }));
+    assert_eq!(bench.state(), SafetyState::Running);
+    // A rail that feeds nobody stays where it is, and its bleeders count: 0.464 uC and 80 uA, 498 uA at 900 Hz and 502 uA at 908 Hz.
+    let one = |hz: u32| {
+        let own = ChannelDrive {
+            frequency_millihertz: hz * 1_000,
+            pulse_width_ppm: 500_000,
+            voltage_millivolts: 2_000_000,
+            ..drive(0)
+        };
+        Request::SetDrives { drives: Short::from_slice(&[own]).unwrap() }
+    };
+    let Reply::Refused(Refusal::Current { requested_microamps: 502, .. }) = bench.ask(&one(908)) else { panic!() };
+    assert!(matches!(bench.ask(&one(900)), Reply::DrivesSet { .. }));
+    // To rest is allowed whatever the rails have.
+    assert!(matches!(bench.ask(&Request::SetDrives { drives: Short::new() }), Reply::DrivesSet { .. }));
 }
 
 #[test]
@@ -134,7 +86,7 @@ fn drives_that_are_set_while_arming_begin_when_it_is_done() {
     let Reply::DrivesSet { .. } = bench.ask(&both()) else { panic!() };
     assert_eq!(bench.state(), SafetyState::Arming);
     assert!(!bench.board.connected);
-    bench.wait_ms(10);
+    bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Running);
     assert!(bench.board.connected && !bench.board.latest(1).is_blank());
 }
@@ -142,14 +94,20 @@ fn drives_that_are_set_while_arming_begin_when_it_is_done() {
 #[test]
 fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
     type Spoil = fn(&mut support::FakeBoard);
-    let spoils: [(Spoil, FaultCode); 7] = [
+    let spoils: [(Spoil, FaultCode); 13] = [
         (|board| board.interlock_closed = false, FaultCode::InterlockOpen),
         (|board| board.stop_released = false, FaultCode::EmergencyStop),
         (|board| board.earth_bonded = false, FaultCode::EarthOpen),
         (|board| board.fail_trips = true, FaultCode::SelfTest),
         (|board| board.fail_start = true, FaultCode::ArmFailed),
         (|board| board.rails_show = [None, Some(0)], FaultCode::ShortCircuit),
-        (|board| board.average_microamps = 600, FaultCode::ShortCircuit),
+        (|board| board.more_microamps = 600, FaultCode::ShortCircuit),
+        (|board| board.crossed_rails = true, FaultCode::SelfTest),
+        (|board| board.circuit.stuck_enable = true, FaultCode::SelfTest),
+        (|board| board.dead_over_voltage = true, FaultCode::SelfTest),
+        (|board| board.circuit.dead_discharge = true, FaultCode::DischargeSlow),
+        (|board| board.circuit.dead_permit = true, FaultCode::Permit),
+        (|board| board.circuit.broken[1][0] = ElectrodeState::Open, FaultCode::Electrode),
     ];
     for (spoil, code) in spoils {
         let mut bench = Bench::new();
@@ -166,18 +124,20 @@ fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
 #[test]
 fn every_fault_while_running_switches_everything_off() {
     type Spoil = fn(&mut support::FakeBoard);
-    let spoils: [(Spoil, FaultCode); 11] = [
+    let spoils: [(Spoil, FaultCode); 13] = [
         (|board| board.interlock_closed = false, FaultCode::InterlockOpen),
         (|board| board.stop_released = false, FaultCode::EmergencyStop),
         (|board| board.earth_bonded = false, FaultCode::EarthOpen),
+        (|board| board.standing_fault = Some((FaultCode::Permit, 1)), FaultCode::Permit),
         (|board| board.trip = Some((FaultCode::OverCurrent, 0)), FaultCode::OverCurrent),
         (|board| board.trip = Some((FaultCode::OverVoltage, 0)), FaultCode::OverVoltage),
-        (|board| board.average_microamps = 501, FaultCode::OverCurrent),
+        (|board| board.more_microamps = 501, FaultCode::OverCurrent),
         (|board| board.rails_show = [Some(2_100_001), None], FaultCode::OverVoltage),
         (|board| board.rails_show = [None, Some(790_000)], FaultCode::RailCollapsed),
         (|board| board.rails_show = [Some(850_000), None], FaultCode::RailImplausible),
         (|board| board.stopped_timer = Some(1), FaultCode::TimerStopped),
-        (|board| board.rails_show = [Some(1_200_000), None], FaultCode::DischargeFailed),
+        (|board| board.rails_show = [Some(1_200_000), None], FaultCode::DischargeSlow),
+        (|board| board.rails_show = [Some(1_070_000), None], FaultCode::DischargeFailed),
     ];
     for (spoil, code) in spoils {
         let mut bench = Bench::new();
@@ -208,30 +168,6 @@ fn a_fault_is_cleared_only_with_its_cause_gone() {
     assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(1);
     assert_eq!(bench.state(), SafetyState::Safe);
-}
-
-#[test]
-fn the_rails_start_softly_and_serve_two_voltages() {
-    let mut bench = Bench::new();
-    bench.arm();
-    let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(2) };
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0), low]).unwrap() });
-    let mut last = [50_000; 2];
-    for _ in 0..48 {
-        bench.wait_ms(1);
-        let now = bench.board.supply.set_point_millivolts;
-        assert!(now[0] <= last[0] + 20_000, "{now:?} after {last:?}");
-        last = now;
-    }
-    assert!(last[0] >= 999_000 && last[1] == 50_000, "rail 2 feeds nobody: {last:?}");
-    let width = |channel: usize| {
-        let period = bench.board.latest(channel);
-        f64::from(period.a.off - period.a.on) / f64::from(period.ticks)
-    };
-    // A quarter of the force: sin(pi w/2), w being twice the part of the period.
-    let force = |part: f64| (std::f64::consts::PI * part).sin();
-    let ratio = force(width(2)) / force(width(0));
-    assert!((ratio - 0.25).abs() < 1e-3, "{ratio}");
 }
 
 #[test]
@@ -392,7 +328,7 @@ fn a_fault_from_before_the_reset_is_told() {
     bench.board.info.fault_before_reset = Some((FaultCode::Panic, 77));
     bench.board.info.failure = "panicked at src/main.rs:77".try_into().unwrap();
     bench.device = era_shared::device::Device::new();
-    bench.device.complete_boot(&mut bench.board);
+    bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
     assert_eq!(bench.state(), SafetyState::Fault);
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::Panic, 77));
@@ -497,4 +433,17 @@ proptest! {
         let Reply::Status(status) = bench.ask(&Request::Status) else { panic!() };
         prop_assert_eq!(status.state, SafetyState::Running);
     }
+}
+
+/// A board that is looked at only every 60 ms, because its computer is busy or its answers are slow, passes its self-test all the same.
+#[test]
+fn a_self_test_that_is_looked_at_late_passes() {
+    let mut bench = Bench::new();
+    bench.ask(&Request::Arm { deadman_ms: Some(1_000) });
+    for _ in 0..20 {
+        bench.board.now_us += 65_000;
+        bench.ask(&Request::KeepAlive);
+    }
+    let Reply::Faults { latched } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((bench.state(), latched), (SafetyState::Armed, None));
 }

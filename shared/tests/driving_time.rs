@@ -14,7 +14,7 @@ fn time_that_was_spent_off_is_no_drive() {
     bench.wait_ms(5_000);
     bench.ask(&arm());
     bench.ask(&both());
-    bench.wait_ms(30);
+    bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Running);
 }
 
@@ -23,7 +23,7 @@ fn bursts_end_and_must_rest() {
     let mut bench = Bench::new();
     bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(300) });
     bench.ask(&both());
-    bench.wait_ms(330);
+    bench.wait_ms(300 + support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Armed, "the burst is over");
     let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = bench.ask(&both()) else { panic!() };
     assert!(wait_ms <= 100);

@@ -1,6 +1,6 @@
 //! Frames: any bytes in any pieces, and nothing that was changed on the way gets through.
 
-use era_shared::link::{DecodeError, Decoder, FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
+use era_shared::link::{DecodeError, Decoder, FrameKind, MAX_BODY, MAX_ENCODED, PortWatch, encode_frame};
 use era_shared::protocol::Request;
 use proptest::prelude::*;
 
@@ -85,4 +85,15 @@ proptest! {
             prop_assert!(false, "taken: {:?}", result);
         }
     }
+}
+
+/// A port is closed once for each time that it was open, whatever else of its line changes.
+#[test]
+fn a_port_that_was_open_is_told_to_be_closed_once() {
+    let mut port = PortWatch::new();
+    let told: Vec<bool> = [false, true, true, false, false, true, false]
+        .into_iter()
+        .map(|line| port.note_line_and_tell_whether_closed(line))
+        .collect();
+    assert_eq!(told, [false, false, false, true, false, false, true]);
 }

@@ -19,7 +19,7 @@ fn a_host_of_version_2_is_answered_in_its_words() {
         reply
     };
     let Reply::Welcome(welcome) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
-    assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 3));
+    assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 4));
     assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Arming });
     let Reply::Details(details) = ask(&mut bench, &Request::Details) else { panic!() };
@@ -52,15 +52,15 @@ fn a_host_of_version_1_is_answered_in_its_words() {
         reply
     };
     let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 3));
+    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 4));
     assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Armed }, "arming may be live");
     assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
-    bench.wait_ms(20);
+    bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Running);
     assert_eq!(ask(&mut bench, &Request::Stop), Reply::Stopped);
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Boot }, "not called safe yet");
-    bench.wait_ms(2);
+    bench.wait_ms(support::DISCHARGE_MS);
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Safe });
     bench.board.interlock_closed = false;
     ask(&mut bench, &arm());

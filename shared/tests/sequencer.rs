@@ -43,19 +43,21 @@ impl Timers {
     fn run_ms(&mut self, milliseconds: u64) {
         let end = self.now_us + 1000 * milliseconds;
         while self.now_us < end {
-            self.now_us =
-                (self.now_us + 1000).min(self.model.sequencer.next_due_us().unwrap_or(u64::MAX).max(self.now_us + 1));
+            self.now_us = (self.now_us + 1000)
+                .min(self.model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).max(self.now_us + 1));
             self.poll();
         }
     }
 
-    fn set(&mut self, drives: &[ChannelDrive], continuous: bool) {
+    fn set(&mut self, drives: &[ChannelDrive], drives_without_envelope: bool) {
         let mut goals = [None; 4];
         for drive in drives {
-            goals[usize::from(drive.channel)] =
-                Some(ChannelGoal { program: compute_channel_program(&limits(), drive).unwrap(), continuous });
+            goals[usize::from(drive.channel)] = Some(ChannelGoal {
+                program: compute_channel_program(&limits(), drive).unwrap(),
+                drives_without_envelope,
+            });
         }
-        self.model.sequencer.set_goals(&goals, self.now_us);
+        self.model.sequencer.set_or_end_drives_from_next_boundary(&goals, self.now_us);
         self.poll();
     }
 
@@ -108,7 +110,7 @@ fn a_drive_begins_within_two_ms_and_ends_at_a_boundary() {
     timers.run_ms(20);
     timers.forget();
     timers.run_ms(50);
-    assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.is_channel_driving(0));
+    assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.is_active_or_preloaded_period_driving(0));
     timers.check();
     let width = u64::from(planned.width) * u64::from(planned.divider);
     assert_eq!(timers.model.checks[0].least_pulse, Some(width), "no pulse was cut short");
@@ -146,7 +148,11 @@ fn a_click_has_its_cycles_and_its_brake() {
         timers.set(&[drive(0, frequency_millihertz, 0)], false);
         timers.run_ms(50);
         assert!(timers.pulses[0].is_empty(), "prepared is silent");
-        assert!(timers.model.sequencer.queue_effect(0, timers.now_us + 7_300, &Effect::new_click(3, 2)));
+        assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+            0,
+            timers.now_us + 7_300,
+            &Effect::new_click(3, 2)
+        ));
         timers.run_ms(200);
         let electrodes: Vec<_> = timers.pulses[0].iter().map(|pulse| pulse.electrode).collect();
         use Electrode::{A, B};
@@ -165,7 +171,7 @@ fn ramps_widen_and_trains_pulse() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 200_000, 0)], false);
     timers.run_ms(5);
-    assert!(timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_swell(50, 20, 50)));
+    assert!(timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_swell(50, 20, 50)));
     timers.run_ms(150);
     let widths: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.to - pulse.from).collect();
     let top = widths.iter().position(|width| width == widths.iter().max().unwrap()).unwrap();
@@ -180,7 +186,11 @@ fn ramps_widen_and_trains_pulse() {
     let half = force(widths[2 * 4]) / force(widths[top]);
     assert!((half - 0.45).abs() < 0.06, "{half}");
     timers.forget();
-    assert!(timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_pulse_train(20, 30, 3)));
+    assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+        0,
+        timers.now_us,
+        &Effect::new_pulse_train(20, 30, 3)
+    ));
     timers.run_ms(300);
     let gaps = timers.pulses[0].windows(2).filter(|pair| pair[1].from - pair[0].to > 20_000 * CLOCKS_PER_US).count();
     assert_eq!((timers.pulses[0].len(), gaps), (3 * 4 * 2, 2), "4 cycles of 5 ms, three times");
@@ -198,13 +208,20 @@ fn effects_are_checked_and_queued_in_order() {
         assert!(!Effect { segments, times: 1 }.is_valid());
     }
     let mut timers = Timers::new();
-    assert!(!timers.model.sequencer.queue_effect(0, timers.now_us, &Effect::new_click(1, 0)), "no drive");
+    assert!(
+        !timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_click(1, 0)),
+        "no drive"
+    );
     timers.set(&[drive(0, 500_000, 0)], false);
     let now_us = timers.now_us;
     for (start_ms, cycles) in [(90, 4), (30, 2), (60, 3), (10, 1)] {
-        assert!(timers.model.sequencer.queue_effect(0, now_us + 1000 * start_ms, &Effect::new_click(cycles, 0)));
+        assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
+            0,
+            now_us + 1000 * start_ms,
+            &Effect::new_click(cycles, 0)
+        ));
     }
-    assert!(!timers.model.sequencer.queue_effect(0, now_us, &Effect::new_click(1, 0)), "four wait");
+    assert!(!timers.model.sequencer.queue_effect_if_goal_and_room(0, now_us, &Effect::new_click(1, 0)), "four wait");
     timers.run_ms(200);
     let starts: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.from / 170_000).collect();
     assert_eq!(starts.len(), 2 * (1 + 2 + 3 + 4));
@@ -216,16 +233,16 @@ fn effects_are_checked_and_queued_in_order() {
 fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 100_000, 0)], true);
-    timers.model.sequencer.set_window_strength(0, FULL_STRENGTH / 4);
+    timers.model.sequencer.set_force_fraction_of_drive_windows(0, FULL_STRENGTH / 4);
     timers.run_ms(50);
     let planned = compute_channel_program(&limits(), &drive(0, 100_000, 0)).unwrap();
     let angle = |ticks: f64| std::f64::consts::PI * ticks / f64::from(planned.ticks);
     let width = timers.model.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
     let ratio = angle(width).sin() / angle(f64::from(planned.width)).sin();
     assert!((ratio - 0.25).abs() < 1e-4, "{ratio}");
-    timers.model.sequencer.set_window_strength(0, 0);
+    timers.model.sequencer.set_force_fraction_of_drive_windows(0, 0);
     timers.run_ms(20);
-    assert!(!timers.model.sequencer.is_channel_driving(0));
+    assert!(!timers.model.sequencer.is_active_or_preloaded_period_driving(0));
 }
 
 fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {

@@ -86,14 +86,14 @@ proptest! {
         }
     }
 
-    /// A board whose configuration asks for less than 50 us keeps 50 us.
+    /// A board whose configuration asks for less than 88 us keeps them: 40 us until the lower switch is on, and 1.2 x 3.507 x 11.6 us.
     #[test]
-    fn the_guard_is_never_under_50_us(min_guard_ns in 0_u32..50_000, frequency_millihertz in 1_000_u32..=1_000_000, pulse_width_ppm in 1_u32..=1_000_000) {
+    fn the_guard_is_never_under_88_us(min_guard_ns in 0_u32..88_000, frequency_millihertz in 1_000_u32..=1_000_000, pulse_width_ppm in 1_u32..=1_000_000) {
         let limits = ChannelLimits { min_guard_ns, ..limits() };
         let drive = ChannelDrive { frequency_millihertz, pulse_width_ppm, ..support::drive(0) };
         if let Ok(planned) = compute_channel_program(&limits, &drive) {
             let windows = ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS)).unwrap();
-            prop_assert!(f64::from(windows.shortest_guard_ticks().unwrap()) * windows.tick_length_s(170_000_000) >= 50e-6);
+            prop_assert!(f64::from(windows.shortest_guard_ticks().unwrap()) * windows.tick_length_s(170_000_000) >= 88e-6);
         }
     }
 
@@ -265,14 +265,14 @@ fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
 
 #[test]
 fn the_rail_is_rounded_down() {
-    use era_shared::supply::{quantise_rail_millivolts, rail_dac_code};
+    use era_shared::supply::{rail_dac_code, round_down_to_dac_step_millivolts};
     for voltage_millivolts in (0..=2_000_000).step_by(1_237) {
         let planned =
             compute_channel_program(&limits(), &ChannelDrive { voltage_millivolts, ..support::drive(0) }).unwrap();
         let achieved = planned.achieved.voltage_millivolts;
         assert!(achieved <= voltage_millivolts && voltage_millivolts - achieved <= 2_000_000 / 4095 + 1);
         assert_eq!(rail_dac_code(achieved), rail_dac_code(voltage_millivolts), "the same step of the converter");
-        assert_eq!(quantise_rail_millivolts(achieved), achieved);
+        assert_eq!(round_down_to_dac_step_millivolts(achieved), achieved);
     }
     assert_eq!((rail_dac_code(2_000_000), rail_dac_code(u32::MAX), rail_dac_code(0)), (4095, 4095, 0));
 }

@@ -17,21 +17,23 @@ history                        history: what each timer's outputs did since the 
                                timer, clock, origin (clock of the count's zero), outputs (whether they reach the pins and
                                may go high), psc, arr, ccr (as they count, not as preloaded), cr1, ccmr1, ccmr2, ccer;
                                lost: records that are missing
-pins                           pins: {"era1_a": {"mode": "timer", "high": null}, ...}
-rails                          rails: codes of the two set-points, 0 to 4095; rail_volts: the true voltages;
-                               average_ua; converter: codes of rail 1, rail 2, average current, earth bond
+pins                           pins: {"era1_a": {"mode": "timer", "high": null, "pad": false}, ...}; pad: the level outside,
+                               windows of timers apart
+rails                          rails: codes of the two set-points, 0 to 4095; rail_volts: the true voltages; average_ua
 stack                          size, used: bytes of stack there are, and the most that were in use since power-up
 inject    see faults.py        faults by name; without any: nothing
 load      seconds              busy, total: clocks in which the processor was at work, and all, over so much virtual time
-resets                         resets: [{"virtual_s": s, "cause": "software"}, ...] since power-up
+resets                         resets: [{"virtual_s": s, "cause": "software"}, ...] since the start after power-up, and
+                               start: those of this start
 read      address              value: a 32-bit word
-write     address, value       (for fault injection)
+write     address, value       as the processor would write: what is locked keeps its value (`inject register` changes it)
 symbol    name                 address
 run_for   seconds              virtual_s; at once, also while paused
 exchange  hex, seconds         hex: what the board's UART answers to these bytes, up to the end of the first frame, within
                                so much virtual time; virtual_s. Nothing of it passes the pseudo-terminal
 pause, resume
-restart                        power off and on; the pseudo-terminal stays
+restart   inject (see faults.py)  power off and on, with these faults there from the beginning; the pseudo-terminal
+                               stays; boot_virtual_s
 quit
 """
 
@@ -181,7 +183,8 @@ class Bridge:
         return {"busy": busy, "total": total}
 
     def op_resets(self, _):
-        return {"resets": self.machine.resets}
+        resets, count = self.machine.resets, self.machine.start_resets
+        return {"resets": resets[count:], "start": resets[:count]}
 
     def op_read(self, command):
         return {"value": self.machine.sim.read_u32(int(command["address"]))}
@@ -222,12 +225,13 @@ class Bridge:
         self.anchor()
         return {"virtual_s": self.machine.time_s}
 
-    def op_restart(self, _):
+    def op_restart(self, command):
         self.machine.close()
         self.machine = Machine(self.elf)
+        Faults(self.machine).inject(command.get("inject", {}))
         self.machine.boot()
         self.anchor()
-        return {}
+        return {"boot_virtual_s": self.machine.time_s}
 
     def op_quit(self, _):
         self.running = False

@@ -67,7 +67,8 @@ def main():
             sys.exit(2)
         environment = {**os.environ, "ERA_ELF": os.path.abspath(elf)}
         os.chdir(HERE)
-        os.execve(PYTHON, [str(PYTHON), "-m", "unittest", "test_board", "test_first_stage", "test_leash"], environment)
+        tests = ["test_board", "test_overlays", "test_first_stage", "test_pulses", "test_leash"]
+        os.execve(PYTHON, [str(PYTHON), "-m", "unittest", *tests], environment)
     if "--setup-only" not in arguments:
         os.execv(PYTHON, [str(PYTHON), str(HERE / "bridge.py"), *arguments])
 

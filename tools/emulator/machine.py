@@ -12,10 +12,14 @@ import pathlib
 from labwired import Sim
 
 from chip import (
-    AIRCR, CLOCK_HZ, EXCEPTIONS, ICSR, IRQ_LPUART1, IRQ_TIM2, IRQ_UNUSED, LPUART1, NVIC_ISER, NVIC_ISPR, NVIC_WORDS, RAM,
+    AIRCR, CLOCK_HZ, EXCEPTIONS, FLASH_OPTR, ICSR, IRQ_LPUART1, IRQ_TIM2, IRQ_UNUSED, LPUART1, NVIC_ISER, NVIC_ISPR, NVIC_WORDS, RAM,
     RAM_BYTES, RCC_CSR, RESET_FLAGS, RNG_DATA, SYSRESETREQ, TIM2, VECTACTIVE, pend,
 )
+from defects import Defects
+from electrodes import Electrodes
 from entry import align_stack
+from lock import Locks
+from lsi import Lsi
 from pins import Pins
 from protection import Protection
 from sensing import Sensing
@@ -64,12 +68,15 @@ class Machine:
     def __init__(self, elf):
         self.elf = elf
         self.supply = Supply()
+        self.defects = Defects()
         self.history = None
         self.waiting = bytearray()
         # Clocks of the chip's earlier lives and clocks passed over, and the same as carried-out cycles alone.
         self.clock_base = 0
         self.cycles_base = 0
         self.resets = []
+        # How many of them belong to the start after power-up.
+        self.start_resets = 0
         self.fit("power_on")
         self.paint_stack()
 
@@ -77,16 +84,19 @@ class Machine:
         """A chip that has just been reset, on the board as it is."""
         self.sim = Sim(self.elf, system=BOARD, uart="lpuart1")
         self.sim.write_u32(RCC_CSR, RESET_FLAGS[cause])
+        self.sim.write_u32(FLASH_OPTR, self.defects.option_bytes)
         align_stack(self.sim)
         self.stir()
         self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
         self.timers = Timers(self.sim, self.history)
+        self.locks = Locks(self.timers)
         self.history = self.timers.history
-        self.pins = Pins(self.sim)
-        self.sensing = Sensing(self.sim, self.supply)
+        self.pins = Pins(self.sim, self.defects)
+        self.sensing = Sensing(self.sim, self.supply, self.pins, Electrodes(self.timers, self.pins), self.defects)
         self.sensing.clock = self.clock
-        self.protection = Protection(self.sim, self.sensing, self.supply, self.timers)
-        self.watchdog = Watchdog(self.sim)
+        self.protection = Protection(self.sim, self.sensing, self.supply, self.timers, self.defects)
+        self.lsi = Lsi(self.sim, self.defects)
+        self.watchdog = Watchdog(self.sim, self.defects, self.lsi)
         # Whether faults.py has made an endless handler.
         self.looping = False
         # Whether an event of the time base was already due at the end of the last slice.
@@ -123,6 +133,7 @@ class Machine:
             if self.time_s > end:
                 raise RuntimeError(f"the firmware is not up after {BOOT_LIMIT_S} s of its own time")
             self.run_slice(SLICE)
+        self.start_resets = len(self.resets)
 
     def stir(self):
         """Puts a fresh number into the hardware random number generator, from which the firmware takes one at every
@@ -213,10 +224,14 @@ class Machine:
         if self.sim.read_u32(AIRCR) & SYSRESETREQ:
             self.reset("software")
         clock = self.clock
+        self.locks.step()
         self.pins.step(self.timers, clock)
         self.timers.step(clock)
         self.sensing.step(clock)
         self.protection.step(clock)
+        if self.pins.with_timer:
+            self.pins.step_levels(self.timers, clock)
+        self.lsi.step(clock, self.watchdog.started)
         if self.watchdog.step(clock):
             self.reset("watchdog")
 
@@ -286,9 +301,8 @@ class Machine:
         return busy, self.clock - begin
 
     def rails(self):
-        """Codes of the two set-points, the true rail voltages, and what the converter is shown."""
+        """Codes of the two set-points, the true rail voltages, and the average current."""
         return {
             "rails": self.sensing.set_points(), "rail_volts": list(self.supply.rails),
             "average_ua": self.supply.measured_current() * 1e6,
-            "converter": self.sensing.written,
         }

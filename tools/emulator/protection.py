@@ -1,13 +1,11 @@
 """What switches the electrodes off with no software in the way: comparators, break inputs, OCREF clear, voltage detector.
 
-Follows RM0440, sections 24 (COMP), 28.3.16 (break), 29.3.15 (clearing OCxREF) and 6.4 (PVD) for what this board connects.
+Follows RM0440, sections 24 (COMP), 28.3.16 and 30.4.13 (break), 29.3.15 (clearing OCxREF) and 6.4 (PVD) for what this board connects.
 A trip acts at the end of the slice in which it happens (5 us), where the chip takes tens of nanoseconds.
 """
 
-from chip import COMP, DAC3, EXTI, FULL_SCALE_CODE, IRQ_PVD, PWR, SUPPLY_V, SYSCFG, dac_code, pend
+from chip import COMP, DAC3, EXTI, IRQ_PVD, IRQ_TIM16, PWR, SUPPLY_V, SYSCFG, VREFINT_V, dac_volts, pend
 from timers import MOE, SR_SET
-
-VREFINT_V = 1.212
 
 # COMP_CxCSR, section 24.5.
 ENABLED, POLARITY, VALUE = 1 << 0, 1 << 15, 1 << 30
@@ -32,12 +30,13 @@ OCCS, OCRSEL_SHIFT, CLEAR_ENABLES = 1 << 3, 16, 1 << 7 | 1 << 15
 
 # PWR_CR2.PVDE, PWR_SR2.PVDO; EXTI line 16.
 CR2, SR2, PVDE, PVDO = PWR + 0x04, PWR + 0x14, 1 << 0, 1 << 11
-IMR1, RTSR1, SWIER1, LINE_PVD = EXTI + 0x00, EXTI + 0x08, EXTI + 0x10, 1 << 16
+IMR1, RTSR1, FTSR1, SWIER1, LINE_PVD = EXTI + 0x00, EXTI + 0x08, EXTI + 0x0C, EXTI + 0x10, 1 << 16
 
 
 class Protection:
-    def __init__(self, sim, sensing, supply, timers):
+    def __init__(self, sim, sensing, supply, timers, defects):
         self.sim = sim
+        self.defects = defects
         self.sensing = sensing
         self.supply = supply
         self.timers = timers
@@ -54,8 +53,10 @@ class Protection:
     def step(self, clock):
         self.compare()
         self.detect_voltage()
-        for name in BREAK_INTERRUPTS:
-            self.check_break(self.timers.timers[name], clock)
+        for name, interrupt in BREAK_INTERRUPTS.items():
+            if self.check_break(self.timers.timers[name], interrupt):
+                self.timers.note(self.timers.timers[name], clock)
+        self.check_break(self.timers.permit_timer, IRQ_TIM16)
         self.check_clear(self.timers.timers["TIM4"], clock)
 
     def inputs(self):
@@ -70,7 +71,7 @@ class Protection:
         if select < INMSEL_DAC3:
             return VREFINT_V * (select + 1) / 4
         if select == INMSEL_DAC3 and comparator <= 4:
-            return dac_code(self.sim, DAC3, 0 if comparator in (1, 3) else 1) / FULL_SCALE_CODE * SUPPLY_V
+            return dac_volts(self.sim, DAC3, 0 if comparator in (1, 3) else 1, "inside")
         # Nothing else is connected on this board: an open input is never above it.
         return SUPPLY_V
 
@@ -93,28 +94,30 @@ class Protection:
             return
         self.low_before = low
         self.sim.write_u32(SR2, PVDO if low else 0)
-        if low and self.sim.read_u32(RTSR1) & self.sim.read_u32(IMR1) & LINE_PVD:
+        # PVDO rises when the supply falls.
+        if self.sim.read_u32(RTSR1 if low else FTSR1) & self.sim.read_u32(IMR1) & LINE_PVD:
             self.sim.write_u32(SWIER1, LINE_PVD)
             pend(self.sim, IRQ_PVD)
 
-    def check_break(self, timer, clock):
+    def check_break(self, timer, interrupt):
+        """Whether a break has cleared the timer's main output enable now."""
         bdtr = timer.read("bdtr")
-        if not bdtr & BKE:
-            return
+        if not bdtr & BKE or timer.name in self.defects.dead_breaks:
+            return False
         flags = 0
         if self.break_requested(timer.read("af1"), active_high=bool(bdtr & BKP)):
             flags |= BIF
         if self.low_before and self.sim.read_u32(CFGR2) & PVDL:
             flags |= SBIF
         if not flags:
-            return
+            return False
         # Sets the flag and clears MOE, at the next clock.
         self.sim.write_u32(timer.base + SR_SET, flags)
         if bdtr & MOE:
             timer.write("bdtr", bdtr & ~MOE)
-            self.timers.note(timer, clock)
         if timer.read("dier") & BIE:
-            pend(self.sim, BREAK_INTERRUPTS[timer.name])
+            pend(self.sim, interrupt)
+        return bool(bdtr & MOE)
 
     def break_requested(self, af1, active_high):
         for comparator, output in self.outputs.items():

@@ -3,17 +3,16 @@
 usage: launch.py --self-test --elf PATH
 """
 
-import os
+import math
 import unittest
 
+from board_test_case import BoardTestCase
 from chip import (
-    ADC1, AIRCR, CLOCK_HZ, COMP, DAC1, DAC3, EXTI, GPIO, IWDG, JDR1, NVIC_ISPR, ODR, PWR, RAM, RAM_BYTES, RCC_CSR, SYSCFG, TIM3,
+    ADC1, ADC2, ADC3, ADC4, AIRCR, CLOCK_HZ, COMP, DAC1, DAC3, EXTI, GPIO, IWDG, JDR1, NVIC_ISPR, ODR, PWR, RAM, RAM_BYTES, RCC_CSR, SYSCFG,
+    TIM3,
 )
-from faults import Faults
-from machine import Machine
 from supply import DISCHARGE_S, FOLLOW_S, Supply
 
-RCC_AHB2ENR, RCC_APB1ENR1, RCC_APB2ENR = 0x4002_104C, 0x4002_1058, 0x4002_1060
 MILLISECOND = CLOCK_HZ // 1000
 # A count of the time base, TIM2, in clocks.
 TICK = CLOCK_HZ // 1_000_000
@@ -24,56 +23,48 @@ class SupplyTest(unittest.TestCase):
     def test_rail_follows_and_discharges(self):
         supply = Supply()
         for _ in range(10):
-            supply.step(FOLLOW_S / 10, [0.5, 0.0], True, [True, True])
-        self.assertAlmostEqual(supply.rails[0], 1000 * (1 - 0.36788), places=1)
+            supply.step(FOLLOW_S / 10, [0.5, 0.0], True, [True, True], True)
+        # The rail is behind its supply by the time of the source's resistor.
+        self.assertAlmostEqual(supply.rails[0], 1000 * (1 - math.exp(-1 + 47e3 * 1.8e-9 / FOLLOW_S)), delta=15)
         self.assertEqual(supply.rails[1], 0.0)
         before = supply.rails[0]
-        supply.step(DISCHARGE_S, [0.5, 0.0], True, [False, True])
+        supply.step(DISCHARGE_S, [0.5, 0.0], True, [False, True], True)
+        self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
+        before = supply.rails[0]
+        supply.step(DISCHARGE_S, [0.5, 0.0], True, [True, True], False)
         self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
 
     def test_charging_takes_current(self):
         supply = Supply()
-        supply.step(1e-3, [0.1, 0.0], True, [True, True])
+        supply.step(1e-3, [0.1, 0.0], True, [True, True], True)
         self.assertGreater(supply.average_a, 40e-6)
-        supply.step(1.0, [0.1, 0.0], True, [True, True])
+        supply.step(1.0, [0.1, 0.0], True, [True, True], True)
         self.assertLess(supply.average_a, 5e-6)
 
+    def test_an_electrode_takes_its_charge_and_what_is_broken_does_not(self):
+        """100 pulses of 1 ms at 1 kV, 500 in a second: C V f of 116 pF, and 20 uA for the bleeders."""
+        for is_broken, expected in ((None, 58e-6), ("open", 0.0), ("lower_open", 0.0), ("shorted", 500e-6), ("lower_stuck", 455e-6)):
+            supply = Supply()
+            supply.broken = {(2, "b"): is_broken}
+            for high in (frozenset(), frozenset([(2, "b")])):
+                supply.step(0.1, [0.5, 0.0], True, [True, True], True, high)
+            supply.average_sum = 0.0
+            for _ in range(100):
+                for high in (frozenset(), frozenset([(2, "b")])):
+                    for _ in range(10):
+                        supply.step(1e-4, [0.5, 0.0], True, [True, True], True, high)
+            # A lasting load lowers the rail at its source by some per cent.
+            self.assertAlmostEqual(supply.average_sum / 0.2, 20e-6 + expected, delta=0.06 * expected + 1e-6)
 
-class BoardTest(unittest.TestCase):
-    def setUp(self):
-        self.machine = Machine(os.environ["ERA_ELF"])
-        self.addCleanup(lambda: self.machine.close())
-        self.sim = self.machine.sim
-        self.faults = Faults(self.machine)
-        for register in (RCC_AHB2ENR, RCC_APB1ENR1, RCC_APB2ENR):
-            self.sim.write_u32(register, 0xFFFF_FFFF)
+    def test_a_rail_without_its_supply_shares_its_charge(self):
+        supply = Supply()
+        supply.rails = [50.0, 50.0]
+        supply.step(0.4e-3, [0.0, 0.0], False, [True, True], True, frozenset([(0, "a")]))
+        self.assertAlmostEqual(supply.rails[0], 50.0 * (1 - 116 / 1916 * (1 - math.exp(-0.4 / 0.109)) - 0.4 / 90), delta=0.05)
+        self.assertAlmostEqual(supply.rails[1], 50.0 * math.exp(-0.4 / 90), places=3)
 
-    def spend(self, clocks):
-        """Time that only the board notices, then a few clocks in which flags are set."""
-        self.machine.clock_base += clocks
-        self.machine.step_board()
-        self.sim.run_for("100ns")
 
-    def timer(self, name):
-        return self.machine.timers.timers[name]
-
-    def start(self, name, psc=0, arr=9999):
-        """As the firmware starts a timer: preloaded, as a slave of TIM3."""
-        timer = self.timer(name)
-        for register, value in (
-            ("psc", psc), ("arr", arr), ("ccr1", 100), ("ccr2", 200), ("ccr3", 300), ("ccr4", 400), ("ccmr1", 0x0868_09E8 | 1 << 16),
-            ("ccmr2", 0x0868 | 1 << 7), ("ccer", 0x0101), ("smcr", 0x26), ("cr1", 1 << 7), ("bdtr", 1 << 15 | 1 << 13 | 1 << 12),
-        ):
-            timer.write(register, value)
-        self.sim.write_u32(timer.base + 0x14, 1)
-        self.spend(0)
-        return timer
-
-    def trigger(self):
-        self.sim.write_u32(TIM3 + 0x04, 0b001 << 4)
-        self.sim.write_u32(TIM3, 1)
-        self.spend(0)
-
+class BoardTest(BoardTestCase):
     def test_slaves_start_together_and_preload(self):
         timers = [self.start(name) for name in ("TIM1", "TIM8", "TIM20", "TIM4")]
         self.trigger()
@@ -109,6 +100,7 @@ class BoardTest(unittest.TestCase):
 
     def over_voltage(self, name):
         """TIM's break from COMP3, rail 1 against 2100 V."""
+        self.sim.write_u32(DAC3 + 0x3C, 0b011)
         self.sim.write_u32(DAC3 + 0x00, 1)
         self.sim.write_u32(DAC3 + 0x08, round(2100 / 2500 * 4095))
         self.sim.write_u32(COMP + 8, 0b100 << 4 | 1)
@@ -142,6 +134,69 @@ class BoardTest(unittest.TestCase):
             self.machine.step_board()
             self.assertTrue(timer.read("bdtr") & 1 << 15)
 
+    def give_permit(self):
+        """PA6 is TIM16's output, which is held active."""
+        timer = self.machine.timers.permit_timer
+        for register, value in (("ccmr1", 0b101 << 4), ("ccer", 1), ("bdtr", 1 << 15 | 1 << 13 | 1 << 12)):
+            timer.write(register, value)
+        self.sim.write_u32(GPIO["A"] + 0x20, 1 << 24)
+        self.sim.write_u32(GPIO["A"], 0b10 << 12)
+        self.spend(0)
+        return timer
+
+    def test_permit_is_a_held_output_of_tim16(self):
+        pins, levels = self.machine.pins, lambda: self.sim.read_u32(GPIO["A"] + 0x10)
+        timer = self.give_permit()
+        self.assertTrue(pins.permit)
+        self.assertEqual(levels(), 1 << 6)
+        for register, wrong in (("ccmr1", 0b100 << 4), ("ccer", 0), ("ccer", 0b11), ("bdtr", 1 << 13 | 1 << 12)):
+            right = timer.read(register)
+            timer.write(register, wrong)
+            self.spend(0)
+            self.assertFalse(pins.permit, register)
+            timer.write(register, right)
+        self.sim.write_u32(GPIO["A"] + 0x20, 2 << 24)
+        self.spend(0)
+        self.assertFalse(pins.permit, "another function")
+        self.faults.inject({"pin": {"name": "permit", "stuck": True}})
+        self.spend(0)
+        self.assertEqual(levels(), 1 << 6)
+        self.assertTrue(pins.permit)
+        self.give_permit()
+        self.faults.inject({"pin": {"name": "permit", "stuck": False}})
+        self.spend(0)
+        self.assertFalse(pins.permit)
+
+    def test_break_withdraws_the_permit(self):
+        self.sim.write_u32(COMP + 16, 1 << 15 | 0b011 << 4 | 1)
+        timer = self.give_permit()
+        timer.write("af1", 1 << 5)
+        self.spend(0)
+        self.assertTrue(self.machine.pins.permit)
+        electrodes = self.start("TIM4")
+        self.trigger()
+        self.sim.write_u32(GPIO["B"] + 0x20, 2 << 24)
+        self.sim.write_u32(GPIO["B"] + 0x24, 2 << 4)
+        self.sim.write_u32(GPIO["B"], 0b10 << 12 | 0b10 << 18)
+        self.spend(0)
+        self.assertTrue(electrodes.recorded["outputs"])
+        # Enable and the two discharge switches, on ports C and D.
+        self.sim.write_u32(GPIO["C"], 0b0101 << 4)
+        self.sim.write_u32(GPIO["C"] + ODR, 0b11 << 2)
+        self.sim.write_u32(DAC1 + 0x3C, 0b010)
+        self.sim.write_u32(DAC1, 1)
+        self.sim.write_u32(DAC1 + 0x08, 2048)
+        self.spend(100 * MILLISECOND)
+        self.assertAlmostEqual(self.machine.supply.rails[0], 1000, delta=2)
+        self.faults.inject({"interlock": "open"})
+        self.machine.step_board()
+        self.assertFalse(self.machine.pins.permit)
+        self.assertFalse(electrodes.recorded["outputs"])
+        self.spend(8 * MILLISECOND)
+        self.assertLess(self.machine.supply.rails[0], 60)
+        # The chip's pins still say that all is on.
+        self.assertEqual(self.sim.read_u32(GPIO["C"] + 0x10), 0b11 << 2)
+
     def test_loops_trip_inverted_comparators(self):
         for comparator, fault in ((5, {"interlock": "open"}), (7, {"estop": "pressed"})):
             self.sim.write_u32(COMP + 4 * (comparator - 1), 1 << 15 | 0b011 << 4 | 1)
@@ -152,6 +207,7 @@ class BoardTest(unittest.TestCase):
             self.assertTrue(self.machine.protection.outputs[comparator])
 
     def test_tim4_is_cleared_until_its_next_update(self):
+        self.sim.write_u32(DAC3 + 0x3C, 0b011 << 16)
         self.sim.write_u32(DAC3 + 0x00, 1 << 16)
         self.sim.write_u32(DAC3 + 0x14, 2048)
         self.sim.write_u32(COMP + 12, 0b100 << 4 | 1)
@@ -169,17 +225,89 @@ class BoardTest(unittest.TestCase):
         self.assertFalse(cleared["TIM4"])
 
     def test_converter_and_rails(self):
+        self.give_permit()
         self.sim.write_u32(GPIO["C"], 0x0550_0050)
         self.sim.write_u32(GPIO["C"] + ODR, 0b11 << 2)
+        self.sim.write_u32(DAC1 + 0x3C, 0b010)
         self.sim.write_u32(DAC1, 1)
         self.sim.write_u32(DAC1 + 0x08, 2048)
+        # Two conversions, of rail 1 (ADC1 input 1) and rail 2 (input 2); then the other way round; and the chip's own reference.
+        self.sim.write_u32(ADC1 + 0x4C, 2 << 15 | 1 << 9 | 1)
+        self.sim.write_u32(ADC1 + 0x30, 18 << 12 | 1 << 6 | 1)
         self.spend(100 * MILLISECOND)
+        self.assertAlmostEqual(self.sim.read_u32(ADC1 + 0x40), 1.212 / 3.3 * 4095, delta=1)
+        self.assertEqual(self.sim.read_u32(ADC1 + JDR1 + 4), 0)
+        self.sim.write_u32(ADC1 + 0x4C, 1 << 15 | 2 << 9 | 1)
+        self.spend(1000)
+        self.assertAlmostEqual(self.sim.read_u32(ADC1 + JDR1 + 4), 2048 * 2000 / 2500, delta=1)
+        self.faults.inject({"reference": 0.9})
+        self.spend(1000)
+        self.assertAlmostEqual(self.sim.read_u32(ADC1 + 0x40), 1.212 / 2.97 * 4095, delta=1)
+        self.faults.inject({"heal": True})
+        self.sim.write_u32(ADC1 + 0x4C, 2 << 15 | 1 << 9 | 1)
+        # The first conversion after a pause is another one's.
+        self.sim.write_u32(ADC1 + 0x08, 1 << 2)
+        self.sim.run_for("8us")
+        self.spend(1000)
+        self.assertEqual(self.sim.read_u32(ADC1) & 0x0C, 0x0C)
         self.assertEqual(self.sim.read_u32(DAC1 + 0x2C), 2048)
         self.assertAlmostEqual(self.sim.read_u32(ADC1 + JDR1), 2048 * 2000 / 2500, delta=1)
         self.sim.write_u32(ADC1 + 0x08, 1 << 3)
         self.sim.run_for("5us")
         self.assertEqual(self.sim.read_u32(ADC1) & 0x60, 0x60)
         self.assertEqual(self.sim.read_u32(ADC1 + 0x08) & 1 << 3, 0)
+
+    def test_loops_have_levels(self):
+        # ADC3 converts its input 5, ADC4 its input 4, twice each.
+        for converter, place in ((ADC3, 5), (ADC4, 4)):
+            self.sim.write_u32(converter + 0x4C, place << 15 | place << 9 | 1)
+        self.sim.write_u32(ADC1 + 0x4C, 5 << 15 | 5 << 9 | 1)
+        for faults, volts in (({}, (2.185, 2.185)), ({"interlock": "open", "estop": "shorted"}, (0.0, 3.3)), ({"interlock": 1.9, "estop": "pressed"}, (1.9, 0.0))):
+            self.faults.inject(faults)
+            self.spend(1000)
+            for address, level in zip((ADC3 + JDR1 + 4, ADC4 + JDR1 + 4, ADC1 + JDR1 + 4), (*volts, volts[1])):
+                self.assertAlmostEqual(self.sim.read_u32(address) / 4095 * 3.3, level, delta=2e-3)
+
+    def test_average_current_is_a_mean_of_64_conversions(self):
+        """ADC2 at 42.5 MHz: 64 times 640.5 + 12.5 clocks are 0.983 ms."""
+        self.faults.inject({"average_ma": 0.5})
+        for offset, value in ((0x14, 0b111 << 21), (0x0C, 1 << 13), (0x10, 2 << 5 | 0b101 << 2 | 1), (0x30, 7 << 6), (0x08, 1 << 2)):
+            self.sim.write_u32(ADC2 + offset, value)
+        self.spend(0)
+        self.spend(int(0.97 * MILLISECOND))
+        self.assertEqual(self.sim.read_u32(ADC2) & 1 << 2, 0)
+        self.spend(int(0.02 * MILLISECOND))
+        self.assertEqual(self.sim.read_u32(ADC2) & 1 << 2, 1 << 2)
+        self.assertAlmostEqual(self.sim.read_u32(ADC2 + 0x40), 0.5 / 2.0 * 64 * 4095 / 4, delta=1)
+        self.sim.write_u32(ADC2, 1 << 2)
+        self.sim.run_for("100ns")
+        self.assertEqual(self.sim.read_u32(ADC2) & 1 << 2, 0)
+
+    def test_which_electrodes_are_high(self):
+        """TIM8: A from 100 to 200 of 10 000 ticks, B (channel 4) from 400 to 300, which is never; then as a plain output."""
+        timer = self.start("TIM8")
+        self.trigger()
+        self.machine.timers.connected["TIM8"] = True
+        origin, levels = timer.origin, self.machine.sensing.electrodes.levels
+        self.assertEqual(
+            levels(origin, origin + 1000),
+            [(origin + 100, frozenset()), (origin + 200, frozenset([(1, "a")])), (origin + 1000, frozenset())],
+        )
+        self.machine.timers.connected["TIM8"] = False
+        self.assertEqual(levels(origin, origin + 1000), [(origin + 1000, frozenset())])
+        self.sim.write_u32(GPIO["C"], 0b01 << 18)
+        self.sim.write_u32(GPIO["C"] + ODR, 1 << 9)
+        self.machine.pins.step(self.machine.timers, origin)
+        self.assertEqual(levels(origin, origin + 1000), [(origin + 1000, frozenset([(1, "b")]))])
+
+    def test_the_gate_of_era_4_follows_the_permit(self):
+        self.sim.write_u32(GPIO["B"], 0b01 << 12)
+        self.sim.write_u32(GPIO["B"] + ODR, 1 << 6)
+        levels = self.machine.sensing.electrodes.levels
+        for high, electrodes in ((False, []), (True, [(3, "a")])):
+            self.faults.inject({"pin": {"name": "permit", "stuck": high}})
+            self.machine.pins.step(self.machine.timers, 0)
+            self.assertEqual(levels(0, 1000), [(1000, frozenset(electrodes))])
 
     def test_voltage_detector(self):
         self.sim.write_u32(PWR + 0x04, 1)
@@ -212,9 +340,48 @@ class BoardTest(unittest.TestCase):
         self.assertEqual([reset["cause"] for reset in self.machine.resets], ["watchdog"])
         self.assertEqual(self.machine.sim.read_u32(RCC_CSR), 1 << 29 | 1 << 26)
 
+    def test_tim5_measures_the_watchdogs_oscillator(self):
+        tim5 = 0x4000_0C00
+        registers = {0x5C: 1, 0x18: 0b01, 0x20: 1, 0x08: 0b101 << 4 | 0b100, 0x00: 1}
+        flag_and_period = lambda: (self.sim.read_u32(tim5 + 0x10) & 2, self.sim.read_u32(tim5 + 0x34))
+        for offset, value in registers.items():
+            self.sim.write_u32(tim5 + offset, value)
+        self.spend(MILLISECOND)
+        self.assertEqual(flag_and_period(), (0, 0), "the oscillator is off")
+        self.sim.write_u32(RCC_CSR, 1)
+        self.spend(MILLISECOND)
+        self.assertEqual(flag_and_period(), (2, CLOCK_HZ // 32_000))
+        self.faults.inject({"lsi": 1.25})
+        self.spend(MILLISECOND)
+        self.assertEqual(flag_and_period(), (2, CLOCK_HZ // 40_000))
+        self.sim.write_u32(tim5 + 0x10, 0)
+        for offset, value in registers.items():
+            self.sim.write_u32(tim5 + offset, 0)
+            self.spend(MILLISECOND)
+            self.assertEqual(flag_and_period()[0], 0, hex(offset))
+            self.sim.write_u32(tim5 + offset, value)
+        self.faults.inject({"lsi": 0})
+        self.spend(MILLISECOND)
+        self.assertEqual(flag_and_period()[0], 0)
+
+    def test_broken_watchdog_resets_nothing(self):
+        self.faults.inject({"watchdog": "broken"})
+        for offset, value in ((0x00, 0xCCCC), (0x00, 0x5555), (0x04, 0), (0x08, 0), (0x00, 0xAAAA)):
+            self.sim.write_u32(IWDG + offset, value)
+        self.sim.run_for("100ns")
+        # It is started at the first step, and should reset the chip at the second.
+        self.spend(0)
+        self.spend(MILLISECOND)
+        self.assertEqual(self.machine.resets, [])
+        self.faults.inject({"heal": True})
+        self.machine.step_board()
+        self.assertEqual([reset["cause"] for reset in self.machine.resets], ["watchdog"])
+
     def test_time_base_keeps_up_with_time_passed_over(self):
         machine = self.machine
         machine.boot()
+        # The start has reset the chip once, to try the watchdog.
+        self.sim = machine.sim
 
         def apart():
             """Clocks that the time base's count is off, up to a constant."""

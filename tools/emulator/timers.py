@@ -25,7 +25,10 @@ SR_SET = 0x3F0
 CEN, ARPE = 1 << 0, 1 << 7
 UG = 1 << 0
 UIF = 1 << 0
-MOE = 1 << 15
+# BDTR: off-state selections and main output enable; CCER: CCxE, CCxNE of the first channel; CR2: OIS1, two bits for each further channel.
+OSSI, OSSR, MOE = 1 << 10, 1 << 11, 1 << 15
+CCXE, CCXNE = 1 << 0, 1 << 2
+OIS1_SHIFT = 8
 # SMCR: SMS (its fourth bit lies apart) = 0110, trigger mode, and TS = ITR2, which is TIM3 for all four; CR2 of TIM3: MMS = 001,
 # TRGO tells CEN.
 SLAVE_MASK, SLAVE_OF_TIM3 = 1 << 16 | 0b11 << 20 | 0b111 << 4 | 0b111, 0b010 << 4 | 0b110
@@ -33,6 +36,8 @@ MASTER_MASK, MASTER_TELLS_ENABLE = 0b111 << 4, 0b001 << 4
 
 # Which timer and pins make which ERA's windows, in the order of the channels.
 TIMERS = {"TIM1": 0x4001_2C00, "TIM8": 0x4001_3400, "TIM20": 0x4001_5000, "TIM4": 0x4000_0800}
+# It makes the permit and does not count.
+TIM16 = 0x4001_4400
 
 # Records kept for `history`; at four changes a millisecond that is half a minute.
 HISTORY_LIMIT = 100_000
@@ -51,12 +56,18 @@ class Timer:
         self.origin = 0
         self.shadow = {"psc": 0, "arr": 0xFFFF, "ccr": (0, 0, 0, 0)}
         self.recorded = None
+        # When the registers that count were last taken over, and what counted before: origin and registers.
+        self.changed = 0
+        self.before = (0, self.shadow)
+
+    def address(self, register):
+        return self.base + OFFSETS[register]
 
     def read(self, register):
-        return self.sim.read_u32(self.base + OFFSETS[register])
+        return self.sim.read_u32(self.address(register))
 
     def write(self, register, value):
-        self.sim.write_u32(self.base + OFFSETS[register], value)
+        self.sim.write_u32(self.address(register), value)
 
     def registers(self):
         return {name: self.read(name) for name in OFFSETS}
@@ -101,13 +112,36 @@ class Timer:
         if self.stalled:
             return
         if clock - self.origin >= self.period():
+            before = (self.origin, self.shadow)
             self.origin += self.period()
             self.take_over()
+            self.changed, self.before = self.origin, before
             on_update(self, self.origin)
             # The registers stay as they are within a step, so further update events change nothing.
             self.origin += (clock - self.origin) // self.period() * self.period()
         if clock >= self.origin:
             self.write("cnt", (clock - self.origin) // (self.shadow["psc"] + 1))
+
+    def drives(self, channel):
+        """Whether output `channel`, from 1, is driven, high or low, and not left floating (RM0440, section 28.6.11, output control bits)."""
+        enables = self.read("ccer") >> 4 * (channel - 1)
+        if self.name == "TIM4":
+            return bool(enables & CCXE)
+        bdtr = self.read("bdtr")
+        if bdtr & MOE:
+            return bool(enables & CCXE or bdtr & OSSR and enables & CCXNE)
+        return bool(bdtr & OSSI and enables & (CCXE | CCXNE))
+
+    def idles_high(self, channel):
+        """Whether the output's idle level, which it has while MOE is clear, is high."""
+        return bool(self.read("cr2") >> OIS1_SHIFT + 2 * (channel - 1) & 1)
+
+    def stretches(self, since, until):
+        """What has counted between these clocks: origin, registers, from when and until when."""
+        if since < self.changed < until:
+            origin, shadow = self.before
+            yield origin, shadow, since, self.changed
+        yield self.origin, self.shadow, max(since, self.changed), until
 
     def settle(self, clock):
         """Carries out EGR.UG."""
@@ -125,11 +159,14 @@ class Timer:
 
 
 class Timers:
-    """All four, with their master and their history."""
+    """All four, with their master, their history, and the timer that makes the permit."""
 
     def __init__(self, sim, history=None):
         self.sim = sim
         self.timers = {name: Timer(sim, name, base) for name, base in TIMERS.items()}
+        self.permit_timer = Timer(sim, "TIM16", TIM16)
+        # Whether the permit is given, without which a gate outside holds TIM4's electrodes low; set by pins.py.
+        self.permitted = False
         self.master_runs = False
         # Its count when it last stood: it goes on from there.
         self.master_count = 0
@@ -142,6 +179,9 @@ class Timers:
 
     def registers(self):
         return {name: timer.registers() for name, timer in self.timers.items()}
+
+    def with_break(self):
+        return [*(timer for name, timer in self.timers.items() if name != "TIM4"), self.permit_timer]
 
     def step(self, clock):
         enabled = bool(self.sim.read_u32(TIM3) & CEN)
@@ -167,6 +207,13 @@ class Timers:
                 timer.start(started)
                 self.note(timer, started)
 
+    def outputs(self, timer):
+        """Whether what the timer makes reaches its pins."""
+        if not self.connected[timer.name] or not timer.running or self.cleared[timer.name]:
+            return False
+        # TIM4 has no main output enable, but a gate.
+        return self.permitted if timer.name == "TIM4" else bool(timer.read("bdtr") & MOE)
+
     def updated(self, timer, clock):
         if timer.running:
             self.sim.write_u32(timer.base + SR_SET, UIF)
@@ -178,12 +225,8 @@ class Timers:
 
     def note(self, timer, clock):
         """Adds to the history what the timer's outputs do from `clock` on, if that has changed."""
-        outputs = self.connected[timer.name] and timer.running and not self.cleared[timer.name]
-        # TIM4 has no main output enable.
-        if outputs and timer.name != "TIM4":
-            outputs = bool(timer.read("bdtr") & MOE)
         state = {
-            "outputs": outputs, "psc": timer.shadow["psc"], "arr": timer.shadow["arr"], "ccr": list(timer.shadow["ccr"]),
+            "outputs": self.outputs(timer), "psc": timer.shadow["psc"], "arr": timer.shadow["arr"], "ccr": list(timer.shadow["ccr"]),
             "cr1": timer.read("cr1"), "ccmr1": timer.read("ccmr1"), "ccmr2": timer.read("ccmr2"), "ccer": timer.read("ccer"),
         }
         if state == timer.recorded:

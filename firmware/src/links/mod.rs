@@ -27,7 +27,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 pub enum Arrival {
     /// Bytes, in order.
     Bytes(Vec<u8, CHUNK>),
-    /// The other end is new: what came before does not belong to what comes now.
+    /// The other end has gone, or is new: what came before does not belong to what comes now.
     Reopened,
 }
 
@@ -71,7 +71,7 @@ pub trait ByteSource {
     /// Waits for bytes and returns how many have come; `Err` when the host has closed the link.
     async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed>;
     /// Waits until the host has opened the link.
-    async fn await_connection(&mut self);
+    async fn await_link_opened_by_host(&mut self);
 }
 
 /// Where bytes go.
@@ -88,7 +88,7 @@ pub struct Closed;
 pub async fn forward_received_bytes(link: usize, mut source: impl ByteSource) -> ! {
     let mut buffer = [0_u8; CHUNK];
     loop {
-        source.await_connection().await;
+        source.await_link_opened_by_host().await;
         INBOX.send((link, Arrival::Reopened)).await;
         while let Ok(count) = source.read_bytes(&mut buffer).await {
             let bytes = buffer.iter().take(count).copied().collect();

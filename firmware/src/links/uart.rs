@@ -2,7 +2,9 @@
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
 use crate::watchdog::{WatchedTask, run_watched};
+use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::gpio::Pull;
+use embassy_stm32::pac;
 use embassy_stm32::peripherals::{LPUART1, PA2, PA3};
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
@@ -10,7 +12,32 @@ use embassy_stm32::usart::{
 use embassy_stm32::{Peri, interrupt};
 use embedded_io_async::{Read, Write};
 use era_shared::link::{MAX_ENCODED, UART_BAUD};
+use era_shared::log_limit::CountReport;
 use static_cell::StaticCell;
+
+/// Characters that were received with an error of the line since the start.
+static LINE_ERRORS: AtomicU32 = AtomicU32::new(0);
+
+/// Counts errors of the line. It comes before the handler of the driver, which clears their flags; the driver's own log line for each of them is
+/// off (`.cargo/config.toml`), as noise on an open line would fill the log.
+pub struct LineErrorCounter;
+
+impl interrupt::typelevel::Handler<interrupt::typelevel::LPUART1> for LineErrorCounter {
+    unsafe fn on_interrupt() {
+        let status = pac::LPUART1.isr().read();
+        if status.fe() || status.ne() || status.ore() || status.pe() {
+            // Only this handler writes it.
+            LINE_ERRORS.store(LINE_ERRORS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+        }
+    }
+}
+
+/// Logs how many errors of the line there were, once a second at most. To be called every ms or so.
+pub fn log_line_errors_if_due(report: &mut CountReport, now_us: u64) {
+    if let Some(count) = report.take_increase_if_due(LINE_ERRORS.load(Ordering::Relaxed), now_us) {
+        defmt::warn!("uart: {=u32} characters with line errors", count);
+    }
+}
 
 /// Opens the port.
 ///
@@ -64,7 +91,7 @@ impl ByteSource for BufferedUartRx<'static> {
         }
     }
 
-    async fn await_connection(&mut self) {
+    async fn await_link_opened_by_host(&mut self) {
         // A UART does not know whether there is another end.
     }
 }

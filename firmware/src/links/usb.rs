@@ -1,13 +1,13 @@
 //! USB full speed: the board as a CDC-ACM serial port.
 
-use super::{ByteSink, ByteSource, CHUNK, Closed, USB as USB_LINK};
+use super::{Arrival, ByteSink, ByteSource, CHUNK, Closed, INBOX, USB as USB_LINK};
 use crate::watchdog::{WatchedTask, run_watched};
 use embassy_stm32::peripherals::{PA11, PA12, USB};
 use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
-use embassy_usb::class::cdc_acm::{CdcAcmClass, Receiver, Sender, State};
+use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
 use embassy_usb::{Builder, Config, UsbDevice};
-use era_shared::link::{USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
+use era_shared::link::{PortWatch, USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
 use static_cell::StaticCell;
 
 /// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
@@ -16,13 +16,17 @@ const MAX_CURRENT_MA: u16 = 200;
 /// The driver of this chip.
 pub type UsbDriver = Driver<'static, USB>;
 
-/// Sets up the port: the device to run, and the two directions of the link.
+/// The port: the device to run, the two directions of the link, and the line that tells whether a program has it open.
+pub type UsbSerialPort =
+    (UsbDevice<'static, UsbDriver>, Sender<'static, UsbDriver>, Receiver<'static, UsbDriver>, ControlChanged<'static>);
+
+/// Sets up the port.
 pub fn open_usb_serial_port(
     port: Peri<'static, USB>,
     dp: Peri<'static, PA12>,
     dm: Peri<'static, PA11>,
     interrupts: impl interrupt::typelevel::Binding<interrupt::typelevel::USB_LP, InterruptHandler<USB>> + 'static,
-) -> (UsbDevice<'static, UsbDriver>, Sender<'static, UsbDriver>, Receiver<'static, UsbDriver>) {
+) -> UsbSerialPort {
     static CONFIGURATION: StaticCell<[u8; 128]> = StaticCell::new();
     static BOS: StaticCell<[u8; 32]> = StaticCell::new();
     static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
@@ -42,8 +46,8 @@ pub fn open_usb_serial_port(
         CONTROL.init([0; 64]),
     );
     let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), CHUNK as u16);
-    let (sender, receiver) = class.split();
-    (builder.build(), sender, receiver)
+    let (sender, receiver, line) = class.split_with_control();
+    (builder.build(), sender, receiver, line)
 }
 
 /// Answers the host's USB requests for ever.
@@ -64,12 +68,27 @@ pub async fn transmit_over_usb(sender: Sender<'static, UsbDriver>) -> ! {
     run_watched(WatchedTask::UsbTransmit, super::send_queued_answers(USB_LINK, sender)).await
 }
 
+/// Tells the device for ever when a program has closed the port. Its cable may stay: whoever opens the port next is another one.
+#[embassy_executor::task]
+pub async fn watch_usb_line(line: ControlChanged<'static>) -> ! {
+    run_watched(WatchedTask::UsbLine, async {
+        let mut port = PortWatch::new();
+        loop {
+            line.control_changed().await;
+            if port.note_line_and_tell_whether_closed(line.dtr()) {
+                INBOX.send((USB_LINK, Arrival::Reopened)).await;
+            }
+        }
+    })
+    .await
+}
+
 impl ByteSource for Receiver<'static, UsbDriver> {
     async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
         self.read_packet(buffer).await.map_err(|_| Closed)
     }
 
-    async fn await_connection(&mut self) {
+    async fn await_link_opened_by_host(&mut self) {
         self.wait_connection().await;
     }
 }

@@ -57,7 +57,9 @@ impl AppendedFile {
                 Ok(()) => Err(error),
                 Err(uncut) => Err(io::Error::new(
                     error.kind(),
-                    format!("{error}; its end is no whole record, as it cannot be cut back: {uncut}"),
+                    format!(
+                        "{error}; the file now ends with an incomplete record, because the record could not be removed: {uncut}"
+                    ),
                 )),
             },
         }

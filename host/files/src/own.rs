@@ -29,13 +29,13 @@ pub enum NotOwn {
         own: u32,
     },
     /// Others may write to it.
-    #[error("its mode is {mode:04o}, so that others than its owner may write to it: do `chmod go-w` on it")]
+    #[error("its mode is {mode:04o}, so users other than its owner may write to it: run `chmod go-w` for it")]
     Mode {
         /// Its permissions.
         mode: u32,
     },
     /// It is larger than what is read.
-    #[error("it has {bytes} bytes, but at most {most_bytes} are read")]
+    #[error("it has {bytes} bytes, but may have at most {most_bytes}")]
     TooLarge {
         /// Its size.
         bytes: u64,

@@ -12,14 +12,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     for factor in [0.5, 1.0, 2.0] {
         let mut changed = scene.clone();
         changed.supports.iter_mut().for_each(|support| support.stiffness_n_per_m *= factor);
-        let modes = PanelModel::build(&changed, Accuracy::BALANCED, 400.0)?.compute_damped_modes(400.0)?;
+        let modes =
+            PanelModel::build(&changed, Accuracy::BALANCED, 400.0)?.compute_mode_frequencies_and_poles(400.0)?;
         let hz: Vec<String> = modes.iter().take(5).map(|mode| format!("{:.1}", mode.frequency_hz)).collect();
         println!("springs times {factor}: {} Hz", hz.join(", "));
     }
     let middle = (scene.surface.length_m / 2.0, scene.surface.width_m / 2.0);
     let found = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, middle, &[100.0, 200.0])?;
     for (actuator, (curve, bound)) in scene.actuators.iter().zip(found.answer.iter().zip(&found.bounds)) {
-        let bound = bound.known_limit().map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
+        let bound = bound.limit_if_known().map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         println!(
             "{}: {:.2} m/s^2 per N at 100 Hz, {:.2} at 200 Hz, error at most {bound}",
             actuator.id,

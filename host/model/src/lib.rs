@@ -16,7 +16,7 @@
 //! let found = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (0.1, 0.05), &[120.0, 180.0])?;
 //! for (actuator, (curve, bound)) in scene.actuators.iter().zip(found.answer.iter().zip(&found.bounds)) {
 //!     println!("{}: {:.3} m/s^2/N at 120 Hz, {bound:?}", actuator.id, curve[0].norm());
-//!     assert!(bound.known_limit().is_some_and(|bound| bound <= 1e-3));
+//!     assert!(bound.limit_if_known().is_some_and(|bound| bound <= 1e-3));
 //! }
 //! # Ok(())
 //! # }

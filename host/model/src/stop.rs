@@ -81,16 +81,16 @@ mod tests {
                 self.0.request_stop();
                 Ok(model.count_unknowns())
             }
-            fn answer_for_comparison(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
+            fn answer_enough_for_comparison(&self, model: &crate::model::PanelModel) -> Result<usize, ModelError> {
                 Ok(model.count_unknowns())
             }
-            fn relative_differences(&self, _: &usize, _: &usize) -> Vec<f64> {
+            fn relative_difference_of_each_part(&self, _: &usize, _: &usize) -> Vec<f64> {
                 vec![1.0]
             }
             fn kind_of_compared_values(&self) -> crate::model::bounded::ComparedValues {
                 crate::model::bounded::ComparedValues::Frequencies
             }
-            fn error_floors(&self, _: &usize, _: crate::model::estimator::FrequencyRounding) -> Vec<f64> {
+            fn error_floor_of_each_part(&self, _: &usize, _: crate::model::estimator::FrequencyRounding) -> Vec<f64> {
                 vec![0.0]
             }
         }

@@ -20,7 +20,7 @@ pub fn read_text_file(path: &Path) -> Result<String> {
 /// That they do (`InvalidData`).
 pub fn refuse_utf16(bytes: &[u8]) -> Result<()> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        let reason = "it is in UTF-16, but must be in UTF-8: save it with that encoding";
+        let reason = "the file is in UTF-16, but must be in UTF-8: save the file in UTF-8";
         return Err(Error::new(ErrorKind::InvalidData, reason));
     }
     Ok(())
@@ -35,7 +35,7 @@ pub fn decode_text(bytes: Vec<u8>) -> Result<String> {
     refuse_utf16(&bytes)?;
     let mut text = String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
-        wrong(format!("it is no text in UTF-8 (byte {})", at + 1))
+        wrong(format!("the file is not text in UTF-8 (byte {} is wrong)", at + 1))
     })?;
     if text.starts_with(BYTE_ORDER_MARK) {
         text.drain(..BYTE_ORDER_MARK.len());

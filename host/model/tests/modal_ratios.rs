@@ -1,7 +1,7 @@
 //! Damping ratios of modes by their frequencies, against a bar's closed form: mode by mode, and as the sum over modes of what each does at a frequency.
 
 use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
-use era_model::response::acceleration_curves;
+use era_model::response::compute_acceleration_curves_per_newton;
 use era_model::scene::Scene;
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -70,7 +70,7 @@ fn a_response_is_the_sum_over_modes_with_their_ratios() {
     let model = model.reduce(400.0, &[(SEEN * LENGTH_M, WIDTH_M / 2.0)]).unwrap();
     let hz: Vec<f64> = (1..80).map(|k| 5.0 * f64::from(k) + 0.3).collect();
     let shape = model.shape_deflections_at(SEEN * LENGTH_M, WIDTH_M / 2.0);
-    let found = acceleration_curves(&model, &shape, &hz).unwrap().remove(0);
+    let found = compute_acceleration_curves_per_newton(&model, &shape, &hz).unwrap().remove(0);
     let mass_kg = KG_PER_M3 * THICKNESS_M * WIDTH_M * LENGTH_M;
     let wanted: Vec<Complex64> = hz
         .iter()
@@ -114,7 +114,7 @@ fn a_wrong_table_is_told_with_what_is_allowed() {
     ] {
         let error = text(table);
         assert!(
-            error.contains("surface.damping.modal_ratio is ") && error.contains("pairs of a frequency in Hz"),
+            error.contains("surface.damping.modal_ratio is ") && error.contains("pairs [frequency in Hz"),
             "{error}"
         );
     }

@@ -33,7 +33,7 @@ fn support(x_m: f64, y_m: f64, stiffness_n_per_m: f64) -> Support {
 fn yields(scene: &Scene, accuracy: Accuracy, places_m: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let panel = BarePanel::build(scene, accuracy, MAX_HZ).unwrap();
     let one = |(x, y): &(f64, f64)| {
-        let found = panel.compute_surface_compliance(scene, &[*x], &[*y]).unwrap();
+        let found = panel.compute_static_compliance_at_grid_points(scene, &[*x], &[*y]).unwrap();
         (found.m_per_n[0], found.error_m_per_n[0])
     };
     places_m.iter().map(one).collect()
@@ -123,7 +123,7 @@ fn only_springs_to_the_ground_hold_a_panel() {
     let of = |scene: &Scene| {
         BarePanel::build(scene, Accuracy::FAST, MAX_HZ)
             .unwrap()
-            .compute_surface_compliance(scene, &x, &y)
+            .compute_static_compliance_at_grid_points(scene, &x, &y)
             .unwrap()
             .m_per_n
     };

@@ -11,7 +11,7 @@ use std::error::Error;
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::parse("plate.toml", EXAMPLE_PLATE)?;
     let grid = TableOptions::default();
-    let table = PlanTable::with_levels(&scene, ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?, grid)?;
+    let table = PlanTable::from_levels(&scene, ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?, grid)?;
     for tenth in [1.0, 3.0, 5.0, 7.0, 9.0] {
         let (x_m, y_m) = (scene.surface.length_m * tenth / 10.0, scene.surface.width_m * 0.4);
         let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(0.3) }])?;

@@ -13,7 +13,7 @@ pub struct SiDrive {
     pub voltage_v: f64,
     /// Part of its half period for which an electrode is on.
     pub pulse_width: f64,
-    /// Phase of the force in rad.
+    /// Phase of its windows in rad.
     pub phase_rad: f64,
 }
 
@@ -29,14 +29,16 @@ pub struct Drive {
     pub voltage_v: f64,
     /// Part of its half period for which an electrode is on.
     pub pulse_width: f64,
-    /// Phase of its force in rad.
+    /// Phase of its windows in rad: the middle of a window of electrode A is where the cosine of this phase is 1.
     pub phase_rad: f64,
+    /// Phase in rad of the fundamental of its force, which lags behind the windows of electrodes that charge through resistors.
+    pub force_phase_rad: f64,
     /// Amplitude of the force's fundamental in N, the mass at rest.
     pub force_n: f64,
 }
 
-/// Drives with their channels: actuator i of the scene is on channel i of the board.
-pub fn on_channels<'a>(drives: impl IntoIterator<Item = &'a Drive>) -> Vec<SiDrive> {
+/// The drives with their channels: actuator i of the scene is on channel i of the board.
+pub fn assign_channels<'a>(drives: impl IntoIterator<Item = &'a Drive>) -> Vec<SiDrive> {
     let on = |(channel, drive): (u8, &Drive)| {
         let Drive { frequency_hz, voltage_v, pulse_width, phase_rad, .. } = *drive;
         SiDrive { channel, frequency_hz, voltage_v, pulse_width, phase_rad }

@@ -5,7 +5,7 @@
 //! the surface, force limits); [`request`] what is asked for; `choose` frequencies ([`search`]) and forces
 //! ([`allocate`]); `motion` masses under a plan's drives; [`reach`] one setting for a whole surface; [`plan`] the result; `reports` what
 //! is said of it ([`explain`], [`trade`]). Beside them [`perception`], what a fingertip feels of it, and [`cache`], tables kept on disk.
-//! [`effects`] and [`study`] build on all of that.
+//! [`effects`] and [`maps`] build on all of that.
 //!
 //! The facts behind the search: at distinct frequencies peaks add (thesis, equation 23) and mean squares add, so that the
 //! least energy elsewhere for a requested peak at the target separates by actuator. Frequencies of different actuators
@@ -22,7 +22,7 @@
 //! let scene = Scene::parse("plate.toml", EXAMPLE_PLATE)?;
 //! let grid = TableOptions::default();
 //! let levels = ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?;
-//! let table = PlanTable::with_levels(&scene, levels, grid)?;
+//! let table = PlanTable::from_levels(&scene, levels, grid)?;
 //! let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.05, intensity_g: Some(0.3) }])?;
 //! for drive in &plan.drives {
 //!     println!("{}: {:.1} Hz, {:.0} V", drive.actuator, drive.frequency_hz, drive.voltage_v);
@@ -35,8 +35,10 @@
 pub mod cache;
 mod choose;
 pub mod chosen_drive;
+pub mod click;
 pub mod drive;
 pub mod effects;
+pub mod maps;
 mod millimetres;
 mod motion;
 pub mod perception;
@@ -46,13 +48,12 @@ pub mod quick;
 pub mod reach;
 mod reports;
 pub mod request;
-pub mod study;
 pub mod table;
 
 pub use choose::{allocate, assignment, candidates, search, shared_frequency};
 use era_model::{model, response, scene, stop, transient};
 pub use motion::{plan_motion, residual};
-pub use physics::{Phasors, limits, rise, softening};
+pub use physics::{Phasors, charging, limits, rise, softening};
 pub use plan::limitation;
 pub use reports::{explain, press_bounds, press_report, report, schedule, trade};
 pub use table::press;
@@ -60,9 +61,9 @@ pub use table::press;
 pub use drive::Drive;
 pub use plan::{Plan, Planned, Predicted, TargetResult};
 pub use reports::press_report::{PressReport, PressedActuator};
-pub use reports::report::{Report, Times};
+pub use reports::report::{FirstTargetReport, Times};
 pub use request::quiet_zones::QuietResult;
-pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh, Work};
+pub use request::{Grouping, Objective, PlanError, QuietZone, Request, SearchEffort, Target, Weigh};
 pub use table::{PlanTable, TableOptions};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
@@ -74,14 +75,12 @@ pub const MIN_SPACING_HZ: f64 = 20.0;
 pub const DEFAULT_INTENSITY_G: f64 = 0.5;
 /// Radius around a target within which acceleration counts as "at the target" for the contrast, in m.
 pub const TARGET_RADIUS_M: f64 = 0.010;
-/// Part of its half period for which an electrode is on. At 2/3 the force has no third harmonic (sin(3 pi/2 * 2/3) = 0),
+/// Part of its half period for which an electrode is on. At 2/3 the force of electrodes that charge at once has no third harmonic
+/// (sin(3 pi/2 * 2/3) = 0),
 /// and its fundamental is still 0.87 of the most there is.
 pub const PULSE_WIDTH: f64 = 2.0 / 3.0;
 /// Highest frequency in Hz that is felt as vibration: odd harmonics count up to it.
 pub const HIGHEST_FELT_HZ: f64 = 1000.0;
-/// Capacitance in F of the cable to an electrode: with the 35 pF of the default electrode the 100 pF that the board's drive
-/// stage is designed for.
-pub const ELECTRODE_CABLE_F: f64 = 65e-12;
 /// Most quiet zones of a request.
 pub const MAX_QUIET_ZONES: usize = 8;
 /// Part of each actuator's mean square by which the products of all are made definite: two that act alike would otherwise have

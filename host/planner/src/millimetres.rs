@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 /// # Errors
 /// Those of the serializer.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
-pub fn one<S: Serializer>(metres: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+pub fn serialize_length_in_mm<S: Serializer>(metres: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(metres * 1e3)
 }
 
@@ -15,6 +15,6 @@ pub fn one<S: Serializer>(metres: &f64, serializer: S) -> Result<S::Ok, S::Error
 ///
 /// # Errors
 /// Those of the serializer.
-pub fn two<S: Serializer>(metres: &[f64; 2], serializer: S) -> Result<S::Ok, S::Error> {
+pub fn serialize_position_in_mm<S: Serializer>(metres: &[f64; 2], serializer: S) -> Result<S::Ok, S::Error> {
     metres.map(|metres| metres * 1e3).serialize(serializer)
 }

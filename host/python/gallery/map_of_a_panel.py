@@ -11,7 +11,7 @@ import numpy as np
 plate = era.Scene.example("plate")
 touch_m = plate.point_m(480, 640)
 field = era.field(plate, touch_m, intensity_g=0.3)
-print(f"contrast {field.contrast_db:.1f} dB, error at most {field.error_bound:.0e} of the largest value")
+print(f"contrast {field.contrast_db:.1f} dB, model error at most {field.error_bound:.0e} of the largest peak")
 
 # %%
 reach = era.reach(plate)

@@ -37,7 +37,10 @@ impl GivenTolerance {
 }
 
 /// `tolerance` and `within_s`: the latter comes first, balanced if there is neither.
-pub fn choose_accuracy(tolerance: Option<GivenTolerance>, within_s: Option<f64>) -> Result<Accuracy, Raised> {
+pub fn accuracy_within_time_or_tolerance(
+    tolerance: Option<GivenTolerance>,
+    within_s: Option<f64>,
+) -> Result<Accuracy, Raised> {
     match (tolerance, within_s) {
         (Some(_), Some(within_s)) => {
             Err(Raised::wrong_argument("within_s", within_s, "None where there is a tolerance"))
@@ -66,7 +69,7 @@ impl RealNumbers {
     ///
     /// # Errors
     /// `TypeError` where NumPy finds no real numbers in it.
-    pub fn read_from_python(given: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
+    pub fn read_numbers_from_python_argument(given: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
         let numpy = given.py().import("numpy")?;
         let refuse = |problem: &str| PyTypeError::new_err(format!("{what}, not {problem}"));
         if given.is_none() {
@@ -118,7 +121,7 @@ impl RealNumbers {
     }
 
     /// Exactly `N` numbers, in rows or not.
-    fn to_exact_array<const N: usize>(&self) -> Option<[f64; N]> {
+    fn to_array_if_of_length_n<const N: usize>(&self) -> Option<[f64; N]> {
         self.values.as_slice().try_into().ok()
     }
 }
@@ -131,7 +134,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenPlace {
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "a place is two numbers (x_m, y_m), or x_m alone on a bar";
-        let numbers = RealNumbers::read_from_python(&given, what)?;
+        let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 || !matches!(numbers.values.len(), 1 | 2) {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -141,7 +144,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenPlace {
 
 impl GivenPlace {
     /// Where it is on the surface; `field` is what the argument is called.
-    pub fn locate_on_surface_m(&self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
+    pub fn check_place_on_surface_m(&self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
         self.0.refuse_masked_entries(field)?;
         let at = match self.0.values[..] {
             [x_m, y_m] => (x_m, y_m),
@@ -177,7 +180,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
             Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
             _ => given.to_owned(),
         };
-        let numbers = RealNumbers::read_from_python(&own, what)?;
+        let numbers = RealNumbers::read_numbers_from_python_argument(&own, what)?;
         if numbers.shape.len() != 1 || !matches!(numbers.values.len(), 2 | 3) {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -187,7 +190,11 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
 
 impl GivenTarget {
     /// Its place on the surface in m, and its peak in g; `field` is what the argument is called.
-    pub fn locate_with_peak_g(&self, scene: &Scene, field: &str) -> Result<((f64, f64), Option<f64>), Raised> {
+    pub fn check_place_m_and_get_peak_g(
+        &self,
+        scene: &Scene,
+        field: &str,
+    ) -> Result<((f64, f64), Option<f64>), Raised> {
         self.numbers.refuse_masked_entries(field)?;
         let at = |k: usize| self.numbers.values.get(k).copied();
         let place = check_place_on_surface(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
@@ -203,8 +210,8 @@ impl<'py> FromPyObject<'_, 'py> for FourNumbers {
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "four numbers are needed";
-        let numbers = RealNumbers::read_from_python(&given, what)?;
-        if numbers.to_exact_array::<4>().is_none() {
+        let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
+        if numbers.to_array_if_of_length_n::<4>().is_none() {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
@@ -215,7 +222,9 @@ impl FourNumbers {
     /// The numbers; `field` is what the argument is called.
     pub fn check_unmasked_numbers(&self, field: &str) -> Result<[f64; 4], Raised> {
         self.0.refuse_masked_entries(field)?;
-        self.0.to_exact_array().ok_or_else(|| Raised::wrong_argument(field, self.0.values.len(), "four numbers"))
+        self.0
+            .to_array_if_of_length_n()
+            .ok_or_else(|| Raised::wrong_argument(field, self.0.values.len(), "four numbers"))
     }
 
     /// The same where the first two are a place on the surface.
@@ -233,7 +242,7 @@ impl<'py> FromPyObject<'_, 'py> for UnitCubePoint {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        Ok(Self(RealNumbers::read_from_python(&given, "a point is real numbers in one row")?))
+        Ok(Self(RealNumbers::read_numbers_from_python_argument(&given, "a point is real numbers in one row")?))
     }
 }
 
@@ -264,7 +273,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenFrequencies {
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "frequencies are real numbers in one row";
-        let numbers = RealNumbers::read_from_python(&given, what)?;
+        let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 {
             return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
@@ -319,7 +328,7 @@ impl<'py> FromPyObject<'_, 'py> for GridSize {
 }
 
 /// Columns and rows of a grid.
-pub fn check_grid_size(GridSize { columns, rows }: GridSize) -> Result<(usize, usize), Raised> {
+pub fn check_columns_and_rows(GridSize { columns, rows }: GridSize) -> Result<(usize, usize), Raised> {
     let lines = |field: &str, count: i64| {
         let lines = usize::try_from(count).ok().filter(|count| (1..=MOST_LINES).contains(count));
         #[expect(clippy::cast_precision_loss, reason = "to be shown")]

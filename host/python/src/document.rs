@@ -8,11 +8,11 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PySequence,
 use toml::{Table, Value};
 
 /// A document from keywords; those that are `None` are left out. A scene file's version is added.
-pub fn table_from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
+pub fn scene_table_with_version_from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
     let mut table = Table::new();
     table.insert("version".into(), Value::Integer(1));
     for (key, value) in keywords {
-        if let Some(value) = toml_value_from_python(&value)? {
+        if let Some(value) = toml_value_from_python_unless_none(&value)? {
             table.insert(key.extract()?, value);
         }
     }
@@ -20,7 +20,7 @@ pub fn table_from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
 }
 
 /// A value; nothing for `None`.
-fn toml_value_from_python(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+fn toml_value_from_python_unless_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     if value.is_none() {
         return Ok(None);
     }
@@ -35,7 +35,7 @@ fn toml_value_from_python(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     } else if let Ok(mapping) = value.cast::<PyMapping>() {
         let mut table = Table::new();
         for (key, value) in mapping_entries(mapping)? {
-            if let Some(value) = toml_value_from_python(&value)? {
+            if let Some(value) = toml_value_from_python_unless_none(&value)? {
                 table.insert(key.extract()?, value);
             }
         }
@@ -43,11 +43,11 @@ fn toml_value_from_python(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     } else if let Ok(sequence) = value.cast::<PySequence>() {
         let mut list = Vec::new();
         for entry in sequence.try_iter()? {
-            list.extend(toml_value_from_python(&entry?)?);
+            list.extend(toml_value_from_python_unless_none(&entry?)?);
         }
         Value::Array(list)
     } else if value.hasattr("dtype")? && value.hasattr("tolist")? {
-        return toml_array_from_numpy(value);
+        return toml_from_numpy_unless_holding_none(value);
     } else if let Ok(whole) = value.extract::<i64>() {
         // NumPy's whole numbers, which are none of Python's.
         Value::Integer(whole)
@@ -61,7 +61,7 @@ fn toml_value_from_python(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
 }
 
 /// The value of NumPy's arrays and numbers: that of the list, or the number, that they are of.
-fn toml_array_from_numpy(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+fn toml_from_numpy_unless_holding_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     // Below a mask is nothing that was measured, and a list would leave it out without a word.
     if value.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (value,))?.extract()? {
         return Err(PyTypeError::new_err("a scene has no masked entries: compressed() leaves them out of an array"));
@@ -71,7 +71,7 @@ fn toml_array_from_numpy(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
         // Numbers wider than Python's stay what they are.
         return Ok(Some(Value::Float(plain.extract()?)));
     }
-    toml_value_from_python(&plain)
+    toml_value_from_python_unless_none(&plain)
 }
 
 fn mapping_entries<'py>(mapping: &Bound<'py, PyMapping>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
@@ -94,7 +94,7 @@ fn change_value_of_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -
             }
         }
         (Some(Value::Array(list)), Ok(mapping)) => change_tables_of_list(key, list, mapping)?,
-        _ => match toml_value_from_python(value)? {
+        _ => match toml_value_from_python_unless_none(value)? {
             Some(value) => {
                 table.insert(key.to_owned(), value);
             }
@@ -110,14 +110,14 @@ fn change_value_of_key(table: &mut Table, key: &str, value: &Bound<'_, PyAny>) -
 fn change_tables_of_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, PyMapping>) -> PyResult<()> {
     let mut gone = Vec::new();
     for (which, value) in mapping_entries(mapping)? {
-        let at = position_of_list_entry(key, list, &which)?;
+        let at = index_of_list_entry_by_number_or_name(key, list, &which)?;
         match (list.get_mut(at), value.cast::<PyMapping>()) {
             (Some(Value::Table(entry)), Ok(changes)) => {
                 for (key, value) in mapping_entries(changes)? {
                     change_value_of_key(entry, &key.extract::<String>()?, &value)?;
                 }
             }
-            (Some(slot), _) => match toml_value_from_python(&value)? {
+            (Some(slot), _) => match toml_value_from_python_unless_none(&value)? {
                 Some(value) => *slot = value,
                 None => gone.push(at),
             },
@@ -131,7 +131,7 @@ fn change_tables_of_list(key: &str, list: &mut Vec<Value>, mapping: &Bound<'_, P
 }
 
 /// Which entry of the list `key` is meant.
-fn position_of_list_entry(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usize> {
+fn index_of_list_entry_by_number_or_name(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usize> {
     let count = list.len();
     if let Ok(index) = which.extract::<i64>() {
         let from_end = i64::try_from(count).unwrap_or(i64::MAX).saturating_add(index);

@@ -1,14 +1,18 @@
 //! `effect`: clicks, buzzes, pulses, textures for a place.
 
-use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::run_with_finger_table;
+use crate::tables::run_with_table_touched_by_scene_finger;
+use era_planner::click::ClickOptions;
 use era_planner::effects::view::EffectView;
-use era_planner::effects::{DesignError, EffectRequest, Intensity, NamedEffect, design, plan_with};
-use era_planner::rise::RiseTimes;
+use era_planner::effects::{
+    DesignError, EffectRequest, Intensity, NamedEffect, design_effect_with_windows,
+    plan_request_with_intensity_for_targets_without_one,
+};
+use era_planner::rise::PanelPoles;
 use era_planner::{PlanTable, Request, Target};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -32,7 +36,7 @@ pub struct Effect {
 pickled!(Effect { name, target_m, limited_by, effect_json, plan_json });
 
 impl Effect {
-    fn value<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn json_value_of_key<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.effect_json)?.get_item(key)
     }
 }
@@ -41,16 +45,23 @@ impl Effect {
 impl Effect {
     /// What it should do at the target, as `era effect --json` prints it: a dict with `peak_g`, `peak_least_g`, `peak_most_g`, `peak_at_ms`,
     /// `quiet_ms` and so on.
-    #[getter]
-    fn predicted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.value(py, "predicted")
+    #[getter(predicted)]
+    fn prediction_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json_value_of_key(py, "predicted")
     }
 
     /// What is played on each actuator, as `era effect --json` prints it: a list of dicts with `actuator`, `frequency_hz`, `voltage_v`, `segments`
     /// and so on.
-    #[getter]
-    fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.value(py, "drives")
+    #[getter(drives)]
+    fn drives_as_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json_value_of_key(py, "drives")
+    }
+
+    /// The windows of a click, as `era effect --json` prints them: a list of dicts with `actuator`, `electrode`, `begin_us`, `width_us` and
+    /// `voltage_v`; an empty list for other effects.
+    #[getter(windows)]
+    fn windows_as_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json_value_of_key(py, "windows")
     }
 
     /// The effect as `era effect --json` prints it, with its plan in `plan`, lengths in mm.
@@ -65,7 +76,7 @@ impl Effect {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let peak_g: f64 = self.value(py, "predicted")?.get_item("peak_g")?.extract()?;
+        let peak_g: f64 = self.json_value_of_key(py, "predicted")?.get_item("peak_g")?.extract()?;
         let (x_m, y_m) = self.target_m;
         Ok(format!("<Effect {:?} at ({x_m}, {y_m}) m: peak {peak_g:.4} g>", self.name))
     }
@@ -117,10 +128,10 @@ impl Effect {
 /// >>> found.name, found.limited_by, found.predicted["peak_g"] > 0.1
 /// ('click', None, True)
 #[pyfunction]
-#[pyo3(signature = (scene, at_m, effect, intensity_g=None, *, intensity_db=None, duration_ms=None, count=None, period_ms=None,
+#[pyo3(name = "effect", signature = (scene, at_m, effect, intensity_g=None, *, intensity_db=None, duration_ms=None, count=None, period_ms=None,
     tolerance=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords, each with a default")]
-pub fn effect(
+pub fn design_effect_for_place(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,
@@ -134,7 +145,7 @@ pub fn effect(
 ) -> PyResult<Effect> {
     let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let (x_m, y_m) = at_m.locate_on_surface_m(&scene, "at_m")?;
+    let (x_m, y_m) = at_m.check_place_on_surface_m(&scene, "at_m")?;
     let named: NamedEffect = serde_json::from_value(effect.into()).map_err(|_| {
         let allowed = "\"click\", \"double_click\", \"buzz\", \"swell\", \"pulse_train\" or \"texture\"";
         Raised::wrong_argument("effect", effect, allowed)
@@ -143,13 +154,19 @@ pub fn effect(
         return Err(Raised::wrong_argument("intensity_db", intensity_db, "None where there is intensity_g").into());
     }
     let request = EffectRequest { effect: named, duration_ms, count, period_ms };
-    request.envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
+    request.build_envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
     let intensity = intensity_g.map(Intensity::G).or(intensity_db.map(Intensity::AboveThresholdDb));
     let target = Target { x_m, y_m, intensity_g };
     let design_with = move |table: &PlanTable| -> Result<Effect, Raised> {
-        let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded)?;
-        let plan = plan_with(table, || Some(&rise), &Request::touch(&[target]), intensity)?;
-        let designed = design(table, &rise, &plan, request)?;
+        let rise = PanelPoles::find_poles_if_converged(&table.model).ok_or(DesignError::Unbounded)?;
+        let plan = plan_request_with_intensity_for_targets_without_one(
+            table,
+            || Some(&rise),
+            &Request::for_touch(&[target]),
+            intensity,
+        )?;
+        let click = ClickOptions { with_bound: true, ..ClickOptions::default() };
+        let designed = design_effect_with_windows(table, &rise, &plan, request, click)?;
         Ok(Effect {
             name: named.name().to_owned(),
             target_m: plan.target_m.into(),
@@ -158,5 +175,5 @@ pub fn effect(
             plan_json: serialise_to_json(&plan)?,
         })
     };
-    run_with_finger_table(py, &scene, accuracy, vec![(x_m, y_m)], design_with)
+    run_with_table_touched_by_scene_finger(py, &scene, accuracy, vec![(x_m, y_m)], design_with)
 }

@@ -11,7 +11,7 @@ use era_planner::cache::PrepareError;
 use era_planner::effects::DesignError;
 use era_planner::explain::ExplainError;
 use era_planner::quick::QuickError;
-use era_planner::table::{BandError, NoPoint};
+use era_planner::table::{BandError, EmptyRegionError};
 use era_study::result::GatherError;
 use era_study::run::{FolderError, RunError};
 use era_study::written::WriteError;
@@ -183,19 +183,27 @@ impl Raised {
     }
 }
 
-fn format_allowed_range(min: f64, max: f64) -> Option<String> {
-    Some(if max.is_finite() { format!("{min} to {max}") } else { format!("{min} and above") })
+fn format_allowed_range_or_minimum(min: f64, max: f64) -> String {
+    if max.is_finite() { format!("{min} to {max}") } else { format!("{min} and above") }
 }
 
 impl From<ModelError> for Raised {
     fn from(error: ModelError) -> Self {
         match &error {
-            ModelError::Frequency { value, min, max, .. } => {
-                Self::with(RaisedKind::Request, &error, "frequency_hz", *value, format_allowed_range(*min, *max))
-            }
-            ModelError::Tolerance { value, min, max } => {
-                Self::with(RaisedKind::Request, &error, "tolerance", *value, format_allowed_range(*min, *max))
-            }
+            ModelError::Frequency { value, min, max, .. } => Self::with(
+                RaisedKind::Request,
+                &error,
+                "frequency_hz",
+                *value,
+                Some(format!("above {min}, at most {max}")),
+            ),
+            ModelError::Tolerance { value, min, max } => Self::with(
+                RaisedKind::Request,
+                &error,
+                "tolerance",
+                *value,
+                Some(format_allowed_range_or_minimum(*min, *max)),
+            ),
             ModelError::TooFine { max_hz, unknowns, limit, .. } => {
                 let allowed = format!("at most {limit} unknowns, not {unknowns}");
                 Self::with(RaisedKind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
@@ -273,7 +281,7 @@ impl From<TransientError> for Raised {
     fn from(error: TransientError) -> Self {
         match &error {
             TransientError::Range { what, value, min, max } => {
-                Self::with(RaisedKind::Request, &error, what, *value, format_allowed_range(*min, *max))
+                Self::with(RaisedKind::Request, &error, what, *value, Some(format_allowed_range_or_minimum(*min, *max)))
             }
             TransientError::Unbounded { omega_rad_s } => {
                 let frequency_hz = omega_rad_s / std::f64::consts::TAU;
@@ -287,21 +295,37 @@ impl From<TransientError> for Raised {
 impl From<PlanError> for Raised {
     fn from(error: PlanError) -> Self {
         match &error {
-            PlanError::Range { field, value, min, max } => {
-                Self::with(RaisedKind::Request, &error, field, *value, format_allowed_range(*min, *max))
-            }
+            PlanError::Range { field, value, min, max } => Self::with(
+                RaisedKind::Request,
+                &error,
+                field,
+                *value,
+                Some(format_allowed_range_or_minimum(*min, *max)),
+            ),
             PlanError::Together { option, value, allowed } => {
                 Self::with(RaisedKind::Request, &error, option, *value, Some(format!("with {allowed}")))
             }
             PlanError::Count { count } => {
                 let most = era_planner::request::MAX_TARGETS;
-                Self::with(RaisedKind::Request, &error, "also", *count, format_allowed_range(1.0, most as f64))
+                Self::with(
+                    RaisedKind::Request,
+                    &error,
+                    "also",
+                    *count,
+                    Some(format_allowed_range_or_minimum(1.0, most as f64)),
+                )
             }
             PlanError::Quiet { count } => {
                 let most = era_planner::MAX_QUIET_ZONES;
-                Self::with(RaisedKind::Request, &error, "quiet", *count, format_allowed_range(0.0, most as f64))
+                Self::with(
+                    RaisedKind::Request,
+                    &error,
+                    "quiet",
+                    *count,
+                    Some(format_allowed_range_or_minimum(0.0, most as f64)),
+                )
             }
-            PlanError::Cutout { .. } => Self::with(RaisedKind::Request, &error, "at_m", ArgumentValue::None, None),
+            PlanError::Cutout(_) => Self::with(RaisedKind::Request, &error, "at_m", ArgumentValue::None, None),
             PlanError::EmptyZone => Self::with(RaisedKind::Request, &error, "zone_m", ArgumentValue::None, None),
             PlanError::Actuators { count } => {
                 let most = era_model::scene::MAX_ACTUATORS;
@@ -317,7 +341,7 @@ impl From<DesignError> for Raised {
     fn from(error: DesignError) -> Self {
         match &error {
             DesignError::Request(request) => {
-                let (field, value, allowed) = request.parts();
+                let (field, value, allowed) = request.field_value_and_allowed_range();
                 Self::with(RaisedKind::Request, &error, field, value, Some(allowed))
             }
             DesignError::Unbounded => Self::without_field(RaisedKind::Resonance, &error),
@@ -343,8 +367,8 @@ impl From<BandError> for Raised {
     }
 }
 
-impl From<NoPoint> for Raised {
-    fn from(error: NoPoint) -> Self {
+impl From<EmptyRegionError> for Raised {
+    fn from(error: EmptyRegionError) -> Self {
         Self::with(RaisedKind::Request, &format!("zone_m: {error}"), "zone_m", ArgumentValue::None, None)
     }
 }
@@ -453,7 +477,7 @@ pub fn build_scene_exception(py: Python<'_>, mut error: SceneError, has_lines: b
 }
 
 /// Warns of what is wrong with an answer, as whoever called has it set up: once a place, always, or as an exception.
-pub fn raise_model_warnings(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
+pub fn emit_model_warnings(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let category = py.import("era._errors")?.getattr("ModelWarning")?;
     for doubt in doubts {
         // Text of Rust may hold a zero byte, one of C may not.

@@ -1,10 +1,10 @@
 //! `field`: a touch over the whole surface.
 
-use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
-use crate::results::{BoundSummary, read_only_array, read_only_array_of_shape, values_or_nan};
+use crate::results::{ToleranceVerdict, read_only_array, read_only_array_of_shape, values_or_nan};
 use crate::scene::PyScene;
-use crate::tables::run_with_finger_table;
+use crate::tables::run_with_table_touched_by_scene_finger;
 use era_planner::{STANDARD_GRAVITY, Target};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -93,8 +93,8 @@ impl Field {
 /// >>> found.peak_g.shape == (found.y_m.size, found.x_m.size), found.error_bound < 1e-2
 /// (True, True)
 #[pyfunction]
-#[pyo3(signature = (scene, at_m, intensity_g=None, *, tolerance=None))]
-pub fn field(
+#[pyo3(name = "field", signature = (scene, at_m, intensity_g=None, *, tolerance=None))]
+pub fn compute_peak_field(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,
@@ -103,16 +103,16 @@ pub fn field(
 ) -> PyResult<Field> {
     let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
-    let (x_m, y_m) = at_m.locate_on_surface_m(&scene, "at_m")?;
+    let (x_m, y_m) = at_m.check_place_on_surface_m(&scene, "at_m")?;
     let target = Target { x_m, y_m, intensity_g };
     let (plan, values, bound, [x_m, y_m]) =
-        run_with_finger_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
+        run_with_table_touched_by_scene_finger(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
             let plan = table.plan(&[target])?;
-            let values = values_or_nan(table.compute_peak_field(&plan));
-            let bound = era_planner::plan::bound_field_error(table, &plan);
+            let values = values_or_nan(table.compute_peak_at_each_grid_point_m_per_s2(&plan));
+            let bound = era_planner::plan::bound_field_error_relative_to_largest_peak(table, &plan);
             Ok((plan, values, bound, [table.grid.x_m.clone(), table.grid.y_m.clone()]))
         })?;
-    let asked = BoundSummary::from_bounds(&[bound], accuracy);
+    let asked = ToleranceVerdict::check_whether_bounds_meet_tolerance(&[bound], accuracy);
     let in_g = values.iter().map(|peak| peak / STANDARD_GRAVITY).collect();
     let shape = [y_m.len(), x_m.len()];
     Ok(Field {
@@ -123,7 +123,7 @@ pub fn field(
         peak_g: read_only_array_of_shape(py, in_g, shape)?,
         frequency_hz: read_only_array(py, plan.drives.iter().map(|drive| drive.frequency_hz).collect()),
         contrast_db: plan.predicted.contrast_db,
-        error_bound: bound.known_limit(),
+        error_bound: bound.limit_if_known(),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,

@@ -40,7 +40,7 @@ mod _era {
     /// Makes an array, for which NumPy's interface is looked up: a signal that came while a first call looks for it would be taken
     /// for a mistake.
     #[pymodule_init]
-    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn add_version_and_import_numpy_interface(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.py().import("numpy")?;
         PyArray1::<f64>::zeros(module.py(), 1, false);
@@ -49,8 +49,8 @@ mod _era {
 
     /// What pickle calls: a result of the fields that it was taken apart into.
     #[pyfunction]
-    #[pyo3(signature = (result, fields, /))]
-    fn _restore<'py>(py: Python<'py>, result: &str, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>> {
+    #[pyo3(name = "_restore", signature = (result, fields, /))]
+    fn restore_result<'py>(py: Python<'py>, result: &str, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>> {
         match result {
             "Design" => restore_from_fields::<Design>(py, fields),
             "Drive" => restore_from_fields::<Drive>(py, fields),
@@ -74,27 +74,27 @@ mod _era {
     #[pymodule_export]
     use crate::design::Design;
     #[pymodule_export]
-    use crate::effect::{Effect, effect};
+    use crate::effect::{Effect, design_effect_for_place};
     #[pymodule_export]
-    use crate::field::{Field, field};
+    use crate::field::{Field, compute_peak_field};
     #[pymodule_export]
-    use crate::modes::{Modes, modes};
+    use crate::modes::{Modes, compute_modes};
     #[pymodule_export]
-    use crate::plan::{Drive, Plan, Predicted, QuietResult, TargetResult, plan};
+    use crate::plan::{Drive, Plan, Predicted, QuietResult, TargetResult, plan_touch};
     #[pymodule_export]
-    use crate::press::{Press, press};
+    use crate::press::{Press, compute_press_report};
     #[pymodule_export]
-    use crate::reach::{Reach, reach};
+    use crate::reach::{Reach, compute_reach_maps};
     #[pymodule_export]
-    use crate::response::{Response, response};
+    use crate::response::{Response, compute_response};
     #[pymodule_export]
     use crate::scene::PyScene;
     #[pymodule_export]
     use crate::study::PyStudy;
     #[pymodule_export]
-    use crate::sweep::{Sweep, sweep};
+    use crate::sweep::{Sweep, sweep_frequencies};
     #[pymodule_export]
-    use crate::transient::{Transient, transient};
+    use crate::transient::{Transient, compute_transient_motion};
     #[pymodule_export]
-    use crate::verify::{Verification, verify};
+    use crate::verify::{Verification, compare_plans_with_simulation};
 }

@@ -1,14 +1,14 @@
 //! `modes`: frequencies, damping and shapes.
 
 use crate::arguments::{self, GivenTolerance, GridSize};
-use crate::errors::{Raised, raise_model_warnings};
+use crate::errors::{Raised, emit_model_warnings};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
-use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
-use crate::run::run_interruptibly;
+use crate::results::{ToleranceVerdict, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::{PanelMode, compute_modes_with_error_bounds, validity};
 use era_model::scene::Scene;
-use era_planner::study::shapes::ModeShapes;
+use era_planner::maps::shapes::ModeShapes;
 use numpy::{Complex64, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -86,14 +86,14 @@ impl Modes {
 }
 
 /// Both poles of each mode, one after the other.
-fn list_both_poles_of_modes(modes: &[PanelMode]) -> Vec<Complex64> {
+fn list_pole_and_slower_pole_or_nan_of_each_mode(modes: &[PanelMode]) -> Vec<Complex64> {
     let unknown = Complex64::new(f64::NAN, f64::NAN);
     modes.iter().flat_map(|mode| [mode.pole.s, mode.pole.slower.unwrap_or(unknown)]).collect()
 }
 
 /// What a scene's layers are together.
-fn laminate_as_dict(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>>> {
-    let Some(laminate) = scene.surface.laminate() else { return Ok(None) };
+fn laminate_as_dict_if_layered(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>>> {
+    let Some(laminate) = scene.surface.laminate_if_layered() else { return Ok(None) };
     let found = PyDict::new(py);
     found.set_item("thickness_m", laminate.thickness_m)?;
     found.set_item("mass_kg_per_m2", laminate.per_area_kg_m2)?;
@@ -145,8 +145,8 @@ fn laminate_as_dict(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>
 /// >>> found.frequency_hz.shape == found.damping_ratio.shape == (len(found),)
 /// True
 #[pyfunction]
-#[pyo3(signature = (scene, max_hz, *, grid=None, tolerance=None, within_s=None))]
-pub fn modes(
+#[pyo3(name = "modes", signature = (scene, max_hz, *, grid=None, tolerance=None, within_s=None))]
+pub fn compute_modes(
     py: Python<'_>,
     scene: &PyScene,
     max_hz: f64,
@@ -155,11 +155,11 @@ pub fn modes(
     within_s: Option<f64>,
 ) -> PyResult<Modes> {
     let scene = scene.shared_scene();
-    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
-    let grid = grid.map(arguments::check_grid_size).transpose()?.map(|grid| scene.grid_lines_m(grid));
+    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
+    let grid = grid.map(arguments::check_columns_and_rows).transpose()?.map(|grid| scene.surface_grid_lines_m(grid));
     let doubts = validity::list_thin_plate_warnings(&scene, max_hz);
-    let layers = laminate_as_dict(py, &scene)?;
-    let (found, shapes) = run_interruptibly(py, move || {
+    let layers = laminate_as_dict_if_layered(py, &scene)?;
+    let (found, shapes) = run_in_pool_interruptibly(py, move || {
         let found = compute_modes_with_error_bounds(&scene, accuracy, max_hz)?;
         let shapes = match grid {
             Some(grid) => {
@@ -168,14 +168,14 @@ pub fn modes(
                     let allowed = format!("so small that there are at most {MOST_VALUES} values, not {values}");
                     return Err(Raised::wrong_argument("grid", grid.0.len() * grid.1.len(), allowed));
                 }
-                Some(ModeShapes::of(&scene, &found, max_hz, grid)?)
+                Some(ModeShapes::compute(&scene, &found, max_hz, grid)?)
             }
             None => None,
         };
         Ok((found, shapes))
     })?;
-    raise_model_warnings(py, doubts)?;
-    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
+    emit_model_warnings(py, doubts)?;
+    let asked = ToleranceVerdict::check_whether_bounds_meet_tolerance(&found.bounds, accuracy);
     let (x_m, y_m, shape_per_sqrt_kg) = match shapes {
         Some(shapes) => {
             let sides = [shapes.frequencies_hz.len(), shapes.y_m.len(), shapes.x_m.len()];
@@ -189,7 +189,11 @@ pub fn modes(
         frequency_hz: read_only_array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
         damping_ratio: read_only_array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
         pole_frequency_hz: read_only_array(py, found.answer.iter().map(|mode| mode.pole.frequency_hz).collect()),
-        poles_per_s: read_only_array_of_shape(py, list_both_poles_of_modes(&found.answer), [found.answer.len(), 2])?,
+        poles_per_s: read_only_array_of_shape(
+            py,
+            list_pole_and_slower_pole_or_nan_of_each_mode(&found.answer),
+            [found.answer.len(), 2],
+        )?,
         pole_error_bound: read_only_array(
             py,
             bounds_or_nan(&found.answer.iter().map(|mode| mode.pole_bound).collect::<Vec<_>>()),

@@ -14,7 +14,7 @@ pub trait PickledFields: PyClass + Sized {
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
 
     /// The result that has these fields.
-    fn of_fields(fields: &Bound<'_, PyDict>) -> PyResult<Self>;
+    fn from_fields(fields: &Bound<'_, PyDict>) -> PyResult<Self>;
 }
 
 /// Implements [`PickledFields`] for a result, with all fields that it has (the compiler sees one that is left out).
@@ -31,7 +31,7 @@ macro_rules! pickled {
                 Ok(fields)
             }
 
-            fn of_fields(fields: &pyo3::Bound<'_, pyo3::types::PyDict>) -> pyo3::PyResult<Self> {
+            fn from_fields(fields: &pyo3::Bound<'_, pyo3::types::PyDict>) -> pyo3::PyResult<Self> {
                 use pyo3::types::PyAnyMethods;
                 Ok(Self { $($field: fields.as_any().get_item(stringify!($field))?.extract()?),+ })
             }
@@ -64,6 +64,6 @@ where
         wrong.set_cause(py, Some(error));
         wrong
     };
-    let result = T::of_fields(fields).map_err(wrong)?;
+    let result = T::from_fields(fields).map_err(wrong)?;
     Ok(Py::new(py, result)?.into_any())
 }

@@ -1,14 +1,16 @@
 //! `plan`: drives for a touch, or for several.
 
-use crate::arguments::{FourNumbers, GivenPlace, GivenTarget, GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{
+    FourNumbers, GivenPlace, GivenTarget, GivenTolerance, accuracy_within_time_or_tolerance as asked,
+};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::request::PlanArguments;
-use crate::results::{BoundSummary, parse_json_to_python, serialise_to_json};
+use crate::results::{ToleranceVerdict, parse_json_to_python, serialise_to_json};
 use crate::scene::PyScene;
-use crate::tables::{run_with_finger_table, run_with_plan_table};
+use crate::tables::{run_with_plan_table, run_with_table_touched_by_scene_finger};
 use era_model::model::Bound as ErrorBound;
-use era_planner::effects::at_level;
+use era_planner::effects::set_missing_target_peaks_from_level_if_given;
 use era_planner::{Objective, Plan as Found, PlanTable};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -24,13 +26,15 @@ pub struct Drive {
     voltage_v: f64,
     /// Part of its half period for which an electrode is on.
     pulse_width: f64,
-    /// Phase of its force in rad.
+    /// Phase of its windows in rad.
     phase_rad: f64,
+    /// Phase in rad of the fundamental of its force, which lags behind the windows of electrodes that charge through resistors.
+    force_phase_rad: f64,
     /// Amplitude of the force's fundamental in N, the mass at rest.
     force_n: f64,
 }
 
-pickled!(Drive { actuator, frequency_hz, voltage_v, pulse_width, phase_rad, force_n });
+pickled!(Drive { actuator, frequency_hz, voltage_v, pulse_width, phase_rad, force_phase_rad, force_n });
 
 #[pymethods]
 impl Drive {
@@ -55,6 +59,7 @@ impl Drive {
             voltage_v: drive.voltage_v,
             pulse_width: drive.pulse_width,
             phase_rad: drive.phase_rad,
+            force_phase_rad: drive.force_phase_rad,
             force_n: drive.force_n,
         }
     }
@@ -203,7 +208,7 @@ pickled!(Plan {
 });
 
 impl Plan {
-    fn new(py: Python<'_>, found: &Found, asked: BoundSummary, told: [String; 3]) -> PyResult<Self> {
+    fn new(py: Python<'_>, found: &Found, asked: ToleranceVerdict, told: [String; 3]) -> PyResult<Self> {
         let target = |own: &era_planner::TargetResult| {
             Py::new(py, TargetResult { x_m: own.x_m, y_m: own.y_m, wanted_g: own.wanted_g, peak_g: own.peak_g })
         };
@@ -247,20 +252,20 @@ impl Plan {
 #[pymethods]
 impl Plan {
     /// What is told besides: peak of the whole waveform, harmonics, when it is there and gone.
-    #[getter]
-    fn details<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    #[getter(details)]
+    fn report_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.details_json)
     }
 
     /// What can be had of wishes that cannot all be had; None where there is nothing to choose.
-    #[getter]
-    fn trade<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    #[getter(trade)]
+    fn trade_off_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.trade_json)
     }
 
     /// With `explain=True` why it is what it is: candidates, pulse widths, alternatives; None otherwise.
-    #[getter]
-    fn explanation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    #[getter(explanation)]
+    fn explanation_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.explanation_json)
     }
 
@@ -349,13 +354,13 @@ impl Plan {
 /// >>> abs(found.predicted.target_peak_g - 0.3) < 1e-6, found.optimality_gap
 /// (True, 0.0)
 #[pyfunction]
-#[pyo3(signature = (scene, at_m, intensity_g=None, *, intensity_db=None, also=Vec::new(), quiet=Vec::new(),
+#[pyo3(name = "plan", signature = (scene, at_m, intensity_g=None, *, intensity_db=None, also=Vec::new(), quiet=Vec::new(),
     objective="contrast".into(), grouping="distinct".into(), weigh="equal".into(), zone_m=None, explain=false,
     tolerance=None),
     text_signature = "(scene, at_m, intensity_g=None, *, intensity_db=None, also=(), quiet=(), objective='contrast', \
     grouping='distinct', weigh='equal', zone_m=None, explain=False, tolerance=None)")]
 #[expect(clippy::too_many_arguments, reason = "keywords, each with a default")]
-pub fn plan(
+pub fn plan_touch(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,
@@ -377,20 +382,20 @@ pub fn plan(
     // One setting for touches of any place is of the panel that nothing touches.
     let is_anywhere = request.objective == Objective::Reach;
     let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
-    let plan_with = move |table: &PlanTable| -> Result<(Found, BoundSummary, [String; 3]), Raised> {
-        let request = at_level(table, request, intensity_db)?;
-        let (planned, trade) = era_planner::trade::plan_with_trade(table, &request)?;
-        let report = era_planner::report::report_plan(table, &planned);
+    let plan_with = move |table: &PlanTable| -> Result<(Found, ToleranceVerdict, [String; 3]), Raised> {
+        let request = set_missing_target_peaks_from_level_if_given(table, request, intensity_db)?;
+        let (planned, trade) = era_planner::trade::plan_and_explore_trade_offs(table, &request)?;
+        let report = era_planner::report::build_harmonics_and_timing_report_at_first_target(table, &planned);
         let explanation = explain.then(|| era_planner::explain::explain_plan(table, &request)).transpose()?;
         let found = planned.plan;
         let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
         let told = [serialise_to_json(&report)?, serialise_to_json(&trade)?, serialise_to_json(&explanation)?];
-        Ok((found, BoundSummary::from_bounds(&[bound], accuracy), told))
+        Ok((found, ToleranceVerdict::check_whether_bounds_meet_tolerance(&[bound], accuracy), told))
     };
     let (found, asked, told) = if is_anywhere {
         run_with_plan_table(py, &scene, accuracy, plan_with)?
     } else {
-        run_with_finger_table(py, &scene, accuracy, places, plan_with)?
+        run_with_table_touched_by_scene_finger(py, &scene, accuracy, places, plan_with)?
     };
     Plan::new(py, &found, asked, told)
 }

@@ -1,6 +1,6 @@
 //! `press`: what a finger's press does to the gaps of actuators.
 
-use crate::arguments::{GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{GivenTolerance, accuracy_within_time_or_tolerance as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
@@ -116,8 +116,8 @@ impl Press {
 /// >>> found.force_n, found.sag_m.shape == (len(found.actuators),)
 /// (1.0, True)
 #[pyfunction]
-#[pyo3(signature = (scene, force_n=None, *, tolerance=None))]
-pub fn press(
+#[pyo3(name = "press", signature = (scene, force_n=None, *, tolerance=None))]
+pub fn compute_press_report(
     py: Python<'_>,
     scene: &PyScene,
     force_n: Option<f64>,
@@ -131,7 +131,8 @@ pub fn press(
         }
         Arc::make_mut(&mut scene).press_n = force_n;
     }
-    let report = run_with_plan_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::report_press(table)))?;
+    let report =
+        run_with_plan_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::build_press_report(table)))?;
     let report_json = serialise_to_json(&report)?;
     let of = |figure: fn(&PressedActuator) -> f64| read_only_array(py, report.actuators.iter().map(figure).collect());
     let places = report.actuators.iter().flat_map(|own| own.at_mm.map(|at_mm| at_mm / 1e3)).collect();

@@ -1,6 +1,6 @@
 //! `reach`: what a panel's actuators can do at all, point by point.
 
-use crate::arguments::{FourNumbers, GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{FourNumbers, GivenTolerance, accuracy_within_time_or_tolerance as asked};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::request::check_zone_on_surface;
 use crate::results::{read_only_array, read_only_array_of_shape, values_or_nan};
@@ -8,9 +8,9 @@ use crate::scene::PyScene;
 use crate::tables::run_with_plan_table;
 use era_model::model::BarePanel;
 use era_planner::TableOptions;
-use era_planner::study::Maps;
-use era_planner::table::View;
-use era_planner::table::touched::Touched;
+use era_planner::maps::ReachMaps;
+use era_planner::table::PointView;
+use era_planner::table::touched::TouchedPanel;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::borrow::Cow;
@@ -46,7 +46,8 @@ impl Reach {
     /// Returns
     /// -------
     /// (float, (float, float))
-    fn weakest(&self, py: Python<'_>) -> PyResult<(f64, (f64, f64))> {
+    #[pyo3(name = "weakest")]
+    fn find_weakest_point(&self, py: Python<'_>) -> PyResult<(f64, (f64, f64))> {
         use numpy::PyArrayMethods;
         let (values, x_m, y_m) = (self.strongest_g.bind(py), self.x_m.bind(py), self.y_m.bind(py));
         let (values, x_m, y_m) = (values.readonly(), x_m.readonly(), y_m.readonly());
@@ -63,7 +64,7 @@ impl Reach {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (least, (x_m, y_m)) = self.weakest(py)?;
+        let (least, (x_m, y_m)) = self.find_weakest_point(py)?;
         let shape = self.strongest_g.bind(py).getattr("shape")?;
         Ok(format!("<Reach: {shape} (row, column), weakest {least:.4} g at ({x_m}, {y_m}) m>"))
     }
@@ -107,8 +108,8 @@ impl Reach {
 /// >>> found.strongest_g.shape == (1, found.x_m.size), 0.0 < weakest_g < 100.0
 /// (True, True)
 #[pyfunction]
-#[pyo3(signature = (scene, *, zone_m=None, from_hz=None, to_hz=None, tolerance=None))]
-pub fn reach(
+#[pyo3(name = "reach", signature = (scene, *, zone_m=None, from_hz=None, to_hz=None, tolerance=None))]
+pub fn compute_reach_maps(
     py: Python<'_>,
     scene: &PyScene,
     zone_m: Option<FourNumbers>,
@@ -122,15 +123,21 @@ pub fn reach(
     let (maps, [x_m, y_m]) = run_with_plan_table(py, &scene, accuracy, move |table| {
         let table = match (from_hz, to_hz) {
             (None, None) => Cow::Borrowed(table),
-            _ => Cow::Owned(table.clone().in_band(from_hz, to_hz)?),
+            _ => Cow::Owned(table.clone().restrict_to_band(from_hz, to_hz)?),
         };
-        View::checked(&table, region)?;
+        PointView::try_new(&table, region)?;
         let maps = match table.scene.finger {
-            None => Maps::of(&table, region)?,
+            None => ReachMaps::compute(&table, region)?,
             Some(_) => {
                 let options = TableOptions::default();
                 let panel = BarePanel::build(&table.scene, accuracy, options.to_hz)?;
-                Maps::touched(&table, region, Touched::new(&panel, &table.scene, &table), accuracy, options)?
+                ReachMaps::compute_with_finger_bounding_weakest_error(
+                    &table,
+                    region,
+                    TouchedPanel::new(&panel, &table.scene, &table),
+                    accuracy,
+                    options,
+                )?
             }
         };
         Ok((maps, [table.grid.x_m.clone(), table.grid.y_m.clone()]))

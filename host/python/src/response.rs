@@ -1,10 +1,10 @@
 //! `response`: curves at a point.
 
 use crate::arguments::{self, GivenFrequencies, GivenPlace, GivenTolerance, refuse_scene_without_actuators};
-use crate::errors::raise_model_warnings;
+use crate::errors::emit_model_warnings;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
-use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
-use crate::run::run_interruptibly;
+use crate::results::{ToleranceVerdict, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::response::compute_curves_with_error_bounds;
@@ -98,8 +98,8 @@ impl Response {
 /// >>> bool((found.error_bound <= 1e-3).all())
 /// True
 #[pyfunction]
-#[pyo3(signature = (scene, at_m, frequency_hz, *, tolerance=None, within_s=None))]
-pub fn response(
+#[pyo3(name = "response", signature = (scene, at_m, frequency_hz, *, tolerance=None, within_s=None))]
+pub fn compute_response(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,
@@ -108,21 +108,21 @@ pub fn response(
     within_s: Option<f64>,
 ) -> PyResult<Response> {
     let scene = scene.shared_scene();
-    let at_m = at_m.locate_on_surface_m(&scene, "at_m")?;
+    let at_m = at_m.check_place_on_surface_m(&scene, "at_m")?;
     let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, 0.0)?;
-    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
+    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
     refuse_scene_without_actuators(&scene)?;
-    raise_model_warnings(
+    emit_model_warnings(
         py,
         validity::list_thin_plate_warnings(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)),
     )?;
     // With the finger on the point, where the scene has one.
     let scene = scene.with_finger_at_places(&[at_m]);
     let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
-    let (found, frequencies_hz) = run_interruptibly(py, move || {
+    let (found, frequencies_hz) = run_in_pool_interruptibly(py, move || {
         Ok((compute_curves_with_error_bounds(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz))
     })?;
-    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
+    let asked = ToleranceVerdict::check_whether_bounds_meet_tolerance(&found.bounds, accuracy);
     let shape = [found.answer.len(), frequencies_hz.len()];
     Ok(Response {
         at_m,

@@ -7,29 +7,29 @@ use pyo3::prelude::*;
 
 /// Bounds as numbers, `NaN` where there is none.
 pub fn bounds_or_nan(bounds: &[ErrorBound]) -> Vec<f64> {
-    bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::NAN)).collect()
+    bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN)).collect()
 }
 
 /// Why the first bound that is missing is.
-pub fn first_reason_without_bound(bounds: &[ErrorBound]) -> Option<&'static str> {
+pub fn first_reason_of_missing_bound(bounds: &[ErrorBound]) -> Option<&'static str> {
     bounds.iter().find_map(|bound| bound.reason_if_unknown())
 }
 
-/// What was asked for of the bounds, and what became of it.
+/// The tolerance that was asked for, and whether the bounds meet it.
 #[derive(Clone, Debug)]
-pub struct BoundSummary {
+pub struct ToleranceVerdict {
     pub tolerance: Option<f64>,
     pub is_met: Option<bool>,
     pub missing: Option<String>,
 }
 
-impl BoundSummary {
-    /// Of bounds.
-    pub fn from_bounds(bounds: &[ErrorBound], accuracy: Accuracy) -> Self {
+impl ToleranceVerdict {
+    /// Compares bounds with the tolerance of `accuracy`.
+    pub fn check_whether_bounds_meet_tolerance(bounds: &[ErrorBound], accuracy: Accuracy) -> Self {
         Self {
-            tolerance: accuracy.requested_tolerance(),
-            is_met: ErrorBound::all_meet_accuracy(bounds, accuracy),
-            missing: first_reason_without_bound(bounds).map(str::to_owned),
+            tolerance: accuracy.tolerance_unless_time_limit_given(),
+            is_met: ErrorBound::all_meet_tolerance_if_decidable(bounds, accuracy),
+            missing: first_reason_of_missing_bound(bounds).map(str::to_owned),
         }
     }
 }

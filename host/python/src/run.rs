@@ -32,34 +32,34 @@ impl WorkPool {
     }
 
     /// Does it.
-    pub fn run_in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+    pub fn run_in_pool_with_stop_request<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         self.threads.install(|| self.stop.run_stoppable(work))
     }
 }
 
 /// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, is raised within a twentieth of a second. The work
 /// ends where it next looks at its [`StopRequest`], and what it finds is dropped.
-pub fn run_interruptibly<T: Send + 'static>(
+pub fn run_in_pool_interruptibly<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    run_interruptibly_with_pool(py, move |pool| pool.run_in_pool(work))
+    run_in_own_thread_interruptibly(py, move |pool| pool.run_in_pool_with_stop_request(work))
 }
 
 /// The same for work that begins in its own thread and goes to the pool by itself. Whatever is locked while the pool works has to be
 /// locked outside: a thread of the pool that waits takes up other work, which may want the same lock.
-pub fn run_interruptibly_with_pool<T: Send + 'static>(
+pub fn run_in_own_thread_interruptibly<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&WorkPool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    run_interruptibly_with_progress(py, |_| Ok(()), work)
+    run_in_own_thread_interruptibly_with_progress(py, |_| Ok(()), work)
 }
 
-/// The same with `tell`, which is called in the caller's thread between two looks for a signal, and once more when the work is done. What
+/// The same with `report_progress`, which is called in the caller's thread between two looks for a signal, and once more when the work is done. What
 /// it raises ends the work, as a signal does.
-pub fn run_interruptibly_with_progress<T: Send + 'static>(
+pub fn run_in_own_thread_interruptibly_with_progress<T: Send + 'static>(
     py: Python<'_>,
-    mut tell: impl FnMut(Python<'_>) -> PyResult<()>,
+    mut report_progress: impl FnMut(Python<'_>) -> PyResult<()>,
     work: impl FnOnce(&WorkPool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
     let failed = |error: &dyn std::fmt::Display| PyRuntimeError::new_err(format!("no thread to compute in: {error}"));
@@ -82,14 +82,14 @@ pub fn run_interruptibly_with_progress<T: Send + 'static>(
         match found {
             Ok(Ok(found)) => {
                 let found = found?;
-                tell(py)?;
+                report_progress(py)?;
                 return Ok(found);
             }
             // A mistake of the program, which Python shows as `PanicException`.
             Ok(Err(panic)) => resume_unwind(panic),
             Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(raised) = py.check_signals().and_then(|()| tell(py)) {
+                if let Err(raised) = py.check_signals().and_then(|()| report_progress(py)) {
                     stop.request_stop();
                     return Err(raised);
                 }

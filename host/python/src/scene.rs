@@ -22,7 +22,7 @@ const NO_SURFACE: &str = "Scene() is made of a scene's tables, and its argument 
 /// A panel with everything that holds, loads and drives it; never changes.
 ///
 /// The keywords are the tables of a scene file (`docs/src/scene.md`), with its keys and units: mappings for `surface`, `screen`,
-/// `press`, `finger` and `air`, sequences of mappings for the others. Two scenes are equal if they mean the same, whatever they were made from; equal
+/// `press`, `finger`, `air` and `electronics`, sequences of mappings for the others. Two scenes are equal if they mean the same, whatever they were made from; equal
 /// ones have one hash, and they can be pickled.
 ///
 /// Parameters
@@ -32,8 +32,9 @@ const NO_SURFACE: &str = "Scene() is made of a scene's tables, and its argument 
 /// surface : mapping
 ///     `kind` ("plate" or "bar"), `length_mm`, `width_mm`, `thickness_mm`, `material` (both left out where there are
 ///     layers), optionally `damping`.
-/// screen, press, finger, air : mapping, optional
-///     Which pixels lie where; the press that gaps have to bear; what rests on the place that is touched; the air around.
+/// screen, press, finger, air, electronics : mapping, optional
+///     Which pixels lie where; the press that gaps have to bear; what rests on the place that is touched; the air around; the
+///     resistors between rails and electrodes.
 /// layer, patch, cutout, support, edge, mass, actuator : sequence of mappings, optional
 ///     What there is any number of.
 ///
@@ -102,9 +103,9 @@ impl PyScene {
     // The surface has a default here, so that its lack is told in words that help; to those who ask for the signature it has none.
     #[pyo3(
         signature = (name, surface=None, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None,
-            actuator=None, press=None, finger=None, air=None),
+            actuator=None, press=None, finger=None, air=None, electronics=None),
         text_signature = "(name, surface, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None, \
-            actuator=None, press=None, finger=None, air=None)"
+            actuator=None, press=None, finger=None, air=None, electronics=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "the tables of a scene file")]
     fn new<'py>(
@@ -122,6 +123,7 @@ impl PyScene {
         press: Option<&Bound<'py, PyAny>>,
         finger: Option<&Bound<'py, PyAny>>,
         air: Option<&Bound<'py, PyAny>>,
+        electronics: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         if surface.is_none() {
             return Err(PyTypeError::new_err(NO_SURFACE));
@@ -141,11 +143,12 @@ impl PyScene {
             ("press", press),
             ("finger", finger),
             ("air", air),
+            ("electronics", electronics),
         ];
         for (key, value) in all {
             keywords.set_item(key, value)?;
         }
-        Self::from_toml_table(py, &document::table_from_keywords(&keywords)?)
+        Self::from_toml_table(py, &document::scene_table_with_version_from_keywords(&keywords)?)
     }
 
     /// A scene from the text of a scene file.
@@ -245,8 +248,8 @@ impl PyScene {
     /// 0.04
     /// >>> plate.with_(actuator={"right": None}).actuator_ids
     /// ('left',)
-    #[pyo3(signature = (**changes))]
-    fn with_(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    #[pyo3(name = "with_", signature = (**changes))]
+    fn with_changes(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut table = self.parse_toml_table();
         if let Some(changes) = changes {
             document::change_table_by_keywords(&mut table, changes)?;
@@ -288,7 +291,8 @@ impl PyScene {
     /// ------
     /// RequestError
     ///     The screen, or the surface, has no such place.
-    fn point_m(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), Raised> {
+    #[pyo3(name = "point_m")]
+    fn surface_point_at_px(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), Raised> {
         match self.scene.surface_point_at_px(x_px, y_px) {
             Ok(place) => Ok(place.coordinates_m()),
             Err(PixelError::Screen(error)) => {
@@ -334,10 +338,10 @@ impl PyScene {
         self.scene.surface.thickness_m
     }
 
-    /// Of the surface without anything that is attached to it, in kg.
-    #[getter]
-    fn mass_kg(&self) -> f64 {
-        self.scene.surface_mass_kg()
+    /// Mass of the surface in kg, without anything that is attached to it, and with the air that moves with it.
+    #[getter(mass_kg)]
+    fn bare_surface_mass_with_air_kg(&self) -> f64 {
+        self.scene.surface_mass_with_air_kg()
     }
 
     /// The actuators' ids, in the order of all arrays.
@@ -401,17 +405,17 @@ fn positions_as_array<'py>(
 
 /// Equal scenes have equal numbers, so that it is enough to hash these; zeros are equal whatever their sign.
 fn hash_scene(scene: &Scene) -> u64 {
-    fn add(value: &serde_json::Value, hasher: &mut DefaultHasher) {
+    fn hash_json_value(value: &serde_json::Value, hasher: &mut DefaultHasher) {
         match value {
             serde_json::Value::Number(number) => (number.as_f64().unwrap_or(f64::NAN) + 0.0).to_bits().hash(hasher),
             serde_json::Value::String(text) => text.hash(hasher),
             serde_json::Value::Bool(flag) => flag.hash(hasher),
             serde_json::Value::Null => 0_u8.hash(hasher),
-            serde_json::Value::Array(list) => list.iter().for_each(|value| add(value, hasher)),
-            serde_json::Value::Object(map) => map.values().for_each(|value| add(value, hasher)),
+            serde_json::Value::Array(list) => list.iter().for_each(|value| hash_json_value(value, hasher)),
+            serde_json::Value::Object(map) => map.values().for_each(|value| hash_json_value(value, hasher)),
         }
     }
     let mut hasher = DefaultHasher::new();
-    add(&serde_json::to_value(scene).unwrap_or_default(), &mut hasher);
+    hash_json_value(&serde_json::to_value(scene).unwrap_or_default(), &mut hasher);
     hasher.finish()
 }

@@ -4,18 +4,22 @@ use crate::arguments::UnitCubePoint;
 use crate::design::Design;
 use crate::errors::{Raised, build_scene_exception};
 use crate::results::{convert_to_python_by_json, read_only_array};
-use crate::run::{run_interruptibly, run_interruptibly_with_pool, run_interruptibly_with_progress};
+use crate::run::{
+    run_in_own_thread_interruptibly, run_in_own_thread_interruptibly_with_progress, run_in_pool_interruptibly,
+};
 use crate::scene::PyScene;
 use crate::tables::run_with_plan_table;
 use era_model::model::Accuracy;
 use era_model::text_file::read_text_file;
 use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
-use era_study::result::{DesignTable, TableEntry, constraint_margins_of_design, objective_values_of_design};
-use era_study::run::{
-    DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, decode_task_rows,
-    encode_task_rows,
+use era_study::result::{
+    DesignTable, TableEntry, constraint_names_and_excesses_of_design, objective_names_and_losses_of_design,
 };
-use era_study::written::verify_and_write_results;
+use era_study::run::{
+    DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask,
+    decode_task_rows_if_of_study_and_task, encode_task_rows,
+};
+use era_study::written::verify_and_write_results_unless_stopped;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
 use std::path::{Path, PathBuf};
@@ -70,7 +74,7 @@ pub struct PyStudy {
 }
 
 /// What one is made from.
-type Made<'py> = (String, Bound<'py, PyAny>);
+type ConstructorArguments<'py> = (String, Bound<'py, PyAny>);
 
 /// Who may stop work, and wants to know how much is done.
 struct ProgressObserver {
@@ -81,9 +85,9 @@ struct ProgressObserver {
 }
 
 impl ProgressObserver {
-    fn send_designs(&self, designs: usize) {
+    fn send_count_of_further_designs(&self, further_designs: usize) {
         // Nobody listens after a signal.
-        let _ = self.more.send(designs);
+        let _ = self.more.send(further_designs);
     }
 }
 
@@ -92,19 +96,19 @@ impl StudyObserver for ProgressObserver {
         self.stop.is_stop_requested()
     }
 
-    fn report_start(&self, there: usize, _all: usize) {
+    fn report_already_computed_of_all_at_start(&self, there: usize, _all: usize) {
         if there > 0 {
-            self.send_designs(there);
+            self.send_count_of_further_designs(there);
         }
     }
 
-    fn report_found_designs(&self, designs: usize) {
-        self.send_designs(designs);
+    fn report_further_designs_found_in_folder(&self, designs: usize) {
+        self.send_count_of_further_designs(designs);
     }
 
-    fn report_computed_designs(&self, designs: usize) {
+    fn report_newly_computed_designs(&self, designs: usize) {
         self.done.fetch_add(designs, Ordering::Relaxed);
-        self.send_designs(designs);
+        self.send_count_of_further_designs(designs);
     }
 }
 
@@ -119,17 +123,25 @@ impl PyStudy {
         Self { study: Arc::new(study), evaluator, text, scene_text }
     }
 
-    fn decode_rows_argument(&self, field: &str, task: StudyTask, bytes: &[u8]) -> Result<Vec<DesignRow>, Raised> {
+    fn decode_rows_argument_or_raise(
+        &self,
+        field: &str,
+        task: StudyTask,
+        bytes: &[u8],
+    ) -> Result<Vec<DesignRow>, Raised> {
         let allowed = "what compute() of this study and this version has given for this task";
-        decode_task_rows(&self.study.fingerprint(), task, bytes)
+        decode_task_rows_if_of_study_and_task(&self.study.fingerprint(), task, bytes)
             .ok_or_else(|| Raised::wrong_argument(field, "other bytes", allowed))
     }
 
     /// The names of objectives or constraints.
-    fn names_of_study_values(&self, of: fn(&Study, &DesignRow) -> Vec<(String, f64)>) -> Vec<String> {
+    fn names_of_constraints_or_objectives(
+        &self,
+        list_values: fn(&Study, &DesignRow) -> Vec<(String, f64)>,
+    ) -> Vec<String> {
         let design = self.study.space.design_of_scene_file();
         let nothing = DesignRow { point: Vec::new(), design, outcome: DesignOutcome::Failed(String::new()) };
-        of(&self.study, &nothing).into_iter().map(|(name, _)| name).collect()
+        list_values(&self.study, &nothing).into_iter().map(|(name, _)| name).collect()
     }
 
     fn parse_task_argument(&self, name: &str) -> Result<StudyTask, Raised> {
@@ -137,7 +149,7 @@ impl PyStudy {
         task.ok_or_else(|| Raised::wrong_argument("task", name, "one of tasks()"))
     }
 
-    fn open_study_folder(&self, folder: PathBuf) -> Result<StudyFolder, Raised> {
+    fn open_or_create_study_folder(&self, folder: PathBuf) -> Result<StudyFolder, Raised> {
         Ok(StudyFolder::open_or_create(&folder, self.study.fingerprint())?)
     }
 }
@@ -192,56 +204,56 @@ impl PyStudy {
     }
 
     /// The text of its file.
-    #[getter]
-    fn text(&self) -> &str {
+    #[getter(text)]
+    fn study_file_text(&self) -> &str {
         &self.text
     }
 
     /// The scene as it is.
-    #[getter]
-    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    #[getter(scene)]
+    fn build_python_scene_of_file<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.get_type::<PyScene>().getattr("from_toml")?.call1((&self.scene_text,))
     }
 
     /// How many designs are looked at, the scene as it is not counted.
-    #[getter]
-    fn designs(&self) -> usize {
+    #[getter(designs)]
+    fn count_designs(&self) -> usize {
         self.study.count_designs()
     }
 
     /// The figures that are computed of every design, as columns are called.
-    #[getter]
-    fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+    #[getter(figures)]
+    fn figure_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
         pyo3::types::PyTuple::new(py, self.study.figures.iter().map(|wanted| wanted.column_name()))
     }
 
     /// The dimensions of the unit cube that designs are points of: one for each number, choice and count that varies, two for a place.
-    #[getter]
-    fn dimensions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+    #[getter(dimensions)]
+    fn dimension_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
         pyo3::types::PyTuple::new(py, self.study.space.dimensions().iter().map(|dimension| &dimension.name))
     }
 
     /// How many values each dimension has, equal parts of 0 to 1 standing for each; None where any number between two will do.
-    #[getter]
-    fn dimension_counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+    #[getter(dimension_counts)]
+    fn value_counts_of_dimensions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
         pyo3::types::PyTuple::new(py, self.study.space.dimensions().iter().map(|dimension| dimension.count))
     }
 
     /// What is wished for, as "most weakest_g": in the order of `Design.objectives`.
-    #[getter]
-    fn objectives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.names_of_study_values(objective_values_of_design))
+    #[getter(objectives)]
+    fn objective_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.names_of_constraints_or_objectives(objective_names_and_losses_of_design))
     }
 
     /// The bounds of all limits, as "sag_um at most 800": in the order of `Design.constraints`.
-    #[getter]
-    fn constraints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.names_of_study_values(constraint_margins_of_design))
+    #[getter(constraints)]
+    fn constraint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.names_of_constraints_or_objectives(constraint_names_and_excesses_of_design))
     }
 
     /// What the study follows from (its file, the scene's, this program), as one number in hexadecimal digits.
-    #[getter]
-    fn key(&self) -> String {
+    #[getter(key)]
+    fn fingerprint_as_hex(&self) -> String {
         use std::fmt::Write;
         self.study.fingerprint().iter().fold(String::new(), |mut text, byte| {
             let _ = write!(text, "{byte:02x}");
@@ -255,7 +267,8 @@ impl PyStudy {
     /// Returns
     /// -------
     /// tuple of str
-    fn tasks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+    #[pyo3(name = "tasks")]
+    fn list_task_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
         let names: Vec<String> = self.study.list_tasks().map(|task| task.to_string()).collect();
         pyo3::types::PyTuple::new(py, names)
     }
@@ -269,7 +282,8 @@ impl PyStudy {
     /// Returns
     /// -------
     /// int
-    fn size(&self, task: &str) -> Result<usize, Raised> {
+    #[pyo3(name = "size")]
+    fn count_designs_of_task(&self, task: &str) -> Result<usize, Raised> {
         Ok(self.study.count_designs_of_task(self.parse_task_argument(task)?))
     }
 
@@ -288,8 +302,8 @@ impl PyStudy {
     /// -------
     /// bytes
     ///     The rows as the study's folder keeps them. A design that fails is a row with its reason.
-    #[pyo3(signature = (task, losses=None, *, threads=None))]
-    fn compute<'py>(
+    #[pyo3(name = "compute", signature = (task, losses=None, *, threads=None))]
+    fn compute_task_rows<'py>(
         &self,
         py: Python<'py>,
         task: &str,
@@ -309,8 +323,8 @@ impl PyStudy {
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
         let work = move || study.compute_task_rows(task, &losses, &*evaluator);
         let rows = match threads {
-            None => run_interruptibly(py, move || Ok(work()))?,
-            Some(threads) => run_interruptibly_with_pool(py, move |_| {
+            None => run_in_pool_interruptibly(py, move || Ok(work()))?,
+            Some(threads) => run_in_own_thread_interruptibly(py, move |_| {
                 let pool = rayon::ThreadPoolBuilder::new()
                     .num_threads(threads)
                     .build()
@@ -366,10 +380,11 @@ impl PyStudy {
     /// >>> found = study.evaluate([0.5])
     /// >>> found.values, bool(found.constraints[0] <= 0.0)
     /// ({'surface.thickness_mm': 2.0}, True)
-    fn evaluate(&self, py: Python<'_>, point: UnitCubePoint) -> PyResult<Design> {
+    #[pyo3(name = "evaluate")]
+    fn evaluate_design_at_point(&self, py: Python<'_>, point: UnitCubePoint) -> PyResult<Design> {
         let point = point.check_in_unit_cube(self.study.space.dimensions().len())?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let row = run_interruptibly(py, move || Ok(study.compute_row_at_point(point, &*evaluator)))?;
+        let row = run_in_pool_interruptibly(py, move || Ok(study.compute_row_at_point(point, &*evaluator)))?;
         Design::from_row(py, &self.study, row)
     }
 
@@ -385,15 +400,18 @@ impl PyStudy {
     /// Returns
     /// -------
     /// list of float
-    fn losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
+    #[pyo3(name = "losses")]
+    fn compute_generation_losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
         let own = self.parse_task_argument(task)?;
         let StudyTask::Generation { run, .. } = own else {
             return Err(Raised::wrong_argument("task", task, "a generation"));
         };
-        let (base, rows) =
-            (self.decode_rows_argument("base", StudyTask::Base, base)?, self.decode_rows_argument("rows", own, rows)?);
+        let (base, rows) = (
+            self.decode_rows_argument_or_raise("base", StudyTask::Base, base)?,
+            self.decode_rows_argument_or_raise("rows", own, rows)?,
+        );
         let base = base.first().ok_or_else(|| Raised::wrong_argument("base", "no rows", "the scene's row"))?;
-        Ok(self.study.losses_of_generation(run, base, &rows))
+        Ok(self.study.compute_losses_for_search_run(run, base, &rows))
     }
 
     /// The rows of a task in a folder; `None` if they are not there, or not whole.
@@ -407,9 +425,15 @@ impl PyStudy {
     /// Returns
     /// -------
     /// bytes or None
-    fn kept<'py>(&self, py: Python<'py>, folder: PathBuf, task: &str) -> PyResult<Option<Bound<'py, PyBytes>>> {
+    #[pyo3(name = "kept")]
+    fn read_task_rows<'py>(
+        &self,
+        py: Python<'py>,
+        folder: PathBuf,
+        task: &str,
+    ) -> PyResult<Option<Bound<'py, PyBytes>>> {
         let task = self.parse_task_argument(task)?;
-        let rows = self.open_study_folder(folder)?.rows(task).map_err(Raised::from)?;
+        let rows = self.open_or_create_study_folder(folder)?.load_task_rows_if_complete(task).map_err(Raised::from)?;
         let bytes = rows
             .map(|rows| encode_task_rows(&self.study.fingerprint(), task, &rows))
             .transpose()
@@ -433,9 +457,10 @@ impl PyStudy {
     ///     They cannot be written.
     /// RequestError
     ///     The folder is another study's, or the bytes are none of this one.
-    fn keep(&self, folder: PathBuf, task: &str, rows: &[u8]) -> Result<(), Raised> {
-        let (task, folder) = (self.parse_task_argument(task)?, self.open_study_folder(folder)?);
-        if folder.write_encoded_task_rows(task, rows)? {
+    #[pyo3(name = "keep")]
+    fn write_task_rows(&self, folder: PathBuf, task: &str, rows: &[u8]) -> Result<(), Raised> {
+        let (task, folder) = (self.parse_task_argument(task)?, self.open_or_create_study_folder(folder)?);
+        if folder.write_encoded_task_rows_if_of_study(task, rows)? {
             return Ok(());
         }
         Err(Raised::wrong_argument(
@@ -458,9 +483,14 @@ impl PyStudy {
     /// -------
     /// int
     ///     How many designs were computed.
-    #[pyo3(signature = (folder, progress=None))]
-    fn compute_all(&self, py: Python<'_>, folder: PathBuf, progress: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
-        let folder = self.open_study_folder(folder)?;
+    #[pyo3(name = "compute_all", signature = (folder, progress=None))]
+    fn compute_missing_designs(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<usize> {
+        let folder = self.open_or_create_study_folder(folder)?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
         let (more, coming) = channel();
         let (mut there, all) = (0, self.study.count_designs());
@@ -473,10 +503,11 @@ impl PyStudy {
             }
             Ok(())
         };
-        run_interruptibly_with_progress(py, tell, move |pool| {
+        run_in_own_thread_interruptibly_with_progress(py, tell, move |pool| {
             let watched = ProgressObserver { stop: pool.stop_request(), done: AtomicUsize::new(0), more };
-            let ended = pool
-                .run_in_pool(|| era_study::run::run_study_shard(&study, &folder, &*evaluator, Shard::ALL, &watched))?;
+            let ended = pool.run_in_pool_with_stop_request(|| {
+                era_study::run::compute_missing_rows_of_shard(&study, &folder, &*evaluator, Shard::ALL, &watched)
+            })?;
             match ended {
                 RunEnd::Done => Ok(watched.done.load(Ordering::Relaxed)),
                 // Nobody waits for it.
@@ -508,11 +539,12 @@ impl PyStudy {
     /// -----
     /// ModelWarning
     ///     Gaps of the scene as it is do not bear its press.
-    fn write<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
-        let own = self.open_study_folder(folder.clone())?;
+    #[pyo3(name = "write")]
+    fn verify_and_write_results_into<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
+        let own = self.open_or_create_study_folder(folder.clone())?;
         let study = self.study.clone();
         // Of the scene itself, not of each design, as there are many, which lack the same stops. Where it cannot be modelled its own row says why.
-        if let Some(scene) = study.space.scene_if_stops_missing() {
+        if let Some(scene) = study.space.base_scene_if_any_grounded_actuator_lacks_stop() {
             let told = run_with_plan_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
             let ours = py.import("era._errors")?.getattr("EraError")?;
             if let Err(error) = told
@@ -521,9 +553,11 @@ impl PyStudy {
                 return Err(error);
             }
         }
-        let summary = run_interruptibly_with_pool(py, move |pool| {
+        let summary = run_in_own_thread_interruptibly(py, move |pool| {
             let stop = pool.stop_request();
-            let written = pool.run_in_pool(|| verify_and_write_results(&study, &own, &|| stop.is_stop_requested()))?;
+            let written = pool.run_in_pool_with_stop_request(|| {
+                verify_and_write_results_unless_stopped(&study, &own, &|| stop.is_stop_requested())
+            })?;
             Ok(written.map(|written| written.summarise_as_json(&study, &folder)))
         })?;
         convert_to_python_by_json(py, &summary)
@@ -542,9 +576,10 @@ impl PyStudy {
     ///     each variable and figure its values: float64 [design], NaN where there is none, or for a choice a list of its names. Where something may be off
     ///     each figure's name with `_low` and `_high` has its least and most over all samples of that. `weakest_x_mm` and `weakest_y_mm` are the weakest place of
     ///     the first figure that has one, if any does, NaN for a design that failed.
-    fn table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
-        let table =
-            DesignTable::gather_from_folder(&self.study, &self.open_study_folder(folder)?).map_err(Raised::from)?;
+    #[pyo3(name = "table")]
+    fn build_design_table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
+        let table = DesignTable::gather_from_folder(&self.study, &self.open_or_create_study_folder(folder)?)
+            .map_err(Raised::from)?;
         let rows = || std::iter::once(&table.base).chain(&table.entries);
         let found = PyDict::new(py);
         found.set_item("status", rows().map(|own| own.status.name()).collect::<Vec<_>>())?;
@@ -554,20 +589,24 @@ impl PyStudy {
             if column.words.is_some() {
                 found.set_item(
                     &column.name,
-                    rows().map(|own| column.text_in_design(&own.row.design)).collect::<Vec<_>>(),
+                    rows().map(|own| column.text_in_design_unless_kept(&own.row.design)).collect::<Vec<_>>(),
                 )?;
             } else {
-                let values = rows().map(|own| column.number_in_design(&own.row.design).unwrap_or(f64::NAN)).collect();
+                let values = rows()
+                    .map(|own| column.number_or_choice_index_in_design_unless_kept(&own.row.design).unwrap_or(f64::NAN))
+                    .collect();
                 found.set_item(&column.name, read_only_array(py, values))?;
             }
         }
         for (k, wanted) in table.figures.iter().enumerate() {
             let value = |own: &TableEntry| {
-                own.row.figures_if_found().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN)
+                own.row.figures_unless_failed().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN)
             };
             found.set_item(wanted.column_name(), read_only_array(py, rows().map(value).collect()))?;
             if table.has_ends {
-                let ends = |own: &TableEntry| own.row.least_and_most_of_figure(k).unwrap_or((f64::NAN, f64::NAN));
+                let ends = |own: &TableEntry| {
+                    own.row.least_and_most_of_figure_unless_failed(k).unwrap_or((f64::NAN, f64::NAN))
+                };
                 let (low, high): (Vec<f64>, Vec<f64>) = rows().map(ends).unzip();
                 found.set_item(format!("{}_low", wanted.column_name()), read_only_array(py, low))?;
                 found.set_item(format!("{}_high", wanted.column_name()), read_only_array(py, high))?;
@@ -575,7 +614,7 @@ impl PyStudy {
         }
         if table.has_weakest_places() {
             let at_mm = |own: &TableEntry| {
-                own.row.figures_if_found().and_then(|figures| figures.weakest_mm).unwrap_or([f64::NAN; 2])
+                own.row.figures_unless_failed().and_then(|figures| figures.weakest_mm).unwrap_or([f64::NAN; 2])
             };
             found.set_item("weakest_x_mm", read_only_array(py, rows().map(|own| at_mm(own)[0]).collect()))?;
             found.set_item("weakest_y_mm", read_only_array(py, rows().map(|own| at_mm(own)[1]).collect()))?;
@@ -588,7 +627,7 @@ impl PyStudy {
         format!("<Study {:?}: {} designs by {}>", spec.name, self.study.count_designs(), spec.method.way.name())
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Made<'py>)> {
-        Ok((py.get_type::<Self>(), (self.text.clone(), self.scene(py)?)))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, ConstructorArguments<'py>)> {
+        Ok((py.get_type::<Self>(), (self.text.clone(), self.build_python_scene_of_file(py)?)))
     }
 }

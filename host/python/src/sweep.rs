@@ -1,10 +1,10 @@
 //! `sweep`: responses all over the surface.
 
 use crate::arguments::{self, GivenFrequencies, GivenTolerance, GridSize, refuse_scene_without_actuators};
-use crate::errors::{Raised, raise_model_warnings};
+use crate::errors::{Raised, emit_model_warnings};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
-use crate::results::{BoundSummary, bounds_or_nan, read_only_array, read_only_array_of_shape};
-use crate::run::run_interruptibly;
+use crate::results::{ToleranceVerdict, bounds_or_nan, read_only_array, read_only_array_of_shape};
+use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::{Accuracy, BoundedAnswer, validity};
 use era_model::response::sweep::{AccelerationSweep as Found, Arithmetic};
@@ -112,9 +112,9 @@ struct SweepQuestion {
 /// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
 /// ((5, 2, 5, 7), dtype('complex64'))
 #[pyfunction]
-#[pyo3(signature = (scene, frequency_hz, *, grid=GridSize::default_size(49, 33), tolerance=None, within_s=None),
+#[pyo3(name = "sweep", signature = (scene, frequency_hz, *, grid=GridSize::default_size(49, 33), tolerance=None, within_s=None),
     text_signature = "(scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None)")]
-pub fn sweep(
+pub fn sweep_frequencies(
     py: Python<'_>,
     scene: &PyScene,
     frequency_hz: GivenFrequencies,
@@ -124,16 +124,16 @@ pub fn sweep(
 ) -> PyResult<Sweep> {
     let scene = scene.shared_scene();
     let frequencies_hz = arguments::check_frequencies_hz(frequency_hz, f64::MIN_POSITIVE)?;
-    let accuracy = arguments::choose_accuracy(tolerance, within_s)?;
-    let (x_m, y_m) = scene.grid_lines_m(arguments::check_grid_size(grid)?);
+    let accuracy = arguments::accuracy_within_time_or_tolerance(tolerance, within_s)?;
+    let (x_m, y_m) = scene.surface_grid_lines_m(arguments::check_columns_and_rows(grid)?);
     refuse_scene_without_actuators(&scene)?;
     check_number_of_values(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
-    raise_model_warnings(
+    emit_model_warnings(
         py,
         validity::list_thin_plate_warnings(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)),
     )?;
     let question = SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz };
-    if accuracy.relative_tolerance() >= SINGLE_DOES {
+    if accuracy.relative_tolerance_or_tightest() >= SINGLE_DOES {
         sweep_in_precision::<f32>(py, question)
     } else {
         sweep_in_precision::<f64>(py, question)
@@ -152,9 +152,9 @@ where
         let values = found.answer.re.iter().zip(&found.answer.im).map(|(re, im)| Complex::new(*re, *im)).collect();
         Ok((found, values, question))
     };
-    let (found, values, question) = run_interruptibly(py, move || work(question))?;
+    let (found, values, question) = run_in_pool_interruptibly(py, move || work(question))?;
     let SweepQuestion { scene, accuracy, x_m, y_m, frequencies_hz } = question;
-    let asked = BoundSummary::from_bounds(&found.bounds, accuracy);
+    let asked = ToleranceVerdict::check_whether_bounds_meet_tolerance(&found.bounds, accuracy);
     let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
     Ok(Sweep {
         actuators: scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),

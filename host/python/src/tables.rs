@@ -1,7 +1,7 @@
 //! The planner's tables, of which the latest are kept: a panel that is asked again answers at once.
 
-use crate::errors::{Raised, raise_model_warnings};
-use crate::run::{WorkPool, run_interruptibly_with_pool};
+use crate::errors::{Raised, emit_model_warnings};
+use crate::run::{WorkPool, run_in_own_thread_interruptibly};
 use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, validity};
 use era_model::scene::{MAX_ACTUATORS, Scene};
@@ -25,21 +25,21 @@ struct KeptTable {
 /// The one used last at the end; and the process that they are of: in one that was forked a table may be locked for ever.
 static TABLES: Mutex<(u32, Vec<KeptTable>)> = Mutex::new((0, Vec::new()));
 
-/// Works with the table of a scene with its finger on `places` (m), that of the scene itself where it has none.
-pub fn run_with_finger_table<T: Send + 'static>(
+/// Works with the table of a scene with its finger on `finger_places_m` (m), that of the scene itself where it has none.
+pub fn run_with_table_touched_by_scene_finger<T: Send + 'static>(
     py: Python<'_>,
     scene: &Arc<Scene>,
     accuracy: Accuracy,
-    places: Vec<(f64, f64)>,
+    finger_places_m: Vec<(f64, f64)>,
     work: impl FnOnce(&PlanTable) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
     run_with_plan_table(py, scene, accuracy, move |table| {
         if table.scene.finger.is_none() {
             return work(table);
         }
-        let (touched, options) = (table.scene.with_finger_at_places(&places), TableOptions::default());
+        let (touched, options) = (table.scene.with_finger_at_places(&finger_places_m), TableOptions::default());
         let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
-        work(&table.touched(&touched, levels, options)?)
+        work(&table.build_with_fingers_on(&touched, levels, options)?)
     })
 }
 
@@ -57,19 +57,22 @@ pub fn run_with_plan_table<T: Send + 'static>(
         // Before minutes are spent on a table that no plan comes from.
         return Err(Raised::from(PlanError::Actuators { count: scene.actuators.len() }).into());
     }
-    raise_model_warnings(py, validity::list_thin_plate_warnings(scene, TableOptions::default().to_hz))?;
+    emit_model_warnings(py, validity::list_thin_plate_warnings(scene, TableOptions::default().to_hz))?;
     let own = scene.clone();
-    let (found, doubts) = run_interruptibly_with_pool(py, move |pool| {
-        let shared = cached_plan_table(pool, &own, accuracy)?;
+    let (found, doubts) = run_in_own_thread_interruptibly(py, move |pool| {
+        let shared = get_or_compute_plan_table(pool, &own, accuracy)?;
         let table = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok((pool.run_in_pool(|| work(&table))?, era_planner::press_bounds::list_press_warnings(&table)))
+        Ok((
+            pool.run_in_pool_with_stop_request(|| work(&table))?,
+            era_planner::press_bounds::list_warnings_of_actuators_not_withstanding_press(&table),
+        ))
     })?;
-    raise_model_warnings(py, doubts)?;
+    emit_model_warnings(py, doubts)?;
     Ok(found)
 }
 
-fn cached_plan_table(pool: &WorkPool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<SharedTable, Raised> {
-    let tolerance = accuracy.relative_tolerance();
+fn get_or_compute_plan_table(pool: &WorkPool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<SharedTable, Raised> {
+    let tolerance = accuracy.relative_tolerance_or_tightest();
     let is_it = |kept: &KeptTable| kept.tolerance.to_bits() == tolerance.to_bits() && kept.scene == *scene;
     let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
     if tables.0 != std::process::id() {
@@ -84,7 +87,8 @@ fn cached_plan_table(pool: &WorkPool, scene: &Arc<Scene>, accuracy: Accuracy) ->
     }
     // Others look for theirs meanwhile.
     drop(tables);
-    let prepared = pool.run_in_pool(|| cache::prepare(None, scene, accuracy, TableOptions::default()))?;
+    let prepared =
+        pool.run_in_pool_with_stop_request(|| cache::prepare_table(None, scene, accuracy, TableOptions::default()))?;
     let table: SharedTable = Arc::new(Mutex::new(prepared.table));
     let kept = &mut TABLES.lock().unwrap_or_else(PoisonError::into_inner).1;
     kept.push(KeptTable { scene: scene.clone(), tolerance, table: table.clone() });

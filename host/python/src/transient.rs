@@ -1,15 +1,15 @@
 //! `transient`: motion after drives are switched on.
 
-use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
-use crate::errors::{Raised, raise_model_warnings};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
+use crate::errors::{Raised, emit_model_warnings};
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::read_only_array;
-use crate::run::run_interruptibly;
+use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::scene::Scene;
 use era_model::transient::panel::{
-    NO_BOUND, SwitchedForce, choose_time_grid, compute_motion_after_switch_on, highest_drive_frequency_hz,
+    NO_BOUND, SwitchedForce, choose_time_grid, compute_motion_after_switch_on, highest_drive_frequency_or_1_hz,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -64,14 +64,14 @@ impl Transient {
 }
 
 /// A drive as given, in a sequence of any kind: actuator, frequency in Hz, amplitude in N, phase of the cosine in rad.
-pub struct DriveGiven {
+pub struct GivenDrive {
     id: String,
     frequency_hz: f64,
     force_n: f64,
     phase_rad: f64,
 }
 
-impl<'py> FromPyObject<'_, 'py> for DriveGiven {
+impl<'py> FromPyObject<'_, 'py> for GivenDrive {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
@@ -91,17 +91,26 @@ impl<'py> FromPyObject<'_, 'py> for DriveGiven {
     }
 }
 
-impl DriveGiven {
-    fn into_switched_force(self, scene: &Scene, at: usize) -> Result<SwitchedForce, Raised> {
+impl GivenDrive {
+    fn into_switched_force(self, scene: &Scene, drive_index: usize) -> Result<SwitchedForce, Raised> {
         let Self { id, frequency_hz, force_n, phase_rad } = self;
         let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
         let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
-        let wrong =
-            || Raised::wrong_argument(format!("drives[{at}][0]"), id.as_str(), format!("an actuator: {}", known()));
+        let wrong = || {
+            Raised::wrong_argument(
+                format!("drives[{drive_index}][0]"),
+                id.as_str(),
+                format!("an actuator: {}", known()),
+            )
+        };
         let drive = SwitchedForce { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };
         drive.check_frequency_and_force()?;
         if !phase_rad.is_finite() {
-            return Err(Raised::wrong_argument(format!("drives[{at}][3]"), phase_rad, "a finite phase in rad"));
+            return Err(Raised::wrong_argument(
+                format!("drives[{drive_index}][3]"),
+                phase_rad,
+                "a finite phase in rad",
+            ));
         }
         Ok(drive)
     }
@@ -146,18 +155,18 @@ impl DriveGiven {
 /// >>> found.time_s.shape, float(found.displacement_m[0]) == 0.0, found.error_bound
 /// ((5001,), True, None)
 #[pyfunction]
-#[pyo3(signature = (scene, at_m, drives, *, duration_s=1.0, step_s=1e-4, tolerance=None))]
-pub fn transient(
+#[pyo3(name = "transient", signature = (scene, at_m, drives, *, duration_s=1.0, step_s=1e-4, tolerance=None))]
+pub fn compute_transient_motion(
     py: Python<'_>,
     scene: &PyScene,
     at_m: GivenPlace,
-    drives: Vec<DriveGiven>,
+    drives: Vec<GivenDrive>,
     duration_s: f64,
     step_s: f64,
     tolerance: Option<GivenTolerance>,
 ) -> PyResult<Transient> {
     let scene = scene.shared_scene();
-    let at_m = at_m.locate_on_surface_m(&scene, "at_m")?;
+    let at_m = at_m.check_place_on_surface_m(&scene, "at_m")?;
     let accuracy = asked(tolerance, None)?;
     let drives = drives
         .into_iter()
@@ -168,15 +177,15 @@ pub fn transient(
         return Err(Raised::wrong_argument("len(drives)", 0, "1 and above").into());
     }
     let grid = choose_time_grid(duration_s, step_s).map_err(Raised::from)?;
-    raise_model_warnings(py, validity::list_thin_plate_warnings(&scene, highest_drive_frequency_hz(&drives)))?;
-    let (motion, settled_s) = run_interruptibly(py, move || {
+    emit_model_warnings(py, validity::list_thin_plate_warnings(&scene, highest_drive_frequency_or_1_hz(&drives)))?;
+    let (motion, settled_s) = run_in_pool_interruptibly(py, move || {
         let motion = compute_motion_after_switch_on(&scene, accuracy, at_m, &drives, grid)?;
-        let settled_s = motion.settling_time_of_single_drive_s(&drives);
+        let settled_s = motion.settling_time_unless_several_drives_s(&drives);
         Ok((motion, settled_s))
     })?;
     Ok(Transient {
         at_m,
-        peak_m_s2: motion.peak_acceleration_m_per_s2(),
+        peak_m_s2: motion.largest_acceleration_over_time_m_per_s2(),
         steady_peak_m_s2: motion.steady_peak_m_per_s2,
         settled_s,
         time_s: read_only_array(py, motion.time_s),

@@ -1,12 +1,12 @@
 //! `verify`: prediction against the simulated device.
 
-use crate::arguments::{GivenPlace, GivenTolerance, choose_accuracy as asked};
+use crate::arguments::{GivenPlace, GivenTolerance, accuracy_within_time_or_tolerance as asked};
 use crate::errors::Raised;
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::{parse_json_to_python, read_only_array, read_only_array_of_shape, serialise_to_json};
 use crate::scene::PyScene;
 use crate::tables::run_with_plan_table;
-use era::verify::{Comparison, compare_all, spread_points_over};
+use era::verify::{SimulationComparison, compare_plans_at_points_with_simulation, spread_points_over};
 use era_planner::{DEFAULT_INTENSITY_G, Target};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -94,7 +94,7 @@ impl Verification {
 
 /// How many points, or which.
 #[derive(FromPyObject)]
-pub enum Points {
+pub enum GivenPoints {
     Count(u32),
     Places(Vec<GivenPlace>),
 }
@@ -131,32 +131,34 @@ pub enum Points {
 /// >>> found.predicted_g.shape, found.largest_difference < 0.05
 /// ((1,), True)
 #[pyfunction]
-#[pyo3(signature = (scene, *, points=Points::Count(10), intensity_g=DEFAULT_INTENSITY_G, tolerance=None),
+#[pyo3(name = "verify", signature = (scene, *, points=GivenPoints::Count(10), intensity_g=DEFAULT_INTENSITY_G, tolerance=None),
     text_signature = "(scene, *, points=10, intensity_g=0.5, tolerance=None)")]
-pub fn verify(
+pub fn compare_plans_with_simulation(
     py: Python<'_>,
     scene: &PyScene,
-    points: Points,
+    points: GivenPoints,
     intensity_g: f64,
     tolerance: Option<GivenTolerance>,
 ) -> PyResult<Verification> {
     let scene = scene.shared_scene();
     let accuracy = asked(tolerance, None)?;
     let places = match points {
-        Points::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_points_over(&scene, count),
-        Points::Count(count) => {
+        GivenPoints::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_points_over(&scene, count),
+        GivenPoints::Count(count) => {
             return Err(Raised::wrong_argument("points", f64::from(count), format!("1 to {MOST_POINTS}")).into());
         }
-        Points::Places(places) => {
-            let on = |(i, place): (usize, GivenPlace)| place.locate_on_surface_m(&scene, &format!("points[{i}]"));
+        GivenPoints::Places(places) => {
+            let on = |(i, place): (usize, GivenPlace)| place.check_place_on_surface_m(&scene, &format!("points[{i}]"));
             places.into_iter().enumerate().map(on).collect::<Result<_, _>>()?
         }
     };
     let target = |&(x_m, y_m): &(f64, f64)| Target { x_m, y_m, intensity_g: Some(intensity_g) };
     let targets: Vec<Target> = places.iter().map(target).collect();
-    let found = run_with_plan_table(py, &scene, accuracy, move |table| Ok(compare_all(table, &targets)?))?;
-    let of = |figure: fn(&Comparison) -> f64| read_only_array(py, found.iter().map(figure).collect());
-    let largest = |c: &Comparison| c.difference.abs().max(c.band_difference.abs());
+    let found = run_with_plan_table(py, &scene, accuracy, move |table| {
+        Ok(compare_plans_at_points_with_simulation(table, &targets)?)
+    })?;
+    let of = |figure: fn(&SimulationComparison) -> f64| read_only_array(py, found.iter().map(figure).collect());
+    let largest = |c: &SimulationComparison| c.difference.abs().max(c.band_difference.abs());
     Ok(Verification {
         xy_m: read_only_array_of_shape(
             py,

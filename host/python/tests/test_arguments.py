@@ -54,7 +54,7 @@ def test_places_of_every_function() -> None:
         lambda place: [drive.voltage_v for drive in era.plan(PLATE, place).drives],
         lambda place: [drive.voltage_v for drive in era.plan(PLATE, (0.02, 0.02), also=[place]).drives],
         lambda place: era.field(PLATE, place).peak_g,
-        lambda place: era.effect(PLATE, place, "click").to_dict()["drives"][0]["voltage_v"],
+        lambda place: era.effect(PLATE, place, "buzz").to_dict()["drives"][0]["voltage_v"],
         lambda place: era.verify(PLATE, points=[place]).predicted_g,
     ]
     for call in calls:

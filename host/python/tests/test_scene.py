@@ -76,6 +76,22 @@ def test_changed_copies(plate: era.Scene) -> None:
     assert held.with_(edge={"left": {"kind": "clamped"}}).to_dict()["edge"] == [{"side": "left", "kind": "clamped"}]
 
 
+def test_electronics_and_cables_are_tables_and_keys(plate: era.Scene) -> None:
+    resistors = {"charging_resistance_ohm": 1e6, "discharging_resistance_ohm": 1e5, "discharging_delay_us": 15.0}
+    behind = plate.with_(electronics=resistors, actuator={"left": {"cable_capacitance_pf": 120.0}})
+    assert behind != plate and behind.to_dict()["electronics"] == resistors
+    assert behind.with_(electronics={"charging_resistance_ohm": 0.0, "discharging_resistance_ohm": 0.0, "discharging_delay_us": 0.0}) != behind
+    tables = behind.to_dict()
+    tables.pop("version")
+    assert era.Scene(**tables) == behind
+    assert behind.with_(electronics=None, actuator={"left": {"cable_capacitance_pf": None}}) == plate
+    with pytest.raises(era.SceneError, match="electronics.charging_resistance_ohm"):
+        plate.with_(electronics={"charging_resistance_ohm": 1e7})
+    drives = [era.plan(scene, (0.1, 0.05), intensity_g=0.2, tolerance="fast").drives for scene in (plate, behind)]
+    assert all(drive.force_phase_rad == drive.phase_rad == 0.0 for drive in drives[0])
+    assert all(drive.phase_rad == 0.0 and -0.5 < drive.force_phase_rad < -0.02 for drive in drives[1])
+
+
 def test_what_a_scene_tells(plate: era.Scene, bar: era.Scene) -> None:
     assert (plate.kind, plate.length_m, plate.width_m, plate.thickness_m) == ("plate", 0.3, 0.2, 0.002)
     assert plate.mass_kg == pytest.approx(2700.0 * 0.3 * 0.2 * 0.002)

@@ -145,7 +145,7 @@ finalists = 1
     (best,) = found.best
     assert best.worst == {"mass_g": high[0]} and best.figures["mass_g"] == meant[0] and best.breaks is None
     assert best.error_bound is None and best.tolerance_met is None and best.error_bounds == {"mass_g": None}
-    assert f"# mass_g = {high[0]:.1f} at worst, of what may be off" in (found.folder / "best-1.toml").read_text()
+    assert f"# mass_g = {high[0]:.1f} at worst, over the samples of the uncertain values" in (found.folder / "best-1.toml").read_text()
     (tmp_path / "plate.toml").write_text(study.scene.to_toml(), encoding="utf-8")
     (tmp_path / "heavy.toml").write_text(text, encoding="utf-8")
     # A file's results are where the command line's are.

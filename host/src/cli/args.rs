@@ -13,15 +13,15 @@ use std::time::Duration;
 use super::Failure;
 use super::headings::{ACCESS, DAEMON, DEVICE, LISTENING, MODEL, RECORDING, TOUCH};
 use super::values::{
-    Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_press, parse_proxy, parse_time,
-    parse_url,
+    Point, parse_comma_separated_grid_counts, parse_finite_number, parse_npy_path, parse_outgoing_http_proxy,
+    parse_png_path, parse_press_n, parse_time, parse_unitless_point, parse_url,
 };
-use super::wishes::Wishes;
+use super::wishes::PlanWishes;
 
 /// The scene and how accurately to model it.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
-pub struct Panel {
+pub struct PanelOptions {
     /// Scene file (see docs/src/scene.md) [default: the example plate]
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
@@ -36,30 +36,30 @@ pub struct Panel {
     pub explain: bool,
 }
 
-impl Panel {
+impl PanelOptions {
     /// The scene.
-    pub fn load(&self) -> Result<Scene, Failure> {
-        Ok(self.load_text()?.0)
+    pub fn load_scene(&self) -> Result<Scene, Failure> {
+        Ok(self.load_scene_and_text()?.0)
     }
 
     /// The scene, and its file's text.
-    pub fn load_text(&self) -> Result<(Scene, String), Failure> {
+    pub fn load_scene_and_text(&self) -> Result<(Scene, String), Failure> {
         let (source, text) = match &self.scene {
-            Some(path) => (path.display().to_string(), Scene::read_scene_text(path).map_err(Failure::usage)?),
+            Some(path) => (path.display().to_string(), Scene::read_scene_text(path).map_err(Failure::usage_error)?),
             None => ("examples/scenes/plate.toml".into(), crate::scene::EXAMPLE_PLATE.into()),
         };
-        Ok((Scene::parse(&source, &text).map_err(Failure::usage)?, text))
+        Ok((Scene::parse(&source, &text).map_err(Failure::usage_error)?, text))
     }
 
     /// The accuracy of what climbs from level to level: a tolerance, or the time that there is.
-    pub fn accuracy_within(&self, time: Time) -> Result<Accuracy, Failure> {
-        time.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::best_within_time(time)))
+    pub fn accuracy_from_time_limit_or_options(&self, time_limit: TimeLimit) -> Result<Accuracy, Failure> {
+        time_limit.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::best_within_time(time)))
     }
 
     /// The accuracy of all else.
     pub fn accuracy(&self) -> Result<Accuracy, Failure> {
         match (self.accuracy, self.tolerance) {
-            (_, Some(tolerance)) => Accuracy::from_tolerance(tolerance).map_err(Failure::usage),
+            (_, Some(tolerance)) => Accuracy::from_tolerance(tolerance).map_err(Failure::usage_error),
             (Some(accuracy), None) => Ok(accuracy),
             (None, None) => Ok(Accuracy::BALANCED),
         }
@@ -69,8 +69,9 @@ impl Panel {
 /// A time in place of a tolerance, for commands that climb from level to level.
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
-pub struct Time {
-    /// Instead of a tolerance: the most accurate answer within this time, such as 50ms or 2s; the bound says what was reached
+pub struct TimeLimit {
+    /// Instead of a tolerance: compute the most accurate answer within this time, such as 50ms or 2s; the error bound says how
+    /// accurate the answer is
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
     pub within: Option<Duration>,
 }
@@ -78,21 +79,23 @@ pub struct Time {
 /// Whether plan tables are kept on disk.
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
-pub struct Keep {
+pub struct CacheOptions {
     /// Compute the plan table even if it is on disk, and do not change the file (see docs/src/accuracy.md, "Start-up")
     #[arg(long)]
     pub no_cache: bool,
 }
 
-impl Keep {
+impl CacheOptions {
     /// Where they are kept.
-    pub fn cache(self) -> Option<Cache> {
+    pub fn open_table_cache_unless_disabled(self) -> Option<Cache> {
         if self.no_cache {
             return None;
         }
-        let cache = Cache::of_user();
+        let cache = Cache::for_user_if_any_variable_set();
         if cache.is_none() {
-            tracing::debug!("none of {DIRECTORY_VARIABLE}, XDG_CACHE_HOME and HOME names a directory: nothing is kept");
+            tracing::debug!(
+                "none of {DIRECTORY_VARIABLE}, XDG_CACHE_HOME and HOME names a directory: plan tables are not stored"
+            );
         }
         cache
     }
@@ -104,9 +107,9 @@ pub struct Serve {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     /// sim (the default), emulated, auto (finds the board), or the path of a serial port
     #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
@@ -117,7 +120,7 @@ pub struct Serve {
     /// $XDG_RUNTIME_DIR, if this variable is set]
     #[arg(long, value_name = "PATH", help_heading = LISTENING)]
     pub socket: Option<PathBuf>,
-    /// File of tokens, with lines ROLE SECRET (view, touch or arm); requests then need a token
+    /// File of tokens; each line has a role (view, touch or arm) and a secret. Requests then need a token
     #[arg(long, value_name = "FILE", help_heading = ACCESS)]
     pub token_file: Option<PathBuf>,
     /// Serve with TLS, with this certificate in PEM
@@ -130,26 +133,27 @@ pub struct Serve {
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
     /// Origin of other pages that may use the daemon, such as http://HOST:PORT; can be repeated
-    #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin, help_heading = ACCESS)]
+    #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::parse_origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
     /// Name that clients may use for the daemon, in addition to localhost and numeric addresses; can be repeated
-    #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host, help_heading = ACCESS)]
+    #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::parse_host, help_heading = ACCESS)]
     pub allow_host: Vec<String>,
     /// Record requests and their results for `era replay`: to a new file, or to a folder (an existing one, or a path that
     /// ends in a slash), which gets a file for each start
     #[arg(long, value_name = "PATH", help_heading = RECORDING)]
     pub record: Option<PathBuf>,
-    /// Size in MB at which a recording begins its next file [default: 256]
+    /// Largest size in MB of one file of a recording; the recording then continues in a new file [default: 256]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
-    /// Size in MB of all files of a recording, in a folder including those of earlier starts, at which the oldest is removed
-    /// [default: 2000]
+    /// Largest size in MB of all files of a recording together (in a folder including the files of earlier starts); above this
+    /// size, the oldest file is removed [default: 2000]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
     /// Disarm the board after this time in s without a touch [default: 5]
-    #[arg(long, value_name = "S", value_parser = parse_idle, help_heading = DEVICE)]
+    #[arg(long, value_name = "S", value_parser = parse_idle_s, help_heading = DEVICE)]
     pub idle_s: Option<f64>,
-    /// Let the next touch clear the fault host-silent of this host; other faults wait for a person
+    /// Let the next touch clear the fault host-silent (the board heard nothing from this daemon); other faults wait for a
+    /// person
     #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
     /// After an outage of the board: who arms it again [default: person]
@@ -173,18 +177,18 @@ const MAX_IDLE_S: f64 = 3600.0;
 /// Sizes of recordings in MB.
 pub fn parse_record_mb(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number| (1.0..=1e6).contains(number));
-    number.ok_or_else(|| format!("{text:?} is not a number 1 to 1000000"))
+    number.ok_or_else(|| format!("{text:?} is not a number of MB from 1 to 1000000"))
 }
 
-pub fn parse_idle(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
-    if (0.1..=MAX_IDLE_S).contains(&seconds) { Ok(seconds) } else { Err(format!("must be in 0.1 to {MAX_IDLE_S} s")) }
+pub fn parse_idle_s(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.1..=MAX_IDLE_S).contains(seconds));
+    seconds.ok_or_else(|| format!("must be a number from 0.1 to {MAX_IDLE_S}, in s"))
 }
 
 /// Where the daemon is.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = DAEMON)]
-pub struct Daemon {
+pub struct DaemonOptions {
     /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
     pub url: String,
@@ -195,7 +199,7 @@ pub struct Daemon {
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
     /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
-    #[arg(long, value_name = "URL", value_parser = parse_proxy)]
+    #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
     #[arg(long, help_heading = None::<&str>)]
@@ -205,19 +209,19 @@ pub struct Daemon {
 #[derive(Clone, Debug, Args)]
 pub struct Touch {
     /// Screen pixels from the left
-    #[arg(allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub x_px: f64,
     /// Screen pixels from the top
-    #[arg(allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub y_px: f64,
     /// Peak acceleration wanted, in g
-    #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub intensity_g: Option<f64>,
-    /// The same in dB above the threshold of feeling
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite, conflicts_with = "intensity_g")]
+    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite_number, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
     /// Duration in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub duration_ms: Option<f64>,
     /// Play an effect instead of a steady drive, timed by the board itself
     #[arg(long, value_name = "NAME")]
@@ -225,12 +229,12 @@ pub struct Touch {
     #[command(flatten)]
     pub rhythm: Rhythm,
     #[command(flatten)]
-    pub wishes: Wishes,
+    pub wishes: PlanWishes,
     /// Show alternatives if not all wishes can be met
     #[arg(long)]
     pub trade: bool,
     #[command(flatten)]
-    pub daemon: Daemon,
+    pub daemon: DaemonOptions,
 }
 
 /// How often.
@@ -240,18 +244,18 @@ pub struct Rhythm {
     #[arg(long, value_name = "N")]
     pub count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub period_ms: Option<f64>,
 }
 
 #[derive(Clone, Debug, Args)]
 pub struct Press {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     /// Force in N, 0 to 1000 [default: the scene's [press] force_n, or 5]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press_n)]
     pub force_n: Option<f64>,
     /// Print JSON
     #[arg(long)]
@@ -261,25 +265,25 @@ pub struct Press {
 #[derive(Clone, Debug, Args)]
 pub struct Modes {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub time: Time,
+    pub time: TimeLimit,
     /// Highest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
     pub max_hz: f64,
     /// For --csv, --npy and --png: columns and rows of the grid, borders included; a bar has one row, its axis
-    #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
+    #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33")]
     pub grid: (usize, usize),
-    /// Write the mass-normalised shapes, a line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg per mode and point;
-    /// `-` is standard output
+    /// Write the mass-normalised shapes as CSV, with one line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg per mode
+    /// and point; `-` is standard output
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; and its axes
-    /// in the same folder, for modes.npy in modes.frequency_hz.npy, modes.y_m.npy and modes.x_m.npy
-    #[arg(long, value_name = "FILE.npy", value_parser = parse_npy)]
+    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; also write
+    /// the axes to the same folder (for modes.npy: modes.frequency_hz.npy, modes.y_m.npy, modes.x_m.npy)
+    #[arg(long, value_name = "FILE.npy", value_parser = parse_npy_path)]
     pub npy: Option<PathBuf>,
     /// Draw the shapes on one sheet, with supports, masses, actuators and held edges
-    #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
+    #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
     pub png: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
@@ -289,16 +293,17 @@ pub struct Modes {
 #[derive(Clone, Debug, Args)]
 pub struct Sweep {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub time: Time,
+    pub time: TimeLimit,
     /// Columns and rows of the grid, borders included; a bar has one row, its axis
-    #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
+    #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33")]
     pub grid: (usize, usize),
     #[command(flatten)]
     pub band: Band,
     /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance of
-    /// 1e-5, in m/s^2 per N; and its axes beside it, for plate.npy in plate.frequency_hz.npy, plate.y_m.npy and plate.x_m.npy
+    /// 1e-5, in m/s^2 per N; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy, plate.y_m.npy,
+    /// plate.x_m.npy)
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
     /// Print JSON
@@ -323,11 +328,11 @@ pub struct Band {
 #[derive(Clone, Debug, Args)]
 pub struct Response {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub time: Time,
+    pub time: TimeLimit,
     /// Point on the surface
-    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true)]
     pub at: Point,
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
@@ -342,15 +347,15 @@ pub struct Response {
 #[derive(Clone, Debug, Args)]
 pub struct Transient {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     /// Point on the surface
-    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true)]
     pub at: Point,
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub unit: Unit,
     /// An actuator, its frequency, force amplitude and phase of the cosine in degrees (default -90, a sine); can be repeated
-    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive, required = true)]
+    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_deg, required = true)]
     pub drive: Vec<DriveText>,
     /// Duration in s
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
@@ -358,7 +363,7 @@ pub struct Transient {
     /// Time step in s
     #[arg(long, value_name = "S", default_value_t = 1e-4, allow_negative_numbers = true)]
     pub step: f64,
-    /// Write time_s,displacement_m,acceleration_m_per_s2 lines; `-` is standard output
+    /// Write the motion as CSV, with lines time_s,displacement_m,acceleration_m_per_s2; `-` is standard output
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Print JSON
@@ -375,7 +380,7 @@ pub struct DriveText {
     pub phase_deg: f64,
 }
 
-fn parse_drive(text: &str) -> Result<DriveText, String> {
+fn parse_drive_id_hz_newton_deg(text: &str) -> Result<DriveText, String> {
     let number = |part: &str| {
         part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
     };
@@ -409,7 +414,7 @@ pub enum Unit {
 #[command(next_help_heading = TOUCH)]
 pub struct At {
     /// The touched point
-    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true)]
     pub at: Point,
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Px)]
@@ -422,9 +427,9 @@ pub struct At {
 #[derive(Clone, Debug, Args)]
 pub struct Verify {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     /// Number of points, spread over the surface
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub points: u32,
@@ -442,33 +447,33 @@ pub struct Verify {
 #[derive(Clone, Debug, Args)]
 pub struct Replay {
     #[command(flatten)]
-    pub daemon: Daemon,
+    pub daemon: DaemonOptions,
     /// File that `era serve --record` wrote
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Speed relative to the recording
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_replay_speed)]
     pub speed: f64,
 }
 
-fn parse_speed(text: &str) -> Result<f64, String> {
-    let speed: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
-    if (0.01..=100.0).contains(&speed) { Ok(speed) } else { Err("must be in 0.01 to 100".into()) }
+fn parse_replay_speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed| (0.01..=100.0).contains(speed));
+    speed.ok_or_else(|| "must be a number from 0.01 to 100".into())
 }
 
 #[derive(Clone, Debug, Args)]
 pub struct Latency {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
-    /// Peak acceleration in g [default: that of a touch]
+    pub keep: CacheOptions,
+    /// Peak acceleration wanted, in g [default: that of a touch request without one]
     #[arg(long, value_name = "A")]
     pub intensity_g: Option<f64>,
     /// Number of touches
-    #[arg(long, value_name = "N", default_value_t = 1000)]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub touches: u32,
-    /// Instead, time N clicks that each begin with the rails at zero, and N clicks after `POST /v1/arm`
+    /// Instead of touches, measure N clicks that begin with the rails at zero, and N clicks after `POST /v1/arm`
     #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub first_clicks: Option<u32>,
     /// Print JSON

@@ -11,16 +11,17 @@ pub struct Flash {
     /// Use a debug probe with the program probe-rs (the default if probe-rs is installed and finds a probe)
     #[arg(long, conflicts_with = "dfu")]
     pub probe: bool,
-    /// Use the board's own USB connector and the chip's bootloader
+    /// Use the USB of the board's chip (pins PA11 and PA12) and the chip's bootloader
     #[arg(long)]
     pub dfu: bool,
     /// auto (the default), or the path of the board's serial port
     #[arg(long, value_name = "PORT")]
     pub port: Option<Target>,
-    /// Confirm that the high-voltage supply is off, without a question
+    /// Do not ask whether the high-voltage supply is off: this option confirms that the supply is off
     #[arg(short, long)]
     pub yes: bool,
-    /// Write the image even if its protocol version is older
+    /// Write the image even if the board's firmware has a newer protocol version, or if this program does not know the
+    /// image's protocol version
     #[arg(long)]
     pub force: bool,
     /// Print JSON

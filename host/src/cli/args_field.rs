@@ -1,20 +1,20 @@
 //! Arguments of `era field`.
 
-use super::args::{Keep, Panel, Unit};
-use super::values::{Point, parse_finite, parse_png, parse_point, parse_tolerances};
-use crate::design::tolerances::Tolerances;
+use super::args::{CacheOptions, PanelOptions, Unit};
+use super::values::{Point, parse_finite_number, parse_png_path, parse_tolerances, parse_unitless_point};
+use crate::study::tolerances::Tolerances;
 use clap::Args;
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
 pub struct Field {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     /// The touched point
     #[arg(
-        long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true,
+        long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true,
         required_unless_present_any = ["reach", "schemes"]
     )]
     pub at: Option<Point>,
@@ -24,36 +24,36 @@ pub struct Field {
     /// Peak acceleration wanted, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
-    /// Instead of a touch's field: for every point, the strongest possible peak, the contrast of the quietest drive, and the
-    /// frequencies of both
+    /// Instead of the field of one touch: map for every point the strongest possible peak and the highest possible contrast
+    /// of a weak touch, each with the frequencies of its drives
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
     pub reach: bool,
-    /// Instead of a touch's field: compare the lowest peak on the surface for one frequency, for phases, and for distinct
-    /// frequencies
+    /// Instead of the field of one touch: compare three ways to drive the actuators by the lowest peak on the surface: one
+    /// frequency in phase, one frequency with chosen phases, distinct frequencies
     #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
     pub schemes: bool,
     /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar only x counts
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, conflicts_with = "at", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true)]
     pub zone: Option<Corners>,
     /// For --schemes: use dB above the threshold of feeling at each frequency instead of g
     #[arg(long, conflicts_with_all = ["at", "reach"])]
     pub felt: bool,
     /// Lowest frequency for --reach and --schemes in Hz [default: all that the planner uses]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub from: Option<f64>,
     /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite)]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub to: Option<f64>,
-    /// For a touch: compute the effect of tolerances at the target, by default 20 % for springs, 10 % for Young's modulus, 5 % for
-    /// thickness, 1 mm for places; takes some seconds
+    /// For a touch: compute how much the peak at the target changes if the panel differs from the scene, by default by up to
+    /// 20 % in springs, 10 % in Young's modulus, 5 % in thickness, 1 mm in places; takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
     pub spread: Option<Tolerances>,
     /// Write a picture, of the type PNG
-    #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
+    #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
     pub png: Option<PathBuf>,
-    /// Write the values, a line x_mm,y_mm,... per point; `-` is standard output, which also gets a touch's field if neither
-    /// --png nor --csv is given
+    /// Write the values as CSV, with one line x_mm,y_mm,... per point; `-` is standard output (the default for a
+    /// touch without --png)
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Print JSON
@@ -68,8 +68,8 @@ pub struct Corners {
     pub y: [f64; 2],
 }
 
-pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
-    let numbers = text.split(',').map(parse_finite).collect::<Result<Vec<_>, _>>()?;
+pub(super) fn parse_zone_corners(text: &str) -> Result<Corners, String> {
+    let numbers = text.split(',').map(parse_finite_number).collect::<Result<Vec<_>, _>>()?;
     match numbers.as_slice() {
         [x0, y0, x1, y1] => Ok(Corners { x: [x0.min(*x1), x0.max(*x1)], y: [y0.min(*y1), y0.max(*y1)] }),
         _ => Err(format!("{text:?} is not of the form X0,Y0,X1,Y1")),
@@ -83,13 +83,13 @@ mod tests {
     #[test]
     fn corners_come_in_any_order() {
         let corners = Corners { x: [10.0, 30.0], y: [5.0, 20.0] };
-        assert_eq!(parse_corners("30,5,10,20"), Ok(corners));
-        assert!(parse_corners("30,5,10").is_err() && parse_corners("1,2,3,x").is_err());
+        assert_eq!(parse_zone_corners("30,5,10,20"), Ok(corners));
+        assert!(parse_zone_corners("30,5,10").is_err() && parse_zone_corners("1,2,3,x").is_err());
     }
 
     #[test]
     fn pictures_are_png() {
-        assert!(parse_png("a/map.PNG").is_ok());
-        assert!(parse_png("map.jpg").is_err() && parse_png("png").is_err());
+        assert!(parse_png_path("a/map.PNG").is_ok());
+        assert!(parse_png_path("map.jpg").is_err() && parse_png_path("png").is_err());
     }
 }

@@ -3,7 +3,7 @@
 use clap::Args;
 use std::path::PathBuf;
 
-use crate::design::run::Shard;
+use crate::study::run::Shard;
 
 #[derive(Clone, Debug, Args)]
 pub struct Study {
@@ -14,13 +14,14 @@ pub struct Study {
     /// the study's file without its ending, with -results, in the current directory]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Designs at a time [default: the number of processors]
+    /// Number of designs that are computed at the same time [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub workers: Option<u16>,
-    /// Compute only the I-th of N shares, into the common folder: for job arrays; use --gather afterwards
+    /// Compute only share I of N, for job arrays; all shares write to the same folder of --out, and --gather then makes the
+    /// results
     #[arg(long, value_name = "I/N", conflicts_with = "gather")]
     pub shard: Option<Shard>,
-    /// Compute no designs, and make the results from the designs in the folder
+    /// Make the results from the designs that are already in the folder of --out, without computing more designs
     #[arg(long)]
     pub gather: bool,
     /// Print JSON

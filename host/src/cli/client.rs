@@ -1,11 +1,11 @@
 //! Commands that talk to a running daemon.
 
-use super::args::{Daemon, Touch};
+use super::args::{DaemonOptions, Touch};
 use super::token::read_token;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::certificate;
-use crate::connection::{HostPort, Way, client_config, describe_redirect};
-use crate::doctor::reach::Trouble;
+use crate::connection::{DaemonRoute, HostPort, client_config, describe_redirect};
+use crate::doctor::reach::RequestTrouble;
 use crate::planner::Weigh;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -16,11 +16,12 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(30);
 
 pub fn send_touch(options: &Touch) -> Outcome {
-    let answer = request_body(&options.daemon, "POST", "/v1/touch", Some(make_touch_body(options)))?;
+    let answer =
+        request_body_failing_on_error_status(&options.daemon, "POST", "/v1/touch", Some(make_touch_body(options)))?;
     if options.daemon.json {
         return print_json(&answer);
     }
-    print_text(&format_touch(&answer))
+    print_text(&format_touch_answer(&answer))
 }
 
 /// The request; what was not given is left out, so that the daemon's defaults hold.
@@ -60,7 +61,7 @@ fn make_touch_body(options: &Touch) -> Value {
 }
 
 /// What is driven, and what it should do; of an effect its own drives, which are not those of the steady plan.
-fn format_touch(answer: &Value) -> String {
+fn format_touch_answer(answer: &Value) -> String {
     let mut text = String::new();
     let effect = &answer["device"]["effect"];
     let drives = if effect.is_object() { &effect["drives"] } else { &answer["drives"] };
@@ -70,14 +71,22 @@ fn format_touch(answer: &Value) -> String {
     match text_of(&effect["name"]) {
         Some(name) => {
             let played = &effect["predicted"];
+            let windows = effect["windows"].as_array().map_or(0, Vec::len);
             let _ = write!(
                 text,
-                "{name} of {:.0} ms, peak {:.3} g ({:.3} to {:.3} g as the drives' cycles fall together)",
-                read_number(&effect["duration_ms"]),
-                read_number(&played["peak_g"]),
-                read_number(&played["peak_least_g"]),
-                read_number(&played["peak_most_g"]),
+                "{name} of {:.0} ms, peak {:.3} g",
+                read_number_or_nan(&effect["duration_ms"]),
+                read_number_or_nan(&played["peak_g"]),
             );
+            let _ = match windows {
+                0 => write!(
+                    text,
+                    " ({:.3} to {:.3} g, depending on the phases of the drives)",
+                    read_number_or_nan(&played["peak_least_g"]),
+                    read_number_or_nan(&played["peak_most_g"]),
+                ),
+                _ => write!(text, ", {windows} windows"),
+            };
             if let Some(limit) = text_of(&effect["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");
             }
@@ -86,8 +95,8 @@ fn format_touch(answer: &Value) -> String {
             let _ = write!(
                 text,
                 "predicted {:.3} g at the target, contrast {:.1} dB",
-                read_number(&predicted["target_peak_g"]),
-                read_number(&predicted["contrast_db"]),
+                read_number_or_nan(&predicted["target_peak_g"]),
+                read_number_or_nan(&predicted["contrast_db"]),
             );
             if let Some(limit) = text_of(&answer["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");
@@ -96,23 +105,28 @@ fn format_touch(answer: &Value) -> String {
     }
     let targets = answer["targets"].as_array().map(Vec::as_slice).unwrap_or_default();
     for target in targets.iter().filter(|_| targets.len() > 1) {
-        let of = |name: &str| read_number(&target[name]);
+        let of = |name: &str| read_number_or_nan(&target[name]);
         let (x, y, peak, wanted) = (of("x_mm"), of("y_mm"), of("peak_g"), of("wanted_g"));
-        let _ = write!(text, "\n  {x:.1} mm, {y:.1} mm: {peak:.3} g of {wanted:.3} g wanted");
+        let _ = write!(text, "\n  target at {x:.1} mm, {y:.1} mm: {peak:.3} g ({wanted:.3} g wanted)");
     }
     for stretch in answer["stretches"].as_array().into_iter().flatten() {
-        let _ = write!(text, "\n{:.0} to {:.0} ms:", read_number(&stretch["from_ms"]), read_number(&stretch["to_ms"]));
+        let _ = write!(
+            text,
+            "\n{:.0} to {:.0} ms:",
+            read_number_or_nan(&stretch["from_ms"]),
+            read_number_or_nan(&stretch["to_ms"])
+        );
         match stretch["plan"]["targets"].as_array() {
             None => text.push_str(" nothing"),
             Some(targets) => {
                 let peaks: Vec<String> =
-                    targets.iter().map(|t| format!("{:.3} g", read_number(&t["peak_g"]))).collect();
+                    targets.iter().map(|t| format!("{:.3} g", read_number_or_nan(&t["peak_g"]))).collect();
                 let _ = write!(text, " {}", peaks.join(", "));
             }
         }
     }
     if !answer["trade"].is_null() {
-        text.push_str("\nwhat can be had instead: see `trade` in --json");
+        text.push_str("\nthe wishes conflict; alternatives: see `trade` in --json");
     }
     text
 }
@@ -123,33 +137,33 @@ fn write_drives(text: &mut String, drives: &Value) {
             text,
             "{:12} {:7.2} Hz  {:7.1} V",
             drive["actuator"].as_str().unwrap_or("?"),
-            read_number(&drive["frequency_hz"]),
-            read_number(&drive["voltage_v"]),
+            read_number_or_nan(&drive["frequency_hz"]),
+            read_number_or_nan(&drive["voltage_v"]),
         );
     }
 }
 
-pub fn send_stop(options: &Daemon) -> Outcome {
-    let answer = request_body(options, "POST", "/v1/stop", None)?;
-    show_state(options, &answer)
+pub fn send_stop(options: &DaemonOptions) -> Outcome {
+    let answer = request_body_failing_on_error_status(options, "POST", "/v1/stop", None)?;
+    print_state(options, &answer)
 }
 
-pub fn clear_faults(options: &Daemon) -> Outcome {
-    let answer = request_body(options, "POST", "/v1/faults/clear", None)?;
-    show_state(options, &answer)
+pub fn clear_faults(options: &DaemonOptions) -> Outcome {
+    let answer = request_body_failing_on_error_status(options, "POST", "/v1/faults/clear", None)?;
+    print_state(options, &answer)
 }
 
-pub fn arm_device(options: &Daemon) -> Outcome {
-    let answer = request_body(options, "POST", "/v1/arm", None)?;
-    show_state(options, &answer)
+pub fn arm_device(options: &DaemonOptions) -> Outcome {
+    let answer = request_body_failing_on_error_status(options, "POST", "/v1/arm", None)?;
+    print_state(options, &answer)
 }
 
-pub fn show_device_state(options: &Daemon) -> Outcome {
-    let answer = request_body(options, "GET", "/v1/state", None)?;
-    show_state(options, &answer)
+pub fn show_device_state(options: &DaemonOptions) -> Outcome {
+    let answer = request_body_failing_on_error_status(options, "GET", "/v1/state", None)?;
+    print_state(options, &answer)
 }
 
-fn show_state(options: &Daemon, answer: &Value) -> Outcome {
+fn print_state(options: &DaemonOptions, answer: &Value) -> Outcome {
     if options.json {
         return print_json(answer);
     }
@@ -169,23 +183,23 @@ fn format_state(answer: &Value) -> String {
         let fault = &device["fault"];
         let _ = write!(
             text,
-            "\nfault {} ({}): {} `era clear` clears it",
+            "\nfault {} ({}): {} `era clear` clears the fault",
             fault["code"],
             text_of(&fault["name"]),
             text_of(&fault["message"])
         );
     }
     if device["waits_to_be_armed"] == true {
-        text.push_str("\nit had an outage, and nothing is driven until `era arm` arms it");
+        text.push_str("\nthe device had an outage, and nothing is driven until `era arm` arms the device");
     }
     let clock = &device["clock"];
     if !clock.is_null() {
         let _ = write!(
             text,
-            "\nclock of the board: {:+.1} ppm, known to {:.0} us rms ({:.0} us at worst)",
-            read_number(&clock["rate_ppm"]),
-            read_number(&clock["residual_rms_us"]),
-            read_number(&clock["residual_worst_us"]),
+            "\nclock of the board: {:+.1} ppm against the clock of the daemon's computer; error of the predicted board time {:.0} us rms, {:.0} us at most",
+            read_number_or_nan(&clock["rate_ppm"]),
+            read_number_or_nan(&clock["residual_rms_us"]),
+            read_number_or_nan(&clock["residual_worst_us"]),
         );
     }
     for (i, channel) in (1..).zip(answer["telemetry"]["channels"].as_array().into_iter().flatten()) {
@@ -195,37 +209,37 @@ fn format_state(answer: &Value) -> String {
             let _ = write!(
                 text,
                 "\n  {name:12} {:7.2} Hz  {:7.1} V",
-                read_number(&channel["frequency_hz"]),
-                read_number(&channel["voltage_v"])
+                read_number_or_nan(&channel["frequency_hz"]),
+                read_number_or_nan(&channel["voltage_v"])
             );
         } else {
             let _ = write!(text, "\n  {name:12} off");
             if channel["actuator"].is_null() {
-                text.push_str("; the scene has no actuator for it");
+                text.push_str("; the scene has no actuator for this channel");
             }
         }
     }
     text
 }
 
-fn read_number(value: &Value) -> f64 {
+fn read_number_or_nan(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
 /// How a command asks its daemon.
-pub struct Contact {
+pub struct DaemonContact {
     /// Over which connections.
-    pub way: Way,
+    pub way: DaemonRoute,
     /// What the header `Authorization` says, if there is a token.
     pub bearer: Option<String>,
 }
 
-impl Contact {
+impl DaemonContact {
     /// As the options say.
     ///
     /// # Errors
     /// A file that cannot be used, or a token that would go through a proxy for everybody there to read.
-    pub fn of(daemon: &Daemon) -> Result<Self, Failure> {
+    pub fn from_options(daemon: &DaemonOptions) -> Result<Self, Failure> {
         let token = read_token(daemon.token_file.as_deref())?;
         Self::new(&daemon.url, daemon.ca.as_deref(), daemon.proxy.as_ref(), token)
     }
@@ -233,7 +247,7 @@ impl Contact {
     /// The same for who finds its token elsewhere.
     ///
     /// # Errors
-    /// As [`Self::of`].
+    /// As [`Self::from_options`].
     pub fn new(url: &str, ca: Option<&Path>, proxy: Option<&HostPort>, token: Option<String>) -> Result<Self, Failure> {
         if proxy.is_some() && token.is_some() && !url.starts_with("https://") {
             return Err(Failure::Usage(format!(
@@ -249,11 +263,14 @@ impl Contact {
             },
         )?;
         let tls = client_config(given).map_err(Failure::Usage)?;
-        Ok(Self { way: Way { tls, proxy: proxy.cloned() }, bearer: token.map(|token| format!("Bearer {token}")) })
+        Ok(Self {
+            way: DaemonRoute { tls, proxy: proxy.cloned() },
+            bearer: token.map(|token| format!("Bearer {token}")),
+        })
     }
 }
 
-fn add_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
+fn add_bearer_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
     match bearer {
         Some(bearer) => request.header("Authorization", bearer),
         None => request,
@@ -262,7 +279,7 @@ fn add_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ure
 
 /// What the daemon answers.
 #[derive(Clone, Debug)]
-pub struct Answer {
+pub struct DaemonAnswer {
     /// HTTP status.
     pub status: u16,
     /// Its JSON.
@@ -273,42 +290,55 @@ pub struct Answer {
 ///
 /// # Errors
 /// That there was no answer, or none of a daemon's.
-pub fn request_answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
-    let Contact { way, bearer } = Contact::of(daemon)?;
+pub fn request_answer(
+    daemon: &DaemonOptions,
+    method: &str,
+    path: &str,
+    body: Option<Value>,
+) -> Result<DaemonAnswer, Failure> {
+    let DaemonContact { way, bearer } = DaemonContact::from_options(daemon)?;
     let agent = way.make_agent(PATIENCE);
     let url = format!("{}{path}", daemon.url);
     let sent = match (method, body) {
-        ("GET", _) => add_token(agent.get(&url), bearer).call(),
-        (_, Some(body)) => add_token(agent.post(&url), bearer).send_json(body),
-        (_, None) => add_token(agent.post(&url), bearer).send_empty(),
+        ("GET", _) => add_bearer_token(agent.get(&url), bearer).call(),
+        (_, Some(body)) => add_bearer_token(agent.post(&url), bearer).send_json(body),
+        (_, None) => add_bearer_token(agent.post(&url), bearer).send_empty(),
     };
-    let mut answer =
-        sent.map_err(|error| match Trouble::of(&error, &daemon.url).told(&daemon.url, daemon.ca.is_some()) {
-            Some((found, advice)) => Failure::failed(format!("{found}: {advice}")),
-            None => Failure::failed(format!(
+    let mut answer = sent.map_err(|error| {
+        match RequestTrouble::from_request_error(&error, &daemon.url)
+            .describe_with_advice(&daemon.url, daemon.ca.is_some())
+        {
+            Some((found, advice)) => Failure::runtime_error(format!("{found}: {advice}")),
+            None => Failure::runtime_error(format!(
                 "no answer from {url}: {error}. Check that the daemon runs; `era serve` starts it"
             )),
-        })?;
+        }
+    })?;
     let status = answer.status();
     if status.is_redirection() {
         let location = answer.headers().get("location").map(|value| String::from_utf8_lossy(value.as_bytes()));
         let (found, advice) = describe_redirect(&daemon.url, path, status.as_u16(), location.as_deref());
-        return Err(Failure::failed(format!("{found}: {advice}")));
+        return Err(Failure::runtime_error(format!("{found}: {advice}")));
     }
     let body: Value = answer.body_mut().read_json().map_err(|error| {
-        Failure::failed(format!(
+        Failure::runtime_error(format!(
             "{url} answered {status}, but not with JSON ({error}): check that this is the address of an era daemon"
         ))
     })?;
-    Ok(Answer { status: status.as_u16(), body })
+    Ok(DaemonAnswer { status: status.as_u16(), body })
 }
 
 /// Calls the daemon; a problem it reports becomes the command's error.
 ///
 /// # Errors
 /// As [`request_answer`], and the problem.
-pub fn request_body(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
-    let Answer { status, body } = request_answer(daemon, method, path, body)?;
+pub fn request_body_failing_on_error_status(
+    daemon: &DaemonOptions,
+    method: &str,
+    path: &str,
+    body: Option<Value>,
+) -> Result<Value, Failure> {
+    let DaemonAnswer { status, body } = request_answer(daemon, method, path, body)?;
     if (200..300).contains(&status) {
         return Ok(body);
     }
@@ -377,8 +407,8 @@ mod tests {
         });
         let text = format_state(&state);
         assert!(text.contains("\n  left         off\n  (channel 2)  off; the scene has no actuator"), "{text}");
-        assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it\n"), "{text}");
-        assert!(text.contains("\nit had an outage, and nothing is driven until `era arm`"), "{text}");
+        assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears the fault\n"), "{text}");
+        assert!(text.contains("\nthe device had an outage, and nothing is driven until `era arm`"), "{text}");
     }
 
     #[test]
@@ -395,13 +425,13 @@ mod tests {
         let mut answer = json!({
             "drives": drive(911.9), "predicted": {"target_peak_g": 0.5, "contrast_db": 2.5}, "device": {},
         });
-        assert!(format_touch(&answer).contains("911.9 V\npredicted 0.500 g"));
+        assert!(format_touch_answer(&answer).contains("911.9 V\npredicted 0.500 g"));
         let predicted = json!({"peak_g": 0.45, "peak_least_g": 0.4, "peak_most_g": 0.5});
         answer["device"]["effect"] = json!({
             "name": "click", "duration_ms": 30.0, "drives": drive(1600.0), "predicted": predicted,
             "limited_by": "voltage of left",
         });
-        let text = format_touch(&answer);
+        let text = format_touch_answer(&answer);
         assert!(text.contains("1600.0 V\nclick of 30 ms, peak 0.450 g") && !text.contains("911.9"), "{text}");
         assert!(text.ends_with("limited by voltage of left"), "{text}");
     }

@@ -1,6 +1,6 @@
 //! The commands of the command line.
 
-use super::args::{Daemon, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
+use super::args::{DaemonOptions, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_field::Field;
 use super::args_study::Study;
@@ -51,18 +51,18 @@ pub enum Command {
     Touch(Touch),
     /// Ask a running daemon to switch everything off
     #[command(after_help = "Example:\n  era stop")]
-    Stop(Daemon),
+    Stop(DaemonOptions),
     /// Ask a running daemon to clear its device's latched fault, once the cause is gone; this does not arm the device
     #[command(
         after_help = "Example:\n  era clear\n  era clear --url https://panel.local:7878 --ca era-cert.pem --token-file token"
     )]
-    Clear(Daemon),
+    Clear(DaemonOptions),
     /// Ask a running daemon to arm its device before a touch or after an outage; this begins with the self-test
     #[command(after_help = "Example:\n  era arm")]
-    Arm(Daemon),
+    Arm(DaemonOptions),
     /// Show what a running daemon and its device are doing
     #[command(after_help = "Example:\n  era state --json")]
-    State(Daemon),
+    State(DaemonOptions),
     /// Send the requests of a recording (`era serve --record`) to a running daemon again, at the recorded times, and compare
     /// the answers
     #[command(after_help = "Example:\n  era serve --record day.jsonl\n  era replay day.jsonl --speed 4")]
@@ -97,7 +97,7 @@ Examples:
     /// Design an effect at a point and predict the motion of the panel, without driving anything
     #[command(after_help = "Example:\n  era effect click --at 100,60 --unit mm --intensity-g 0.5")]
     Effect(EffectOptions),
-    /// Compute the peak acceleration over the surface, for a touch or the largest possible, as CSV or PNG
+    /// Compute the peak acceleration at every point of the surface, of one touch or the largest possible; write CSV or PNG
     #[command(after_help = "\
 Examples:
   era field --at 480,640 --png map.png --csv map.csv
@@ -115,7 +115,7 @@ Examples:
     /// Compare predicted peaks with the peaks that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
     Verify(Verify),
-    /// Measure the time from a touch request to the last byte of its frame at the device
+    /// Measure the time from a touch request until the simulated device has received the last byte of the drives
     #[command(after_help = "Example:\n  era latency --touches 200")]
     Latency(Latency),
     /// Write the firmware to a board, through a debug probe or over USB (not yet tried on a real board)

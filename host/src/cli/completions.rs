@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug, Args)]
 pub struct Completions {
-    /// The shell
+    /// The shell that the script is for
     #[arg(value_enum)]
     pub shell: Shell,
 }
@@ -30,27 +30,28 @@ pub fn print_completions(options: &Completions, mut command: Command) -> Outcome
 }
 
 /// Prints or writes man pages of the whole command line.
-pub fn write_man_pages(options: &Man, command: Command) -> Outcome {
+pub fn print_or_write_man_pages(options: &Man, command: Command) -> Outcome {
     let Some(folder) = &options.dir else {
         let mut page = Vec::new();
-        clap_mangen::Man::new(command).render(&mut page).map_err(Failure::failed)?;
+        clap_mangen::Man::new(command).render(&mut page).map_err(Failure::runtime_error)?;
         return print_text(String::from_utf8_lossy(&page).trim_end());
     };
     let write = || {
         std::fs::create_dir_all(folder)?;
         let mut command = command.disable_help_subcommand(true);
         command.build();
-        write_pages_below(&command, folder)
+        write_man_pages_of_command_and_subcommands(&command, folder)
     };
-    write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
+    write()
+        .map_err(|error| Failure::runtime_error(format!("cannot write man pages to {}: {error}", folder.display())))?;
     tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
     Ok(())
 }
 
 /// Writes the pages of a command and of those below it, each whole or not at all.
-fn write_pages_below(command: &Command, folder: &Path) -> std::io::Result<()> {
+fn write_man_pages_of_command_and_subcommands(command: &Command, folder: &Path) -> std::io::Result<()> {
     for own in command.get_subcommands().filter(|own| !own.is_hide_set()) {
-        write_pages_below(own, folder)?;
+        write_man_pages_of_command_and_subcommands(own, folder)?;
     }
     let page = clap_mangen::Man::new(command.clone());
     replace_file_by(&folder.join(page.get_filename()), Readers::ByUmask, |mut file| page.render(&mut file))

@@ -2,11 +2,11 @@
 //!
 //! `toml` parses; the keys are taken one by one rather than by serde. A derived `Deserialize` stops at the first mistake, and `era config
 //! check` lists all of them, each with its line, key, value and what is allowed. What serde would replace is 86 of these lines
-//! (`examine_text`, `read_key`, `read_value`), and in their place would come a structure of 20 optional spanned fields with a deserializer for
+//! (`examine_text`, `read_key_unless_version`, `read_value`), and in their place would come a structure of 20 optional spanned fields with a deserializer for
 //! each kind of bounded value. The table of keys is needed in either case: for defaults, examples and the command line's precedence.
 
 use super::args::Serve;
-use super::config_keys::{Given, KEYS, Key};
+use super::config_keys::{GivenValue, KEYS, Key};
 use super::serve;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::connection::HostPort;
@@ -88,7 +88,7 @@ impl std::error::Error for ConfigError {}
 struct Setting {
     key: &'static Key,
     line: usize,
-    given: Given,
+    given: GivenValue,
     /// The value as people read it.
     text: String,
 }
@@ -103,14 +103,14 @@ pub struct ConfigFile {
 }
 
 /// What could be read of a file, and what could not.
-struct Examined {
+struct ExaminedConfig {
     file: ConfigFile,
     mistakes: Vec<Mistake>,
 }
 
-impl Examined {
+impl ExaminedConfig {
     /// The file, if there is no mistake in it.
-    fn sound(mut self) -> Result<ConfigFile, ConfigError> {
+    fn into_file_if_sound(mut self) -> Result<ConfigFile, ConfigError> {
         if self.mistakes.is_empty() {
             return Ok(self.file);
         }
@@ -125,14 +125,14 @@ impl ConfigFile {
     /// # Errors
     /// [`ConfigError`] with every mistake in it.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        Self::examine(path)?.sound()
+        Self::examine_file(path)?.into_file_if_sound()
     }
 
     /// Reads what can be read of a file.
     ///
     /// # Errors
     /// [`ConfigError`] where the file cannot be read at all, or is no TOML.
-    fn examine(path: &Path) -> Result<Examined, ConfigError> {
+    fn examine_file(path: &Path) -> Result<ExaminedConfig, ConfigError> {
         let source = path.display().to_string();
         let failed = |text: String| ConfigError { source: source.clone(), mistakes: vec![Mistake { line: 0, text }] };
         let text =
@@ -146,7 +146,7 @@ impl ConfigFile {
     ///
     /// # Errors
     /// [`ConfigError`] where it is no TOML.
-    fn examine_text(source: &str, text: &str, base: &Path) -> Result<Examined, ConfigError> {
+    fn examine_text(source: &str, text: &str, base: &Path) -> Result<ExaminedConfig, ConfigError> {
         let line_at = |offset: usize| text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1;
         let error = |mistakes| ConfigError { source: source.into(), mistakes };
         let document = DeTable::parse(text).map_err(|wrong| {
@@ -157,7 +157,7 @@ impl ConfigFile {
         let mut has_version = false;
         for (name, value) in document.get_ref() {
             let line = line_at(name.span().start);
-            match read_key(name.get_ref(), value, base) {
+            match read_key_unless_version(name.get_ref(), value, base) {
                 Ok(Some((key, given, text))) => settings.push(Setting { key, line, given, text }),
                 Ok(None) => has_version = true,
                 Err(text) => {
@@ -177,15 +177,15 @@ impl ConfigFile {
                 mistakes.push(Mistake { line: setting.line, text });
             }
         }
-        Ok(Examined { file: Self { source: source.into(), base: base.to_path_buf(), settings }, mistakes })
+        Ok(ExaminedConfig { file: Self { source: source.into(), base: base.to_path_buf(), settings }, mistakes })
     }
 
     /// What `era serve` is to do: the command line's options before the file's.
     #[must_use]
-    pub fn under(&self, options: &Serve) -> Serve {
+    pub fn fill_in_missing_options(&self, options: &Serve) -> Serve {
         let mut joined = options.clone();
         for setting in &self.settings {
-            if !is_decided_on_command_line(setting.key, options) {
+            if !is_key_decided_on_command_line(setting.key, options) {
                 // The value has been tried when the file was read.
                 let _ = (setting.key.take)(&mut joined, &setting.given, &self.base);
             }
@@ -195,30 +195,35 @@ impl ConfigFile {
 
     /// What keeps the daemon from starting with this file alone, or clients from talking to it, with the lines that it is about.
     #[must_use]
-    pub fn start_mistakes(&self) -> Vec<Mistake> {
+    pub fn find_start_mistakes(&self) -> Vec<Mistake> {
         let of = |(key, text): (&str, String)| {
             let line = self.settings.iter().find(|setting| setting.key.name == key).map_or(0, |setting| setting.line);
             Mistake { line, text }
         };
-        let options = self.under(&Serve::default());
+        let options = self.fill_in_missing_options(&Serve::default());
         // What the start only warns of is a mistake of the file all the same.
-        serve::find_start_mistakes(&options).into_iter().chain(serve::find_warnings(&options)).map(of).collect()
+        serve::find_start_mistakes(&options)
+            .into_iter()
+            .chain(serve::find_certificate_date_warnings(&options))
+            .map(of)
+            .collect()
     }
 
     /// That the file leads to the simulated device, if it does.
     #[must_use]
-    pub fn simulated(&self) -> Option<&'static str> {
-        matches!(self.under(&Serve::default()).device, None | Some(Target::Sim)).then_some(serve::SIMULATED)
+    pub fn note_if_device_is_simulated(&self) -> Option<&'static str> {
+        matches!(self.fill_in_missing_options(&Serve::default()).device, None | Some(Target::Sim))
+            .then_some(serve::SIMULATED)
     }
 
     /// Every key with its value and where that comes from, for `options` on the command line.
-    fn account(&self, options: &Serve) -> Vec<Used> {
+    fn list_all_keys_with_origin(&self, options: &Serve) -> Vec<KeyWithOrigin> {
         let used = |key: &'static Key| {
             let setting = self.settings.iter().find(|setting| setting.key.name == key.name);
             match setting {
-                _ if is_decided_on_command_line(key, options) => Used { key, value: None, line: None },
-                Some(setting) => Used { key, value: Some(setting.text.clone()), line: Some(setting.line) },
-                None => Used { key, value: Some(key.default.into()), line: None },
+                _ if is_key_decided_on_command_line(key, options) => KeyWithOrigin { key, value: None, line: None },
+                Some(setting) => KeyWithOrigin { key, value: Some(setting.text.clone()), line: Some(setting.line) },
+                None => KeyWithOrigin { key, value: Some(key.default.into()), line: None },
             }
         };
         KEYS.iter().map(used).collect()
@@ -226,12 +231,12 @@ impl ConfigFile {
 }
 
 /// Whether the command line has decided what a key decides.
-fn is_decided_on_command_line(key: &Key, options: &Serve) -> bool {
+fn is_key_decided_on_command_line(key: &Key, options: &Serve) -> bool {
     (key.is_given)(options) || KEYS.iter().any(|other| key.rival == Some(other.name) && (other.is_given)(options))
 }
 
 /// What holds for a key.
-struct Used {
+struct KeyWithOrigin {
     key: &'static Key,
     /// `None` if the command line has it.
     value: Option<String>,
@@ -240,14 +245,14 @@ struct Used {
 }
 
 /// A key with its value and the value as people read it; nothing for the version; or what is wrong.
-fn read_key(
+fn read_key_unless_version(
     name: &str,
     value: &Spanned<DeValue<'_>>,
     base: &Path,
-) -> Result<Option<(&'static Key, Given, String)>, String> {
+) -> Result<Option<(&'static Key, GivenValue, String)>, String> {
     let (given, told) = read_value(value.get_ref());
     if name == "version" {
-        let is_known = matches!(given, Given::Number(number) if number.total_cmp(&VERSION).is_eq());
+        let is_known = matches!(given, GivenValue::Number(number) if number.total_cmp(&VERSION).is_eq());
         return if is_known { Ok(None) } else { Err(format!("version is {told}, but must be {VERSION}")) };
     }
     let Some(key) = KEYS.iter().find(|key| key.name == name) else {
@@ -263,7 +268,7 @@ fn read_key(
         Some(()) => Ok(Some((key, given, told))),
         None => {
             // Of a place to listen there is more to say.
-            let place = given.text().filter(|_| key.name == "listen").map(str::parse::<HostPort>);
+            let place = given.as_nonempty_text().filter(|_| key.name == "listen").map(str::parse::<HostPort>);
             let reason = place.and_then(Result::err).map(|reason| format!(": {reason}")).unwrap_or_default();
             Err(format!("{name} is {told}, but must be {}{reason}", key.allowed))
         }
@@ -271,14 +276,16 @@ fn read_key(
 }
 
 /// A value, and how messages write it.
-fn read_value(value: &DeValue<'_>) -> (Given, String) {
+fn read_value(value: &DeValue<'_>) -> (GivenValue, String) {
     match value {
-        DeValue::String(text) => (Given::Text(text.to_string()), format!("{text:?}")),
-        DeValue::Boolean(flag) => (Given::Flag(*flag), flag.to_string()),
-        DeValue::Integer(number) if number.radix() == 10 => (parse_number(number.as_str()), number.as_str().into()),
-        DeValue::Integer(number) => (Given::Other, number.as_str().into()),
-        DeValue::Float(number) => (parse_number(number.as_str()), number.as_str().into()),
-        DeValue::Datetime(time) => (Given::Other, time.to_string()),
+        DeValue::String(text) => (GivenValue::Text(text.to_string()), format!("{text:?}")),
+        DeValue::Boolean(flag) => (GivenValue::Flag(*flag), flag.to_string()),
+        DeValue::Integer(number) if number.radix() == 10 => {
+            (parse_number_value(number.as_str()), number.as_str().into())
+        }
+        DeValue::Integer(number) => (GivenValue::Other, number.as_str().into()),
+        DeValue::Float(number) => (parse_number_value(number.as_str()), number.as_str().into()),
+        DeValue::Datetime(time) => (GivenValue::Other, time.to_string()),
         DeValue::Array(list) => {
             let texts = |entry: &toml::Spanned<DeValue<'_>>| match entry.get_ref() {
                 DeValue::String(text) => Some(text.to_string()),
@@ -287,52 +294,54 @@ fn read_value(value: &DeValue<'_>) -> (Given, String) {
             match list.iter().map(texts).collect::<Option<Vec<String>>>() {
                 Some(texts) => {
                     let told = format!("{texts:?}");
-                    (Given::Texts(texts), told)
+                    (GivenValue::Texts(texts), told)
                 }
-                None => (Given::Other, "a list".into()),
+                None => (GivenValue::Other, "a list".into()),
             }
         }
-        DeValue::Table(_) => (Given::Other, "a table".into()),
+        DeValue::Table(_) => (GivenValue::Other, "a table".into()),
     }
 }
 
-fn parse_number(text: &str) -> Given {
-    text.parse().map_or(Given::Other, Given::Number)
+fn parse_number_value(text: &str) -> GivenValue {
+    text.parse().map_or(GivenValue::Other, GivenValue::Number)
 }
 
 /// The options of `era serve`, with those of its configuration file if it names one.
-pub fn merge_configuration(options: &Serve) -> Result<Serve, Failure> {
+pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failure> {
     let Some(path) = &options.config else { return Ok(options.clone()) };
-    let file = ConfigFile::read(path).map_err(Failure::usage)?;
-    for Used { key, value, line } in file.account(options) {
+    let file = ConfigFile::read(path).map_err(Failure::usage_error)?;
+    for KeyWithOrigin { key, value, line } in file.list_all_keys_with_origin(options) {
         let place = line.map_or_else(|| "default".into(), |line| format!("{}:{line}", file.source));
         match value {
             Some(value) => tracing::debug!("{} = {value} ({place})", key.name),
-            None => tracing::debug!("{} as on the command line", key.name),
+            None => tracing::debug!("{}: an option on the command line is used", key.name),
         }
     }
-    Ok(file.under(options))
+    Ok(file.fill_in_missing_options(options))
 }
 
 /// `era config`.
 pub fn run_config(options: &Config) -> Outcome {
     match &options.command {
-        ConfigCommand::Check(options) => check_file(options),
-        ConfigCommand::Example => print_text(&format_example()),
+        ConfigCommand::Check(options) => check_config_file(options),
+        ConfigCommand::Example => print_text(&format_example_config()),
     }
 }
 
-fn check_file(options: &ConfigCheck) -> Outcome {
-    let found = ConfigFile::examine(&options.file).and_then(|mut found| {
+fn check_config_file(options: &ConfigCheck) -> Outcome {
+    let found = ConfigFile::examine_file(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
         let file = &found.file;
-        if let Err(Failure::Usage(text) | Failure::Failed(text)) = file.under(&Serve::default()).panel.load() {
+        if let Err(Failure::Usage(text) | Failure::Failed(text)) =
+            file.fill_in_missing_options(&Serve::default()).panel.load_scene()
+        {
             let line =
                 file.settings.iter().find(|setting| setting.key.name == "scene").map_or(0, |setting| setting.line);
             found.mistakes.push(Mistake { line, text });
         }
-        found.mistakes.extend(found.file.start_mistakes());
-        found.sound()
+        found.mistakes.extend(found.file.find_start_mistakes());
+        found.into_file_if_sound()
     });
     let file = match found {
         Ok(file) => file,
@@ -342,11 +351,11 @@ fn check_file(options: &ConfigCheck) -> Outcome {
                     error.mistakes.iter().map(|it| json!({"line": it.line, "text": it.text})).collect();
                 print_json(&json!({"file": error.source, "mistakes": mistakes, "settings": []}))?;
             }
-            return Err(Failure::usage(error));
+            return Err(Failure::usage_error(error));
         }
     };
-    let used = file.account(&Serve::default());
-    let simulated = file.simulated();
+    let used = file.list_all_keys_with_origin(&Serve::default());
+    let simulated = file.note_if_device_is_simulated();
     if options.json {
         let settings: Vec<_> =
             used.iter().map(|used| json!({"key": used.key.name, "value": used.value, "line": used.line})).collect();
@@ -354,10 +363,11 @@ fn check_file(options: &ConfigCheck) -> Outcome {
             "file": file.source, "mistakes": [], "settings": settings, "drives_simulation": simulated.is_some(),
         }));
     }
-    let width = |text: fn(&Used) -> &str| used.iter().map(|used| text(used).chars().count()).max().unwrap_or(0);
+    let width =
+        |text: fn(&KeyWithOrigin) -> &str| used.iter().map(|used| text(used).chars().count()).max().unwrap_or(0);
     let (keys, values) = (width(|used| used.key.name), width(|used| used.value.as_deref().unwrap_or_default()));
     let mut text = format!("{} can be used", file.source);
-    for Used { key, value, line } in &used {
+    for KeyWithOrigin { key, value, line } in &used {
         let place = line.map_or_else(|| "default".into(), |line| format!("line {line}"));
         let _ = write!(text, "\n{:keys$}  {:values$}  {place}", key.name, value.as_deref().unwrap_or_default());
     }
@@ -368,7 +378,7 @@ fn check_file(options: &ConfigCheck) -> Outcome {
 }
 
 /// A file with every key.
-fn format_example() -> String {
+fn format_example_config() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
          # Relative paths count from this file's folder. To drive your panel set scene, and device to \"auto\": without device\n\
@@ -385,7 +395,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<ConfigFile, ConfigError> {
-        ConfigFile::examine_text("era.toml", text, Path::new("/etc/era"))?.sound()
+        ConfigFile::examine_text("era.toml", text, Path::new("/etc/era"))?.into_file_if_sound()
     }
 
     #[test]
@@ -422,13 +432,13 @@ mod tests {
     fn the_command_line_comes_before_the_file() {
         let text = "version = 1\nscene = \"panel.toml\"\ndevice = \"auto\"\ntolerance = 1e-3\nno_cache = true";
         let file = parse(text).unwrap();
-        let alone = file.under(&Serve::default());
+        let alone = file.fill_in_missing_options(&Serve::default());
         assert_eq!(alone.panel.scene.as_deref(), Some(Path::new("/etc/era/panel.toml")));
         assert_eq!((alone.device, alone.panel.tolerance), (Some(Target::Auto), Some(1e-3)));
         assert!(alone.keep.no_cache && alone.listen.is_none());
         let mut options = Serve { device: Some(Target::Sim), ..Serve::default() };
         options.panel.accuracy = "fast".parse().ok();
-        let joined = file.under(&options);
+        let joined = file.fill_in_missing_options(&options);
         // The rival on the command line goes before the file's key, too.
         assert_eq!((joined.device, joined.panel.tolerance), (Some(Target::Sim), None));
         assert!(joined.panel.accuracy.is_some() && joined.keep.no_cache);
@@ -436,7 +446,7 @@ mod tests {
 
     #[test]
     fn the_example_can_be_read_with_and_without_its_comments() {
-        let text = format_example();
+        let text = format_example_config();
         assert!(parse(&text).unwrap().settings.is_empty());
         let all: Vec<&str> =
             text.lines().map(|line| line.strip_prefix("# ").filter(|it| it.contains(" = ")).unwrap_or(line)).collect();

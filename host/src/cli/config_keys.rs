@@ -2,7 +2,7 @@
 //!
 //! An option that is added to `serve` gets a row here: how it is named, what it may be, and where its value goes.
 
-use super::args::{AfterOutage, Serve, parse_idle, parse_record_mb};
+use super::args::{AfterOutage, Serve, parse_idle_s, parse_record_mb};
 use crate::daemon::{Access, DEFAULT_LISTEN};
 use crate::device::Target;
 use crate::model::Accuracy;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// A value as the file has it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Given {
+pub enum GivenValue {
     /// A string.
     Text(String),
     /// An integer or a float.
@@ -24,39 +24,39 @@ pub enum Given {
     Other,
 }
 
-impl Given {
+impl GivenValue {
     /// A text that is not empty.
-    pub fn text(&self) -> Option<&str> {
+    pub fn as_nonempty_text(&self) -> Option<&str> {
         match self {
-            Given::Text(text) if !text.is_empty() => Some(text),
+            GivenValue::Text(text) if !text.is_empty() => Some(text),
             _ => None,
         }
     }
 
-    fn number(&self) -> Option<f64> {
+    fn as_number(&self) -> Option<f64> {
         match self {
-            Given::Number(number) => Some(*number),
+            GivenValue::Number(number) => Some(*number),
             _ => None,
         }
     }
 
-    fn flag(&self) -> Option<bool> {
+    fn as_flag(&self) -> Option<bool> {
         match self {
-            Given::Flag(flag) => Some(*flag),
+            GivenValue::Flag(flag) => Some(*flag),
             _ => None,
         }
     }
 
-    fn texts(&self) -> Option<&[String]> {
+    fn as_texts(&self) -> Option<&[String]> {
         match self {
-            Given::Texts(texts) => Some(texts),
+            GivenValue::Texts(texts) => Some(texts),
             _ => None,
         }
     }
 
     /// A path; a relative one counts from `base`.
-    fn path(&self, base: &Path) -> Option<PathBuf> {
-        self.text().map(|text| base.join(text))
+    fn as_path_from(&self, base: &Path) -> Option<PathBuf> {
+        self.as_nonempty_text().map(|text| base.join(text))
     }
 }
 
@@ -78,7 +78,7 @@ pub struct Key {
     /// Whether the command line has said it.
     pub is_given: fn(&Serve) -> bool,
     /// Puts the value where it belongs; relative paths count from the folder. `None` if it is not allowed.
-    pub take: fn(&mut Serve, &Given, &Path) -> Option<()>,
+    pub take: fn(&mut Serve, &GivenValue, &Path) -> Option<()>,
 }
 
 /// All keys, in the order in which they are listed.
@@ -92,7 +92,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.panel.scene.is_some(),
         take: |serve, given, base| {
-            serve.panel.scene = Some(given.path(base)?);
+            serve.panel.scene = Some(given.as_path_from(base)?);
             Some(())
         },
     },
@@ -105,7 +105,7 @@ pub const KEYS: &[Key] = &[
         rival: Some("tolerance"),
         is_given: |serve| serve.panel.accuracy.is_some(),
         take: |serve, given, _| {
-            serve.panel.accuracy = Some(given.text()?.parse().ok()?);
+            serve.panel.accuracy = Some(given.as_nonempty_text()?.parse().ok()?);
             Some(())
         },
     },
@@ -118,7 +118,7 @@ pub const KEYS: &[Key] = &[
         rival: Some("accuracy"),
         is_given: |serve| serve.panel.tolerance.is_some(),
         take: |serve, given, _| {
-            let tolerance = given.number()?;
+            let tolerance = given.as_number()?;
             Accuracy::from_tolerance(tolerance).ok()?;
             serve.panel.tolerance = Some(tolerance);
             Some(())
@@ -126,14 +126,14 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "explain",
-        help: "Log what was modelled, and the time of each step",
+        help: "Log what was modelled, what was left out, and the time and gain of each step towards the tolerance",
         allowed: "true or false",
         default: "false",
         example: "false",
         rival: None,
         is_given: |serve| serve.panel.explain,
         take: |serve, given, _| {
-            serve.panel.explain = given.flag()?;
+            serve.panel.explain = given.as_flag()?;
             Some(())
         },
     },
@@ -146,7 +146,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.keep.no_cache,
         take: |serve, given, _| {
-            serve.keep.no_cache = given.flag()?;
+            serve.keep.no_cache = given.as_flag()?;
             Some(())
         },
     },
@@ -159,7 +159,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.device.is_some(),
         take: |serve, given, _| {
-            serve.device = Some(given.text()?.parse::<Target>().ok()?);
+            serve.device = Some(given.as_nonempty_text()?.parse::<Target>().ok()?);
             Some(())
         },
     },
@@ -172,7 +172,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.listen.is_some(),
         take: |serve, given, _| {
-            serve.listen = Some(given.text()?.parse().ok()?);
+            serve.listen = Some(given.as_nonempty_text()?.parse().ok()?);
             Some(())
         },
     },
@@ -185,21 +185,21 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.socket.is_some(),
         take: |serve, given, base| {
-            let text = given.text()?;
+            let text = given.as_nonempty_text()?;
             serve.socket = Some(if text == "none" { text.into() } else { base.join(text) });
             Some(())
         },
     },
     Key {
         name: "token_file",
-        help: "File of tokens, with lines ROLE SECRET (view, touch or arm)",
+        help: "File of tokens; each line has a role (view, touch or arm) and a secret",
         allowed: "the path of a file",
         default: "none",
         example: "\"tokens\"",
         rival: None,
         is_given: |serve| serve.token_file.is_some(),
         take: |serve, given, base| {
-            serve.token_file = Some(given.path(base)?);
+            serve.token_file = Some(given.as_path_from(base)?);
             Some(())
         },
     },
@@ -212,7 +212,7 @@ pub const KEYS: &[Key] = &[
         rival: Some("tls_dir"),
         is_given: |serve| serve.tls_cert.is_some(),
         take: |serve, given, base| {
-            serve.tls_cert = Some(given.path(base)?);
+            serve.tls_cert = Some(given.as_path_from(base)?);
             Some(())
         },
     },
@@ -225,7 +225,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.tls_key.is_some(),
         take: |serve, given, base| {
-            serve.tls_key = Some(given.path(base)?);
+            serve.tls_key = Some(given.as_path_from(base)?);
             Some(())
         },
     },
@@ -238,7 +238,7 @@ pub const KEYS: &[Key] = &[
         rival: Some("tls_cert"),
         is_given: |serve| serve.tls_dir.is_some(),
         take: |serve, given, base| {
-            serve.tls_dir = Some(given.path(base)?);
+            serve.tls_dir = Some(given.as_path_from(base)?);
             Some(())
         },
     },
@@ -251,7 +251,8 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| !serve.allow_origin.is_empty(),
         take: |serve, given, _| {
-            serve.allow_origin = given.texts()?.iter().map(|text| Access::origin(text).ok()).collect::<Option<_>>()?;
+            serve.allow_origin =
+                given.as_texts()?.iter().map(|text| Access::parse_origin(text).ok()).collect::<Option<_>>()?;
             Some(())
         },
     },
@@ -264,34 +265,35 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| !serve.allow_host.is_empty(),
         take: |serve, given, _| {
-            serve.allow_host = given.texts()?.iter().map(|text| Access::host(text).ok()).collect::<Option<_>>()?;
+            serve.allow_host =
+                given.as_texts()?.iter().map(|text| Access::parse_host(text).ok()).collect::<Option<_>>()?;
             Some(())
         },
     },
     Key {
         name: "idle_s",
         help: "Disarm the board after this time in s without a touch",
-        allowed: "a number 0.1 to 3600",
+        allowed: "a number from 0.1 to 3600, in s",
         default: "5",
         example: "5",
         rival: None,
         is_given: |serve| serve.idle_s.is_some(),
         take: |serve, given, _| {
-            let seconds = given.number()?;
-            serve.idle_s = Some(parse_idle(&seconds.to_string()).ok()?);
+            let seconds = given.as_number()?;
+            serve.idle_s = Some(parse_idle_s(&seconds.to_string()).ok()?);
             Some(())
         },
     },
     Key {
         name: "clear_silence",
-        help: "Let the next touch clear the fault host-silent of this host",
+        help: "Let the next touch clear the fault host-silent (the board heard nothing from this daemon)",
         allowed: "true or false",
         default: "false",
         example: "false",
         rival: None,
         is_given: |serve| serve.clear_silence,
         take: |serve, given, _| {
-            serve.clear_silence = given.flag()?;
+            serve.clear_silence = given.as_flag()?;
             Some(())
         },
     },
@@ -304,7 +306,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.after_outage.is_some(),
         take: |serve, given, _| {
-            serve.after_outage = Some(AfterOutage::from_str(given.text()?, false).ok()?);
+            serve.after_outage = Some(AfterOutage::from_str(given.as_nonempty_text()?, false).ok()?);
             Some(())
         },
     },
@@ -317,33 +319,33 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| serve.record.is_some(),
         take: |serve, given, base| {
-            serve.record = Some(given.path(base)?);
+            serve.record = Some(given.as_path_from(base)?);
             Some(())
         },
     },
     Key {
         name: "record_file_mb",
-        help: "Size in MB at which a recording begins its next file",
-        allowed: "a number 1 to 1000000",
+        help: "Largest size in MB of one file of a recording; the recording then continues in a new file",
+        allowed: "a number from 1 to 1000000, in MB",
         default: "256",
         example: "256",
         rival: None,
         is_given: |serve| serve.record_file_mb.is_some(),
         take: |serve, given, _| {
-            serve.record_file_mb = Some(parse_record_mb(&given.number()?.to_string()).ok()?);
+            serve.record_file_mb = Some(parse_record_mb(&given.as_number()?.to_string()).ok()?);
             Some(())
         },
     },
     Key {
         name: "record_total_mb",
-        help: "Size in MB of all files of a recording, at which the oldest is removed",
-        allowed: "a number 1 to 1000000",
+        help: "Largest size in MB of all files of a recording together; above this size, the oldest file is removed",
+        allowed: "a number from 1 to 1000000, in MB",
         default: "2000",
         example: "2000",
         rival: None,
         is_given: |serve| serve.record_total_mb.is_some(),
         take: |serve, given, _| {
-            serve.record_total_mb = Some(parse_record_mb(&given.number()?.to_string()).ok()?);
+            serve.record_total_mb = Some(parse_record_mb(&given.as_number()?.to_string()).ok()?);
             Some(())
         },
     },
@@ -381,18 +383,18 @@ mod tests {
                 assert_eq!(other.rival, Some(key.name));
             }
             let given = match key.example.parse::<f64>() {
-                Ok(number) => Given::Number(number),
-                Err(_) if key.example == "false" => Given::Flag(true),
+                Ok(number) => GivenValue::Number(number),
+                Err(_) if key.example == "false" => GivenValue::Flag(true),
                 Err(_) if key.example.starts_with('[') => {
-                    Given::Texts(vec![key.example.trim_matches(['[', ']', '"']).into()])
+                    GivenValue::Texts(vec![key.example.trim_matches(['[', ']', '"']).into()])
                 }
-                Err(_) => Given::Text(key.example.trim_matches('"').into()),
+                Err(_) => GivenValue::Text(key.example.trim_matches('"').into()),
             };
             let mut serve = Serve::default();
             assert!(!(key.is_given)(&serve), "{}", key.name);
             assert!((key.take)(&mut serve, &given, Path::new("/base")).is_some(), "{}: {given:?}", key.name);
             assert!((key.is_given)(&serve), "{}", key.name);
-            assert!((key.take)(&mut serve, &Given::Other, Path::new("/base")).is_none(), "{}", key.name);
+            assert!((key.take)(&mut serve, &GivenValue::Other, Path::new("/base")).is_none(), "{}", key.name);
         }
     }
 }

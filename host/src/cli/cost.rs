@@ -51,7 +51,11 @@ impl Cost {
     ///
     /// # Errors
     /// [`ModelError`]: what cannot be meshed, which the computation would end with too.
-    pub fn of_modes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Option<Self>, ModelError> {
+    pub fn estimate_for_modes_unless_time_limited(
+        scene: &Scene,
+        accuracy: Accuracy,
+        max_hz: f64,
+    ) -> Result<Option<Self>, ModelError> {
         if accuracy.time_limit().is_some() {
             return Ok(None);
         }
@@ -61,35 +65,35 @@ impl Cost {
     /// Of responses to every actuator at so many frequencies up to `max_hz`, at so many points, by every level.
     ///
     /// # Errors
-    /// As [`Cost::of_modes`].
-    pub fn of_responses(
+    /// As [`Cost::estimate_for_modes_unless_time_limited`].
+    pub fn estimate_for_responses_unless_time_limited(
         scene: &Scene,
         accuracy: Accuracy,
         max_hz: f64,
-        (frequencies, points): (usize, usize),
+        (frequency_count, point_count): (usize, usize),
     ) -> Result<Option<Self>, ModelError> {
         if accuracy.time_limit().is_some() {
             return Ok(None);
         }
-        let mut cost = Self::new(scene, accuracy, max_hz, frequency_ratio_of_modes(scene, max_hz))?;
-        cost.operations += LEVELS.len() as f64 * cost.sweep(scene, frequencies, points);
-        Ok(Some(Self { responses: Some((frequencies, points)), ..cost }))
+        let mut cost = Self::new(scene, accuracy, max_hz, mode_range_over_max_frequency(scene, max_hz))?;
+        cost.operations += LEVELS.len() as f64 * cost.count_sweep_operations(scene, frequency_count, point_count);
+        Ok(Some(Self { responses: Some((frequency_count, point_count)), ..cost }))
     }
 
     /// Of a plan table.
     ///
     /// # Errors
-    /// As [`Cost::of_modes`].
-    pub fn of_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Option<Self>, ModelError> {
-        let mut cost = Self::new(scene, accuracy, options.to_hz, frequency_ratio_of_modes(scene, options.to_hz))?;
-        let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::points(scene, options.to_hz));
+    /// As [`Cost::estimate_for_modes_unless_time_limited`].
+    pub fn estimate_for_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Self, ModelError> {
+        let mut cost = Self::new(scene, accuracy, options.to_hz, mode_range_over_max_frequency(scene, options.to_hz))?;
+        let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::count_points(scene, options.to_hz));
         let entries = (frequencies * scene.actuators.len()) as f64;
-        cost.operations += cost.sweep(scene, frequencies, points) + PER_ENTRY * entries;
-        Ok(Some(Self { responses: Some((frequencies, points)), ..cost }))
+        cost.operations += cost.count_sweep_operations(scene, frequencies, points) + PER_ENTRY * entries;
+        Ok(Self { responses: Some((frequencies, points)), ..cost })
     }
 
     fn new(scene: &Scene, accuracy: Accuracy, max_hz: f64, beyond: f64) -> Result<Self, ModelError> {
-        let unknowns = ReducedLevels::estimate_unknown_count(scene, accuracy, max_hz)?;
+        let unknowns = ReducedLevels::estimate_unknown_count_of_finest_level(scene, accuracy, max_hz)?;
         let vectors = VECTORS_PER_MODE * estimate_mode_count(scene, beyond * max_hz) + LEAST_VECTORS;
         let level = |part: f64| {
             let (n, s) = (part * unknowns, vectors.min(part * unknowns));
@@ -100,7 +104,7 @@ impl Cost {
     }
 
     /// Operations of responses by one level: coordinates at every frequency, and two real products over the points.
-    fn sweep(&self, scene: &Scene, frequencies: usize, points: usize) -> f64 {
+    fn count_sweep_operations(&self, scene: &Scene, frequencies: usize, points: usize) -> f64 {
         let (actuators, loads) = (scene.actuators.len() as f64, (scene.actuators.len() + scene.supports.len()) as f64);
         let coordinates = BEYOND_REDUCED * self.modes + RESIDUALS as f64 * loads;
         // Complex matrices where damping couples all modes, a few couplings otherwise.
@@ -114,7 +118,7 @@ impl Cost {
 
     /// How long this machine takes for it; measures its speed first, which takes some milliseconds, unless it is little.
     #[must_use]
-    pub fn time(&self) -> Duration {
+    pub fn estimate_time(&self) -> Duration {
         let speed = if self.operations > SMALL { measure_operations_per_s() } else { SMALL };
         // More than a year of seconds is no help to anybody.
         Duration::from_secs_f64((self.operations / speed).min(1e9))
@@ -125,9 +129,9 @@ impl fmt::Display for Cost {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             out,
-            "some {:.0} unknowns, {:.0} modes",
-            round_to_two_digits(self.unknowns),
-            round_to_two_digits(self.modes)
+            "about {:.0} unknowns, {:.0} modes",
+            round_to_digits_or_integer_below_one(self.unknowns, 2),
+            round_to_digits_or_integer_below_one(self.modes, 2)
         )?;
         if let Some((frequencies, points)) = self.responses {
             write!(out, ", {frequencies} frequencies")?;
@@ -145,19 +149,14 @@ pub fn describe_duration(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     match seconds {
         s if s < 1.5 => "a second".into(),
-        s if s < 95.0 => format!("{:.0} s", round_to_digits(s, 1)),
-        s if s < 5400.0 => format!("{:.0} min", round_to_digits(s / 60.0, 1)),
-        s => format!("{:.0} h", round_to_digits(s / 3600.0, 1)),
+        s if s < 95.0 => format!("{:.0} s", round_to_digits_or_integer_below_one(s, 1)),
+        s if s < 5400.0 => format!("{:.0} min", round_to_digits_or_integer_below_one(s / 60.0, 1)),
+        s => format!("{:.0} h", round_to_digits_or_integer_below_one(s / 3600.0, 1)),
     }
 }
 
-/// Two digits.
-fn round_to_two_digits(value: f64) -> f64 {
-    round_to_digits(value, 2)
-}
-
 #[expect(clippy::cast_possible_truncation, reason = "a power of ten")]
-fn round_to_digits(value: f64, digits: i32) -> f64 {
+fn round_to_digits_or_integer_below_one(value: f64, digits: i32) -> f64 {
     if value < 1.0 {
         return value.round();
     }
@@ -166,7 +165,7 @@ fn round_to_digits(value: f64, digits: i32) -> f64 {
 }
 
 /// How far a reduced model's modes go, as a multiple of the highest frequency.
-fn frequency_ratio_of_modes(scene: &Scene, max_hz: f64) -> f64 {
+fn mode_range_over_max_frequency(scene: &Scene, max_hz: f64) -> f64 {
     BEYOND_REDUCED * if has_many_modes_below(scene, max_hz) { 0.5 } else { 1.0 }
 }
 
@@ -224,7 +223,7 @@ mod tests {
     fn modes_and_unknowns_are_about_right() {
         for (text, max_hz) in [(EXAMPLE_PLATE, 1500.0), (EXAMPLE_BAR, 5000.0)] {
             let scene = Scene::parse("example", text).unwrap();
-            let cost = Cost::of_modes(&scene, Accuracy::FAST, max_hz).unwrap().unwrap();
+            let cost = Cost::estimate_for_modes_unless_time_limited(&scene, Accuracy::FAST, max_hz).unwrap().unwrap();
             let found = compute_modes_with_error_bounds(&scene, Accuracy::FAST, max_hz).unwrap();
             let (modes, unknowns) = (found.answer.len() as f64, found.model.count_unknowns() as f64);
             assert!((cost.modes / modes).ln().abs() < 0.4, "{} {modes}", cost.modes);
@@ -235,14 +234,27 @@ mod tests {
     #[test]
     fn more_costs_more() {
         let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
-        let modes = |max_hz: f64| Cost::of_modes(&scene, Accuracy::BALANCED, max_hz).unwrap().unwrap().operations;
+        let modes = |max_hz: f64| {
+            Cost::estimate_for_modes_unless_time_limited(&scene, Accuracy::BALANCED, max_hz)
+                .unwrap()
+                .unwrap()
+                .operations
+        };
         assert!(modes(4000.0) > 10.0 * modes(1000.0));
-        let sweep =
-            |size: (usize, usize)| Cost::of_responses(&scene, Accuracy::BALANCED, 400.0, size).unwrap().unwrap();
+        let sweep = |size: (usize, usize)| {
+            Cost::estimate_for_responses_unless_time_limited(&scene, Accuracy::BALANCED, 400.0, size).unwrap().unwrap()
+        };
         assert!(sweep((361, 10_000)).operations > 5.0 * sweep((361, 1000)).operations);
         assert!(sweep((361, 1)).to_string().ends_with("361 frequencies"));
         assert!(sweep((361, 1617)).to_string().ends_with("361 frequencies, 1617 points"));
-        assert!(Cost::of_modes(&scene, Accuracy::BALANCED, 1e9).is_err());
-        assert_eq!(Cost::of_modes(&scene, Accuracy::best_within_time(Duration::from_secs(1)), 400.0), Ok(None));
+        assert!(Cost::estimate_for_modes_unless_time_limited(&scene, Accuracy::BALANCED, 1e9).is_err());
+        assert_eq!(
+            Cost::estimate_for_modes_unless_time_limited(
+                &scene,
+                Accuracy::best_within_time(Duration::from_secs(1)),
+                400.0
+            ),
+            Ok(None)
+        );
     }
 }

@@ -1,17 +1,17 @@
 //! `era doctor`: finds out, judges, and prints.
 
 use super::args::Serve;
-use super::client::Contact;
+use super::client::DaemonContact;
 use super::config::ConfigFile;
-use super::serve::choose_listen_place;
+use super::serve::listen_place_or_default;
 use super::token::{TOKEN_VARIABLE, read_token};
-use super::values::{parse_proxy, parse_url};
+use super::values::{parse_outgoing_http_proxy, parse_url};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::certificate::read_certificates;
 use crate::connection::HostPort;
 use crate::device::{Target, priority};
-use crate::doctor::facts::{Answer, Chosen, Daemon, File, Wanted};
-use crate::doctor::{Facts, Finding, Verdict, board, daemon, judge, machine};
+use crate::doctor::facts::{Chosen, Daemon, File, PortAnswer, Wanted};
+use crate::doctor::{Facts, Finding, Verdict, board, daemon, judge_facts, machine};
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
@@ -44,7 +44,7 @@ pub struct Doctor {
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
     /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
-    #[arg(long, value_name = "URL", value_parser = parse_proxy)]
+    #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
     #[arg(long)]
@@ -52,7 +52,7 @@ pub struct Doctor {
 }
 
 pub fn run_doctor(options: &Doctor) -> Outcome {
-    let findings = judge(&gather_facts(options)?);
+    let findings = judge_facts(&gather_facts(options)?);
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (problems, warnings) = (count(Verdict::Problem), count(Verdict::Warning));
     if options.json {
@@ -62,8 +62,8 @@ pub fn run_doctor(options: &Doctor) -> Outcome {
     }
     match problems {
         0 => Ok(()),
-        1 => Err(Failure::failed("1 problem; the line below it says what to do")),
-        many => Err(Failure::failed(format!("{many} problems; the line below each says what to do"))),
+        1 => Err(Failure::runtime_error("1 problem; the line below it says what to do")),
+        many => Err(Failure::runtime_error(format!("{many} problems; the line below each says what to do"))),
     }
 }
 
@@ -100,22 +100,22 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
         Wanted::Any | Wanted::Board => ports.iter().find(|port| port.is_board()).map(|port| port.path.clone()),
         Wanted::Simulated(_) => None,
     };
-    let (url, daemon) = ask_daemon_at_options(options, &serve)?;
+    let (url, daemon) = find_url_and_ask_daemon(options, &serve)?;
     let chosen = path.map(|path| {
         // The same port may have several names, as in /dev/serial/by-id.
         let path = match &daemon {
             Daemon::Runs { port, .. } if is_same_file(port, &path) => port.clone(),
             _ => path,
         };
-        let holders = machine::find_port_holders(root, &path);
+        let holders = machine::find_other_processes_with_port_open(root, &path);
         let is_daemons = matches!(&daemon, Daemon::Runs { port, .. } if *port == path);
         let is_free = holders.is_empty() && !is_daemons;
-        let answer = if is_free { board::ask_board(&path) } else { Answer::NotAsked };
-        Chosen { access: machine::read_port_access(root, &path), holders, answer, path }
+        let answer = if is_free { board::ask_board(&path) } else { PortAnswer::NotAsked };
+        Chosen { access: machine::find_group_with_access_and_membership(root, &path), holders, answer, path }
     });
     let scene = options.scene.as_ref().or(serve.panel.scene.as_ref()).map(|path| {
-        let panel = super::args::Panel { scene: Some(path.clone()), ..super::args::Panel::default() };
-        let mistake = match panel.load() {
+        let panel = super::args::PanelOptions { scene: Some(path.clone()), ..super::args::PanelOptions::default() };
+        let mistake = match panel.load_scene() {
             Err(Failure::Usage(text) | Failure::Failed(text)) => Some(text),
             _ => None,
         };
@@ -124,10 +124,10 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
     Ok(Facts {
         wanted,
         ports,
-        bootloader: machine::has_bootloader(),
-        rules: machine::find_rules(root),
-        modem_manager: machine::find_modem_manager(root),
-        realtime: machine::read_realtime_limit(root)
+        bootloader: machine::has_chip_in_bootloader(),
+        rules: machine::find_udev_rules_for_board(root),
+        modem_manager: machine::find_modem_manager_pid(root),
+        realtime: machine::read_realtime_priority_limit(root)
             .map(|limit| if priority::can_raise_thread_priority() { limit.max(1) } else { 0 }),
         chosen,
         address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
@@ -139,12 +139,12 @@ fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
 }
 
 /// Where a daemon is looked for, and what is there. The command line comes before the configuration.
-fn ask_daemon_at_options(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
-    let listen = choose_listen_place(serve)?;
+fn find_url_and_ask_daemon(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
+    let listen = listen_place_or_default(serve)?;
     // A name is asked as it stands there.
     let place = listen
         .address()
-        .map_or_else(|| listen.to_string(), |address| daemon::find_reachable_address(address).to_string());
+        .map_or_else(|| listen.to_string(), |address| daemon::replace_unspecified_by_loopback(address).to_string());
     let speaks_tls = serve.tls_dir.is_some() || serve.tls_cert.is_some();
     let url = options.url.clone().unwrap_or_else(|| format!("{}://{place}", if speaks_tls { "https" } else { "http" }));
     let made = serve.tls_dir.as_ref().map(|folder| folder.join(CERTIFICATE));
@@ -158,15 +158,15 @@ fn ask_daemon_at_options(options: &Doctor, serve: &Serve) -> Result<(String, Dae
         }
         (None, _) => read_token(None)?,
     };
-    let contact = Contact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
+    let contact = DaemonContact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
     let found =
         daemon::ask_daemon(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
     Ok((url, found))
 }
 
-fn is_same_file(a: &str, b: &str) -> bool {
+fn is_same_file(one: &str, other: &str) -> bool {
     let file = |path: &str| std::fs::canonicalize(path).ok();
-    a == b || file(a).is_some_and(|a| file(b) == Some(a))
+    one == other || file(one).is_some_and(|one| file(other) == Some(one))
 }
 
 /// The configuration file, and what it makes the daemon use.
@@ -174,8 +174,8 @@ fn read_configuration(options: &Doctor) -> (Option<File>, Serve) {
     let Some(path) = &options.config else { return (None, Serve::default()) };
     let (mistake, serve) = match ConfigFile::read(path) {
         Ok(file) => {
-            let mistakes: Vec<String> = file.start_mistakes().into_iter().map(|mistake| mistake.text).collect();
-            ((!mistakes.is_empty()).then(|| mistakes.join("; ")), file.under(&Serve::default()))
+            let mistakes: Vec<String> = file.find_start_mistakes().into_iter().map(|mistake| mistake.text).collect();
+            ((!mistakes.is_empty()).then(|| mistakes.join("; ")), file.fill_in_missing_options(&Serve::default()))
         }
         Err(error) => (Some(error.to_string()), Serve::default()),
     };

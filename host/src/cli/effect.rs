@@ -1,13 +1,19 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, Keep, Panel, Rhythm};
+use super::args::{At, CacheOptions, PanelOptions, Rhythm};
 use super::headings::TOUCH;
-use super::panel::{bounds_of, target, tell_plan, touched_table};
+use super::panel::{
+    collect_plan_bounds, make_target_from_at_option, prepare_table_with_fingers_at_places, tell_plan_bounds,
+};
 use super::{Failure, Outcome, print_json, print_text};
-use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
+use crate::effects::{
+    self, DesignError, EffectRequest, Intensity, NamedEffect, design_effect_with_windows, intensity,
+    plan_request_with_intensity_for_targets_without_one,
+};
 use crate::model::Bound;
 use crate::planner::Request;
-use crate::planner::rise::RiseTimes;
+use crate::planner::click::{CRISP_RANGE_S, ClickOptions, Preference};
+use crate::planner::rise::PanelPoles;
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
@@ -17,18 +23,18 @@ use std::time::Instant;
 #[derive(Clone, Debug, Args)]
 pub struct EffectOptions {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     #[command(flatten)]
     pub at: At,
-    /// The same in dB above the threshold of feeling
+    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     /// Which effect
     #[arg(value_name = "NAME", required_unless_present = "effect", conflicts_with = "effect")]
     pub name: Option<NamedEffect>,
-    /// The same as an option
+    /// The effect, given as an option
     #[arg(long, value_name = "NAME", hide_possible_values = true)]
     pub effect: Option<NamedEffect>,
     /// Duration in ms
@@ -36,43 +42,86 @@ pub struct EffectOptions {
     pub duration_ms: Option<f64>,
     #[command(flatten)]
     pub rhythm: Rhythm,
+    /// Longest time in ms until a click is quiet, 20 to 100 [default: 45]
+    #[arg(long, value_name = "T", value_parser = parse_crisp_ms)]
+    pub crisp_ms: Option<f64>,
+    /// What counts more for a click that cannot be both [default: strength]
+    #[arg(long, value_enum)]
+    pub prefer: Option<Preference>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
 
-pub fn run_effect(options: &EffectOptions) -> Outcome {
-    let scene = options.panel.load()?;
-    let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage("no effect is named"))?;
+impl EffectOptions {
+    fn option_of_clicks_only_if_given(&self) -> Option<&'static str> {
+        let crisp = self.crisp_ms.is_some().then_some("--crisp-ms");
+        crisp.or(self.prefer.is_some().then_some("--prefer"))
+    }
+}
+
+fn parse_crisp_ms(text: &str) -> Result<f64, String> {
+    let (min_ms, max_ms) = (1e3 * CRISP_RANGE_S.0, 1e3 * CRISP_RANGE_S.1);
+    let found = text.parse::<f64>().ok().filter(|ms| (min_ms..=max_ms).contains(ms));
+    found.ok_or_else(|| format!("must be a number of ms from {min_ms} to {max_ms}"))
+}
+
+pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
+    let scene = options.panel.load_scene()?;
+    let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage_error("no effect is named"))?;
     let request = EffectRequest {
         effect,
         duration_ms: options.duration_ms,
         count: options.rhythm.count,
         period_ms: options.rhythm.period_ms,
     };
-    request.envelope().map_err(Failure::usage)?;
-    let target = target(&scene, &options.at)?;
-    let table = touched_table(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
-    let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
+    request.build_envelope().map_err(Failure::usage_error)?;
+    if let Some(option) = options.option_of_clicks_only_if_given().filter(|_| effect != NamedEffect::Click) {
+        return Err(Failure::usage_error(format!(
+            "{option} is given, but only the effect click takes it, not {}",
+            effect.name()
+        )));
+    }
+    let target = make_target_from_at_option(&scene, &options.at)?;
+    let table =
+        prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
+    let rise = PanelPoles::find_poles_if_converged(&table.model)
+        .ok_or(DesignError::Unbounded)
+        .map_err(Failure::runtime_error)?;
     let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
-    let plan = plan_with(&table, || Some(&rise), &Request::touch(&[target]), wanted)?;
+    let plan = plan_request_with_intensity_for_targets_without_one(
+        &table,
+        || Some(&rise),
+        &Request::for_touch(&[target]),
+        wanted,
+    )?;
     let started = Instant::now();
-    let design = design(&table, &rise, &plan, request).map_err(Failure::failed)?;
+    let click = ClickOptions {
+        crisp_s: options.crisp_ms.map_or(ClickOptions::default().crisp_s, |ms| 1e-3 * ms),
+        preference: options.prefer.unwrap_or_default(),
+        with_bound: true,
+        force_fraction: 1.0,
+    };
+    let design = design_effect_with_windows(&table, &rise, &plan, request, click).map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let shape = intensity::shape_of(&table, target.x_m, target.y_m);
-    let drives = intensity::forces(&table, &plan);
+    let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
+    let drives = intensity::list_switched_forces_of_plan(&table, &plan);
     let accuracy = options.panel.accuracy()?;
-    tell_plan(&[&plan], accuracy, options.panel.explain);
-    let (timing, level_db) = (rise.times(&shape, &drives), intensity::level_db(&rise, &shape, &drives));
+    tell_plan_bounds(&[&plan], accuracy, options.panel.explain);
+    let (timing, level_db) = (
+        rise.find_rise_and_decay_times(&shape, &drives),
+        intensity::plan_level_above_threshold_if_any_motion_db(&rise, &shape, &drives),
+    );
     if options.json {
         let mut answer = json!(effects::view::EffectView::new(&design));
         answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
-        answer["tolerance"] = json!(accuracy.relative_tolerance());
-        answer["tolerance_met"] = json!(Bound::all_meet_accuracy(&bounds_of(&[&plan]), accuracy));
+        answer["tolerance"] = json!(accuracy.relative_tolerance_or_tightest());
+        answer["tolerance_met"] =
+            json!(Bound::all_meet_tolerance_if_decidable(&collect_plan_bounds(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         // The same as the daemon says it.
-        answer["times"] = json!(crate::planner::report::compute_times(&table, &plan));
+        answer["times"] = json!(crate::planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan));
         answer["plan_level_db"] = json!(level_db);
         return print_json(&answer);
     }
@@ -87,20 +136,40 @@ pub fn run_effect(options: &EffectOptions) -> Outcome {
             drive.frequency_hz,
             drive.voltage_v,
             drive.force_n,
-            effects::view::text(designed)
+            effects::view::describe_segments(designed)
         );
     }
-    let _ = write!(
-        text,
-        "\npeak {:.3} g ({:.3} to {:.3} g as the drives' cycles fall together) {:.1} ms after the start",
-        predicted.peak_g, predicted.peak_least_g, predicted.peak_most_g, predicted.peak_at_ms
-    );
+    for window in &design.windows {
+        let effects::EffectWindow { actuator, electrode, begin_us, width_us, voltage_v, .. } = window;
+        let _ = write!(
+            text,
+            "\n  {actuator:12} {electrode:?} from {begin_us:8.1} us for {width_us:6.1} us at {voltage_v:.0} V"
+        );
+    }
+    let _ = match design.windows.is_empty() {
+        true => write!(
+            text,
+            "\npeak {:.3} g ({:.3} to {:.3} g, depending on the phases of the drives) {:.1} ms after the start",
+            predicted.peak_g, predicted.peak_least_g, predicted.peak_most_g, predicted.peak_at_ms
+        ),
+        false => write!(text, "\npeak {:.3} g {:.1} ms after the start", predicted.peak_g, predicted.peak_at_ms),
+    };
+    if let Some(best_g) = predicted.best_possible_g {
+        let _ = write!(
+            text,
+            "\nstrongest crisp click that free forces of these actuators could make within 30 ms: {best_g:.3} g"
+        );
+    }
+    if let (Some(pulse_ms), Some(ratio)) = (predicted.pulse_ms, predicted.pulse_to_ring_db) {
+        let _ = write!(text, "\npulse of {pulse_ms:.1} ms, {ratio:.1} dB above what rings after it");
+    }
     let ms = |time: Option<f64>| {
-        time.map_or_else(|| "more than 300 ms after the end".to_owned(), |ms| format!("{ms:.1} ms"))
+        let after_start = |ms: f64| format!("{ms:.1} ms after the start");
+        time.map_or_else(|| "more than 300 ms after the end".to_owned(), after_start)
     };
     let _ = write!(
         text,
-        "\nresidual vibration after the end {:.1} % of the peak, below a tenth from {} on",
+        "\nresidual vibration after the end: {:.1} % of the peak; the motion finally falls below a tenth of the peak {}",
         1e2 * predicted.residual,
         ms(predicted.quiet_ms)
     );

@@ -6,7 +6,7 @@ use crate::scene::{EdgeKind, Mount, Scene, SurfaceDamping, SurfaceKind};
 use std::fmt::Write;
 
 /// The scene's part of it.
-fn describe_model(scene: &Scene) -> String {
+fn describe_modelled_scene(scene: &Scene) -> String {
     let surface = &scene.surface;
     let mm = |m: f64| m * 1e3;
     let mut text = match surface.kind {
@@ -33,6 +33,7 @@ fn describe_model(scene: &Scene) -> String {
     let lossy =
         lossy.chain(scene.edges.iter().map(|edge| edge.kind.spring_loss_factor())).filter(|loss| *loss > 0.0).count();
     let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
+    let charging = scene.actuators.iter().filter(|actuator| !actuator.charging.is_instant()).count();
     let parts = [
         (surface.layers.len(), "layers (classical laminate theory)"),
         (scene.patches.len(), "patches of other thickness or material"),
@@ -45,15 +46,16 @@ fn describe_model(scene: &Scene) -> String {
         (inertial, "inertial ERAs, each with an unknown for its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
         (biased, "ERAs softened by their voltage"),
+        (charging, "ERAs whose electrodes charge through resistors"),
     ];
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
         let _ = write!(text, ", {count} {what}");
     }
-    if let Some(stiffness) = scene.air_stiffness_n_per_m() {
+    if let Some(stiffness) = scene.sealed_air_stiffness_if_any_n_per_m() {
         let _ = write!(text, ", sealed air of {stiffness:.3e} N/m against the mean deflection");
     }
     if surface.added_mass_kg_per_m2 > 0.0 {
-        let _ = write!(text, ", {} kg/m^2 of air that moves along", surface.added_mass_kg_per_m2);
+        let _ = write!(text, ", {} kg/m^2 of air that moves with the surface", surface.added_mass_kg_per_m2);
     }
     text.push_str(match surface.damping {
         SurfaceDamping::None => ", no damping of the surface",
@@ -61,7 +63,9 @@ fn describe_model(scene: &Scene) -> String {
         SurfaceDamping::ModalRatio(ratio) if ratio.is_same_for_all_modes() => {
             ", the same damping ratio on every mode of the surface"
         }
-        SurfaceDamping::ModalRatio(_) => ", a damping ratio by its frequency on every mode of the surface",
+        SurfaceDamping::ModalRatio(_) => {
+            ", on every mode of the surface a damping ratio that depends on the frequency of the mode"
+        }
         SurfaceDamping::Rayleigh { .. } => ", Rayleigh damping of the surface",
     });
     text
@@ -70,7 +74,7 @@ fn describe_model(scene: &Scene) -> String {
 /// The whole text.
 #[must_use]
 pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
-    let mut text = describe_model(scene);
+    let mut text = describe_modelled_scene(scene);
     text.push_str(
         "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger except at a touched place, the effect of the \
          electrodes on an ERA's stiffness beyond its bias_voltage_v; residual shapes of actuators, dashpots and the point stand for \
@@ -93,7 +97,7 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLe
         );
     }
     let total: f64 = steps.iter().map(|step| step.elapsed_ms).sum();
-    let tolerance = accuracy.relative_tolerance();
+    let tolerance = accuracy.relative_tolerance_or_tightest();
     let best = steps.iter().map(|step| step.bound).reduce(f64::min);
     let _ = match best {
         Some(bound) if accuracy.time_limit().is_some() && bound.is_finite() => {

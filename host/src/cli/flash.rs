@@ -5,7 +5,7 @@ use super::told::tell;
 use super::{Failure, Outcome, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};
-use crate::flash::check::{OnBoard, Version, check_image};
+use crate::flash::check::{InstalledFirmware, Version, check_image};
 use crate::flash::dfuse::Dfuse;
 use crate::flash::image::{Image, default_path};
 use crate::flash::probe::{ProbeError, ProbeRs};
@@ -24,17 +24,19 @@ const BOOTLOADER_START: Duration = Duration::from_secs(10);
 
 /// How the image gets onto the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
+enum FlashWay {
     Probe,
     Dfu,
 }
 
 pub fn run_flash(options: &Flash) -> Outcome {
     if matches!(options.port, Some(Target::Sim | Target::Emulated)) {
-        return Err(Failure::usage("only a board can be flashed: use --port with auto or the path of a serial port"));
+        return Err(Failure::usage_error(
+            "only a board can be flashed: use --port with auto or the path of a serial port",
+        ));
     }
     let path = options.image.clone().unwrap_or_else(default_path);
-    let (image, _) = Image::read(&path).map_err(Failure::usage)?;
+    let (image, _) = Image::read(&path).map_err(Failure::usage_error)?;
     tell!(
         "image    {} {}, {} bytes, {}",
         image.header.name(),
@@ -42,19 +44,22 @@ pub fn run_flash(options: &Flash) -> Outcome {
         image.bytes().len(),
         path.display()
     );
-    let job = Job { options, path, image };
-    let way = job.way()?;
-    let board = job.board(way)?;
+    let job = FlashJob { options, path, image };
+    let way = job.choose_probe_if_connected_else_dfu()?;
+    let board = job.open_idle_board_unless_none_found(way)?;
     let (before, first_stage_replaced) = match way {
-        Way::Probe => (job.by_probe(board)?, None),
-        Way::Dfu => job.by_dfu(board).map(|(before, replaced)| (before, Some(replaced)))?,
+        FlashWay::Probe => (job.flash_by_probe_and_get_previous_firmware(board)?, None),
+        FlashWay::Dfu => {
+            let DfuFlashed { previous_firmware, was_first_stage_replaced } = job.flash_by_dfu(board)?;
+            (previous_firmware, Some(was_first_stage_replaced))
+        }
     };
-    let runs = job.confirm_start()?;
+    let runs = job.await_and_check_new_firmware()?;
     if options.json {
         return print_json(&json!({
-            "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_json(job.image.header.firmware)},
-            "way": if way == Way::Probe { "probe" } else { "dfu" },
-            "before": before.map(|it| version_json(it.firmware)),
+            "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_to_json(job.image.header.firmware)},
+            "way": if way == FlashWay::Probe { "probe" } else { "dfu" },
+            "before": before.map(|it| version_to_json(it.firmware)),
             "first_stage_replaced": first_stage_replaced,
             "answers": runs,
         }));
@@ -62,89 +67,102 @@ pub fn run_flash(options: &Flash) -> Outcome {
     Ok(())
 }
 
-struct Job<'a> {
+/// What is known after an image was written over USB.
+struct DfuFlashed {
+    /// The firmware that was on the board, if there was one.
+    previous_firmware: Option<InstalledFirmware>,
+    /// Whether the image's first stage differed from the board's and was written too.
+    was_first_stage_replaced: bool,
+}
+
+struct FlashJob<'a> {
     options: &'a Flash,
     path: PathBuf,
     image: Image,
 }
 
-impl Job<'_> {
+impl FlashJob<'_> {
     /// A probe, if there is one; else USB.
-    fn way(&self) -> Result<Way, Failure> {
+    fn choose_probe_if_connected_else_dfu(&self) -> Result<FlashWay, Failure> {
         if self.options.dfu {
-            return Ok(Way::Dfu);
+            return Ok(FlashWay::Dfu);
         }
-        match ProbeRs::default().find() {
-            Ok(()) => Ok(Way::Probe),
-            Err(error) if self.options.probe => Err(Failure::failed(error)),
-            Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(Way::Dfu),
+        match ProbeRs::default().check_probe_connected() {
+            Ok(()) => Ok(FlashWay::Probe),
+            Err(error) if self.options.probe => Err(Failure::runtime_error(error)),
+            Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashWay::Dfu),
             Err(error) => {
                 tell!("no debug probe: {error}");
-                Ok(Way::Dfu)
+                Ok(FlashWay::Dfu)
             }
         }
     }
 
     /// The board, if its firmware answers. Where its port is not named, none need answer: it may be in its bootloader, or
     /// without a firmware.
-    fn board(&self, way: Way) -> Result<Option<Board>, Failure> {
-        let waiting = way == Way::Dfu && usb::find_bootloader().map_err(Failure::failed)?.is_some();
+    fn open_idle_board_unless_none_found(&self, way: FlashWay) -> Result<Option<Board>, Failure> {
+        let waiting = way == FlashWay::Dfu && usb::find_bootloader().map_err(Failure::runtime_error)?.is_some();
         match &self.options.port {
-            Some(_) if waiting => Err(Failure::failed(
+            Some(_) if waiting => Err(Failure::runtime_error(
                 "a board is already in its bootloader: omit --port to flash that board, or disconnect it",
             )),
             None if waiting => Ok(None),
             port => match Board::open(port.as_ref().unwrap_or(&Target::Auto)) {
                 Ok(mut board) => {
-                    board.check_idle().map_err(Failure::failed)?;
+                    board.check_idle().map_err(Failure::runtime_error)?;
                     Ok(Some(board))
                 }
                 Err(BoardError::Target(TargetError::NoneFound { .. })) if port.is_none() => Ok(None),
-                Err(error) => Err(Failure::failed(error)),
+                Err(error) => Err(Failure::runtime_error(error)),
             },
         }
     }
 
-    fn by_probe(&self, board: Option<Board>) -> Result<Option<OnBoard>, Failure> {
+    fn flash_by_probe_and_get_previous_firmware(
+        &self,
+        board: Option<Board>,
+    ) -> Result<Option<InstalledFirmware>, Failure> {
         let probe = ProbeRs::default();
-        probe.check_chip().map_err(Failure::failed)?;
+        probe.check_chip().map_err(Failure::runtime_error)?;
         let before = match &board {
             Some(board) => {
-                if probe.board_id().map_err(Failure::failed)? != board.identity.board_id {
-                    return Err(Failure::failed(format!(
+                if probe.read_board_id().map_err(Failure::runtime_error)? != board.identity.board_id {
+                    return Err(Failure::runtime_error(format!(
                         "the probe is connected to another board than the one that answers at {}: nothing was changed",
                         board.path()
                     )));
                 }
-                Some(board.on_board())
+                Some(board.installed_firmware())
             }
-            None => probe.header_on_board().map_err(Failure::failed)?.as_ref().map(OnBoard::from),
+            None => probe.read_header_on_board().map_err(Failure::runtime_error)?.as_ref().map(InstalledFirmware::from),
         };
-        self.allow(before, "the debug probe")?;
+        self.check_image_and_ask_before_flashing(before, "the debug probe")?;
         // Its port is closed, as the program may reset the board.
         drop(board);
-        probe.write(&self.path).map_err(Failure::failed)?;
+        probe.write_and_start_image(&self.path).map_err(Failure::runtime_error)?;
         Ok(before)
     }
 
-    fn by_dfu(&self, board: Option<Board>) -> Result<(Option<OnBoard>, bool), Failure> {
-        let before = board.as_ref().map(Board::on_board);
+    fn flash_by_dfu(&self, board: Option<Board>) -> Result<DfuFlashed, Failure> {
+        let before = board.as_ref().map(Board::installed_firmware);
         let (device, allowed) = match board {
             Some(board) => {
-                self.allow(before, board.path())?;
-                board.enter_bootloader().map_err(Failure::failed)?;
-                (usb::await_bootloader(BOOTLOADER_START).map_err(Failure::failed)?, true)
+                self.check_image_and_ask_before_flashing(before, board.path())?;
+                board.enter_bootloader().map_err(Failure::runtime_error)?;
+                (usb::await_bootloader(BOOTLOADER_START).map_err(Failure::runtime_error)?, true)
             }
-            None => (usb::await_bootloader(Duration::ZERO).map_err(Failure::failed)?, false),
+            None => (usb::await_bootloader(Duration::ZERO).map_err(Failure::runtime_error)?, false),
         };
-        let (pipe, layout) = usb::open_bootloader(&device).map_err(Failure::failed)?;
-        let mut dfu = Dfuse::open(pipe).map_err(Failure::failed)?;
+        let (pipe, layout) = usb::open_bootloader(&device).map_err(Failure::runtime_error)?;
+        let mut dfu = Dfuse::open(pipe).map_err(Failure::runtime_error)?;
         let before = match before {
             Some(before) => Some(before),
-            None => read_header_on_board(&mut dfu).map_err(Failure::failed)?.as_ref().map(OnBoard::from),
+            None => {
+                read_header_on_board(&mut dfu).map_err(Failure::runtime_error)?.as_ref().map(InstalledFirmware::from)
+            }
         };
         if !allowed {
-            self.allow(before, "USB, in its bootloader")?;
+            self.check_image_and_ask_before_flashing(before, "USB, in its bootloader")?;
         }
         let bar = ProgressBar::new(0);
         if let Ok(style) = ProgressStyle::with_template("{msg:9} {bar:40} {bytes}/{total_bytes} ({elapsed})") {
@@ -160,48 +178,48 @@ impl Job<'_> {
             bar.set_position(done.into());
         });
         bar.finish_and_clear();
-        let done = done.map_err(Failure::failed)?;
-        dfu.leave(FLASH_START).map_err(Failure::failed)?;
-        Ok((before, done.first_stage_replaced))
+        let done = done.map_err(Failure::runtime_error)?;
+        dfu.leave_for_program_at(FLASH_START).map_err(Failure::runtime_error)?;
+        Ok(DfuFlashed { previous_firmware: before, was_first_stage_replaced: done.first_stage_replaced })
     }
 
     /// Checks the image against the board, shows what is about to happen, and asks.
-    fn allow(&self, before: Option<OnBoard>, place: &str) -> Outcome {
+    fn check_image_and_ask_before_flashing(&self, before: Option<InstalledFirmware>, place: &str) -> Outcome {
         let after = Version(self.image.header.firmware);
         match before {
             Some(before) => tell!("board    {}, at {place} -> {after}", Version(before.firmware)),
             None => tell!("board    no ERA firmware on it, at {place} -> {after}"),
         }
-        check_image(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::failed)?;
+        check_image(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::runtime_error)?;
         if self.options.yes {
             return Ok(());
         }
-        let question = "The high-voltage supply must be off at its own switch: a chip that is being flashed does \
-                        not hold the pins that disable the supply.";
+        let question = "Switch the high-voltage supply off at its own switch first: while the chip is flashed, it cannot \
+                        keep the supply disabled.";
         if !std::io::stdin().is_terminal() {
-            return Err(Failure::usage(format!("{question} Use --yes if the supply is off")));
+            return Err(Failure::usage_error(format!("{question} Use --yes if the supply is off")));
         }
         eprint!("{question} Is the supply off? [y/N] ");
         let mut answer = String::new();
-        std::io::stderr().flush().map_err(Failure::failed)?;
-        std::io::stdin().lock().read_line(&mut answer).map_err(Failure::failed)?;
+        std::io::stderr().flush().map_err(Failure::runtime_error)?;
+        std::io::stdin().lock().read_line(&mut answer).map_err(Failure::runtime_error)?;
         if matches!(answer.trim(), "y" | "Y" | "yes") {
             return Ok(());
         }
-        Err(Failure::failed("nothing was changed"))
+        Err(Failure::runtime_error("nothing was changed"))
     }
 
     /// Waits for the new firmware; whether it answers. Over which port it would is not known if none was named.
-    fn confirm_start(&self) -> Result<bool, Failure> {
+    fn await_and_check_new_firmware(&self) -> Result<bool, Failure> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
             Ok(board) if board.identity.firmware == self.image.header.firmware => {
                 tell!("done     {} answers at {}", Version(board.identity.firmware), board.path());
                 Ok(true)
             }
-            Ok(board) => Err(Failure::failed(format!(
-                "the image was written and read back, but the board at {} answers with {}: check that it is the \
-                 same board, and if so power it down and up",
+            Ok(board) => Err(Failure::runtime_error(format!(
+                "the image was written and read back, but the board at {} answers with {}: check that this board is the board \
+                 that was flashed; if so, power the board down and up",
                 board.path(),
                 Version(board.identity.firmware)
             ))),
@@ -213,7 +231,7 @@ impl Job<'_> {
     }
 }
 
-fn version_json(firmware: FirmwareVersion) -> Value {
+fn version_to_json(firmware: FirmwareVersion) -> Value {
     let FirmwareVersion { major, minor, patch, commit } = firmware;
     json!({"version": format!("{major}.{minor}.{patch}"), "commit": String::from_utf8_lossy(&commit)})
 }

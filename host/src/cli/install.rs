@@ -5,7 +5,7 @@ use super::config::{self, ConfigFile};
 use super::told::tell;
 use super::{Failure, Outcome, print_text};
 use crate::daemon::Recorder;
-use crate::install::files::{self, Done};
+use crate::install::files::{self, FileChange};
 use crate::install::{rule, unit};
 use crate::private_file;
 use clap::{Args, ValueEnum};
@@ -35,10 +35,10 @@ pub struct Install {
     #[arg(long, value_name = "PATH")]
     pub program: Option<PathBuf>,
     /// The group of users who may drive the board
-    #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group)]
+    #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group_name)]
     pub group: String,
     /// The group of users who may write the board's firmware [default: none; only root may]
-    #[arg(long, value_name = "NAME", value_parser = parse_group)]
+    #[arg(long, value_name = "NAME", value_parser = parse_group_name)]
     pub flash_group: Option<String>,
     /// Write below this folder in place of /, for packages
     #[arg(long, value_name = "DIR")]
@@ -55,7 +55,7 @@ pub struct Install {
 }
 
 /// A name that neither udev nor systemd takes for something else.
-fn parse_group(text: &str) -> Result<String, String> {
+fn parse_group_name(text: &str) -> Result<String, String> {
     let is_fit = !text.is_empty()
         && text.len() <= 32
         && !text.starts_with('-')
@@ -64,7 +64,7 @@ fn parse_group(text: &str) -> Result<String, String> {
 }
 
 /// A file that is to be.
-struct Wanted {
+struct WantedFile {
     part: Part,
     path: PathBuf,
     text: String,
@@ -72,25 +72,25 @@ struct Wanted {
 
 pub fn run_install(options: &Install) -> Outcome {
     // Paths of the configuration are absolute, and are cut by this one.
-    let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::failed)?;
+    let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::runtime_error)?;
     let options = &Install { root, ..options.clone() };
     if !cfg!(target_os = "linux") {
-        return Err(Failure::usage("udev rules and systemd units are for Linux"));
+        return Err(Failure::usage_error("udev rules and systemd units are for Linux"));
     }
     if options.user && options.only == Some(Part::Rule) {
-        return Err(Failure::usage("a udev rule applies to the whole machine: omit --user"));
+        return Err(Failure::usage_error("a udev rule applies to the whole machine: omit --user"));
     }
     let config = find_config_path(options)?;
-    let wanted = list_wanted_files(options, &config)?;
+    let wanted = list_udev_rule_and_unit_files(options, &config)?;
     if options.print {
         let files: Vec<String> =
             wanted.iter().map(|file| format!("# {}\n{}", file.path.display(), file.text)).collect();
-        warn_about_service(options, &config, &wanted);
+        warn_what_keeps_service_from_working(options, &config, &wanted);
         return print_text(files.join("\n").trim_end());
     }
     // All or nothing, as far as it can be known beforehand.
     for file in &wanted {
-        files::check_writable(&file.path, options.force).map_err(Failure::failed)?;
+        files::check_writable(&file.path, options.force).map_err(Failure::runtime_error)?;
     }
     let mut changed = Vec::new();
     for file in &wanted {
@@ -99,19 +99,19 @@ pub fn run_install(options: &Install) -> Outcome {
         } else {
             files::write_marked(&file.path, &file.text, options.force)
         };
-        let done = done.map_err(Failure::failed)?;
+        let done = done.map_err(Failure::runtime_error)?;
         if options.remove && file.part == Part::Service {
             remove_enable_link(&file.path);
         }
         print_text(&format!("{done} {}", file.path.display()))?;
-        if !matches!(done, Done::Unchanged | Done::Absent) {
+        if !matches!(done, FileChange::Unchanged | FileChange::Absent) {
             changed.push(file.part);
         }
     }
     if !options.remove {
-        warn_about_service(options, &config, &wanted);
+        warn_what_keeps_service_from_working(options, &config, &wanted);
     }
-    let steps = list_next_steps(options, &changed, &config);
+    let steps = list_commands_to_run_next(options, &changed, &config);
     // Whoever makes a package runs nothing now.
     if options.root.is_none() && !steps.is_empty() {
         print_text(&format!("now run:\n  {}", steps.join("\n  ")))?;
@@ -119,31 +119,38 @@ pub fn run_install(options: &Install) -> Outcome {
     Ok(())
 }
 
-fn list_wanted_files(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
+fn list_udev_rule_and_unit_files(options: &Install, config_path: &Path) -> Result<Vec<WantedFile>, Failure> {
     let is_wanted = |part| options.only.is_none_or(|only| only == part);
     let mut wanted = Vec::new();
     if is_wanted(Part::Rule) && !options.user {
-        let path = root_folder(options).join(rule::PATH);
-        wanted.push(Wanted {
+        let path = target_root_folder(options).join(rule::PATH);
+        wanted.push(WantedFile {
             part: Part::Rule,
             path,
             text: rule::format_rule(&options.group, options.flash_group.as_deref()),
         });
     }
     if is_wanted(Part::Service) {
-        let program = find_program(options)?;
-        let secrets = &find_secrets(options, config);
-        let unit = unit::Unit { program: &program, config, group: &options.group, secrets, is_user: options.user };
-        let text = unit.text().map_err(Failure::usage)?;
-        wanted.push(Wanted { part: Part::Service, path: find_unit_path(options)?, text });
+        let program = find_service_program(options)?;
+        let secrets = &find_secrets_to_hand_over_from_root(options, config_path);
+        let unit = unit::Unit {
+            program: &program,
+            config: config_path,
+            group: &options.group,
+            secrets,
+            is_user: options.user,
+        };
+        let text = unit.text().map_err(Failure::usage_error)?;
+        wanted.push(WantedFile { part: Part::Service, path: find_unit_path(options)?, text });
     }
     Ok(wanted)
 }
 
 /// What `era serve` would use of the configuration, as far as it can be read; paths as the service sees them.
 fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
-    let (root, there) = (root_folder(options), path_below_root(options, config));
-    let mut serve = config::merge_configuration(&Serve { config: Some(there), ..Serve::default() }).ok()?;
+    let (root, there) = (target_root_folder(options), path_below_target_root(options, config));
+    let mut serve =
+        config::fill_in_options_from_config_file(&Serve { config: Some(there), ..Serve::default() }).ok()?;
     for path in [&mut serve.token_file, &mut serve.tls_cert, &mut serve.tls_key, &mut serve.tls_dir, &mut serve.record]
     {
         if let Some(path) = path.as_mut()
@@ -156,7 +163,7 @@ fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
 }
 
 /// What of it the service, whose user is its own, can only have from root.
-fn find_secrets(options: &Install, config: &Path) -> unit::Secrets {
+fn find_secrets_to_hand_over_from_root(options: &Install, config: &Path) -> unit::Secrets {
     let Some(serve) = read_service_options(options, config).filter(|_| !options.user) else {
         return unit::Secrets::default();
     };
@@ -164,11 +171,12 @@ fn find_secrets(options: &Install, config: &Path) -> unit::Secrets {
 }
 
 /// The program that the service runs.
-fn find_program(options: &Install) -> Result<PathBuf, Failure> {
+fn find_service_program(options: &Install) -> Result<PathBuf, Failure> {
     match &options.program {
-        Some(program) => std::path::absolute(program).map_err(Failure::failed),
-        None => std::env::current_exe()
-            .map_err(|error| Failure::failed(format!("this program's own path is not known: {error}; use --program"))),
+        Some(program) => std::path::absolute(program).map_err(Failure::runtime_error),
+        None => std::env::current_exe().map_err(|error| {
+            Failure::runtime_error(format!("this program's own path is not known: {error}; use --program"))
+        }),
     }
 }
 
@@ -183,17 +191,17 @@ fn remove_enable_link(unit: &Path) {
 }
 
 /// Where a path of the service is now.
-fn path_below_root(options: &Install, path: &Path) -> PathBuf {
-    root_folder(options).join(path.strip_prefix("/").unwrap_or(path))
+fn path_below_target_root(options: &Install, path: &Path) -> PathBuf {
+    target_root_folder(options).join(path.strip_prefix("/").unwrap_or(path))
 }
 
-fn root_folder(options: &Install) -> &Path {
+fn target_root_folder(options: &Install) -> &Path {
     options.root.as_deref().unwrap_or(Path::new("/"))
 }
 
 fn find_unit_path(options: &Install) -> Result<PathBuf, Failure> {
     match (options.user, &options.root) {
-        (false, _) => Ok(root_folder(options).join(unit::SYSTEM_PATH)),
+        (false, _) => Ok(target_root_folder(options).join(unit::SYSTEM_PATH)),
         (true, Some(root)) => Ok(root.join(unit::USERS_PATH)),
         (true, None) => Ok(find_user_config_folder()?.join("systemd/user").join(unit::NAME)),
     }
@@ -201,7 +209,7 @@ fn find_unit_path(options: &Install) -> Result<PathBuf, Failure> {
 
 fn find_config_path(options: &Install) -> Result<PathBuf, Failure> {
     match &options.config {
-        Some(path) => std::path::absolute(path).map_err(Failure::failed),
+        Some(path) => std::path::absolute(path).map_err(Failure::runtime_error),
         None if options.user && options.root.is_none() => Ok(find_user_config_folder()?.join("era/era.toml")),
         None => Ok("/etc/era/era.toml".into()),
     }
@@ -210,34 +218,34 @@ fn find_config_path(options: &Install) -> Result<PathBuf, Failure> {
 /// Where this user's configuration is.
 fn find_user_config_folder() -> Result<PathBuf, Failure> {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    folder("XDG_CONFIG_HOME")
-        .or_else(|| folder("HOME").map(|home| home.join(".config")))
-        .ok_or_else(|| Failure::failed("neither XDG_CONFIG_HOME nor HOME names a folder: use --root and --config"))
+    folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config"))).ok_or_else(|| {
+        Failure::runtime_error("neither XDG_CONFIG_HOME nor HOME names a folder: use --root and --config")
+    })
 }
 
 /// What will not work as it is.
-fn warn_about_service(options: &Install, config: &Path, wanted: &[Wanted]) {
+fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted: &[WantedFile]) {
     let Some(service) = wanted.iter().find(|file| file.part == Part::Service) else { return };
-    let there = path_below_root(options, config);
+    let there = path_below_target_root(options, config);
     if there.exists() {
         match ConfigFile::read(&there) {
             Err(error) => tell!("the service will not start with this configuration:\n{error}"),
             Ok(file) => {
-                if let Some(note) = file.simulated() {
+                if let Some(note) = file.note_if_device_is_simulated() {
                     tell!("with {} the service {note}", there.display());
                 }
             }
         }
     } else if options.root.is_none() {
-        tell!("{} is not there yet: without it the service does not start", config.display());
+        tell!("{} does not exist yet: the service does not start without this file", config.display());
     }
     if let Some(serve) = read_service_options(options, config).filter(|_| !options.user) {
         for path in serve.token_file.iter().chain(&serve.tls_key) {
-            if let Err(error) = private_file::read(&path_below_root(options, path)) {
+            if let Err(error) = private_file::read(&path_below_target_root(options, path)) {
                 tell!("{}: {error}", path.display());
             }
         }
-        if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder(path)) {
+        if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder_path(path)) {
             tell!(
                 "record is the file {}, and a recording never replaces a file: the service would not start a \
                  second time. Name a folder, with a slash at its end, which gets a file for each start",
@@ -246,11 +254,7 @@ fn warn_about_service(options: &Install, config: &Path, wanted: &[Wanted]) {
         }
         for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
             if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {
-                tell!(
-                    "{key} is {}, where the service may not write: it may write below {}",
-                    path.display(),
-                    unit::STATE
-                );
+                tell!("{key} is {}, but the service may write below {} only", path.display(), unit::STATE);
             }
         }
     }
@@ -259,7 +263,7 @@ fn warn_about_service(options: &Install, config: &Path, wanted: &[Wanted]) {
         return;
     }
     let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
-    if let Ok(program) = find_program(options)
+    if let Ok(program) = find_service_program(options)
         && is_in_build_folder(&program)
     {
         tell!(
@@ -287,12 +291,12 @@ fn is_in_build_folder(program: &Path) -> bool {
 }
 
 /// The commands that make the change known.
-fn list_next_steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
+fn list_commands_to_run_next(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
     let mut steps = Vec::new();
     let (manager, sudo) = if options.user { ("systemctl --user", "") } else { ("sudo systemctl", "sudo ") };
     if changed.contains(&Part::Rule) {
         let groups = std::iter::once(&options.group).chain(&options.flash_group);
-        for group in groups.filter(|group| !options.remove && !has_group(group)) {
+        for group in groups.filter(|group| !options.remove && !group_exists_or_groups_unreadable(group)) {
             steps.push(format!("sudo groupadd --system {group}"));
         }
         steps.push("sudo udevadm control --reload".into());
@@ -311,7 +315,7 @@ fn list_next_steps(options: &Install, changed: &[Part], config: &Path) -> Vec<St
             let writer = if options.user { ">" } else { "| sudo tee" };
             steps.push(format!("era config example {writer} {}", config.display()));
         }
-        if ConfigFile::read(config).map_or(true, |file| file.simulated().is_some()) {
+        if ConfigFile::read(config).map_or(true, |file| file.note_if_device_is_simulated().is_some()) {
             let editor = if options.user { "${EDITOR:-vi}" } else { "sudoedit" };
             steps.push(format!("{editor} {}    # scene = \"panel.toml\", device = \"auto\"", config.display()));
         }
@@ -323,7 +327,7 @@ fn list_next_steps(options: &Install, changed: &[Part], config: &Path) -> Vec<St
 }
 
 /// Whether the machine has a group; where that cannot be read, it is taken to have it.
-fn has_group(name: &str) -> bool {
+fn group_exists_or_groups_unreadable(name: &str) -> bool {
     std::fs::read_to_string("/etc/group")
         .map_or(true, |groups| groups.lines().any(|line| line.split(':').next() == Some(name)))
 }

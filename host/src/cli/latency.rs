@@ -3,10 +3,10 @@
 mod first;
 
 use super::args::Latency;
-use super::panel::plan_table;
+use super::panel::load_or_compute_plan_table;
 use super::serve::open_device;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::daemon::{App, Background};
+use crate::daemon::{App, BackgroundDaemon};
 use crate::device::Target;
 use crate::verify::spread_points;
 use serde_json::json;
@@ -17,13 +17,13 @@ const MOST_REFUSED: usize = 10;
 /// Touches that are not counted, while caches and connections warm up.
 const WARM_UP: u32 = 20;
 
-pub fn run_latency(options: &Latency) -> Outcome {
-    let (scene, text) = options.panel.load_text()?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
+pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
+    let (scene, text) = options.panel.load_scene_and_text()?;
+    let table = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
-    let sim = device.sim_control().ok_or_else(|| Failure::failed("no simulated device"))?;
-    let app = App::new(table, device, text).map_err(Failure::failed)?;
-    let daemon = Background::start(app).map_err(Failure::failed)?;
+    let sim = device.sim_control_if_simulated().ok_or_else(|| Failure::runtime_error("no simulated device"))?;
+    let app = App::new(table, device, text).map_err(Failure::runtime_error)?;
+    let daemon = BackgroundDaemon::start(app).map_err(Failure::runtime_error)?;
     let base = format!("http://{}", daemon.address());
     let agent: ureq::Agent = ureq::Agent::config_builder()
         .http_status_as_error(false)
@@ -35,7 +35,7 @@ pub fn run_latency(options: &Latency) -> Outcome {
         .into();
     await_device(&agent, &base)?;
     if let Some(clicks) = options.first_clicks {
-        return first::time_first_clicks(options, clicks, &scene, &agent, &base);
+        return first::measure_first_click_latency_armed_and_unarmed(options, clicks, &scene, &agent, &base);
     }
 
     let screen = scene.screen;
@@ -50,14 +50,14 @@ pub fn run_latency(options: &Latency) -> Outcome {
         if let Some(intensity_g) = options.intensity_g {
             body["intensity_g"] = intensity_g.into();
         }
-        let mut answer = agent.post(format!("{base}/v1/touch")).send_json(body).map_err(Failure::failed)?;
+        let mut answer = agent.post(format!("{base}/v1/touch")).send_json(body).map_err(Failure::runtime_error)?;
         let answered = started.elapsed();
         if !answer.status().is_success() {
             // Nothing was driven that could be timed. A few are told; more are no measurement.
             let problem: serde_json::Value = answer.body_mut().read_json().unwrap_or_default();
             refused.push(problem["detail"].as_str().unwrap_or("no reason given").to_owned());
             if refused.len() > MOST_REFUSED {
-                return Err(Failure::failed(format!(
+                return Err(Failure::runtime_error(format!(
                     "{} of {} touches were refused; the last one: {}",
                     refused.len(),
                     i + 1,
@@ -66,30 +66,31 @@ pub fn run_latency(options: &Latency) -> Outcome {
             }
             continue;
         }
-        let answer: serde_json::Value = answer.body_mut().read_json().map_err(Failure::failed)?;
+        let answer: serde_json::Value = answer.body_mut().read_json().map_err(Failure::runtime_error)?;
         if let Some(ms) = answer["device"]["delayed_ms"].as_f64().filter(|_| i >= WARM_UP) {
             delayed += 1;
             longest_ms = longest_ms.max(ms);
         }
-        let arrived = sim.drives_received_at().ok_or_else(|| Failure::failed("the device received no drive"))?;
+        let arrived =
+            sim.last_drives_received_at().ok_or_else(|| Failure::runtime_error("the device received no drive"))?;
         if i >= WARM_UP {
             to_device.push(arrived.saturating_duration_since(started));
             to_answer.push(answered);
         }
     }
-    let (device, answer) = (Figures::of(to_device), Figures::of(to_answer));
+    let (device, answer) = (LatencyFigures::from_durations(to_device), LatencyFigures::from_durations(to_answer));
     if options.json {
         return print_json(&json!({
-            "touches": options.touches, "to_device_ms": device.json(), "to_answer_ms": answer.json(),
+            "touches": options.touches, "to_device_ms": device.to_json(), "to_answer_ms": answer.to_json(),
             "refused": refused, "delayed": delayed, "delayed_ms_longest": longest_ms,
         }));
     }
     print_text(&format!(
-        "{} touches on {}, daemon and simulated device in one process, planning included\n\
-         from POST /v1/touch            median      p99      max\n\
-         to the frame's last byte     {device}\n\
+        "{} touches on {}; the daemon and the simulated device run in one process, and the times include planning\n\
+         time from POST /v1/touch       median      p99      max\n\
+         to the drive's last byte     {device}\n\
          to the answer                {answer}\n\
-         delayed because of remaining motion: {delayed}, {longest_ms:.1} ms at most; refused: {}",
+         touches that waited until earlier vibration had decayed: {delayed}, {longest_ms:.1} ms at most; refused touches: {}",
         options.touches,
         scene.name,
         refused.len()
@@ -105,33 +106,33 @@ fn await_device_state(
     agent: &ureq::Agent,
     base: &str,
     what: &str,
-    is_so: impl Fn(&serde_json::Value) -> bool,
+    is_state_reached: impl Fn(&serde_json::Value) -> bool,
 ) -> Outcome {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
         let state: serde_json::Value = agent
             .get(format!("{base}/v1/state"))
             .call()
-            .map_err(Failure::failed)?
+            .map_err(Failure::runtime_error)?
             .body_mut()
             .read_json()
-            .map_err(Failure::failed)?;
-        if is_so(&state["device"]) {
+            .map_err(Failure::runtime_error)?;
+        if is_state_reached(&state["device"]) {
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Err(Failure::failed(format!("the simulated device did not {what} within 10 s")))
+    Err(Failure::runtime_error(format!("the simulated device did not {what} within 10 s")))
 }
 
-struct Figures {
+struct LatencyFigures {
     median_ms: f64,
     p99_ms: f64,
     max_ms: f64,
 }
 
-impl Figures {
-    fn of(mut times: Vec<Duration>) -> Self {
+impl LatencyFigures {
+    fn from_durations(mut times: Vec<Duration>) -> Self {
         times.sort_unstable();
         let at = |percent: usize| {
             let index = (times.len() * percent / 100).min(times.len().saturating_sub(1));
@@ -140,12 +141,12 @@ impl Figures {
         Self { median_ms: at(50), p99_ms: at(99), max_ms: at(100) }
     }
 
-    fn json(&self) -> serde_json::Value {
+    fn to_json(&self) -> serde_json::Value {
         json!({"median": self.median_ms, "p99": self.p99_ms, "max": self.max_ms})
     }
 }
 
-impl std::fmt::Display for Figures {
+impl std::fmt::Display for LatencyFigures {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:6.2} ms {:6.2} ms {:6.2} ms", self.median_ms, self.p99_ms, self.max_ms)
     }

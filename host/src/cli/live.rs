@@ -1,10 +1,10 @@
 //! The daemon's live socket, opened with the options of every command that talks to it.
 
 use super::Failure;
-use super::args::Daemon;
-use super::client::Contact;
-use crate::connection::{Line, describe_redirect};
-use crate::doctor::reach::Trouble;
+use super::args::DaemonOptions;
+use super::client::DaemonContact;
+use crate::connection::{DaemonConnection, describe_redirect};
+use crate::doctor::reach::RequestTrouble;
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::handshake::HandshakeError;
@@ -15,24 +15,24 @@ use tungstenite::{Error, WebSocket};
 const PATH: &str = "/v1/live";
 
 /// A socket to a daemon.
-pub type Socket = WebSocket<Line>;
+pub type Socket = WebSocket<DaemonConnection>;
 
 /// Opens `/v1/live` with what is behind its `?`.
 ///
 /// # Errors
 /// That the daemon is not there, is not trusted, or does not let this client in.
-pub fn open(daemon: &Daemon, query: &str) -> Result<Socket, Failure> {
+pub fn open_live_socket(daemon: &DaemonOptions, query: &str) -> Result<Socket, Failure> {
     // `http` becomes `ws`, and `https` becomes `wss`.
     let url = format!("{}{PATH}?{query}", daemon.url.replacen("http", "ws", 1));
-    let failed = |what: &dyn std::fmt::Display| Failure::failed(format!("no live socket at {url}: {what}"));
+    let failed = |what: &dyn std::fmt::Display| Failure::runtime_error(format!("no live socket at {url}: {what}"));
     let mut request = url.as_str().into_client_request().map_err(|error| failed(&error))?;
-    let Contact { way, bearer } = Contact::of(daemon)?;
+    let DaemonContact { way, bearer } = DaemonContact::from_options(daemon)?;
     if let Some(bearer) = bearer {
         let mut value = HeaderValue::try_from(bearer).map_err(|error| failed(&error))?;
         value.set_sensitive(true);
         request.headers_mut().insert(header::AUTHORIZATION, value);
     }
-    let line = way.open_line(request.uri()).map_err(|error| failed(&error))?;
+    let line = way.open_connection(request.uri()).map_err(|error| failed(&error))?;
     match tungstenite::client(request, line) {
         Ok((socket, _)) => Ok(socket),
         Err(HandshakeError::Failure(Error::Http(answer))) if answer.status().is_redirection() => {
@@ -47,7 +47,8 @@ pub fn open(daemon: &Daemon, query: &str) -> Result<Socket, Failure> {
         }
         Err(HandshakeError::Failure(Error::Io(error))) => {
             let error = ureq::Error::Io(error);
-            let told = Trouble::of(&error, &daemon.url).told(&daemon.url, daemon.ca.is_some());
+            let told = RequestTrouble::from_request_error(&error, &daemon.url)
+                .describe_with_advice(&daemon.url, daemon.ca.is_some());
             Err(told.map_or_else(|| failed(&error), |(found, advice)| failed(&format!("{found}: {advice}"))))
         }
         Err(error) => Err(failed(&error)),

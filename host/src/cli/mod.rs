@@ -64,16 +64,16 @@ pub enum Failure {
 }
 
 impl Failure {
-    fn usage(error: impl fmt::Display) -> Self {
+    fn usage_error(error: impl fmt::Display) -> Self {
         Failure::Usage(error.to_string())
     }
 
-    fn failed(error: impl fmt::Display) -> Self {
+    fn runtime_error(error: impl fmt::Display) -> Self {
         Failure::Failed(error.to_string())
     }
 
     /// What is said of it; nothing where that has been told.
-    fn text(&self) -> String {
+    fn message(&self) -> String {
         match self {
             Failure::Usage(text) | Failure::Failed(text) => text.clone(),
             Failure::Defect => String::new(),
@@ -89,53 +89,55 @@ pub fn main() -> ExitCode {
     let started = Instant::now();
     era_files::tell_size_limit_as_error();
     let arguments = command::Arguments::try_parse().unwrap_or_else(|mut error| {
-        hide_secrets(&mut error);
+        hide_secrets_in_argument_error(&mut error);
         // Without a command the daemon runs, but its options belong to it.
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
             command::Arguments::command().get_subcommands().any(|own| given.iter().any(|word| word == own.get_name()));
         if let (clap::error::ErrorKind::UnknownArgument, false) = (error.kind(), has_command) {
             let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
-            refuse(
+            print_argument_error_and_exit(
                 &error,
                 &format!("Options follow a command. The options of the daemon follow `serve`: era serve {wrong} ..."),
             );
         }
-        refuse(&error, "")
+        print_argument_error_and_exit(&error, "")
     });
-    told::set_format(arguments.log_format);
+    told::set_log_format(arguments.log_format);
     // Before any thread is started, the log's included.
     if matches!(arguments.command, None | Some(command::Command::Serve(_))) {
-        signals::keep_in_background();
+        signals::block_background_terminal_stop_signals();
     }
-    log::start(arguments.verbose, arguments.log_format);
+    log::start_log(arguments.verbose, arguments.log_format);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
         // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
-        told::tell_error(&format!("this is a defect of era itself{place}: {what}; please report it with the scene"));
+        told::tell_why_command_failed(&format!(
+            "this is a defect of era itself{place}: {what}; please report it with the scene"
+        ));
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run_command(arguments, started)));
     let code = match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
-            told::tell_error(&message);
+            told::tell_why_command_failed(&message);
             ExitCode::from(2)
         }
         Err(Failure::Failed(message)) => {
-            told::tell_error(&message);
+            told::tell_why_command_failed(&message);
             ExitCode::FAILURE
         }
         // The hook has said what.
         Err(Failure::Defect) => ExitCode::FAILURE,
     };
-    standard_error::await_written();
+    standard_error::wait_until_queue_is_written_or_timeout();
     code
 }
 
 /// Takes out of what is said of a wrong address what may be a password or a token.
-fn hide_secrets(error: &mut clap::Error) {
+fn hide_secrets_in_argument_error(error: &mut clap::Error) {
     use clap::error::{ContextKind, ContextValue};
     let option = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
     if ["--url", "--proxy"].iter().any(|own| option.starts_with(own))
@@ -147,23 +149,23 @@ fn hide_secrets(error: &mut clap::Error) {
 }
 
 /// Ends the program as its arguments cannot be read, or ask for help.
-fn refuse(error: &clap::Error, hint: &str) -> ! {
-    match told::find_requested_format(std::env::args_os()) {
+fn print_argument_error_and_exit(error: &clap::Error, hint: &str) -> ! {
+    match told::find_requested_log_format(std::env::args_os()) {
         told::LogFormat::Json if error.use_stderr() => {
-            told::tell_refusal(told::LogFormat::Json, &format!("{error}{hint}"));
+            told::tell_why_command_did_not_start(told::LogFormat::Json, &format!("{error}{hint}"));
             std::process::exit(2)
         }
         _ if hint.is_empty() => match error.print() {
             // Help that nobody could read; a reader that has gone away (`| head`) has read what it wanted.
             Err(lost) if !error.use_stderr() && lost.kind() != std::io::ErrorKind::BrokenPipe => {
-                told::tell_error(&format!("cannot write to standard output: {lost}"));
+                told::tell_why_command_failed(&format!("cannot write to standard output: {lost}"));
                 std::process::exit(1)
             }
             _ => std::process::exit(error.exit_code()),
         },
         format => {
             let _ = error.print();
-            told::tell_refusal(format, hint);
+            told::tell_why_command_did_not_start(format, hint);
             std::process::exit(2)
         }
     }
@@ -175,7 +177,7 @@ fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
         None => serve::run_serve(&args::Serve::default(), started),
         Some(Command::Serve(options)) => {
-            config::merge_configuration(&options).and_then(|options| serve::run_serve(&options, started))
+            config::fill_in_options_from_config_file(&options).and_then(|options| serve::run_serve(&options, started))
         }
         Some(Command::Touch(options)) => client::send_touch(&options),
         Some(Command::Stop(options)) => client::send_stop(&options),
@@ -184,29 +186,29 @@ fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::State(options)) => client::show_device_state(&options),
         Some(Command::Modes(options)) => modes::run_modes(&options),
         Some(Command::Press(options)) => press::run_press(&options),
-        Some(Command::Response(options)) => panel::response(&options),
+        Some(Command::Response(options)) => panel::run_response(&options),
         Some(Command::Sweep(options)) => sweep::run_sweep(&options),
         Some(Command::Transient(options)) => transient::run_transient(&options),
         Some(Command::Plan(options)) => plan::run_plan(&options),
-        Some(Command::Effect(options)) => effect::run_effect(&options),
+        Some(Command::Effect(options)) => effect::design_and_print_effect(&options),
         Some(Command::Field(options)) => field::run_field(&options),
         Some(Command::Study(options)) => study::run_study(&options),
-        Some(Command::Verify(options)) => verify::run_verify(&options),
+        Some(Command::Verify(options)) => verify::verify_plans_by_time_simulation(&options),
         Some(Command::Replay(options)) => replay::run_replay(&options),
-        Some(Command::Latency(options)) => latency::run_latency(&options),
+        Some(Command::Latency(options)) => latency::measure_touch_latency_on_simulated_device(&options),
         Some(Command::Flash(options)) => flash::run_flash(&options),
-        Some(Command::Monitor(options)) => monitor::run_monitor(&options),
+        Some(Command::Monitor(options)) => monitor::decode_and_print_board_log(&options),
         Some(Command::Doctor(options)) => doctor::run_doctor(&options),
         Some(Command::Install(options)) => install::run_install(&options),
         Some(Command::Config(options)) => config::run_config(&options),
         Some(Command::Completions(options)) => completions::print_completions(&options, command::Arguments::command()),
-        Some(Command::Man(options)) => completions::write_man_pages(&options, command::Arguments::command()),
+        Some(Command::Man(options)) => completions::print_or_write_man_pages(&options, command::Arguments::command()),
     }
 }
 
 /// Writes a line of JSON to standard output.
 fn print_json(value: &impl serde::Serialize) -> Outcome {
-    let text = serde_json::to_string(value).map_err(Failure::failed)?;
+    let text = serde_json::to_string(value).map_err(Failure::runtime_error)?;
     print_text(&text)
 }
 
@@ -215,7 +217,7 @@ fn print_text(text: &str) -> Outcome {
     use std::io::{ErrorKind, Write};
     match writeln!(std::io::stdout().lock(), "{text}") {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::failed(format!("cannot write to standard output: {error}")))
+            Err(Failure::runtime_error(format!("cannot write to standard output: {error}")))
         }
         _ => Ok(()),
     }

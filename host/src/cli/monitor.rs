@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Between two looks at an empty log: short for a person, long for a link that also carries drives.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-pub fn run_monitor(options: &Monitor) -> Outcome {
+pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
     let target = options.port.clone().unwrap_or(Target::Auto);
     if !options.probe
         && let Some(taken) = find_port_holder(&target)
@@ -23,12 +23,12 @@ pub fn run_monitor(options: &Monitor) -> Outcome {
         return Err(Failure::Failed(taken));
     }
     let path = options.elf.clone().unwrap_or_else(default_path);
-    let (image, elf) = Image::read(&path).map_err(Failure::usage)?;
+    let (image, elf) = Image::read(&path).map_err(Failure::usage_error)?;
     if options.probe {
-        return ProbeRs::default().attach(&path).map_err(Failure::failed);
+        return ProbeRs::default().show_log_until_interrupted(&path).map_err(Failure::runtime_error);
     }
-    let table = LogTable::from_elf(&elf).map_err(Failure::usage)?;
-    let mut board = Board::open(&target).map_err(Failure::failed)?;
+    let table = LogTable::from_elf(&elf).map_err(Failure::usage_error)?;
+    let mut board = Board::open(&target).map_err(Failure::runtime_error)?;
     let running = board.identity.firmware;
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
     if running != image.header.firmware {
@@ -42,7 +42,7 @@ pub fn run_monitor(options: &Monitor) -> Outcome {
     }
     let mut decoder = table.decoder();
     loop {
-        let bytes = board.log().map_err(Failure::failed)?;
+        let bytes = board.log().map_err(Failure::runtime_error)?;
         if bytes.is_empty() {
             std::thread::sleep(LOOK_AGAIN);
             continue;
@@ -62,10 +62,10 @@ fn find_port_holder(target: &Target) -> Option<String> {
         Target::Auto => machine::list_ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
         Target::Sim | Target::Emulated => return None,
     };
-    let holders = machine::find_port_holders(Path::new("/"), &port);
+    let holders = machine::find_other_processes_with_port_open(Path::new("/"), &port);
     let names: Vec<String> = holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
     let advice = if holders.iter().any(|holder| holder.name == "era") {
-        "a daemon needs the port of its board alone: end the daemon first (`systemctl stop era`, if it is the service)"
+        "only one program can use the port of a board: end the daemon first (`systemctl stop era`, if the daemon is the service)"
     } else {
         "end that program first"
     };

@@ -10,5 +10,5 @@ use std::path::Path;
 /// [`Failure::Failed`] with the path and the system's reason.
 pub fn write_text_file(path: &Path, text: &str) -> Result<(), Failure> {
     replace_file(path, Readers::ByUmask, text.as_bytes())
-        .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))
+        .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", path.display())))
 }

@@ -1,9 +1,9 @@
 //! Commands that study a panel: response, field; and what others need of a panel.
 
-use super::args::{At, Band, Keep, Panel, Response, Unit};
+use super::args::{At, Band, CacheOptions, PanelOptions, Response, Unit};
 use super::cost::Cost;
 use super::explain::explain_accuracy;
-use super::progress::{with_cost, with_progress};
+use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::RefinementLevel;
@@ -28,9 +28,9 @@ impl From<ModelError> for Failure {
             | ModelError::TooManyModes { .. }
             | ModelError::Frequency { .. }
             | ModelError::Tolerance { .. }
-            | ModelError::OtherPanel { .. } => Failure::usage(error),
+            | ModelError::OtherPanel { .. } => Failure::usage_error(error),
             ModelError::Factorisation { .. } | ModelError::NotConverged { .. } | ModelError::Stopped => {
-                Failure::failed(error)
+                Failure::runtime_error(error)
             }
         }
     }
@@ -40,7 +40,7 @@ impl From<response::CurveError> for Failure {
     fn from(error: response::CurveError) -> Self {
         match error {
             response::CurveError::Model(error) => error.into(),
-            response::CurveError::Response(error) => Failure::failed(error),
+            response::CurveError::Response(error) => Failure::runtime_error(error),
         }
     }
 }
@@ -49,7 +49,7 @@ impl From<PrepareError> for Failure {
     fn from(error: PrepareError) -> Self {
         match error {
             PrepareError::Model(error) => error.into(),
-            PrepareError::Response(error) => Failure::failed(error),
+            PrepareError::Response(error) => Failure::runtime_error(error),
         }
     }
 }
@@ -58,7 +58,7 @@ impl From<QuickError> for Failure {
     fn from(error: QuickError) -> Self {
         match error {
             QuickError::Model(error) => error.into(),
-            QuickError::Response(error) => Failure::failed(error),
+            QuickError::Response(error) => Failure::runtime_error(error),
             QuickError::Plan(error) => error.into(),
         }
     }
@@ -67,64 +67,69 @@ impl From<QuickError> for Failure {
 impl From<PlanError> for Failure {
     fn from(error: PlanError) -> Self {
         match error {
-            PlanError::NoFrequencies | PlanError::Stopped => Failure::failed(error),
-            _ => Failure::usage(error),
+            PlanError::NoFrequencies | PlanError::Stopped => Failure::runtime_error(error),
+            _ => Failure::usage_error(error),
         }
     }
 }
 
 /// Says where thin-plate theory ends.
-pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
+pub fn warn_if_too_thick_for_thin_plate_theory(scene: &Scene, max_hz: f64) {
     for doubt in validity::list_thin_plate_warnings(scene, max_hz) {
         tracing::warn!("{doubt}");
     }
 }
 
 /// Responses are to actuators.
-pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
+pub fn check_has_actuators(scene: &Scene) -> Result<(), Failure> {
     if scene.actuators.is_empty() {
-        return Err(Failure::usage("the scene has no [[actuator]]: responses are per newton at each actuator"));
+        return Err(Failure::usage_error("the scene has no [[actuator]]: responses are per newton at each actuator"));
     }
     Ok(())
 }
 
 /// `--explain`.
-pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) {
+pub fn tell_refinement_steps_if_asked(
+    panel: &PanelOptions,
+    scene: &Scene,
+    accuracy: Accuracy,
+    steps: &[RefinementLevel],
+) {
     if panel.explain {
         tell!("{}", explain_accuracy(scene, accuracy, steps));
     }
 }
 
-/// A bound in a table; why there is none is said by [`tell_missing`].
-pub fn bound_text(bound: Bound) -> String {
-    bound.known_limit().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
+/// A bound in a table; why there is none is said by [`tell_missing_or_exceeded_bounds`].
+pub fn format_bound(bound: Bound) -> String {
+    bound.limit_if_known().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
-pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
+pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason_if_unknown()) {
-        tell!("no bound is known (error_bound is null), because {reason}");
+        tell!("no bound of the model error is known (error_bound is null), because {reason}");
     }
-    let largest = bounds.iter().filter_map(|bound| bound.known_limit()).fold(0.0, f64::max);
-    if accuracy.time_limit().is_none() && largest > accuracy.relative_tolerance() {
+    let largest = bounds.iter().filter_map(|bound| bound.limit_if_known()).fold(0.0, f64::max);
+    if accuracy.time_limit().is_none() && largest > accuracy.relative_tolerance_or_tightest() {
         tell!(
             "error_bound {largest:.1e} is above the tolerance {:.1e}, even with the finest meshes",
-            accuracy.relative_tolerance()
+            accuracy.relative_tolerance_or_tightest()
         );
     }
 }
 
 /// Says on standard error where the bound on a plan's peak is missing or above what was asked for; with `--explain` also that it
 /// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
-pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
+pub fn tell_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
-            "no bound is known (error_bound is null): nothing moves at the target, or the three meshes of the \
+            "no bound of the model error is known (error_bound is null): nothing moves at the target, or the three meshes of the \
              plan do not agree (another --tolerance uses other meshes), or the model of the panel has no bound \
              (see `era response`)"
         );
     }
-    let tolerance = accuracy.relative_tolerance();
+    let tolerance = accuracy.relative_tolerance_or_tightest();
     let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
     if largest > tolerance {
         tell!(
@@ -137,29 +142,30 @@ pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
 }
 
 /// The bounds of plans.
-pub fn bounds_of(plans: &[&Plan]) -> Vec<Bound> {
+pub fn collect_plan_bounds(plans: &[&Plan]) -> Vec<Bound> {
     let bound = |plan: &&Plan| plan.error_bound.map_or(Bound::Unknown("of a plan"), Bound::AtMost);
     plans.iter().map(bound).collect()
 }
 
-pub fn response(options: &Response) -> Outcome {
+pub fn run_response(options: &Response) -> Outcome {
     let started = Instant::now();
-    let scene = options.panel.load()?;
-    let frequencies_hz = frequencies(&options.band)?;
-    let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
-    let accuracy = options.panel.accuracy_within(options.time)?;
-    need_actuators(&scene)?;
-    warn_if_thick(&scene, options.band.to);
-    tell_finger(&options.panel, &scene);
+    let scene = options.panel.load_scene()?;
+    let frequencies_hz = list_frequencies_hz(&options.band)?;
+    let (x_m, y_m) = convert_at_option_to_m(&scene, options.at.x, options.at.y, options.unit)?;
+    let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;
+    check_has_actuators(&scene)?;
+    warn_if_too_thick_for_thin_plate_theory(&scene, options.band.to);
+    tell_assumed_finger_if_explaining(&options.panel, &scene);
     let scene = scene.with_finger_at_places(&[(x_m, y_m)]);
-    let cost = Cost::of_responses(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
-    let found = with_cost("computing the response", cost, || {
+    let cost =
+        Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
+    let found = run_with_progress_and_expected_cost("computing the response", cost, || {
         response::compute_curves_with_error_bounds(&scene, accuracy, (x_m, y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let curves = &found.answer;
-    tell_steps(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing(&found.bounds, accuracy);
+    tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
+    tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
     if options.json {
         let actuators: Vec<_> = scene
             .actuators
@@ -169,25 +175,25 @@ pub fn response(options: &Response) -> Outcome {
             .map(|((actuator, curve), bound)| {
                 json!({
                     "id": actuator.id,
-                    "error_bound": bound.known_limit(),
+                    "error_bound": bound.limit_if_known(),
                     "acceleration_re": curve.iter().map(|z| z.re).collect::<Vec<_>>(),
                     "acceleration_im": curve.iter().map(|z| z.im).collect::<Vec<_>>(),
                 })
             })
             .collect();
         // One number for all curves; none without curves.
-        let bound = found.bounds.iter().map(|bound| bound.known_limit()).reduce(|a, b| Some(a?.max(b?))).flatten();
+        let bound = found.bounds.iter().map(|bound| bound.limit_if_known()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
-            "dofs": found.model.count_unknowns(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.requested_tolerance(),
-            "tolerance_met": Bound::all_meet_accuracy(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
+            "dofs": found.model.count_unknowns(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.tolerance_unless_time_limit_given(),
+            "tolerance_met": Bound::all_meet_tolerance_if_decidable(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
-    print_text(&csv(&scene, &frequencies_hz, curves, &found.bounds))
+    print_text(&format_response_csv(&scene, &frequencies_hz, curves, &found.bounds))
 }
 
 /// A line for each frequency: of every actuator amplitude and phase, then the bounds, each the same in all lines, so that
 /// whatever reads CSV reads them; `nan` where there is none.
-fn csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds: &[Bound]) -> String {
+fn format_response_csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds: &[Bound]) -> String {
     let mut text = String::from("frequency_hz");
     for actuator in &scene.actuators {
         let _ = write!(text, ",{0}_m_per_s2_per_n,{0}_phase_deg", actuator.id);
@@ -197,7 +203,7 @@ fn csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds:
     }
     let bounds: Vec<String> = bounds
         .iter()
-        .map(|bound| bound.known_limit().map_or_else(|| "nan".into(), |bound| format!("{bound:.2e}")))
+        .map(|bound| bound.limit_if_known().map_or_else(|| "nan".into(), |bound| format!("{bound:.2e}")))
         .collect();
     for (i, frequency) in frequencies_hz.iter().enumerate() {
         let _ = write!(text, "\n{frequency}");
@@ -217,96 +223,120 @@ fn csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds:
     clippy::cast_precision_loss,
     reason = "counts up to 1e6"
 )]
-pub fn frequencies(options: &Band) -> Result<Vec<f64>, Failure> {
+pub fn list_frequencies_hz(options: &Band) -> Result<Vec<f64>, Failure> {
     let (from, to, step) = (options.from, options.to, options.step);
     if !(from >= 0.0 && from.is_finite()) {
-        return Err(Failure::usage(format!("--from {from} is not in the allowed range 0 Hz and up")));
+        return Err(Failure::usage_error(format!("--from is {from}, but must be 0 Hz or more")));
     }
     if !(to >= from && to.is_finite()) {
-        return Err(Failure::usage(format!("--to {to} is not in the allowed range {from} Hz (--from) and up")));
+        return Err(Failure::usage_error(format!("--to is {to}, but must be {from} Hz (--from) or more")));
     }
     if !(step > 0.0 && step.is_finite()) {
-        return Err(Failure::usage(format!("--step {step} is not in the allowed range above 0 Hz")));
+        return Err(Failure::usage_error(format!("--step is {step}, but must be above 0 Hz")));
     }
     let count = ((to - from) / step + 1e-9).floor();
     if count >= MOST_FREQUENCIES {
-        return Err(Failure::usage(format!(
-            "--step {step} gives {count} frequencies, at most {MOST_FREQUENCIES} are allowed"
+        return Err(Failure::usage_error(format!(
+            "--step is {step}, which gives {count} frequencies, but at most {MOST_FREQUENCIES} are allowed"
         )));
     }
     Ok((0..=count as usize).map(|i| from + i as f64 * step).collect())
 }
 
 /// The point of `--at` on the surface, in m.
-pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
-    point_of(scene, "--at", x, y, unit)
+pub fn convert_at_option_to_m(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+    convert_point_option_to_m(scene, "--at", x, y, unit)
 }
 
 /// The point of an option on the surface, in m.
-pub fn point_of(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+pub fn convert_point_option_to_m(
+    scene: &Scene,
+    option: &str,
+    x: f64,
+    y: f64,
+    unit: Unit,
+) -> Result<(f64, f64), Failure> {
     let place = match unit {
         Unit::Px => scene.surface_point_at_px(x, y),
         Unit::Mm => scene.surface_point_at(x / 1e3, y / 1e3).map_err(Into::into),
     };
-    Ok(place.map_err(|error| Failure::usage(format!("{option}: {error}")))?.coordinates_m())
+    Ok(place.map_err(|error| Failure::usage_error(format!("{option}: {error}")))?.coordinates_m())
 }
 
 /// The planner's table for a scene.
-pub fn plan_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<PlanTable, Failure> {
-    Ok(prepared_table(panel, keep, scene)?.table)
+pub fn load_or_compute_plan_table(
+    panel: &PanelOptions,
+    keep: CacheOptions,
+    scene: &Scene,
+) -> Result<PlanTable, Failure> {
+    Ok(load_or_compute_plan_table_with_origin(panel, keep, scene)?.table)
 }
 
 /// The same, and where it came from.
-pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepared, Failure> {
+pub fn load_or_compute_plan_table_with_origin(
+    panel: &PanelOptions,
+    keep: CacheOptions,
+    scene: &Scene,
+) -> Result<Prepared, Failure> {
     let options = TableOptions::default();
     if scene.actuators.len() > MAX_ACTUATORS {
         // Before minutes are spent on a table that no plan comes from.
         return Err(PlanError::Actuators { count: scene.actuators.len() }.into());
     }
     let accuracy = panel.accuracy()?;
-    warn_if_thick(scene, TableOptions::default().to_hz);
-    let prepare = || cache::prepare(keep.cache().as_ref(), scene, accuracy, options);
+    warn_if_too_thick_for_thin_plate_theory(scene, TableOptions::default().to_hz);
+    let prepare = || cache::prepare_table(keep.open_table_cache_unless_disabled().as_ref(), scene, accuracy, options);
     let what = "computing modes and the response of every actuator";
-    let prepared = if cache::is_kept(keep.cache().as_ref(), scene, accuracy, options) {
-        with_progress(what, prepare)
+    let prepared = if cache::has_table_file(keep.open_table_cache_unless_disabled().as_ref(), scene, accuracy, options)
+    {
+        run_with_progress(what, prepare)
     } else {
-        with_cost(what, Cost::of_table(scene, accuracy, options)?, prepare)
+        run_with_progress_and_expected_cost(what, Some(Cost::estimate_for_table(scene, accuracy, options)?), prepare)
     }?;
-    tell_steps(panel, scene, accuracy, &prepared.steps);
-    for warning in crate::planner::press_bounds::list_press_warnings(&prepared.table) {
+    tell_refinement_steps_if_asked(panel, scene, accuracy, &prepared.steps);
+    for warning in crate::planner::press_bounds::list_warnings_of_actuators_not_withstanding_press(&prepared.table) {
         tracing::warn!("{warning}");
     }
     Ok(prepared)
 }
 
 /// The planner's table for touches of these places (m): of the panel with the scene's finger on them, where it has one.
-pub fn touched_table(panel: &Panel, keep: Keep, scene: &Scene, places: &[(f64, f64)]) -> Result<PlanTable, Failure> {
-    let table = plan_table(panel, keep, scene)?;
+pub fn prepare_table_with_fingers_at_places(
+    panel: &PanelOptions,
+    keep: CacheOptions,
+    scene: &Scene,
+    places_m: &[(f64, f64)],
+) -> Result<PlanTable, Failure> {
+    let table = load_or_compute_plan_table(panel, keep, scene)?;
     if scene.finger.is_none() {
         return Ok(table);
     }
     let (accuracy, options, touched) =
-        (panel.accuracy()?, TableOptions::default(), scene.with_finger_at_places(places));
-    tell_finger(panel, scene);
-    let cost = Cost::of_table(&touched, accuracy, options)?;
-    with_cost("computing the panel with the finger on it", cost, || -> Result<_, Failure> {
-        table
-            .touched(&touched, ReducedLevels::build(&touched, accuracy, options.to_hz)?, options)
-            .map_err(Failure::failed)
-    })
+        (panel.accuracy()?, TableOptions::default(), scene.with_finger_at_places(places_m));
+    tell_assumed_finger_if_explaining(panel, scene);
+    let cost = Cost::estimate_for_table(&touched, accuracy, options)?;
+    run_with_progress_and_expected_cost(
+        "computing the panel with the finger on it",
+        Some(cost),
+        || -> Result<_, Failure> {
+            table
+                .build_with_fingers_on(&touched, ReducedLevels::build(&touched, accuracy, options.to_hz)?, options)
+                .map_err(Failure::runtime_error)
+        },
+    )
 }
 
 /// What an answer has of the finger, to those who want to know.
-fn tell_finger(panel: &Panel, scene: &Scene) {
+fn tell_assumed_finger_if_explaining(panel: &PanelOptions, scene: &Scene) {
     if let Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m }) = scene.finger.filter(|_| panel.explain) {
         let mass_g = mass_kg * 1e3;
         tell!(
-            "a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m is on the requested place"
+            "the model includes a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m at the requested place"
         );
     }
 }
 
-pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
-    let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
+pub fn make_target_from_at_option(scene: &Scene, at: &At) -> Result<Target, Failure> {
+    let (x_m, y_m) = convert_at_option_to_m(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
 }

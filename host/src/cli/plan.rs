@@ -1,23 +1,28 @@
 //! `era plan`: the drives for a touch, or for several.
 
-use super::args::{At, Keep, Panel, Unit};
-use super::args_field::{Corners, parse_corners};
+use super::args::{At, CacheOptions, PanelOptions, Unit};
+use super::args_field::{Corners, parse_zone_corners};
 use super::headings::{PLANNER, TOUCH};
-use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_table};
-use super::progress::with_progress;
-use super::reach::convert_zone;
+use super::panel::{
+    collect_plan_bounds, convert_point_option_to_m, load_or_compute_plan_table, make_target_from_at_option,
+    prepare_table_with_fingers_at_places, tell_plan_bounds,
+};
+use super::progress::run_with_progress;
+use super::reach::convert_zone_to_region;
 use super::told::tell;
 use super::values::parse_tolerances;
-use super::wishes::Wishes;
+use super::wishes::PlanWishes;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::design::tolerances::{self, Spread, Tolerances};
-use crate::effects::at_level;
+use crate::effects::set_missing_target_peaks_from_level_if_given;
 use crate::model::Bound;
 use crate::planner::explain::Explanation;
-use crate::planner::schedule::{Span, Stretch, Window, spans, stretches};
-use crate::planner::trade::Trade;
-use crate::planner::{Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Times, Work};
+use crate::planner::schedule::{Span, Stretch, Window, cut_windows_into_spans, plan_each_span};
+use crate::planner::trade::TradeOffs;
+use crate::planner::{
+    FirstTargetReport, Grouping, Objective, Plan, PlanError, PlanTable, QuietZone, Request, SearchEffort, Target, Times,
+};
 use crate::scene::Scene;
+use crate::study::tolerances::{self, Spread, Tolerances};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
@@ -29,21 +34,22 @@ const LEAST_SHOWN_DB: f64 = -60.0;
 #[derive(Clone, Debug, Args)]
 pub struct PlanOptions {
     #[command(flatten)]
-    pub panel: Panel,
+    pub panel: PanelOptions,
     #[command(flatten)]
-    pub keep: Keep,
+    pub keep: CacheOptions,
     #[command(flatten)]
     pub at: At,
-    /// The same in dB above the threshold of feeling; also for targets of --also without their own peak
+    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g); also for targets of --also
+    /// without their own peak
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     #[command(flatten)]
-    pub wishes: Wishes,
+    pub wishes: PlanWishes,
     /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true, help_heading = PLANNER)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
-    /// Compute the effect of tolerances on the plan, by default 20 % for springs, 10 % for Young's modulus, 5 % for thickness,
-    /// 1 mm for places; takes some seconds
+    /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in
+    /// springs, 10 % in Young's modulus, 5 % in thickness, 1 mm in places; takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,
@@ -54,7 +60,7 @@ pub struct PlanOptions {
 
 /// A plan with what goes with it; the plan's own fields stay at the top.
 #[derive(Serialize)]
-struct Answer {
+struct PlanAnswer {
     #[serde(flatten)]
     plan: Plan,
     /// What was asked for of `error_bound`, relative.
@@ -65,12 +71,12 @@ struct Answer {
     times: Times,
     /// Of a plan without windows.
     #[serde(skip_serializing_if = "Option::is_none")]
-    details: Option<Report>,
+    details: Option<FirstTargetReport>,
     /// One for each plan, with `--explain`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     explanations: Vec<Explanation>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    trade: Option<Trade>,
+    trade: Option<TradeOffs>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stretches: Option<Vec<Stretch>>,
     /// With `--spread`.
@@ -79,50 +85,62 @@ struct Answer {
 }
 
 pub fn run_plan(options: &PlanOptions) -> Outcome {
-    let scene = options.panel.load()?;
-    let request = request(&scene, options)?;
-    let windows = windows(options);
-    let spans = windows.map(|windows| spans(&windows)).transpose()?;
-    let fingers = fingers(&request);
-    let table = table(&scene, options, &request, spans.is_some())?;
+    let scene = options.panel.load_scene()?;
+    let request = make_request(&scene, options)?;
+    let windows = list_target_windows(options);
+    let spans = windows.map(|windows| cut_windows_into_spans(&windows)).transpose()?;
+    let fingers = list_finger_places_m(&request);
+    let table = prepare_request_table_refusing_finger_with_windows(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
-    let mut answer =
-        with_progress("planning", || answer(&table, options, request, spans, accuracy.relative_tolerance()))?;
+    let mut answer = run_with_progress("planning", || {
+        compute_answer(&table, options, request, spans, accuracy.relative_tolerance_or_tightest())
+    })?;
     // In JSON they are part of the answer.
     for explanation in answer.explanations.iter().filter(|_| !options.json) {
         tell!("{}", super::plan_explain::format_explanation(explanation));
     }
-    let plans = plans(&answer);
-    tell_plan(&plans, accuracy, options.panel.explain);
-    answer.tolerance_met = Bound::all_meet_accuracy(&bounds_of(&plans), accuracy);
+    let plans = list_plans(&answer);
+    tell_plan_bounds(&plans, accuracy, options.panel.explain);
+    answer.tolerance_met = Bound::all_meet_tolerance_if_decidable(&collect_plan_bounds(&plans), accuracy);
     if let Some(tolerances) = options.spread {
-        let off = || tolerances::compute_tolerance_spread(&scene, &fingers, &answer.plan, tolerances);
-        answer.off = Some(with_progress("computing panels within the tolerances", off).map_err(Failure::failed)?);
+        let off =
+            || tolerances::compute_target_peak_spread_under_tolerances(&scene, &fingers, &answer.plan, tolerances);
+        answer.off = Some(
+            run_with_progress("computing how the peaks spread within the tolerances", off)
+                .map_err(Failure::runtime_error)?,
+        );
     }
     if options.json {
         return print_json(&answer);
     }
-    print_text(&format_answer(&answer))
+    print_text(&format_plan_answer(&answer))
 }
 
 /// The table that the request is planned with: of the panel with its fingers on it.
-fn table(scene: &Scene, options: &PlanOptions, request: &Request, is_in_stretches: bool) -> Result<PlanTable, Failure> {
+fn prepare_request_table_refusing_finger_with_windows(
+    scene: &Scene,
+    options: &PlanOptions,
+    request: &Request,
+    has_time_windows: bool,
+) -> Result<PlanTable, Failure> {
     let PlanOptions { panel, keep, .. } = options;
-    if scene.finger.is_some() && is_in_stretches {
-        let advice = "time windows cannot be combined with the scene's [finger], which would come and go";
-        return Err(Failure::usage(format!("{advice}: omit one of the two")));
+    if scene.finger.is_some() && has_time_windows {
+        return Err(Failure::usage_error(
+            "time windows cannot be combined with the scene's [finger], because the finger would come and go: omit the time \
+             windows, or use a scene without [finger]",
+        ));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
         tell!(
             "the scene's [finger] is not used, because the objective reach is one setting for touches of every place"
         );
-        return plan_table(panel, *keep, scene);
+        return load_or_compute_plan_table(panel, *keep, scene);
     }
-    touched_table(panel, *keep, scene, &fingers(request))
+    prepare_table_with_fingers_at_places(panel, *keep, scene, &list_finger_places_m(request))
 }
 
 /// Where the scene's finger is, in m: on every target, unless the setting is for touches of any place.
-fn fingers(request: &Request) -> Vec<(f64, f64)> {
+fn list_finger_places_m(request: &Request) -> Vec<(f64, f64)> {
     if request.objective == Objective::Reach {
         return Vec::new();
     }
@@ -130,23 +148,24 @@ fn fingers(request: &Request) -> Vec<(f64, f64)> {
 }
 
 /// Plans for a request, as a whole or stretch by stretch.
-fn answer(
+fn compute_answer(
     table: &PlanTable,
     options: &PlanOptions,
     request: Request,
     spans: Option<Vec<Span>>,
     tolerance: f64,
-) -> Result<Answer, Failure> {
+) -> Result<PlanAnswer, Failure> {
     match spans {
         None => {
-            let request = at_level(table, request, options.intensity_db)?;
-            let (planned, trade) = crate::planner::trade::plan_with_trade(table, &request)?;
-            let details = Some(crate::planner::report::report_plan(table, &planned));
-            let explanations = explanations(table, options, [&request].into_iter())?;
-            Ok(Answer {
+            let request = set_missing_target_peaks_from_level_if_given(table, request, options.intensity_db)?;
+            let (planned, trade) = crate::planner::trade::plan_and_explore_trade_offs(table, &request)?;
+            let details =
+                Some(crate::planner::report::build_harmonics_and_timing_report_at_first_target(table, &planned));
+            let explanations = explain_plans_if_asked(table, options, [&request].into_iter())?;
+            Ok(PlanAnswer {
                 details,
                 trade,
-                times: crate::planner::report::compute_times(table, &planned.plan),
+                times: crate::planner::report::compute_rise_and_decay_times_at_first_target(table, &planned.plan),
                 plan: planned.plan,
                 tolerance,
                 tolerance_met: None,
@@ -158,23 +177,30 @@ fn answer(
         Some(spans) => {
             let mut requests = Vec::new();
             let mut trades = Vec::new();
-            let mut all = stretches(spans, |targets| -> Result<Plan, PlanError> {
-                let request = at_level(table, request.only(targets), options.intensity_db)?;
-                let (planned, trade) = crate::planner::trade::plan_with_trade(table, &request)?;
+            let mut all = plan_each_span(spans, |targets| -> Result<Plan, PlanError> {
+                let request = set_missing_target_peaks_from_level_if_given(
+                    table,
+                    request.with_selected_targets(targets),
+                    options.intensity_db,
+                )?;
+                let (planned, trade) = crate::planner::trade::plan_and_explore_trade_offs(table, &request)?;
                 requests.push(request);
                 trades.push(trade);
                 Ok(planned.plan)
             })?;
             for (stretch, trade) in all.iter_mut().filter(|stretch| stretch.plan.is_some()).zip(trades) {
-                stretch.times = stretch.plan.as_ref().map(|plan| crate::planner::report::compute_times(table, plan));
+                stretch.times = stretch
+                    .plan
+                    .as_ref()
+                    .map(|plan| crate::planner::report::compute_rise_and_decay_times_at_first_target(table, plan));
                 stretch.trade = trade;
             }
-            let explanations = explanations(table, options, requests.iter())?;
+            let explanations = explain_plans_if_asked(table, options, requests.iter())?;
             // The one in which the first target begins stands for all.
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
-            Ok(Answer {
-                times: crate::planner::report::compute_times(table, &plan),
+            Ok(PlanAnswer {
+                times: crate::planner::report::compute_rise_and_decay_times_at_first_target(table, &plan),
                 plan,
                 tolerance,
                 tolerance_met: None,
@@ -189,7 +215,7 @@ fn answer(
 }
 
 /// All plans of an answer.
-fn plans(answer: &Answer) -> Vec<&Plan> {
+fn list_plans(answer: &PlanAnswer) -> Vec<&Plan> {
     match &answer.stretches {
         Some(all) => all.iter().filter_map(|stretch| stretch.plan.as_ref()).collect(),
         None => vec![&answer.plan],
@@ -197,46 +223,46 @@ fn plans(answer: &Answer) -> Vec<&Plan> {
 }
 
 /// Why the plans of these requests are what they are, if that was asked.
-fn explanations<'a>(
+fn explain_plans_if_asked<'a>(
     table: &PlanTable,
     options: &PlanOptions,
     requests: impl Iterator<Item = &'a Request>,
 ) -> Result<Vec<Explanation>, Failure> {
     let mut all = Vec::new();
     for request in requests.filter(|_| options.panel.explain) {
-        all.push(crate::planner::explain::explain_plan(table, request).map_err(Failure::failed)?);
+        all.push(crate::planner::explain::explain_plan(table, request).map_err(Failure::runtime_error)?);
     }
     Ok(all)
 }
 
-fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
+fn make_request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     let unit: Unit = options.at.unit;
-    let mut request = Request::touch(&[target(scene, &options.at)?]);
+    let mut request = Request::for_touch(&[make_target_from_at_option(scene, &options.at)?]);
     for also in &options.wishes.also {
-        let (x_m, y_m) = point_of(scene, "--also", also.at.x, also.at.y, unit)?;
+        let (x_m, y_m) = convert_point_option_to_m(scene, "--also", also.at.x, also.at.y, unit)?;
         request.targets.push(Target { x_m, y_m, intensity_g: also.intensity_g });
     }
     for spared in &options.wishes.quiet {
-        let (x_m, y_m) = point_of(scene, "--quiet", spared.at.x, spared.at.y, unit)?;
-        request.quiet.push(Quiet { x_m, y_m, radius_m: spared.radius_mm / 1e3, at_most_g: spared.at_most_g });
+        let (x_m, y_m) = convert_point_option_to_m(scene, "--quiet", spared.at.x, spared.at.y, unit)?;
+        request.quiet.push(QuietZone { x_m, y_m, radius_m: spared.radius_mm / 1e3, at_most_g: spared.at_most_g });
     }
     request.objective = options.wishes.objective;
     request.grouping = options.wishes.grouping;
     request.weigh = options.wishes.weigh;
-    request.zone = convert_zone(scene, options.zone)?;
-    request.work = Work::Study;
+    request.zone = convert_zone_to_region(scene, options.zone)?;
+    request.work = SearchEffort::Study;
     Ok(request)
 }
 
 /// The windows of all targets, if any has one: those that have none last as long as any other.
-fn windows(options: &PlanOptions) -> Option<Vec<Window>> {
+fn list_target_windows(options: &PlanOptions) -> Option<Vec<Window>> {
     let given: Vec<Option<Window>> =
         std::iter::once(options.wishes.window).chain(options.wishes.also.iter().map(|also| also.window)).collect();
     let to_ms = given.iter().flatten().map(|window| window.to_ms).reduce(f64::max)?;
     Some(given.into_iter().map(|window| window.unwrap_or(Window { from_ms: 0.0, to_ms })).collect())
 }
 
-fn format_answer(answer: &Answer) -> String {
+fn format_plan_answer(answer: &PlanAnswer) -> String {
     let mut text = String::new();
     match &answer.stretches {
         None => {
@@ -244,7 +270,7 @@ fn format_answer(answer: &Answer) -> String {
             if let Some(details) = &answer.details {
                 write_details(&mut text, &answer.plan, details);
             }
-            write_trade(&mut text, answer.trade.as_ref());
+            write_trade_off_curves(&mut text, answer.trade.as_ref());
         }
         Some(all) => {
             for stretch in all {
@@ -254,9 +280,9 @@ fn format_answer(answer: &Answer) -> String {
                     None => text.push_str("nothing"),
                 }
                 if let Some(times) = &stretch.times {
-                    write_times(&mut text, times);
+                    write_rise_and_decay_times(&mut text, times);
                 }
-                write_trade(&mut text, stretch.trade.as_ref());
+                write_trade_off_curves(&mut text, stretch.trade.as_ref());
                 text.push('\n');
             }
         }
@@ -289,13 +315,13 @@ fn write_plan(text: &mut String, plan: &Plan) {
         predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
     );
     if let Some(bound) = plan.error_bound {
-        let _ = write!(text, " (error at the target at most {bound:.0e})");
+        let _ = write!(text, " (relative model error at the target at most {bound:.0e})");
     }
     if plan.targets.len() > 1 {
         for target in &plan.targets {
             let _ = write!(
                 text,
-                "\n  {:.1} mm, {:.1} mm: {:.3} g of {:.3} g wanted",
+                "\n  target at {:.1} mm, {:.1} mm: {:.3} g ({:.3} g wanted)",
                 1e3 * target.x_m,
                 1e3 * target.y_m,
                 target.peak_g,
@@ -306,7 +332,7 @@ fn write_plan(text: &mut String, plan: &Plan) {
     for zone in &plan.quiet {
         let _ = write!(
             text,
-            "\n  quiet {:.1} mm, {:.1} mm, radius {:.1} mm: {:.4} g of {:.4} g allowed, harmonics at most {:.4} g more",
+            "\n  quiet zone at {:.1} mm, {:.1} mm, radius {:.1} mm: peak {:.4} g, allowed {:.4} g; harmonics add at most {:.4} g",
             1e3 * zone.x_m,
             1e3 * zone.y_m,
             1e3 * zone.radius_m,
@@ -321,34 +347,38 @@ fn write_plan(text: &mut String, plan: &Plan) {
 }
 
 /// A level in dB in words; below the threshold nothing is felt, and how far below says nothing to anybody where it is far.
-fn describe_level(db: Option<f64>, threshold: &str) -> String {
-    match db {
-        Some(db) if db >= 0.0 => format!("{db:.1} dB above {threshold}"),
-        Some(db) if db >= LEAST_SHOWN_DB => format!("{:.1} dB below {threshold}: not felt", -db),
-        _ => format!("far below {threshold}: not felt"),
+fn describe_level_or_none_as_not_felt(level_db_unless_at_rest: Option<f64>, threshold_name: &str) -> String {
+    match level_db_unless_at_rest {
+        Some(db) if db >= 0.0 => format!("{db:.1} dB above {threshold_name}"),
+        Some(db) if db >= LEAST_SHOWN_DB => format!("{:.1} dB below {threshold_name}: not felt", -db),
+        _ => format!("far below {threshold_name}: not felt"),
     }
 }
 
 /// Harmonics are told from this part of the peak on.
 const HARMONICS_PART: f64 = 1e-9;
 
-fn write_details(text: &mut String, plan: &Plan, details: &Report) {
-    let _ = write!(text, "\nwith moving masses: {:.3} g at the target", plan.predicted.softened_peak_g);
-    let _ = write!(text, ", {}", describe_level(plan.predicted.above_threshold_db, "the threshold of feeling"));
+fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
+    let _ = write!(text, "\nwith the forces at the actual gaps: {:.3} g at the target", plan.predicted.softened_peak_g);
+    let _ = write!(
+        text,
+        ", {}",
+        describe_level_or_none_as_not_felt(plan.predicted.above_threshold_db, "the threshold of feeling")
+    );
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
     // Less is rounding.
     if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
         let _ = write!(
             text,
             " (the strongest harmonic is {}",
-            describe_level(details.strongest_harmonic_db, "its threshold")
+            describe_level_or_none_as_not_felt(details.strongest_harmonic_db, "its threshold")
         );
         match details.harmonics_error_bound {
             Some(bound) => _ = write!(text, "; relative error of the harmonics at most {:.1e})", bound),
             None => text.push_str("; the error of the harmonics is not known)"),
         }
     }
-    write_times(text, &details.times);
+    write_rise_and_decay_times(text, &details.times);
     if plan.optimality_gap > 0.0 {
         let more = if plan.optimality_gap >= 1.0 {
             format!("{:.1} times as good", 1.0 + plan.optimality_gap)
@@ -362,37 +392,49 @@ fn write_details(text: &mut String, plan: &Plan, details: &Report) {
         };
         let _ = write!(text, "\nnot proven: another combination of frequencies could be up to {more} in {what}");
     } else {
-        text.push_str("\nproven: no other frequencies of the grid are better (one for each actuator, 20 Hz apart)");
+        let proof = match plan.grouping {
+            Grouping::Distinct => {
+                "no other frequencies of the grid are better (each actuator has its own frequency, 20 Hz or more from \
+                 the others)"
+            }
+            Grouping::Shared => "no other frequency of the grid is better (all actuators have the same frequency)",
+        };
+        let _ = write!(text, "\nproven: {proof}");
     }
 }
 
-fn write_times(text: &mut String, times: &Times) {
+fn write_rise_and_decay_times(text: &mut String, times: &Times) {
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
     let _ = write!(
         text,
-        "\nafter the rails are up: 90 % of the peak {}; after the end: 10 % {}",
+        "\nthe motion reaches 90 % of the peak {} (from when the rails have their voltage), and falls to 10 % {} (from the end of the drives)",
         ms(times.reaches_90_ms),
         ms(times.decays_to_10_ms)
     );
 }
 
-fn write_trade(text: &mut String, trade: Option<&Trade>) {
-    let Some(trade) = trade else { return };
+fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
+    let Some(trade_offs) = trade_offs else { return };
     let list = |values: &[f64]| values.iter().map(|g| format!("{g:.3}")).collect::<Vec<_>>().join("  ");
-    let _ = write!(text, "\npeaks if each target is the only one: {} g", list(&trade.alone_g));
-    for curve in &trade.targets {
-        let _ = write!(text, "\ntarget {} weighed against the others, peaks of all targets in g:", curve.target + 1);
+    let _ = write!(text, "\npeak of each target as the only target: {} g", list(&trade_offs.alone_g));
+    for curve in &trade_offs.targets {
+        let _ = write!(
+            text,
+            "\ntarget {} against the others (percent of the peak that each gets as the only target), and peaks of all targets in g:",
+            curve.target + 1
+        );
         for point in &curve.points {
             let parts = format!("{:4.0} %, others {:5.1} %", 100.0 * point.part, 100.0 * point.others_part);
             let _ = write!(text, "\n  {parts}:  {}", list(&point.peaks_g));
         }
     }
-    for (i, point) in trade.quiet.iter().enumerate() {
+    for (i, point) in trade_offs.quiet.iter().enumerate() {
         if i == 0 {
             text.push_str("\npeaks of the targets, for different limits of the quiet zones:");
         }
         let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
-        let _ = write!(text, "\n  {zones}:  {} g, {:.1} % of the wishes", list(&point.peaks_g), 100.0 * point.part);
+        let _ =
+            write!(text, "\n  {zones}:  {} g, {:.1} % of the wanted peaks", list(&point.peaks_g), 100.0 * point.part);
     }
 }
 
@@ -402,10 +444,16 @@ mod tests {
 
     #[test]
     fn levels_are_told_as_far_as_they_say_something() {
-        assert_eq!(describe_level(Some(21.7), "its threshold"), "21.7 dB above its threshold");
-        assert_eq!(describe_level(Some(-6.0), "its threshold"), "6.0 dB below its threshold: not felt");
+        assert_eq!(describe_level_or_none_as_not_felt(Some(21.7), "its threshold"), "21.7 dB above its threshold");
+        assert_eq!(
+            describe_level_or_none_as_not_felt(Some(-6.0), "its threshold"),
+            "6.0 dB below its threshold: not felt"
+        );
         for nothing in [Some(-120.0), None] {
-            assert_eq!(describe_level(nothing, "its threshold"), "far below its threshold: not felt");
+            assert_eq!(
+                describe_level_or_none_as_not_felt(nothing, "its threshold"),
+                "far below its threshold: not felt"
+            );
         }
     }
 }

@@ -6,10 +6,10 @@ use std::fmt::Write;
 /// The text.
 #[must_use]
 pub fn format_explanation(explanation: &Explanation) -> String {
-    let mut text = String::from("candidates: each actuator's best frequencies, as if it vibrated alone");
+    let mut text = String::from("candidates: the best frequencies of each actuator, as if only this actuator vibrated");
     for candidates in &explanation.candidates {
         for frequency in &candidates.frequencies {
-            let chosen = if frequency.chosen { "  <- chosen, or next to it" } else { "" };
+            let chosen = if frequency.chosen { "  <- chosen, or next to the chosen frequency" } else { "" };
             let _ = write!(
                 text,
                 "\n  {:12} {:7.2} Hz  contrast {:5.1} dB  reaches {:8.3} g, limited by {}{chosen}",
@@ -19,13 +19,13 @@ pub fn format_explanation(explanation: &Explanation) -> String {
     }
     let _ = write!(
         text,
-        "\npulse widths: force at the same voltage, and harmonics up to 1 kHz over fundamentals, mean over the surface (none: below {LEAST_HARMONICS_DB} dB)"
+        "\npulse widths: force at the same voltage; ratio of the harmonics up to 1 kHz to the fundamentals, mean over the surface (none: below {LEAST_HARMONICS_DB} dB)"
     );
     for width in &explanation.pulse_widths {
         let harmonics = width.harmonics_db.map_or_else(|| String::from("none"), |db| format!("{db:.1} dB"));
         let _ = write!(text, "\n  {:.3}  force {:.3}  harmonics {harmonics}", width.pulse_width, width.force);
     }
-    text.push_str("\nalternatives: the target's peak, and what else comes with it");
+    text.push_str("\nalternatives: peak at the target, contrast and power");
     for other in &explanation.alternatives {
         let _ = write!(
             text,
@@ -38,7 +38,7 @@ pub fn format_explanation(explanation: &Explanation) -> String {
         if let Some(weakest_g) = other.weakest_g {
             let _ = write!(
                 text,
-                "\n  {:44} one setting for every touch, chosen for the weakest place of the surface, which gets {weakest_g:.3} g; the peak above is what the target has of it",
+                "\n  {:44} one setting for every touch, chosen for the weakest place of the surface, which gets {weakest_g:.3} g; the peak above is the peak of this setting at the target",
                 ""
             );
         }
@@ -57,10 +57,10 @@ mod tests {
     #[test]
     fn everything_asked_for_is_told() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
-        let options = TableOptions::preview();
+        let options = TableOptions::for_preview();
         let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
-        let table = PlanTable::with_levels(&scene, levels, options).unwrap();
-        let request = Request::touch(&[Target { x_m: 0.06, y_m: 0.0, intensity_g: Some(0.3) }]);
+        let table = PlanTable::from_levels(&scene, levels, options).unwrap();
+        let request = Request::for_touch(&[Target { x_m: 0.06, y_m: 0.0, intensity_g: Some(0.3) }]);
         let explanation = crate::planner::explain::explain_plan(&table, &request).unwrap();
         assert_eq!(explanation.candidates.len(), 2);
         for candidates in &explanation.candidates {

@@ -26,21 +26,21 @@ const PARTS: u64 = 1000;
 static LEVEL: Mutex<Option<(u64, u64)>> = Mutex::new(None);
 
 /// Runs `work`; if it takes longer than a second, shows `what` with the time it has taken.
-pub fn with_progress<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
-    run_watched(what, None, work)
+pub fn run_with_progress<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
+    run_while_showing_progress(what, None, work)
 }
 
 /// The same with what it is expected to take: said before it begins, if that is more than a second.
-pub fn with_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() -> T) -> T {
-    let Some(cost) = cost else { return with_progress(what, work) };
-    let time = cost.time();
+pub fn run_with_progress_and_expected_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() -> T) -> T {
+    let Some(cost) = cost else { return run_with_progress(what, work) };
+    let time = cost.estimate_time();
     if time > SHORT {
         tell!("{what}: about {} ({cost})", describe_duration(time));
     }
-    run_watched(what, Some(time), work)
+    run_while_showing_progress(what, Some(time), work)
 }
 
-fn run_watched<T>(what: &'static str, expected: Option<Duration>, work: impl FnOnce() -> T) -> T {
+fn run_while_showing_progress<T>(what: &'static str, expected: Option<Duration>, work: impl FnOnce() -> T) -> T {
     *LEVEL.lock().unwrap_or_else(PoisonError::into_inner) = None;
     let (done, waiting) = channel::<()>();
     let watcher =
@@ -59,7 +59,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
     if is_over(SHORT) {
         return;
     }
-    if told::is_json() || !std::io::stderr().is_terminal() {
+    if told::is_log_json() || !std::io::stderr().is_terminal() {
         let mut line = FIRST_LINE;
         while !is_over(line.saturating_sub(started.elapsed())) {
             tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), describe_latest_level());
@@ -78,7 +78,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
     loop {
         bar.set_message(format!("{what}{}", describe_latest_level()));
         match expected {
-            Some(expected) => bar.set_position(bar_position(started.elapsed(), expected)),
+            Some(expected) => bar.set_position(compute_bar_position(started.elapsed(), expected)),
             None => bar.tick(),
         }
         if is_over(Duration::from_millis(120)) {
@@ -90,7 +90,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
 
 /// How far a bar is: never at its end, as an estimate may be short.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "0 to 1000")]
-fn bar_position(elapsed: Duration, expected: Duration) -> u64 {
+fn compute_bar_position(elapsed: Duration, expected: Duration) -> u64 {
     let ratio = elapsed.as_secs_f64() / expected.as_secs_f64();
     // Straight to 80 %, and from there on towards 100 %.
     let part = if ratio < 0.8 { ratio } else { 1.0 - 0.2 * (-(ratio - 0.8) / 0.2).exp() };
@@ -166,14 +166,15 @@ mod tests {
         assert!(found.steps.iter().any(|step| step.fineness.order as u64 == order && step.dofs as u64 == dofs));
         assert!(describe_latest_level().contains(&format!("order {order}")));
         // Of other work nothing is known yet.
-        let told = with_progress("asking", describe_latest_level);
+        let told = run_with_progress("asking", describe_latest_level);
         assert_eq!(told, "");
     }
 
     #[test]
     fn a_bar_never_ends_early_and_never_goes_back() {
         let expected = Duration::from_secs(10);
-        let parts: Vec<u64> = (0..100).map(|second| bar_position(Duration::from_secs(second), expected)).collect();
+        let parts: Vec<u64> =
+            (0..100).map(|second| compute_bar_position(Duration::from_secs(second), expected)).collect();
         assert!(parts.is_sorted() && parts[0] == 0 && parts[4] == 400 && parts[10] < 950 && parts[99] <= PARTS);
     }
 }

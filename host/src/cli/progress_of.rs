@@ -5,7 +5,7 @@ use super::serve::await_end_signal;
 use super::signals::EndSignals;
 use super::standard_error;
 use super::told::{self, tell};
-use crate::design::run::StudyObserver;
+use crate::study::run::StudyObserver;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -18,7 +18,7 @@ const FIRST_LINE: Duration = Duration::from_secs(10);
 const LAST_LINE: Duration = Duration::from_secs(600);
 
 /// Shows how far a study is on standard error: a bar on a terminal, plain lines elsewhere.
-pub struct Shown {
+pub struct StudyProgressDisplay {
     stops: Arc<AtomicBool>,
     started: Instant,
     bar: Option<ProgressBar>,
@@ -29,10 +29,10 @@ pub struct Shown {
     next_line: Mutex<(Instant, Duration)>,
 }
 
-impl Shown {
+impl StudyProgressDisplay {
     /// For work that `stops` may end.
     pub fn new(stops: Arc<AtomicBool>) -> Self {
-        let bar = (std::io::stderr().is_terminal() && !told::is_json()).then(|| {
+        let bar = (std::io::stderr().is_terminal() && !told::is_log_json()).then(|| {
             let bar = ProgressBar::new(0);
             if let Ok(style) = ProgressStyle::with_template("{pos} of {len} designs [{bar:30}] {msg}") {
                 bar.set_style(style);
@@ -51,7 +51,7 @@ impl Shown {
     }
 
     /// Ends it: how many designs are there, and how many there are to be.
-    pub fn finish(self) -> (usize, usize) {
+    pub fn finish_and_count_done_and_all_designs(self) -> (usize, usize) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
@@ -60,7 +60,7 @@ impl Shown {
 
     /// Designs per second, and the time that is left.
     #[expect(clippy::cast_precision_loss, reason = "about")]
-    fn pace(&self) -> String {
+    fn describe_rate_and_time_left(&self) -> String {
         let [first, now] = self.there.each_ref().map(|count| count.load(Ordering::Relaxed));
         let left = self.all.load(Ordering::Relaxed).saturating_sub(now);
         let rate = now.saturating_sub(first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
@@ -68,18 +68,18 @@ impl Shown {
             return String::new();
         }
         format!(
-            "{rate:.1} a second, about {} left",
+            "{rate:.1} designs per second, about {} left",
             describe_duration(Duration::from_secs_f64((left as f64 / rate).min(1e9)))
         )
     }
 }
 
-impl StudyObserver for Shown {
+impl StudyObserver for StudyProgressDisplay {
     fn is_stop_wanted(&self) -> bool {
         self.stops.load(Ordering::Relaxed)
     }
 
-    fn report_start(&self, there: usize, all: usize) {
+    fn report_already_computed_of_all_at_start(&self, there: usize, all: usize) {
         self.all.store(all, Ordering::Relaxed);
         self.there.iter().for_each(|count| count.store(there, Ordering::Relaxed));
         if there > 0 {
@@ -91,43 +91,45 @@ impl StudyObserver for Shown {
         }
     }
 
-    fn report_found_designs(&self, designs: usize) {
+    fn report_further_designs_found_in_folder(&self, designs: usize) {
         self.there.iter().for_each(|count| {
             count.fetch_add(designs, Ordering::Relaxed);
         });
     }
 
-    fn report_computed_designs(&self, designs: usize) {
+    fn report_newly_computed_designs(&self, designs: usize) {
         let now = self.there[1].fetch_add(designs, Ordering::Relaxed) + designs;
         if let Some(bar) = &self.bar {
             bar.set_position(now as u64);
-            bar.set_message(self.pace());
+            bar.set_message(self.describe_rate_and_time_left());
             return;
         }
         let mut next = self.next_line.lock().unwrap_or_else(PoisonError::into_inner);
         if Instant::now() >= next.0 {
             next.1 = (2 * next.1).min(LAST_LINE);
             next.0 = Instant::now() + next.1;
-            tell!("{now} of {} designs, {}", self.all.load(Ordering::Relaxed), self.pace());
+            tell!("{now} of {} designs, {}", self.all.load(Ordering::Relaxed), self.describe_rate_and_time_left());
         }
     }
 }
 
 /// A flag that Ctrl-C sets, or the signal that job schedulers send; the second time ends the program.
-pub fn stop_on_signals() -> Arc<AtomicBool> {
+pub fn make_signal_stop_flag_second_signal_exits() -> Arc<AtomicBool> {
     let stops = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stops);
     let wait = move || {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
         runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
         flag.store(true, Ordering::Relaxed);
-        tell!("stopping after the chunks that have begun; a second Ctrl-C ends at once and loses these chunks only");
+        tell!(
+            "stopping after the chunks that have begun; a second Ctrl-C ends the study at once and loses only these chunks"
+        );
         runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
-        standard_error::await_written();
+        standard_error::wait_until_queue_is_written_or_timeout();
         std::process::exit(1);
     };
     if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {
-        tracing::warn!(%error, "Ctrl-C ends the study at once");
+        tracing::warn!(%error, "cannot start the thread that waits for Ctrl-C: Ctrl-C now ends the study at once");
     }
     stops
 }

@@ -2,19 +2,19 @@
 
 use super::args_field::{Corners, Field};
 use super::output::write_text_file;
-use super::panel::{need_actuators, plan_table};
-use super::progress::with_progress;
+use super::panel::{check_has_actuators, load_or_compute_plan_table};
+use super::progress::run_with_progress;
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::maps::reach as pictures;
 use crate::model::BarePanel;
-use crate::planner::perception::level_db;
+use crate::planner::maps::{ReachMaps, Scheme, SchemeReach, Spread, rigid, schemes};
+use crate::planner::perception::threshold_multiple_to_db_unless_at_rest;
 use crate::planner::reach::Measure;
-use crate::planner::study::{Maps, Scheme, SchemeReach, Spread, rigid, schemes};
-use crate::planner::table::touched::Touched;
-use crate::planner::table::{Region, View};
+use crate::planner::table::touched::TouchedPanel;
+use crate::planner::table::{PointView, Region};
 use crate::planner::{MIN_SPACING_HZ, PlanTable, TableOptions};
 use crate::scene::Scene;
-use crate::study::reach as pictures;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
@@ -27,20 +27,24 @@ const RIGID: f64 = 0.5;
 type Shown = fn(&SchemeReach) -> (&Spread, f64);
 
 /// Maps of the strongest and the most contrasted reachable at every point.
-pub fn write_maps(options: &Field) -> Outcome {
-    let (scene, table, region) = prepare_table(options)?;
+pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
+    let (scene, table, region) = prepare_scene_table_and_region(options)?;
     let maps = match scene.finger {
-        None => with_progress("computing what can be reached", || Maps::of(&table, region))?,
+        None => run_with_progress("computing what can be reached", || ReachMaps::compute(&table, region))?,
         Some(_) => compute_touched_maps(options, &scene, &table, region)?,
     };
     if let Some(path) = &options.png {
-        tell_written(path, pictures::write_maps(path, &scene, &maps).map_err(Failure::failed)?);
+        tell_picture_written(
+            path,
+            pictures::write_reach_maps_png(path, &scene, &maps).map_err(Failure::runtime_error)?,
+        );
     }
-    if write_csv(options, &maps.csv())? {
+    if write_csv_true_if_to_stdout(options, &maps.to_csv())? {
         return Ok(());
     }
     let spread = |values: &[Option<f64>]| {
-        Spread::of(&table.grid, values).ok_or_else(|| Failure::failed("the grid has no point on the surface"))
+        Spread::compute(&table.grid, values)
+            .ok_or_else(|| Failure::runtime_error("the grid has no point on the surface"))
     };
     let strongest = spread(&maps.strongest_g)?;
     // With a finger there is none.
@@ -50,7 +54,7 @@ pub fn write_maps(options: &Field) -> Outcome {
     }
     let line = |name: &str, unit: &str, spread: &Spread, hz: &[Option<Vec<f64>>]| {
         let end = |value: f64, at_mm: [f64; 2]| {
-            let frequencies = describe_frequencies_at(&table, hz, at_mm).unwrap_or_default();
+            let frequencies = describe_frequencies_if_exactly_on_grid_point(&table, hz, at_mm).unwrap_or_default();
             format!("{value:.2} {unit} at {} ({frequencies})", format_place(at_mm))
         };
         format!(
@@ -60,14 +64,16 @@ pub fn write_maps(options: &Field) -> Outcome {
             end(spread.most, spread.most_at_mm)
         )
     };
-    let mut text = format!("{}, {}\n", scene.name, describe_search(&table, options));
+    let mut text = format!("{}, {}\n", scene.name, describe_searched_frequencies(&table, options));
     text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
-        let _ =
-            write!(text, " (error of the least at most {bound:.1e}; the bound is computed for the weakest place only)");
+        let _ = write!(
+            text,
+            " (relative error of the least peak at most {bound:.1e}; the bound is computed for the weakest place only)"
+        );
     }
     if let Some(contrast) = contrast {
-        let _ = write!(text, "\n{}", line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz));
+        let _ = write!(text, "\n{}", line("highest contrast of a weak touch", "dB", &contrast, &maps.contrast_hz));
     }
     print_text(&text)
 }
@@ -78,34 +84,40 @@ fn compute_touched_maps(
     scene: &Scene,
     table: &PlanTable,
     region: Option<Region>,
-) -> Result<Maps, Failure> {
+) -> Result<ReachMaps, Failure> {
     tell!(
         "the scene's [finger] is on each examined point; contrasts are not computed, because each would need the plan of another panel"
     );
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
-    with_progress("computing what can be reached with a finger on each point", || -> Result<Maps, Failure> {
+    run_with_progress("computing what can be reached with a finger on each point", || -> Result<ReachMaps, Failure> {
         let panel = BarePanel::build(scene, accuracy, grid.to_hz)?;
-        Ok(Maps::touched(table, region, Touched::new(&panel, scene, table), accuracy, grid)?)
+        Ok(ReachMaps::compute_with_finger_bounding_weakest_error(
+            table,
+            region,
+            TouchedPanel::new(&panel, scene, table),
+            accuracy,
+            grid,
+        )?)
     })
 }
 
 /// The three ways to drive, side by side.
 pub fn compare_schemes(options: &Field) -> Outcome {
-    let (scene, table, region) = prepare_table(options)?;
+    let (scene, table, region) = prepare_scene_table_and_region(options)?;
     if scene.finger.is_some() {
         tell!("the scene's [finger] is not used: drive schemes are compared on the panel without a finger");
     }
     let measure = if options.felt { Measure::Thresholds } else { Measure::G };
-    let schemes = with_progress("comparing drive schemes", || schemes::compare(&table, region, measure))?;
+    let schemes = run_with_progress("comparing drive schemes", || schemes::compare_schemes(&table, region, measure))?;
     if let Some(path) = &options.png {
-        let written = pictures::write_schemes(path, &scene, &table.grid, measure, &schemes);
-        tell_written(path, written.map_err(Failure::failed)?);
+        let written = pictures::write_schemes_png(path, &scene, &table.grid, measure, &schemes);
+        tell_picture_written(path, written.map_err(Failure::runtime_error)?);
     }
-    if write_csv(options, &format_csv(&table, measure, &schemes))? {
+    if write_csv_true_if_to_stdout(options, &format_schemes_csv(&table, measure, &schemes))? {
         return Ok(());
     }
-    let [ratios, phases] = schemes::tried(&table);
-    let first_bending_hz = rigid::first_bending_hz(&table);
+    let [ratios, phases] = schemes::count_trial_directions_in_phase_and_with_phases(&table);
+    let first_bending_hz = rigid::first_driven_bending_mode_if_any_hz(&table);
     if options.json {
         return print_json(&json!({
             "scene": scene.name, "measure": measure, "frequencies_hz": table.frequencies_hz,
@@ -118,7 +130,7 @@ pub fn compare_schemes(options: &Field) -> Outcome {
          (one frequency: best found of {ratios} amplitude ratios in phase and {phases} with phases at each frequency, then \
          refined; distinct frequencies: proven optimum for masses at rest)\n",
         scene.name,
-        describe_search(&table, options)
+        describe_searched_frequencies(&table, options)
     );
     let spreads: [(&str, Shown); 2] = [
         ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
@@ -133,26 +145,26 @@ pub fn compare_schemes(options: &Field) -> Outcome {
         for scheme in &schemes {
             let (spread, weaker) = of(scheme);
             let first = schemes.first().map_or(spread.least, |first| of(first).0.least);
-            let _ = writeln!(text, "{}", format_row(scheme.scheme, measure, spread, weaker, first));
+            let _ = writeln!(text, "{}", format_scheme_row(scheme.scheme, measure, spread, weaker, first));
         }
     }
     text.push_str(
-        "\n(dead: part of the surface with less than a tenth of the largest peak; weaker: with less than distinct \
-         frequencies give at their weakest place)\n",
+        "\n(dead: percentage of the surface with a peak below a tenth of the largest peak; weaker: percentage with a peak below \
+         the lowest peak of distinct frequencies)\n",
     );
-    text.push_str(&format_settings(&schemes, measure));
-    text.push_str(&explain_weakest_place(&schemes, first_bending_hz));
+    text.push_str(&format_scheme_settings(&schemes, measure));
+    text.push_str(&explain_if_one_frequency_beats_distinct(&schemes, first_bending_hz));
     print_text(text.trim_end())
 }
 
 /// What is commanded for the whole surface.
-fn format_settings(schemes: &[SchemeReach], measure: Measure) -> String {
+fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
     let mut text = String::from(
-        "\nthe one settings\n\n| scheme | actuator | frequency | force | voltage | pulse width | phase | rigid motion |\n\
+        "\nthe settings for the whole surface\n\n| scheme | actuator | frequency | force | voltage | pulse width | phase | rigid motion |\n\
          |---|---|---|---|---|---|---|---|\n",
     );
     for scheme in schemes {
-        let rigid = scheme.rigid.map_or_else(String::new, format_percent);
+        let rigid = scheme.rigid.map_or_else(String::new, format_fraction_as_percent);
         for part in &scheme.setting {
             let _ = writeln!(
                 text,
@@ -169,13 +181,16 @@ fn format_settings(schemes: &[SchemeReach], measure: Measure) -> String {
     }
     for scheme in schemes {
         if scheme.scale < 1.0 {
-            let left = format_percent(scheme.scale);
-            let _ =
-                writeln!(text, "({}: motion in the closing gaps leaves {left} of the forces)", scheme.scheme.name());
+            let left = format_fraction_as_percent(scheme.scale);
+            let _ = writeln!(
+                text,
+                "({}: because the gaps close while the masses move, only {left} of the forces are safe)",
+                scheme.scheme.name()
+            );
         }
         let at_most = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6));
         if let Some(at_most) = at_most {
-            let at_most = format_peak(measure, at_most);
+            let at_most = format_peak_in_g_or_db(measure, at_most);
             let _ = writeln!(text, "({}: up to {at_most} may be possible, which is not proven)", scheme.scheme.name());
         }
     }
@@ -183,7 +198,7 @@ fn format_settings(schemes: &[SchemeReach], measure: Measure) -> String {
 }
 
 /// Why the weakest place is as strong as it is.
-fn explain_weakest_place(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
+fn explain_if_one_frequency_beats_distinct(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
     let mut text = String::new();
     if let Some(hz) = first_bending_hz {
         let _ = write!(text, "\nFirst mode that bends the panel: {hz:.1} Hz.");
@@ -197,40 +212,48 @@ fn explain_weakest_place(schemes: &[SchemeReach], first_bending_hz: Option<f64>)
         let hz = scheme.setting.first().map_or(0.0, |part| part.drive.frequency_hz);
         let _ = write!(
             text,
-            "\nOne frequency has the strongest weakest place here: at {hz} Hz {} of the motion (mean square) is that of a rigid \
-             body, which has no nodes to be filled. All actuators add there in phase; of distinct frequencies, \
-             {MIN_SPACING_HZ} Hz apart, only one can be near. `--from {:.0}` leaves that motion out.",
-            format_percent(scheme.rigid.unwrap_or_default()),
+            "\nFor this scene, one frequency has the highest lowest peak: at {hz} Hz, {} of the motion (mean square) is the motion \
+             of a rigid body, which has no nodes. At this frequency, the motions of all actuators add in phase; of distinct \
+             frequencies, at least {MIN_SPACING_HZ} Hz apart, only one can be near this frequency. `--from {:.0}` leaves the \
+             rigid motion out.",
+            format_fraction_as_percent(scheme.rigid.unwrap_or_default()),
             first_bending_hz.unwrap_or(hz).ceil()
         );
     }
     text
 }
 
-fn format_percent(part: f64) -> String {
-    format!("{:.1} %", 100.0 * part)
+fn format_fraction_as_percent(fraction: f64) -> String {
+    format!("{:.1} %", 100.0 * fraction)
 }
 
 /// A peak as it is printed: in g, or in dB above the threshold.
-fn format_peak(measure: Measure, peak: f64) -> String {
+fn format_peak_in_g_or_db(measure: Measure, peak: f64) -> String {
     match measure {
         Measure::G => format!("{peak:.3}"),
-        Measure::Thresholds => level_db(peak).map_or_else(|| String::from("nothing"), |db| format!("{db:.1}")),
+        Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(peak)
+            .map_or_else(|| String::from("nothing"), |db| format!("{db:.1}")),
     }
 }
 
-fn format_row(scheme: Scheme, measure: Measure, spread: &Spread, weaker: f64, first: f64) -> String {
-    let ratio = spread.least / first;
+fn format_scheme_row(
+    scheme: Scheme,
+    measure: Measure,
+    spread: &Spread,
+    weaker_fraction: f64,
+    first_least: f64,
+) -> String {
+    let ratio = spread.least / first_least;
     format!(
         "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
         scheme.name(),
-        format_peak(measure, spread.least),
+        format_peak_in_g_or_db(measure, spread.least),
         format_place(spread.least_at_mm),
-        format_peak(measure, spread.tenth),
-        format_peak(measure, spread.median),
-        format_peak(measure, spread.most),
-        format_percent(spread.dead),
-        format_percent(weaker),
+        format_peak_in_g_or_db(measure, spread.tenth),
+        format_peak_in_g_or_db(measure, spread.median),
+        format_peak_in_g_or_db(measure, spread.most),
+        format_fraction_as_percent(spread.dead),
+        format_fraction_as_percent(weaker_fraction),
         match measure {
             Measure::G => format!("{ratio:.2}"),
             Measure::Thresholds => format!("{:+.1} dB", 20.0 * ratio.log10()),
@@ -243,7 +266,11 @@ fn format_place([x_mm, y_mm]: [f64; 2]) -> String {
 }
 
 /// The frequencies at a point of the grid, in words.
-fn describe_frequencies_at(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -> Option<String> {
+fn describe_frequencies_if_exactly_on_grid_point(
+    table: &PlanTable,
+    hz: &[Option<Vec<f64>>],
+    [x_mm, y_mm]: [f64; 2],
+) -> Option<String> {
     let line = |lines: &[f64], at_mm: f64| lines.iter().position(|line| (line * 1e3 - at_mm).abs() < 1e-6);
     let point = line(&table.grid.y_m, y_mm)? * table.grid.x_m.len() + line(&table.grid.x_m, x_mm)?;
     let frequencies = hz.get(point)?.as_ref()?;
@@ -251,32 +278,32 @@ fn describe_frequencies_at(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_
 }
 
 /// The scene, its table in the band that is asked for, and the region.
-fn prepare_table(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
-    let scene = options.panel.load()?;
-    need_actuators(&scene)?;
-    let region = convert_zone(&scene, options.zone)?;
-    let table = restrict_to_band(plan_table(&options.panel, options.keep, &scene)?, options)?;
-    View::checked(&table, region).map_err(|error| Failure::usage(format!("--zone: {error}")))?;
+fn prepare_scene_table_and_region(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
+    let scene = options.panel.load_scene()?;
+    check_has_actuators(&scene)?;
+    let region = convert_zone_to_region(&scene, options.zone)?;
+    let table = restrict_table_to_band(load_or_compute_plan_table(&options.panel, options.keep, &scene)?, options)?;
+    PointView::try_new(&table, region).map_err(|error| Failure::usage_error(format!("--zone: {error}")))?;
     Ok((scene, table, region))
 }
 
 /// What `--zone` says, on this scene.
-pub(super) fn convert_zone(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
+pub(super) fn convert_zone_to_region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
     let Some(zone) = zone else { return Ok(None) };
     let metres = |[from, to]: [f64; 2]| [from / 1e3, to / 1e3];
-    let region = Region::on(scene, metres(zone.x), metres(zone.y));
-    region.map(Some).map_err(|error| Failure::usage(format!("--zone: {error}")))
+    let region = Region::on_surface(scene, metres(zone.x), metres(zone.y));
+    region.map(Some).map_err(|error| Failure::usage_error(format!("--zone: {error}")))
 }
 
 /// The table without the frequencies that `--from` and `--to` leave out.
-fn restrict_to_band(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
+fn restrict_table_to_band(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
     table
-        .in_band(options.from, options.to)
-        .map_err(|error| Failure::usage(format!("--from {} --to {}: {error}", error.from_hz, error.to_hz)))
+        .restrict_to_band(options.from, options.to)
+        .map_err(|error| Failure::usage_error(format!("--from {} --to {}: {error}", error.from_hz, error.to_hz)))
 }
 
 /// The grids that were searched.
-fn describe_search(table: &PlanTable, options: &Field) -> String {
+fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
     let within = options.zone.map_or_else(String::new, |zone| {
         format!("{} to {} mm by {} to {} mm, ", zone.x[0], zone.x[1], zone.y[0], zone.y[1])
     });
@@ -290,7 +317,7 @@ fn describe_search(table: &PlanTable, options: &Field) -> String {
 }
 
 /// Writes what `--csv` asks for; whether it went to standard output.
-fn write_csv(options: &Field, text: &str) -> Result<bool, Failure> {
+fn write_csv_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
     let Some(path) = &options.csv else { return Ok(false) };
     if path.as_os_str() == "-" {
         return print_text(text.trim_end()).map(|()| true);
@@ -301,13 +328,13 @@ fn write_csv(options: &Field, text: &str) -> Result<bool, Failure> {
 }
 
 /// Says what picture was written.
-pub fn tell_written(path: &Path, (width, height): (u32, u32)) {
+pub fn tell_picture_written(path: &Path, (width, height): (u32, u32)) {
     tell!("wrote {}, {width} x {height} pixels", path.display());
 }
 
 /// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g or dB above the
 /// threshold (empty where nothing moves).
-fn format_csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
+fn format_schemes_csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
     let unit = match measure {
         Measure::G => "g",
         Measure::Thresholds => "db",
@@ -324,7 +351,7 @@ fn format_csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> S
             for values in [&scheme.one_setting_field, &scheme.per_touch_field] {
                 let cell = values.get(point).copied().flatten().and_then(|peak| match measure {
                     Measure::G => Some(format!("{peak:.4}")),
-                    Measure::Thresholds => level_db(peak).map(|db| format!("{db:.2}")),
+                    Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(peak).map(|db| format!("{db:.2}")),
                 });
                 let _ = write!(text, ",{}", cell.unwrap_or_default());
             }

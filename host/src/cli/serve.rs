@@ -1,12 +1,14 @@
 //! The daemon's start and end.
 
 use super::args::{AfterOutage, Serve};
-use super::panel::prepared_table;
-use super::signals::{EndSignals, suspend_after};
+use super::panel::load_or_compute_plan_table_with_origin;
+use super::signals::{EndSignals, stop_and_suspend_on_terminal_request};
 use super::{Failure, Outcome, notify};
 use crate::connection::HostPort;
-use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
-use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Kept, Listener, Recorder, serve_while_alive};
+use crate::daemon::listener::{ListenError, TlsFiles, find_or_make_certificate, list_names_missing_in_certificate};
+use crate::daemon::{
+    Access, App, DEFAULT_LISTEN, EndReason, KeptBytes, Listener, Recorder, serve_until_shutdown_or_session_end,
+};
 use crate::device::session::policy::SessionPolicy;
 use crate::device::sim::SimPanel;
 use crate::device::{OpenDevice, SessionError, Target};
@@ -31,19 +33,20 @@ pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" 
 
 /// Serves, with what a configuration file says among the options; `started` is when the program was.
 pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
-    let (scene, text) = options.panel.load_text()?;
+    let (scene, text) = options.panel.load_scene_and_text()?;
     // Before anything is written.
     if let Some((_, mistake)) = find_start_mistakes(options).into_iter().next() {
         return Err(Failure::Usage(mistake));
     }
-    let access = read_access(options)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
+    let access = read_access_rules(options)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::runtime_error)?;
     // A port in use is told before the panel is computed, or a certificate made.
     let has_tokens = !access.tokens.is_empty();
-    let place = choose_listen_place(options)?;
-    let ports =
-        runtime.block_on(Listener::ports(&place, has_tls(options), has_tokens)).map_err(convert_listen_error)?;
-    for warning in find_warnings(options) {
+    let place = listen_place_or_default(options)?;
+    let ports = runtime
+        .block_on(Listener::bind_ports_of_all_addresses(&place, is_tls_configured(options), has_tokens))
+        .map_err(convert_listen_error)?;
+    for warning in find_certificate_date_warnings(options) {
         tracing::warn!("{}", warning.1);
     }
     // In the runtime, in which sockets are opened.
@@ -51,14 +54,16 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
-        Some(path) => Some(Recorder::start_with(path, &scene.name, recording_limits(options)).map_err(|error| {
-            Failure::Usage(format!("--record {}: {error}{}", path.display(), advise_on_record(&error)))
-        })?),
+        Some(path) => Some(
+            Recorder::start_with_kept_bytes(path, &scene.name, recording_size_limits(options)).map_err(|error| {
+                Failure::Usage(format!("--record {}: {error}{}", path.display(), advise_on_record_error(&error)))
+            })?,
+        ),
     };
     let urls: Vec<String> =
         listeners.iter().map(|listener| describe_usable_addresses(&listener.url(), &options.allow_host)).collect();
-    let prepared = prepared_table(&options.panel, options.keep, &scene)?;
-    tracing::info!("{}", describe_preparation(&prepared));
+    let prepared = load_or_compute_plan_table_with_origin(&options.panel, options.keep, &scene)?;
+    tracing::info!("{}", describe_table_preparation(&prepared));
     let table = prepared.table;
     if table.scene.finger.is_some() {
         tracing::warn!(
@@ -73,14 +78,15 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         EndSignals::listen()
     };
     // A board that is not there yet is waited for.
-    let device = match OpenDevice::new_unconnected(&target) {
+    let device = match OpenDevice::new_unconnected_for_serial_or_auto(&target) {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
-    let mut app = App::with(table, device, text, choose_policy(options), access).map_err(Failure::failed)?;
+    let mut app = App::with_policy(table, device, text, read_idle_and_rearm_policy(options), access)
+        .map_err(Failure::runtime_error)?;
     app.record = recorder;
     let app = Arc::new(app);
-    let first = plan_screen_middle(&app.table);
+    let first = plan_touch_at_screen_middle(&app.table);
     let planned = started.elapsed();
     tracing::info!(
         "ready after {:.3} s: open {} (scene {}, device {target})",
@@ -89,7 +95,10 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         scene.name
     );
     if let Some(file) = &options.token_file {
-        tracing::info!("a browser needs #token=TOKEN at the end of the address, with a token of {}", file.display());
+        tracing::info!(
+            "in a browser, add #token=TOKEN to the address, where TOKEN is a secret of the file {}",
+            file.display()
+        );
     }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
@@ -100,38 +109,41 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     if let Some(plan) = first {
         let own_us = plan.elapsed_us;
         tracing::info!(
-            "first plan {:.0} ms after the start, {own_us:.0} us of which it took itself",
+            "first plan {:.0} ms after the start (planning alone took {own_us:.0} us)",
             duration_ms(planned)
         );
     }
-    prepare_reach_in_background(&app);
+    compute_whole_surface_setting_in_background(&app);
     let watched = Arc::clone(&app);
     notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || {
-        watched.driver.is_alive()
+        watched.driver.is_session_thread_working()
     });
     let stopped = Arc::downgrade(&app);
-    runtime.spawn(suspend_after(move || stop_device(Weak::clone(&stopped))));
-    match runtime.block_on(serve_while_alive(app, listeners, notify::notify_stopping_after(await_end_signal(signals))))
-    {
-        Ended::Asked => Ok(()),
+    runtime.spawn(stop_and_suspend_on_terminal_request(move || stop_device(Weak::clone(&stopped))));
+    match runtime.block_on(serve_until_shutdown_or_session_end(
+        app,
+        listeners,
+        notify::notify_stopping_after(await_end_signal(signals)),
+    )) {
+        EndReason::Asked => Ok(()),
         // A failure, so that the service manager starts it anew.
-        Ended::Session => Err(Failure::failed(SessionError::Ended)),
+        EndReason::Session => Err(Failure::runtime_error(SessionError::Ended)),
     }
 }
 
 /// How much of a recording is kept.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within a range of positive numbers")]
-fn recording_limits(options: &Serve) -> Kept {
+fn recording_size_limits(options: &Serve) -> KeptBytes {
     let bytes = |megabytes: Option<f64>, usual: u64| megabytes.map_or(usual, |number| (number * 1e6) as u64);
-    let usual = Kept::default();
-    Kept {
+    let usual = KeptBytes::default();
+    KeptBytes {
         file_bytes: bytes(options.record_file_mb, usual.file_bytes),
         total_bytes: bytes(options.record_total_mb, usual.total_bytes),
     }
 }
 
 /// What is done without being asked.
-fn choose_policy(options: &Serve) -> SessionPolicy {
+fn read_idle_and_rearm_policy(options: &Serve) -> SessionPolicy {
     SessionPolicy {
         idle: options.idle_s.map_or(SessionPolicy::IDLE, Duration::from_secs_f64),
         clears_silence: options.clear_silence,
@@ -154,56 +166,56 @@ fn describe_usable_addresses(url: &str, names: &[String]) -> String {
 }
 
 /// Who may do what.
-fn read_access(options: &Serve) -> Result<Access, Failure> {
+fn read_access_rules(options: &Serve) -> Result<Access, Failure> {
     let tokens = match &options.token_file {
         None => Vec::new(),
         Some(path) => {
             let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
             let text = private_file::read(path).map_err(|error| wrong(&error))?;
-            Access::tokens(&text).map_err(|error| wrong(&error))?
+            Access::parse_tokens(&text).map_err(|error| wrong(&error))?
         }
     };
     let (origins, mut hosts) = (options.allow_origin.clone(), options.allow_host.clone());
     // Who listens at a name is called by it.
-    hosts.extend(choose_listen_place(options)?.name().map(str::to_ascii_lowercase));
+    hosts.extend(listen_place_or_default(options)?.name().map(str::to_ascii_lowercase));
     Ok(Access { origins, hosts, tokens, ..Access::default() })
 }
 
 fn convert_listen_error(error: ListenError) -> Failure {
     match error {
         ListenError::Open { .. } | ListenError::Tls { .. } => Failure::Usage(error.to_string()),
-        _ => Failure::failed(error),
+        _ => Failure::runtime_error(error),
     }
 }
 
 /// Where the daemon listens with these options.
-pub fn choose_listen_place(options: &Serve) -> Result<HostPort, Failure> {
+pub fn listen_place_or_default(options: &Serve) -> Result<HostPort, Failure> {
     options.listen.clone().map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::Failed), Ok)
 }
 
 /// The files of certificate and key that are there.
-fn find_tls_files(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
+fn find_tls_files_given_or_in_folder(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
     match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
-        (.., Some(folder)) => TlsFiles::found_in(folder),
+        (.., Some(folder)) => TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder),
         _ => Ok(None),
     }
 }
 
 /// The key that names the certificate.
-const fn certificate_key_name(options: &Serve) -> &'static str {
+const fn certificate_option_name(options: &Serve) -> &'static str {
     if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }
 }
 
 /// What does not keep the daemon from starting, but clients from talking to it, each with its key: dates of its certificate, which are wrong
 /// for as long as the clock is, too.
-pub fn find_warnings(options: &Serve) -> Vec<(&'static str, String)> {
-    let files = find_tls_files(options).ok().flatten();
-    let faults = files.map(|files| files.find_date_faults()).unwrap_or_default();
-    faults.into_iter().map(|fault| (certificate_key_name(options), fault)).collect()
+pub fn find_certificate_date_warnings(options: &Serve) -> Vec<(&'static str, String)> {
+    let files = find_tls_files_given_or_in_folder(options).ok().flatten();
+    let faults = files.map(|files| files.list_date_faults()).unwrap_or_default();
+    faults.into_iter().map(|fault| (certificate_option_name(options), fault)).collect()
 }
 
-const fn has_tls(options: &Serve) -> bool {
+const fn is_tls_configured(options: &Serve) -> bool {
     options.tls_dir.is_some() || (options.tls_cert.is_some() && options.tls_key.is_some())
 }
 
@@ -214,7 +226,7 @@ pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     let is_anothers =
         |path: &Path| std::fs::File::open(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied);
     if options.token_file.as_ref().is_some_and(|path| !is_anothers(path))
-        && let Err(Failure::Usage(text) | Failure::Failed(text)) = read_access(options)
+        && let Err(Failure::Usage(text) | Failure::Failed(text)) = read_access_rules(options)
     {
         all.push(("token_file", text));
     }
@@ -223,45 +235,50 @@ pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
         (Some(path), None) => {
             all.push((
                 "tls_cert",
-                format!("tls_cert is {}, and needs tls_key as well: its private key", path.display()),
+                format!("tls_cert is {}, but tls_key, the private key of this certificate, is missing", path.display()),
             ));
         }
         (None, Some(path)) => {
             all.push((
                 "tls_key",
-                format!("tls_key is {}, and needs tls_cert as well: its certificate", path.display()),
+                format!("tls_key is {}, but tls_cert, the certificate of this key, is missing", path.display()),
             ));
         }
         _ => {}
     }
     if let Some(path) = &options.record
-        && let Some(text) = find_record_mistake(path)
+        && let Some(text) = find_record_path_mistake(path)
     {
         all.push(("record", text));
     }
     #[cfg(unix)]
     if let Some(path) = options.socket.as_ref().filter(|path| path.as_os_str() != "none")
-        && let Err(error) = Listener::check_unix(path)
+        && let Err(error) = Listener::check_unix_path(path)
     {
         all.push(("socket", error.to_string()));
     }
-    let usable = find_tls_files(options).and_then(|files| match files {
-        Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => files.check(),
+    let usable = find_tls_files_given_or_in_folder(options).and_then(|files| match files {
+        Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => {
+            files.check_usable()
+        }
         _ => Ok(()),
     });
     if let Err(error) = usable {
-        let is_of_key = options.tls_key.as_ref().is_some_and(|key| error.is_of(key));
-        all.push((if is_of_key { "tls_key" } else { certificate_key_name(options) }, error.to_string()));
+        let is_of_key = options.tls_key.as_ref().is_some_and(|key| error.is_about_tls_file(key));
+        all.push((if is_of_key { "tls_key" } else { certificate_option_name(options) }, error.to_string()));
     }
     // A name that has no address now may have one when the daemon starts.
-    let addresses = choose_listen_place(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
-    let is_open = |address| Listener::check(address, has_tls(options), options.token_file.is_some()).err();
+    let addresses =
+        listen_place_or_default(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
+    let is_open = |address| {
+        Listener::check_address_allowed(address, is_tls_configured(options), options.token_file.is_some()).err()
+    };
     all.extend(addresses.into_iter().find_map(is_open).map(|error| ("listen", error.to_string())));
     all
 }
 
 /// What to do about a recording that cannot be begun, where another place is the answer.
-fn advise_on_record(error: &std::io::Error) -> String {
+fn advise_on_record_error(error: &std::io::Error) -> String {
     use std::io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
     match error.kind() {
         AlreadyExists | IsADirectory | NotADirectory | NotFound => format!("; {NEW_RECORD}"),
@@ -270,8 +287,8 @@ fn advise_on_record(error: &std::io::Error) -> String {
 }
 
 /// What keeps a recording from being begun there. A file that was begun is not written over: a service that records to one is started once.
-fn find_record_mistake(path: &Path) -> Option<String> {
-    if Recorder::is_folder(path) {
+fn find_record_path_mistake(path: &Path) -> Option<String> {
+    if Recorder::is_folder_path(path) {
         return None;
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -290,8 +307,12 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
-            warn_of_lacking_names(&files, &options.allow_host, "clients that use this name need a certificate with it");
-            if files.is_nameless() {
+            warn_of_names_missing_in_certificate(
+                &files,
+                &options.allow_host,
+                "clients that use this name need a certificate with it",
+            );
+            if files.has_no_host_name() {
                 tracing::warn!(
                     "{} names no host (subjectAltName): `era --ca` takes it, but browsers and other clients refuse it",
                     files.certificate.display()
@@ -303,27 +324,27 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             let mut names = options.allow_host.clone();
             let is_every = place.address().is_some_and(|address| address.ip().is_unspecified());
             names.extend((!is_every).then(|| place.host().to_owned()));
-            let files = first_certificate(folder, &names).map_err(convert_listen_error)?;
+            let files = find_or_make_certificate(folder, &names).map_err(convert_listen_error)?;
             let advice = format!(
-                "it is kept, because clients trust it; for another certificate, move era-cert.pem and \
+                "the daemon keeps the certificate, because clients trust it; for another certificate, move era-cert.pem and \
                  era-key.pem out of {}, restart, and give the new era-cert.pem to every client",
                 folder.display()
             );
-            warn_of_lacking_names(&files, &names, &advice);
+            warn_of_names_missing_in_certificate(&files, &names, &advice);
             Some(files)
         }
         _ => None,
     };
-    let over = |port| Listener::over(port, tls.as_ref()).map_err(convert_listen_error);
+    let over = |port| Listener::from_bound_port(port, tls.as_ref()).map_err(convert_listen_error);
     let mut all = ports.into_iter().map(over).collect::<Result<Vec<_>, _>>()?;
     #[cfg(unix)]
     match &options.socket {
         Some(path) if path.as_os_str() == "none" => {}
-        Some(path) => all.push(Listener::unix(path).map_err(convert_listen_error)?),
+        Some(path) => all.push(Listener::bind_unix(path).map_err(convert_listen_error)?),
         None => {
             let folder = std::env::var_os("XDG_RUNTIME_DIR").filter(|folder| !folder.is_empty());
             // Nobody has asked for it: a second daemon does without.
-            match folder.map(|folder| Listener::unix(&Path::new(&folder).join(SOCKET))) {
+            match folder.map(|folder| Listener::bind_unix(&Path::new(&folder).join(SOCKET))) {
                 Some(Ok(listener)) => all.push(listener),
                 Some(Err(error)) => tracing::info!("no socket in the file system: {error}"),
                 None => {}
@@ -334,15 +355,15 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
 }
 
 /// Warns of names that are allowed and that clients will not find in the certificate.
-fn warn_of_lacking_names(files: &TlsFiles, names: &[String], advice: &str) {
-    let lacking = lacking(files, names);
+fn warn_of_names_missing_in_certificate(files: &TlsFiles, names: &[String], advice: &str) {
+    let lacking = list_names_missing_in_certificate(files, names);
     if !lacking.is_empty() {
         tracing::warn!("{} does not contain {}: {advice}", files.certificate.display(), lacking.join(", "));
     }
 }
 
 /// What it took to have a table, and what it takes.
-fn describe_preparation(prepared: &Prepared) -> String {
+fn describe_table_preparation(prepared: &Prepared) -> String {
     let Prepared { table, origin, kept, .. } = prepared;
     let origin = match origin {
         Origin::Kept { read, restore } => {
@@ -365,7 +386,7 @@ fn describe_preparation(prepared: &Prepared) -> String {
         || String::from("not on disk"),
         |(path, bytes)| format!("{:.1} MB in {}", bytes_to_megabytes(*bytes), path.display()),
     );
-    format!("plan table {origin}; {:.1} MB in memory, {file}", bytes_to_megabytes(table.bytes() as u64))
+    format!("plan table {origin}; {:.1} MB in memory, {file}", bytes_to_megabytes(table.memory_bytes() as u64))
 }
 
 fn duration_ms(time: Duration) -> f64 {
@@ -378,7 +399,7 @@ fn bytes_to_megabytes(bytes: u64) -> f64 {
 }
 
 /// A plan for the screen's middle, or the nearest place to it on its diagonal that has not been cut out. Nothing is driven.
-fn plan_screen_middle(table: &PlanTable) -> Option<Plan> {
+fn plan_touch_at_screen_middle(table: &PlanTable) -> Option<Plan> {
     let screen = &table.scene.screen;
     let middle = [f64::from(screen.width_px), f64::from(screen.height_px)].map(|side| side / 2.0);
     DIAGONAL.iter().find_map(|part| {
@@ -388,15 +409,15 @@ fn plan_screen_middle(table: &PlanTable) -> Option<Plan> {
 }
 
 /// Makes ready what the first request for the objective `reach` needs, while nobody waits for it.
-fn prepare_reach_in_background(app: &Arc<App>) {
+fn compute_whole_surface_setting_in_background(app: &Arc<App>) {
     let app = Arc::clone(app);
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
-        crate::planner::reach::prepare_whole_surface_setting(&app.table);
-        tracing::debug!("reach prepared in {:.0} ms", duration_ms(started.elapsed()));
+        crate::planner::reach::compute_and_keep_whole_surface_setting(&app.table);
+        tracing::debug!("setting for reach prepared in {:.0} ms", duration_ms(started.elapsed()));
     });
     if let Err(error) = started {
-        tracing::debug!(%error, "the first request for reach will prepare it");
+        tracing::debug!(%error, "the setting for reach could not be prepared; the first request for reach will compute the setting");
     }
 }
 
@@ -406,19 +427,19 @@ pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Fai
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         (SimPanel::from_plan_table(table), volts)
     };
-    OpenDevice::open(target, panel).map_err(Failure::failed)
+    OpenDevice::open(target, panel).map_err(Failure::runtime_error)
 }
 
 /// Resolves on the first signal that asks the program to end, or would end it.
 pub(super) async fn await_end_signal(signals: EndSignals) {
-    let name = signals.first().await;
+    let name = signals.wait_for_first_signal().await;
     tracing::info!("stopping: {name}");
 }
 
 /// Everything off, as far as that can be reached.
 async fn stop_device(app: Weak<App>) {
     if let Some(app) = app.upgrade()
-        && let Err(error) = app.stop().await
+        && let Err(error) = app.stop_device().await
     {
         tracing::warn!(%error, "could not stop the device before the process is suspended; its dead-man timer stops it");
     }
@@ -437,7 +458,7 @@ mod tests {
             let Some(Command::Serve(serve)) = Arguments::parse_from(arguments.split_whitespace()).command else {
                 panic!("{arguments}");
             };
-            assert_eq!(choose_policy(&serve).arms_after_outage, arms, "{arguments}");
+            assert_eq!(read_idle_and_rearm_policy(&serve).arms_after_outage, arms, "{arguments}");
         }
     }
 }

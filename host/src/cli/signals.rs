@@ -43,13 +43,13 @@ impl EndSignals {
     /// ignored: `nohup` has a program outlive its terminal.
     #[must_use]
     pub fn listen() -> Self {
-        let named = NAMED.iter().chain(&OF_LINUX).filter(|(kind, _)| *kind != Signal::HUP || !is_ignored(*kind));
+        let named = NAMED.iter().chain(&OF_LINUX).filter(|(kind, _)| *kind != Signal::HUP || !is_signal_ignored(*kind));
         let named = named.map(|(kind, name)| (kind.as_raw(), (*name).to_owned()));
         let real_time = REAL_TIME.map(|number| (number, format!("signal {number}")));
         let listened = named.chain(real_time).filter_map(|(number, name)| match signal(SignalKind::from_raw(number)) {
             Ok(stream) => Some((name, stream)),
             Err(error) => {
-                tracing::debug!(%error, "{name} is not listened for");
+                tracing::debug!(%error, "cannot listen for the signal {name}");
                 None
             }
         });
@@ -57,7 +57,7 @@ impl EndSignals {
     }
 
     /// Waits for the first, and gives its name.
-    pub async fn first(mut self) -> String {
+    pub async fn wait_for_first_signal(mut self) -> String {
         std::future::poll_fn(move |context| {
             let come =
                 self.0.iter_mut().find_map(|(name, stream)| stream.poll_recv(context).is_ready().then(|| name.clone()));
@@ -68,31 +68,31 @@ impl EndSignals {
 }
 
 /// Has a thread listen, and do this on the first signal, in a command that has no runtime of its own.
-pub fn do_on_end(what: impl FnOnce(&str) + Send + 'static) {
+pub fn run_in_thread_on_first_end_signal(what: impl FnOnce(&str) + Send + 'static) {
     let wait = move || {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
-        let name = runtime.block_on(async { EndSignals::listen().first().await });
+        let name = runtime.block_on(async { EndSignals::listen().wait_for_first_signal().await });
         what(&name);
     };
     if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {
-        tracing::warn!(%error, "signals end the command at once");
+        tracing::warn!(%error, "cannot start the thread that waits for signals: a signal now ends the command at once");
     }
 }
 
 /// Keeps the terminal from suspending the process, in this thread and in all that it starts from now on: one in the background that writes
 /// (SIGTTOU, after `stty tostop`) or reads (SIGTTIN) goes on, as it would leave its board. Blocked and not listened for: the system would repeat the
 /// call, and the signal, for ever.
-pub fn keep_in_background() {
+pub fn block_background_terminal_stop_signals() {
     let mut signals = SigSet::empty();
     signals.add(nix::sys::signal::SIGTTOU);
     signals.add(nix::sys::signal::SIGTTIN);
     if let Err(error) = signals.thread_block() {
-        tracing::warn!(%error, "a terminal may suspend the daemon");
+        tracing::warn!(%error, "cannot block the signals SIGTTOU and SIGTTIN: the terminal may suspend the daemon");
     }
 }
 
 /// Lets the process be suspended from its terminal (Ctrl-Z) once `stop` is done: the board is not left to its dead-man timer.
-pub async fn suspend_after<F: Future<Output = ()>>(stop: impl Fn() -> F) {
+pub async fn stop_and_suspend_on_terminal_request<F: Future<Output = ()>>(stop: impl Fn() -> F) {
     let Ok(mut asked) = signal(SignalKind::from_raw(Signal::TSTP.as_raw())) else { return };
     while asked.recv().await.is_some() {
         stop().await;
@@ -103,7 +103,7 @@ pub async fn suspend_after<F: Future<Output = ()>>(stop: impl Fn() -> F) {
 }
 
 /// Whether this process was started with a signal ignored.
-fn is_ignored(kind: Signal) -> bool {
+fn is_signal_ignored(kind: Signal) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or_default();

@@ -22,7 +22,7 @@ static QUEUE: OnceLock<Option<SyncSender<Text>>> = OnceLock::new();
 static LOST: AtomicU64 = AtomicU64::new(0);
 
 /// Nothing where the system gives no thread.
-fn start_queue() -> Option<&'static SyncSender<Text>> {
+fn get_or_start_writer_queue() -> Option<&'static SyncSender<Text>> {
     let start = || {
         let (texts, waiting) = sync_channel(MOST);
         std::thread::Builder::new().name("log".into()).spawn(move || write_queued_texts(&waiting)).ok().map(|_| texts)
@@ -50,8 +50,8 @@ fn write_queued_texts(waiting: &Receiver<Text>) {
 }
 
 /// Has the bytes written after all that were given before, and does not wait for it.
-pub fn write_later(bytes: &[u8]) {
-    match start_queue() {
+pub fn queue_for_standard_error(bytes: &[u8]) {
+    match get_or_start_writer_queue() {
         Some(queue) => {
             if let Err(TrySendError::Full(_)) = queue.try_send(Text::Bytes(bytes.to_vec())) {
                 LOST.fetch_add(1, Ordering::Relaxed);
@@ -64,7 +64,7 @@ pub fn write_later(bytes: &[u8]) {
 }
 
 /// Waits until all that was given is written, and no longer than 0.5 s.
-pub fn await_written() {
+pub fn wait_until_queue_is_written_or_timeout() {
     let Some(queue) = QUEUE.get().and_then(Option::as_ref) else { return };
     let (written, is_written) = sync_channel(1);
     if queue.try_send(Text::Mark(written)).is_ok() {
@@ -77,7 +77,7 @@ pub struct Later;
 
 impl Write for Later {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        write_later(bytes);
+        queue_for_standard_error(bytes);
         Ok(bytes.len())
     }
 

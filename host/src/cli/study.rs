@@ -1,27 +1,27 @@
 //! The command `study`: a study computed, or a share of it, and its results written.
 
-use super::args::{Keep, Panel};
+use super::args::{CacheOptions, PanelOptions};
 use super::args_study::Study as Options;
-use super::panel::plan_table;
-use super::progress_of::{Shown, stop_on_signals};
+use super::panel::load_or_compute_plan_table;
+use super::progress_of::{StudyProgressDisplay, make_signal_stop_flag_second_signal_exits};
 use super::{Failure, Outcome, print_json, print_text};
-use crate::design::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
-use crate::design::result::GatherError;
-use crate::design::run::{self, FolderError, RunEnd, RunError, Shard, Study, StudyError, StudyFolder};
-use crate::design::written::{WriteError, verify_and_write_results};
+use crate::study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
+use crate::study::result::GatherError;
+use crate::study::run::{self, FolderError, RunEnd, RunError, Shard, Study, StudyError, StudyFolder};
+use crate::study::written::{WriteError, verify_and_write_results_unless_stopped};
 use std::path::{Path, PathBuf};
 
 impl From<StudyError> for Failure {
     fn from(error: StudyError) -> Self {
-        Failure::usage(error)
+        Failure::usage_error(error)
     }
 }
 
 impl From<FolderError> for Failure {
     fn from(error: FolderError) -> Self {
         match error {
-            FolderError::Other { .. } => Failure::usage(error),
-            FolderError::Io { .. } => Failure::failed(format!(
+            FolderError::Other { .. } => Failure::usage_error(error),
+            FolderError::Io { .. } => Failure::runtime_error(format!(
                 "{error}; the results so far are kept, and the same command continues from them"
             )),
         }
@@ -32,7 +32,7 @@ impl From<GatherError> for Failure {
     fn from(error: GatherError) -> Self {
         match error {
             GatherError::Folder(error) => error.into(),
-            GatherError::Missing { .. } => Failure::failed(error),
+            GatherError::Missing { .. } => Failure::runtime_error(error),
         }
     }
 }
@@ -42,7 +42,7 @@ impl From<WriteError> for Failure {
         match error {
             WriteError::Gather(error) => error.into(),
             WriteError::Folder(error) => error.into(),
-            WriteError::Table(_) | WriteError::Refused(_) => Failure::failed(error),
+            WriteError::Table(_) | WriteError::Refused(_) => Failure::runtime_error(error),
         }
     }
 }
@@ -50,13 +50,13 @@ impl From<WriteError> for Failure {
 /// Runs it.
 pub fn run_study(options: &Options) -> Outcome {
     let study = Study::load(&options.study)?;
-    let path = options.out.clone().unwrap_or_else(|| default_results_folder(&options.study));
+    let path = options.out.clone().unwrap_or_else(|| default_results_folder_in_current_directory(&options.study));
     let folder = StudyFolder::open_or_create(&path, study.fingerprint())?;
-    warn_about_press(&study);
-    let stops = stop_on_signals();
+    warn_of_actuators_that_fail_press(&study);
+    let stops = make_signal_stop_flag_second_signal_exits();
     let shard = options.shard.unwrap_or(Shard::ALL);
     if !options.gather {
-        let shown = Shown::new(stops.clone());
+        let shown = StudyProgressDisplay::new(stops.clone());
         let evaluator: Box<dyn Evaluator> = if study.spec.method.thorough {
             Box::new(ThoroughEvaluator::new(study.table_options()))
         } else {
@@ -66,13 +66,13 @@ pub fn run_study(options: &Options) -> Outcome {
         if let Some(workers) = options.workers {
             pool = pool.num_threads(usize::from(workers));
         }
-        let pool = pool.build().map_err(Failure::failed)?;
-        let ended = pool.install(|| run::run_study_shard(&study, &folder, &*evaluator, shard, &shown));
-        let (there, all) = shown.finish();
+        let pool = pool.build().map_err(Failure::runtime_error)?;
+        let ended = pool.install(|| run::compute_missing_rows_of_shard(&study, &folder, &*evaluator, shard, &shown));
+        let (there, all) = shown.finish_and_count_done_and_all_designs();
         match ended {
             Err(RunError::Folder(error)) => return Err(error.into()),
             Ok(RunEnd::Early) => {
-                return Err(Failure::failed(format!(
+                return Err(Failure::runtime_error(format!(
                     "stopped: {there} of {all} designs are in {}; the same command continues from them",
                     path.display()
                 )));
@@ -95,11 +95,13 @@ pub fn run_study(options: &Options) -> Outcome {
         }
     }
     let halt = || stops.load(std::sync::atomic::Ordering::Relaxed);
-    let written = super::progress::with_progress("computing the finalists again", || {
-        verify_and_write_results(&study, &folder, &halt)
+    let written = super::progress::run_with_progress("computing the finalists again", || {
+        verify_and_write_results_unless_stopped(&study, &folder, &halt)
     })?;
     let Some(written) = written else {
-        return Err(Failure::failed("stopped while the finalists were computed again; the same command continues"));
+        return Err(Failure::runtime_error(
+            "stopped while the finalists were computed again; the same command continues",
+        ));
     };
     if options.json {
         return print_json(&written.summarise_as_json(&study, &path));
@@ -109,16 +111,16 @@ pub fn run_study(options: &Options) -> Outcome {
 
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
-fn warn_about_press(study: &Study) {
+fn warn_of_actuators_that_fail_press(study: &Study) {
     // A table takes a second or two, and with all stops there is nothing to say.
-    if let Some(scene) = study.space.scene_if_stops_missing() {
+    if let Some(scene) = study.space.base_scene_if_any_grounded_actuator_lacks_stop() {
         // Where there is none, the scene's own row of the results says why.
-        let _ = plan_table(&Panel::default(), Keep { no_cache: true }, &scene);
+        let _ = load_or_compute_plan_table(&PanelOptions::default(), CacheOptions { no_cache: true }, &scene);
     }
 }
 
 /// The study's name with `-results`, in the current directory.
-fn default_results_folder(study: &Path) -> PathBuf {
-    let stem = study.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
+fn default_results_folder_in_current_directory(study_file: &Path) -> PathBuf {
+    let stem = study_file.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
     PathBuf::from(format!("{stem}-results"))
 }

@@ -2,105 +2,114 @@
 
 use super::args::Sweep as Options;
 use super::cost::Cost;
-use super::panel::{bound_text, frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
-use super::progress::with_cost;
+use super::panel::{
+    check_has_actuators, format_bound, list_frequencies_hz, tell_missing_or_exceeded_bounds,
+    tell_refinement_steps_if_asked, warn_if_too_thick_for_thin_plate_theory,
+};
+use super::progress::run_with_progress_and_expected_cost;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::maps::npy;
 use crate::model::{Bound, BoundedAnswer};
 use crate::response::sweep::{AccelerationSweep, Arithmetic};
 use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, sweep_with_error_bounds};
 use crate::scene::Scene;
-use crate::study::npy;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::time::Instant;
 
 /// A number with its bytes for a file.
-trait Stored: Arithmetic + Into<f64> {
+trait StoredNumber: Arithmetic + Into<f64> {
     /// NumPy's name of the complex type.
     const TYPE: &'static str;
-    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()>;
+    fn write_le_bytes(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()>;
 }
 
-impl Stored for f32 {
+impl StoredNumber for f32 {
     const TYPE: &'static str = "<c8";
-    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
+    fn write_le_bytes(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
         file.write_all(&self.to_le_bytes())
     }
 }
 
-impl Stored for f64 {
+impl StoredNumber for f64 {
     const TYPE: &'static str = "<c16";
-    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
+    fn write_le_bytes(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
         file.write_all(&self.to_le_bytes())
     }
 }
 
 pub fn run_sweep(options: &Options) -> Outcome {
-    if options.panel.accuracy_within(options.time)?.relative_tolerance() >= SINGLE_DOES {
-        compute_sweep::<f32>(options)
+    if options.panel.accuracy_from_time_limit_or_options(options.time)?.relative_tolerance_or_tightest() >= SINGLE_DOES
+    {
+        compute_and_write_sweep::<f32>(options)
     } else {
-        compute_sweep::<f64>(options)
+        compute_and_write_sweep::<f64>(options)
     }
 }
 
-fn compute_sweep<T: Stored>(options: &Options) -> Outcome {
+fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
     let started = Instant::now();
-    let scene = options.panel.load()?;
-    let frequencies_hz = frequencies(&options.band)?;
+    let scene = options.panel.load_scene()?;
+    let frequencies_hz = list_frequencies_hz(&options.band)?;
     if options.band.from <= 0.0 {
         let from = options.band.from;
-        return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
+        return Err(Failure::usage_error(format!("--from is {from}, but must be above 0 Hz")));
     }
-    let accuracy = options.panel.accuracy_within(options.time)?;
-    let (x_m, y_m) = scene.grid_lines_m(options.grid);
-    check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
-    need_actuators(&scene)?;
-    warn_if_thick(&scene, options.band.to);
+    let accuracy = options.panel.accuracy_from_time_limit_or_options(options.time)?;
+    let (x_m, y_m) = scene.surface_grid_lines_m(options.grid);
+    check_value_count(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
+    check_has_actuators(&scene)?;
+    warn_if_too_thick_for_thin_plate_theory(&scene, options.band.to);
     let size = (frequencies_hz.len(), x_m.len() * y_m.len());
-    let cost = Cost::of_responses(&scene, accuracy, options.band.to, size)?;
-    let found = with_cost("computing the responses", cost, || {
+    let cost = Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, size)?;
+    let found = run_with_progress_and_expected_cost("computing the responses", cost, || {
         sweep_with_error_bounds::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    tell_steps(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing(&found.bounds, accuracy);
+    tell_refinement_steps_if_asked(&options.panel, &scene, accuracy, &found.steps);
+    tell_missing_or_exceeded_bounds(&found.bounds, accuracy);
     if let Some(path) = &options.npy {
         let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
         let values = found.answer.re.iter().zip(&found.answer.im);
-        npy::write(path, T::TYPE, &shape, |file| {
-            values.into_iter().try_for_each(|(re, im)| re.write(file).and_then(|()| im.write(file)))
+        npy::write_npy_array(path, T::TYPE, &shape, |file| {
+            values.into_iter().try_for_each(|(re, im)| re.write_le_bytes(file).and_then(|()| im.write_le_bytes(file)))
         })
-        .and_then(|()| npy::write_axes(path, &[("frequency_hz", &frequencies_hz), ("y_m", &y_m), ("x_m", &x_m)]))
-        .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
+        .and_then(|()| {
+            npy::write_npy_axis_files_beside_array(
+                path,
+                &[("frequency_hz", &frequencies_hz), ("y_m", &y_m), ("x_m", &x_m)],
+            )
+        })
+        .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", path.display())))?;
     }
     let layout = scene.layout();
     let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-    let there: Vec<bool> = points.map(|(x, y)| layout.layer_at(x, y).is_some()).collect();
+    let there: Vec<bool> = points.map(|(x, y)| layout.layer_at_unless_cut_out(x, y).is_some()).collect();
     let extremes: Vec<_> = (0..scene.actuators.len())
-        .map(|actuator| Extremes::of(&found.answer, &there, actuator, frequencies_hz.len()))
+        .map(|actuator| Extremes::find_largest_and_smallest_peak(&found.answer, &there, actuator, frequencies_hz.len()))
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
-        let mut answer = summarize_sweep(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
-        answer["tolerance"] = json!(accuracy.requested_tolerance());
-        answer["tolerance_met"] = json!(Bound::all_meet_accuracy(&found.bounds, accuracy));
+        let mut answer = summarize_sweep_as_json(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
+        answer["tolerance"] = json!(accuracy.tolerance_unless_time_limit_given());
+        answer["tolerance_met"] = json!(Bound::all_meet_tolerance_if_decidable(&found.bounds, accuracy));
         return print_json(&answer);
     }
     let mut text = format!(
-        "{}: {} unknowns, {} points, {} frequencies, {elapsed_ms:.0} ms",
+        "{}: {} unknowns, {} points, {} frequencies, computed in {elapsed_ms:.0} ms",
         scene.name,
         found.model.count_unknowns(),
         found.answer.points,
         frequencies_hz.len()
     );
     for ((actuator, extremes), bound) in scene.actuators.iter().zip(&extremes).zip(&found.bounds) {
-        let bound = bound_text(*bound);
+        let bound = format_bound(*bound);
         let ((x, y), (u, v)) = (place(extremes.most.point), place(extremes.least.point));
         let _ = write!(
             text,
-            "\n{}: error at most {bound} of each point's peak\n  most: {:.3} m/s^2 per N at {x:.1}, {y:.1} mm and {} Hz\n  \
-             least of the points' peaks: {:.3} m/s^2 per N at {u:.1}, {v:.1} mm and {} Hz",
+            "\n{}: model error at most {bound} of the peak of each point over frequency\n  largest peak: {:.3} m/s^2 per N at \
+             {x:.1}, {y:.1} mm and {} Hz\n  smallest peak: {:.3} m/s^2 per N at {u:.1}, {v:.1} mm and {} Hz",
             actuator.id,
             extremes.most.value,
             frequencies_hz[extremes.most.frequency],
@@ -127,8 +136,13 @@ struct Extremes {
 }
 
 impl Extremes {
-    /// `there` tells the points that no cut-out has taken.
-    fn of<T: Stored>(sweep: &AccelerationSweep<T>, there: &[bool], actuator: usize, frequencies: usize) -> Self {
+    /// `is_on_surface` tells the points that no cut-out has taken.
+    fn find_largest_and_smallest_peak<T: StoredNumber>(
+        sweep: &AccelerationSweep<T>,
+        is_on_surface: &[bool],
+        actuator: usize,
+        frequencies: usize,
+    ) -> Self {
         let mut peaks: Vec<Extreme> = (0..sweep.points).map(|point| Extreme { point, ..Extreme::default() }).collect();
         for frequency in 0..frequencies {
             for (peak, value) in peaks.iter_mut().zip(sweep.accelerations_of_all_points(frequency, actuator)) {
@@ -137,7 +151,7 @@ impl Extremes {
                 }
             }
         }
-        peaks.retain(|peak| there[peak.point]);
+        peaks.retain(|peak| is_on_surface[peak.point]);
         let by_value = |a: &Extreme, b: &Extreme| a.value.total_cmp(&b.value);
         Self {
             most: peaks.iter().copied().max_by(by_value).unwrap_or_default(),
@@ -146,7 +160,7 @@ impl Extremes {
     }
 }
 
-fn summarize_sweep<T: Stored>(
+fn summarize_sweep_as_json<T: StoredNumber>(
     scene: &Scene,
     found: &BoundedAnswer<AccelerationSweep<T>>,
     extremes: &[Extremes],
@@ -168,7 +182,7 @@ fn summarize_sweep<T: Stored>(
         .zip(&found.bounds)
         .map(|((actuator, extremes), bound)| {
             json!({
-                "id": actuator.id, "error_bound": bound.known_limit(), "most": tell(&extremes.most),
+                "id": actuator.id, "error_bound": bound.limit_if_known(), "most": tell(&extremes.most),
                 "least_peak": tell(&extremes.least),
             })
         })
@@ -180,12 +194,12 @@ fn summarize_sweep<T: Stored>(
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
-fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
+fn check_value_count(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
     let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
     if values <= MOST_SWEEP_VALUES {
         return Ok(());
     }
-    Err(Failure::usage(format!(
+    Err(Failure::usage_error(format!(
         "--grid and --step: {points} points, {frequencies} frequencies and {} actuators are {values:.1e} values, at most \
          {MOST_SWEEP_VALUES:.1e} are allowed",
         scene.actuators.len()

@@ -13,23 +13,23 @@ pub const TOKEN_VARIABLE: &str = "ERA_TOKEN";
 /// # Errors
 /// A file without a token, or text that is no token; what it says is not told.
 pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
-    let Some(path) = file else { return read_token_variable() };
+    let Some(path) = file else { return read_token_from_environment() };
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;
-    let token = find_token(&text).map_err(wrong)?;
-    token.map(Some).ok_or_else(|| wrong("it contains no token: it must have a line with a secret".into()))
+    let token = parse_last_word_as_token(&text).map_err(wrong)?;
+    token.map(Some).ok_or_else(|| wrong("the file contains no token: one line of the file must have a secret".into()))
 }
 
 /// That of the variable; one that is set to nothing is none.
-fn read_token_variable() -> Result<Option<String>, Failure> {
+fn read_token_from_environment() -> Result<Option<String>, Failure> {
     let Some(value) = std::env::var_os(TOKEN_VARIABLE) else { return Ok(None) };
     let wrong = |what: &str| Failure::Usage(format!("the variable {TOKEN_VARIABLE}: {what}"));
     let text = value.into_string().map_err(|_| wrong("it is not UTF-8 text"))?;
-    find_token(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text)).map_err(|what| wrong(&what))
+    parse_last_word_as_token(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text)).map_err(|what| wrong(&what))
 }
 
 /// The last word of the last line: of a text of the secret alone, or of one of the daemon's, which may have comments.
-fn find_token(text: &str) -> Result<Option<String>, String> {
+fn parse_last_word_as_token(text: &str) -> Result<Option<String>, String> {
     let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
     let Some(token) = lines.flat_map(str::split_whitespace).last() else { return Ok(None) };
     // A header takes no others. Where it is told, but not what is around it.

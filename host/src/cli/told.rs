@@ -13,7 +13,7 @@ pub enum LogFormat {
     /// For people
     #[default]
     Text,
-    /// One object a line: timestamp, level, message, and what else there is
+    /// One JSON object per line, with timestamp, level, message and the fields of the event
     Json,
 }
 
@@ -21,12 +21,12 @@ pub enum LogFormat {
 static FORMAT: OnceLock<LogFormat> = OnceLock::new();
 
 /// Sets the format of this process, once.
-pub fn set_format(format: LogFormat) {
+pub fn set_log_format(format: LogFormat) {
     let _ = FORMAT.set(format);
 }
 
 /// The format that a command line asks for which could not be read.
-pub fn find_requested_format(arguments: impl Iterator<Item = OsString>) -> LogFormat {
+pub fn find_requested_log_format(arguments: impl Iterator<Item = OsString>) -> LogFormat {
     let words: Vec<OsString> = arguments.collect();
     let is_json = words.iter().any(|word| word == "--log-format=json")
         || words.windows(2).any(|pair| pair[0] == "--log-format" && pair[1] == "json");
@@ -34,44 +34,44 @@ pub fn find_requested_format(arguments: impl Iterator<Item = OsString>) -> LogFo
 }
 
 /// Whether standard error is lines of JSON.
-pub fn is_json() -> bool {
+pub fn is_log_json() -> bool {
     FORMAT.get() == Some(&LogFormat::Json)
 }
 
 /// Tells what is no part of the log, as how far a command is; written as `println!` is.
 macro_rules! tell {
-    ($($text:tt)*) => { $crate::cli::told::tell_text(&format!($($text)*)) };
+    ($($text:tt)*) => { $crate::cli::told::tell_text_in_log_format(&format!($($text)*)) };
 }
 pub(super) use tell;
 
 /// Tells a text that is no part of the log.
-pub fn tell_text(text: &str) {
-    write_line(FORMAT.get().copied().unwrap_or_default(), None, text);
+pub fn tell_text_in_log_format(text: &str) {
+    write_message_line(FORMAT.get().copied().unwrap_or_default(), None, text);
 }
 
 /// Tells why a command ended.
-pub fn tell_error(text: &str) {
-    write_line(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
+pub fn tell_why_command_failed(text: &str) {
+    write_message_line(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
 }
 
 /// Tells why a command did not begin: nothing has been set yet.
-pub fn tell_refusal(format: LogFormat, text: &str) {
-    write_line(format, Some(""), text);
+pub fn tell_why_command_did_not_start(format: LogFormat, text: &str) {
+    write_message_line(format, Some(""), text);
 }
 
-/// A line; `error` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
+/// A line; `error_prefix` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
 /// nobody is told.
-fn write_line(format: LogFormat, error: Option<&str>, text: &str) {
+fn write_message_line(format: LogFormat, error_prefix: Option<&str>, text: &str) {
     let line = match format {
-        LogFormat::Text => format!("{}{text}\n", error.unwrap_or_default()),
+        LogFormat::Text => format!("{}{text}\n", error_prefix.unwrap_or_default()),
         LogFormat::Json => {
-            let level = if error.is_some() { "ERROR" } else { "INFO" };
+            let level = if error_prefix.is_some() { "ERROR" } else { "INFO" };
             format!("{}\n", json!({"timestamp": format_timestamp(), "level": level, "message": text}))
         }
     };
     // After what has been logged, and before whatever writes there by itself.
-    standard_error::write_later(line.as_bytes());
-    standard_error::await_written();
+    standard_error::queue_for_standard_error(line.as_bytes());
+    standard_error::wait_until_queue_is_written_or_timeout();
 }
 
 /// Now, as the log writes it.

@@ -2,14 +2,14 @@
 
 use super::args::{DriveText, Transient};
 use super::output::write_text_file;
-use super::panel::{surface_point, warn_if_thick};
-use super::progress::with_progress;
+use super::panel::{convert_at_option_to_m, warn_if_too_thick_for_thin_plate_theory};
+use super::progress::run_with_progress;
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
 use crate::transient::panel::{
     MotionError, NO_BOUND, PointMotion, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
-    highest_drive_frequency_hz,
+    highest_drive_frequency_or_1_hz,
 };
 use serde_json::json;
 use std::fmt::Write;
@@ -17,20 +17,21 @@ use std::time::Instant;
 
 pub fn run_transient(options: &Transient) -> Outcome {
     let started = Instant::now();
-    let scene = options.panel.load()?;
+    let scene = options.panel.load_scene()?;
     let accuracy = options.panel.accuracy()?;
-    let at = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
-    let drives = options.drive.iter().map(|text| convert_drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
+    let at = convert_at_option_to_m(&scene, options.at.x, options.at.y, options.unit)?;
+    let drives = options.drive.iter().map(|text| make_switched_force(&scene, text)).collect::<Result<Vec<_>, _>>()?;
     let grid =
-        choose_time_grid(options.duration, options.step).map_err(|error| Failure::usage(format!("--{error}")))?;
-    warn_if_thick(&scene, highest_drive_frequency_hz(&drives));
-    let motion =
-        with_progress("computing the motion", || compute_motion_after_switch_on(&scene, accuracy, at, &drives, grid))?;
+        choose_time_grid(options.duration, options.step).map_err(|error| Failure::usage_error(format!("--{error}")))?;
+    warn_if_too_thick_for_thin_plate_theory(&scene, highest_drive_frequency_or_1_hz(&drives));
+    let motion = run_with_progress("computing the motion", || {
+        compute_motion_after_switch_on(&scene, accuracy, at, &drives, grid)
+    })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    tell!("no bound is known (error_bound is null) because {NO_BOUND}");
-    let settled_s = motion.settling_time_of_single_drive_s(&drives);
+    tell!("no bound of the model error is known (error_bound is null), because {NO_BOUND}");
+    let settled_s = motion.settling_time_unless_several_drives_s(&drives);
     if let Some(path) = &options.csv {
-        let text = format_csv(&motion);
+        let text = format_motion_csv(&motion);
         if path.as_os_str() == "-" {
             return print_text(text.trim_end());
         }
@@ -38,7 +39,7 @@ pub fn run_transient(options: &Transient) -> Outcome {
     }
     if options.json {
         return print_json(&json!({
-            "elapsed_ms": elapsed_ms, "peak_m_per_s2": motion.peak_acceleration_m_per_s2(),
+            "elapsed_ms": elapsed_ms, "peak_m_per_s2": motion.largest_acceleration_over_time_m_per_s2(),
             "steady_peak_m_per_s2": motion.steady_peak_m_per_s2, "settled_s": settled_s, "error_bound": null,
             "time_s": motion.time_s,
             "displacement_m": motion.displacement_m, "acceleration_m_per_s2": motion.acceleration_m_per_s2,
@@ -46,13 +47,15 @@ pub fn run_transient(options: &Transient) -> Outcome {
     }
     let settled = match (settled_s, drives.len()) {
         (Some(settled), _) => format!("\nwithin 10 % of the steady state from {:.1} ms on", settled * 1e3),
-        (None, 1) => "\nnot settled within this time, or too few steps in a period to tell".into(),
+        (None, 1) => {
+            "\nthe motion did not settle within this time, or a period has too few time steps to decide this".into()
+        }
         (None, _) => String::new(),
     };
     print_text(&format!(
         "{} times, {elapsed_ms:.0} ms\nlargest acceleration {:.4} m/s^2, in the steady state {:.4} m/s^2{settled}",
         motion.time_s.len(),
-        motion.peak_acceleration_m_per_s2(),
+        motion.largest_acceleration_over_time_m_per_s2(),
         motion.steady_peak_m_per_s2,
     ))
 }
@@ -61,23 +64,23 @@ impl From<MotionError> for Failure {
     fn from(error: MotionError) -> Self {
         match error {
             MotionError::Model(error) => error.into(),
-            MotionError::Transient(error) => Failure::failed(error),
+            MotionError::Transient(error) => Failure::runtime_error(error),
         }
     }
 }
 
-fn convert_drive(scene: &Scene, text: &DriveText) -> Result<SwitchedForce, Failure> {
+fn make_switched_force(scene: &Scene, text: &DriveText) -> Result<SwitchedForce, Failure> {
     let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
     let actuator = scene.actuators.iter().position(|actuator| actuator.id == text.actuator).ok_or_else(|| {
-        Failure::usage(format!("--drive: {:?} is not an actuator of the scene ({})", text.actuator, known()))
+        Failure::usage_error(format!("--drive: {:?} is not an actuator of the scene ({})", text.actuator, known()))
     })?;
     let phase_rad = text.phase_deg.to_radians();
     let drive = SwitchedForce { actuator, frequency_hz: text.frequency_hz, force_n: text.force_n, phase_rad };
-    drive.check_frequency_and_force().map_err(|error| Failure::usage(format!("--drive: {error}")))?;
+    drive.check_frequency_and_force().map_err(|error| Failure::usage_error(format!("--drive: {error}")))?;
     Ok(drive)
 }
 
-fn format_csv(motion: &PointMotion) -> String {
+fn format_motion_csv(motion: &PointMotion) -> String {
     let mut text = String::from("time_s,displacement_m,acceleration_m_per_s2\n");
     for ((time, displacement), acceleration) in
         motion.time_s.iter().zip(&motion.displacement_m).zip(&motion.acceleration_m_per_s2)

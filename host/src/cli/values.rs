@@ -1,8 +1,8 @@
 //! Numbers, places and names of files as the command line takes them.
 
 use crate::connection::HostPort;
-use crate::design::tolerances::{MOST_MM, MOST_PART, Tolerances};
 use crate::scene::MOST_PRESS_N;
+use crate::study::tolerances::{MOST_MM, MOST_PART, Tolerances};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub fn parse_time(text: &str) -> Result<Duration, String> {
 }
 
 /// A finger's press in N.
-pub fn parse_press(text: &str) -> Result<f64, String> {
+pub fn parse_press_n(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(force_n) if (0.0..=MOST_PRESS_N).contains(&force_n) => Ok(force_n),
         _ => Err(format!("{text:?} is not a force from 0 to {MOST_PRESS_N} N")),
@@ -35,7 +35,7 @@ pub struct Point {
     pub y: f64,
 }
 
-pub fn parse_point(text: &str) -> Result<Point, String> {
+pub fn parse_unitless_point(text: &str) -> Result<Point, String> {
     let number = |part: &str| {
         part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
     };
@@ -44,27 +44,27 @@ pub fn parse_point(text: &str) -> Result<Point, String> {
 }
 
 /// A number that JSON can carry: anything else would arrive as "not given".
-pub fn parse_finite(text: &str) -> Result<f64, String> {
+pub fn parse_finite_number(text: &str) -> Result<f64, String> {
     text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
 }
 
 /// Names of files are refused before anything is computed.
-pub fn parse_npy(text: &str) -> Result<PathBuf, String> {
-    check_extension(text, "npy", "arrays are NumPy files: the name must end in .npy")
+pub fn parse_npy_path(text: &str) -> Result<PathBuf, String> {
+    parse_path_with_extension(text, "npy", "arrays are NumPy files: the name must end in .npy")
 }
 
 /// The extension says of what type a picture is.
-pub fn parse_png(text: &str) -> Result<PathBuf, String> {
-    check_extension(text, "png", "pictures are PNG files: the name must end in .png")
+pub fn parse_png_path(text: &str) -> Result<PathBuf, String> {
+    parse_path_with_extension(text, "png", "pictures are PNG files: the name must end in .png")
 }
 
-fn check_extension(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
+fn parse_path_with_extension(text: &str, extension: &str, refusal: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
-    if fits { Ok(path) } else { Err(otherwise.to_owned()) }
+    if fits { Ok(path) } else { Err(refusal.to_owned()) }
 }
 
-pub fn parse_counts(text: &str) -> Result<(usize, usize), String> {
+pub fn parse_comma_separated_grid_counts(text: &str) -> Result<(usize, usize), String> {
     let count = |part: &str| match part.trim().parse::<usize>() {
         Ok(count @ 1..=10_000) => Ok(count),
         _ => Err(format!("{part:?} is not a whole number from 1 to 10000")),
@@ -82,7 +82,7 @@ pub fn parse_url(text: &str) -> Result<String, String> {
         return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// and https:// only"));
     }
     // Not repeated: there may be a password or a token in them.
-    if let Some(part) = [('@', "a user"), ('#', "what is behind #"), ('?', "what is behind ?")]
+    if let Some(part) = [('@', "a user"), ('#', "the text after #"), ('?', "the text after ?")]
         .iter()
         .find_map(|(sign, part)| rest.contains(*sign).then_some(*part))
     {
@@ -109,7 +109,7 @@ pub fn hide_secret_parts(address: &str) -> String {
 ///
 /// # Errors
 /// What is allowed.
-pub fn parse_proxy(text: &str) -> Result<HostPort, String> {
+pub fn parse_outgoing_http_proxy(text: &str) -> Result<HostPort, String> {
     const SCHEME: &str = "http://";
     let has_scheme = text.get(..SCHEME.len()).is_some_and(|first| first.eq_ignore_ascii_case(SCHEME));
     let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
@@ -123,7 +123,7 @@ pub fn parse_proxy(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers: parts of springs, Young's modulus and thickness from 0 to {MOST_PART}, and 0 to {MOST_MM} mm"
+            "must be four numbers: fractions from 0 to {MOST_PART} for springs, Young's modulus and thickness, and 0 to {MOST_MM} mm"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

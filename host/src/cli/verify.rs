@@ -1,47 +1,45 @@
 //! Prediction against simulation, point by point.
 
 use super::args::Verify;
-use super::panel::plan_table;
-use super::progress::with_progress;
+use super::panel::load_or_compute_plan_table;
+use super::progress::run_with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Target;
-use crate::verify::{Comparison, VerifyError, compare_all, spread_points_over};
+use crate::verify::{SimulationComparison, VerifyError, compare_plans_at_points_with_simulation, spread_points_over};
 use serde_json::json;
 use std::fmt::Write;
 
 /// Most points: a day of simulation.
 const MOST_POINTS: u32 = 100_000;
 
-pub fn run_verify(options: &Verify) -> Outcome {
+pub fn verify_plans_by_time_simulation(options: &Verify) -> Outcome {
     if !(1..=MOST_POINTS).contains(&options.points) {
-        return Err(Failure::Usage(format!(
-            "--points {} is not in the allowed range 1 to {MOST_POINTS}",
-            options.points
-        )));
+        return Err(Failure::Usage(format!("--points is {}, but must be 1 to {MOST_POINTS}", options.points)));
     }
     if options.limit.is_nan() || options.limit < 0.0 {
-        return Err(Failure::Usage(format!("--limit {} is not in the allowed range 0 and up", options.limit)));
+        return Err(Failure::Usage(format!("--limit is {}, but must be 0 or more", options.limit)));
     }
     // Before anything is simulated; a point's own message would name no option.
     if !options.intensity_g.is_finite() || options.intensity_g < 0.0 {
         return Err(Failure::Usage(format!(
-            "--intensity-g {} is not in the allowed range: a finite number, 0 and up",
+            "--intensity-g is {}, but must be a finite number, 0 or more",
             options.intensity_g
         )));
     }
-    let scene = options.panel.load()?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let scene = options.panel.load_scene()?;
+    let table = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
     let target = |(x_m, y_m)| Target { x_m, y_m, intensity_g: Some(options.intensity_g) };
     let targets: Vec<Target> = spread_points_over(&scene, options.points).into_iter().map(target).collect();
-    let results = with_progress("simulating", || compare_all(&table, &targets)).map_err(|error| match error {
-        VerifyError::Plan(error) => error.into(),
-        error => Failure::failed(error),
-    })?;
+    let results = run_with_progress("simulating", || compare_plans_at_points_with_simulation(&table, &targets))
+        .map_err(|error| match error {
+            VerifyError::Plan(error) => error.into(),
+            error => Failure::runtime_error(error),
+        })?;
     let worst = results.iter().map(|c| c.difference.abs().max(c.band_difference.abs())).fold(0.0, f64::max);
     if options.json {
         print_json(&json!({"scene": scene.name, "points": results, "largest_difference": worst}))?;
     } else {
-        print_text(&format_comparisons(&scene.name, &results, worst))?;
+        print_text(&format_predicted_and_simulated_peaks(&scene.name, &results, worst))?;
     }
     if worst <= options.limit {
         return Ok(());
@@ -53,9 +51,13 @@ pub fn run_verify(options: &Verify) -> Outcome {
     )))
 }
 
-fn format_comparisons(name: &str, results: &[Comparison], worst: f64) -> String {
+fn format_predicted_and_simulated_peaks(
+    scene_name: &str,
+    results: &[SimulationComparison],
+    largest_difference: f64,
+) -> String {
     let mut text = format!(
-        "{name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
+        "{scene_name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
          \x20             drives                     fundamentals (eq. 23)     from linear  whole waveform to 1 kHz\n\
          \x20 x mm   y mm  Hz                       predicted simulated  diff   diff         predicted simulated  diff"
     );
@@ -75,6 +77,6 @@ fn format_comparisons(name: &str, results: &[Comparison], worst: f64) -> String 
             c.band_difference * 100.0
         );
     }
-    let _ = write!(text, "\nlargest difference {:.2} %", worst * 100.0);
+    let _ = write!(text, "\nlargest difference {:.2} %", largest_difference * 100.0);
     text
 }

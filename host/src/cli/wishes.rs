@@ -1,7 +1,7 @@
 //! What a touch asks for besides its own place and strength, as `era plan` and `era touch` take it.
 
 use super::headings::PLANNER;
-use super::values::{Point, parse_point};
+use super::values::{Point, parse_unitless_point};
 use crate::planner::schedule::Window;
 use crate::planner::{Grouping, Objective, Weigh};
 use clap::Args;
@@ -9,30 +9,31 @@ use clap::Args;
 /// Other targets, quiet zones, times, what is optimised.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = PLANNER)]
-pub struct Wishes {
+pub struct PlanWishes {
     /// Time window of the target, in ms from the beginning [default: the whole time]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
     pub window: Option<Window>,
     /// Another target, with its peak in g and its time window; can be repeated
-    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_also, allow_hyphen_values = true)]
-    pub also: Vec<Also>,
+    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_additional_target, allow_hyphen_values = true)]
+    pub also: Vec<AdditionalTarget>,
     /// A quiet zone, with its radius in mm and its largest peak acceleration in g; can be repeated
-    #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_quiet, allow_hyphen_values = true)]
-    pub quiet: Vec<Spared>,
+    #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_circular_quiet_zone_and_its_limit, allow_hyphen_values = true)]
+    pub quiet: Vec<QuietZoneOption>,
     /// What the planner optimises
     #[arg(long, value_enum, default_value_t)]
     pub objective: Objective,
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
-    /// How accelerations of different frequencies count; `felt` weighs them by sensitivity, with 1 g at 150 Hz as 1 g
+    /// How accelerations of different frequencies count; `felt` weighs each acceleration by the sensitivity of the skin at its
+    /// frequency, relative to the sensitivity at 150 Hz
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,
 }
 
 /// Another target, as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Also {
+pub struct AdditionalTarget {
     pub at: Point,
     pub intensity_g: Option<f64>,
     pub window: Option<Window>,
@@ -40,7 +41,7 @@ pub struct Also {
 
 /// A quiet zone, as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spared {
+pub struct QuietZoneOption {
     pub at: Point,
     pub radius_mm: f64,
     pub at_most_g: f64,
@@ -53,11 +54,11 @@ fn parse_number(text: &str) -> Result<f64, String> {
 fn parse_window(text: &str) -> Result<Window, String> {
     let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
     let window = Window { from_ms: parse_number(from)?, to_ms: parse_number(to)? };
-    window.check().map_err(|error| error.to_string())?;
+    window.check_range().map_err(|error| error.to_string())?;
     Ok(window)
 }
 
-fn parse_also(text: &str) -> Result<Also, String> {
+fn parse_additional_target(text: &str) -> Result<AdditionalTarget, String> {
     let parts: Vec<&str> = text.split(':').collect();
     let (at, intensity, window) = match parts.as_slice() {
         [at] => (at, None, None),
@@ -65,9 +66,9 @@ fn parse_also(text: &str) -> Result<Also, String> {
         [at, intensity, window] => (at, Some(intensity), Some(window)),
         _ => return Err(format!("{text:?} is not of the form X,Y[:G[:FROM-TO]]")),
     };
-    let read = || -> Result<Also, String> {
-        Ok(Also {
-            at: parse_point(at)?,
+    let read = || -> Result<AdditionalTarget, String> {
+        Ok(AdditionalTarget {
+            at: parse_unitless_point(at)?,
             // Left empty for a window alone.
             intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| parse_number(text)).transpose()?,
             window: window.map(|text| parse_window(text)).transpose()?,
@@ -76,11 +77,13 @@ fn parse_also(text: &str) -> Result<Also, String> {
     read().map_err(|error| format!("{error} (the form is X,Y[:G[:FROM-TO]])"))
 }
 
-fn parse_quiet(text: &str) -> Result<Spared, String> {
+fn parse_circular_quiet_zone_and_its_limit(text: &str) -> Result<QuietZoneOption, String> {
     match text.split(':').collect::<Vec<_>>().as_slice() {
-        [at, radius, most] => {
-            Ok(Spared { at: parse_point(at)?, radius_mm: parse_number(radius)?, at_most_g: parse_number(most)? })
-        }
+        [at, radius, most] => Ok(QuietZoneOption {
+            at: parse_unitless_point(at)?,
+            radius_mm: parse_number(radius)?,
+            at_most_g: parse_number(most)?,
+        }),
         _ => Err(format!("{text:?} is not of the form X,Y:MM:G")),
     }
 }
@@ -93,16 +96,25 @@ mod tests {
     fn options_are_read_as_written() {
         let window = Window { from_ms: 200.0, to_ms: 500.0 };
         let at = Point { x: 10.0, y: -2.5 };
-        assert_eq!(parse_also("10,-2.5"), Ok(Also { at, intensity_g: None, window: None }));
-        assert_eq!(parse_also("10,-2.5:0.3"), Ok(Also { at, intensity_g: Some(0.3), window: None }));
-        assert_eq!(parse_also("10,-2.5::200-500"), Ok(Also { at, intensity_g: None, window: Some(window) }));
-        assert_eq!(parse_quiet("10,-2.5:15:0.02"), Ok(Spared { at, radius_mm: 15.0, at_most_g: 0.02 }));
+        assert_eq!(parse_additional_target("10,-2.5"), Ok(AdditionalTarget { at, intensity_g: None, window: None }));
+        assert_eq!(
+            parse_additional_target("10,-2.5:0.3"),
+            Ok(AdditionalTarget { at, intensity_g: Some(0.3), window: None })
+        );
+        assert_eq!(
+            parse_additional_target("10,-2.5::200-500"),
+            Ok(AdditionalTarget { at, intensity_g: None, window: Some(window) })
+        );
+        assert_eq!(
+            parse_circular_quiet_zone_and_its_limit("10,-2.5:15:0.02"),
+            Ok(QuietZoneOption { at, radius_mm: 15.0, at_most_g: 0.02 })
+        );
         for (text, wanted) in
             [("1,2:x", "\"x\""), ("1,2:1:2:3", "X,Y[:G[:FROM-TO]]"), ("1", "X,Y"), ("1,2:1:5", "FROM-TO")]
         {
-            assert!(parse_also(text).unwrap_err().contains(wanted), "{text}");
+            assert!(parse_additional_target(text).unwrap_err().contains(wanted), "{text}");
         }
-        assert!(parse_window("500-200").unwrap_err().contains("to_ms: 200"));
-        assert!(parse_quiet("1,2:3").is_err());
+        assert!(parse_window("500-200").unwrap_err().contains("to_ms is 200"));
+        assert!(parse_circular_quiet_zone_and_its_limit("1,2:3").is_err());
     }
 }

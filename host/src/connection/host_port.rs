@@ -97,29 +97,30 @@ impl FromStr for HostPort {
 
     fn from_str(text: &str) -> Result<Self, String> {
         const WANTED: &str =
-            "it must be an address or a name, and a port, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
+            "the form is ADDRESS:PORT or NAME:PORT, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
         let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
         if let Some((scheme, _)) = text.split_once("://") {
-            return Err(format!("it begins with {scheme}://, which does not belong here: {WANTED}"));
+            return Err(format!("leave out {scheme}://: {WANTED}"));
         }
         if text.starts_with("unix:") || text.starts_with('/') {
-            return Err(format!("use --socket for a socket in the file system; here {WANTED}"));
+            return Err(format!("use --socket for a socket in the file system; {WANTED}"));
         }
         if is_number(text) {
             return Err(format!(
-                "it is a port without an address: 127.0.0.1:{text} is that port of this machine alone"
+                "an address is missing before the port: use 127.0.0.1:{text} for connections from this machine only"
             ));
         }
         let (host, port) = if let Some(rest) = text.strip_prefix('[') {
-            let (host, behind) = rest.split_once(']').ok_or_else(|| format!("its bracket is not closed: {WANTED}"))?;
+            let (host, behind) =
+                rest.split_once(']').ok_or_else(|| format!("the closing bracket is missing: {WANTED}"))?;
             // What is behind `%` is the name of an interface.
             let (ip, _) = host.split_once('%').unwrap_or((host, ""));
             ip.parse::<Ipv6Addr>().map_err(|_| format!("[{host}] is not an IPv6 address: {WANTED}"))?;
-            (host, behind.strip_prefix(':').ok_or_else(|| format!("it has no port: [{host}]:7878"))?)
+            (host, behind.strip_prefix(':').ok_or_else(|| format!("the port is missing; for example [{host}]:7878"))?)
         } else {
             let (host, port) = text.rsplit_once(':').ok_or_else(|| match text {
-                "" => format!("it is empty: {WANTED}"),
-                _ => format!("it has no port: {text}:7878"),
+                "" => format!("the address is empty: {WANTED}"),
+                _ => format!("the port is missing; for example {text}:7878"),
             })?;
             if host.contains(':') {
                 return Err(format!("an IPv6 address needs brackets before its port: {WANTED}"));
@@ -130,10 +131,10 @@ impl FromStr for HostPort {
         let number =
             number.ok_or_else(|| format!("{port:?} is not a port: it must be a whole number from 0 to 65535"))?;
         match host {
-            "" => return Err(format!("it has no address before its port; for example 127.0.0.1{text}")),
+            "" => return Err(format!("the address before the port is missing; for example 127.0.0.1{text}")),
             "*" => {
                 return Err(format!(
-                    "all addresses of this machine are 0.0.0.0:{number} (IPv4) or [::]:{number} (with IPv6)"
+                    "* is not an address: for all addresses of this machine, use 0.0.0.0:{number} (IPv4) or [::]:{number} (also IPv6)"
                 ));
             }
             _ => {}

@@ -29,19 +29,19 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// How a daemon is reached.
 #[derive(Clone, Debug)]
-pub struct Way {
+pub struct DaemonRoute {
     /// Which certificates are trusted.
     pub tls: Arc<ClientConfig>,
     /// What is in between, if an option names it.
     pub proxy: Option<HostPort>,
 }
 
-impl Way {
+impl DaemonRoute {
     /// Opens a connection to the host of an address (`http`, `https`, `ws` or `wss`). The handshake of TLS comes with the first bytes.
     ///
     /// # Errors
     /// As the system has it; [`ProxyError`] inside where it is the proxy's.
-    pub fn open_line(&self, uri: &Uri) -> io::Result<Line> {
+    pub fn open_connection(&self, uri: &Uri) -> io::Result<DaemonConnection> {
         let is_tls = matches!(uri.scheme_str(), Some("https" | "wss"));
         let port = uri.port_u16().unwrap_or(if is_tls { 443 } else { 80 });
         let target = HostPort::new(uri.host().unwrap_or_default(), port);
@@ -53,11 +53,11 @@ impl Way {
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(PATIENCE))?;
         if !is_tls {
-            return Ok(Line::Plain(stream));
+            return Ok(DaemonConnection::Plain(stream));
         }
         let name = ServerName::try_from(target.host().to_owned()).map_err(io::Error::other)?;
         let connection = ClientConnection::new(Arc::clone(&self.tls), name).map_err(io::Error::other)?;
-        Ok(Line::Tls(Box::new(StreamOwned::new(connection, stream))))
+        Ok(DaemonConnection::Tls(Box::new(StreamOwned::new(connection, stream))))
     }
 
     /// What asks over this way, with a connection of its own for each request: it takes no status for an error and follows no redirect.
@@ -71,14 +71,14 @@ impl Way {
 }
 
 /// A connection.
-pub enum Line {
+pub enum DaemonConnection {
     /// Without TLS.
     Plain(TcpStream),
     /// With TLS.
     Tls(Box<StreamOwned<ClientConnection, TcpStream>>),
 }
 
-impl Line {
+impl DaemonConnection {
     /// What it goes over.
     #[must_use]
     pub fn tcp_stream(&self) -> &TcpStream {
@@ -89,13 +89,13 @@ impl Line {
     }
 }
 
-impl fmt::Debug for Line {
+impl fmt::Debug for DaemonConnection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Line").field(self.tcp_stream()).finish()
+        f.debug_tuple("DaemonConnection").field(self.tcp_stream()).finish()
     }
 }
 
-impl Read for Line {
+impl Read for DaemonConnection {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Plain(stream) => stream.read(into),
@@ -104,7 +104,7 @@ impl Read for Line {
     }
 }
 
-impl Write for Line {
+impl Write for DaemonConnection {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
             Self::Plain(stream) => stream.write(bytes),

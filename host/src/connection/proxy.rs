@@ -43,6 +43,8 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
         Some(200..300) => Ok(stream),
         Some(407) => Err(told(format!("needs a password (407) to connect to {target}, and era sends no password"))),
         Some(status) => Err(told(format!("answers {status} to the request to connect to {target}"))),
-        None => Err(told(format!("did not answer like a proxy to the request to connect to {target}"))),
+        None => Err(told(format!(
+            "gave no answer of HTTP/1 when it was asked to connect to {target}; check the address in --proxy"
+        ))),
     }
 }

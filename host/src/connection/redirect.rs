@@ -6,7 +6,7 @@
 pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&str>) -> (String, String) {
     let Some(location) = location else {
         let found = format!("{url}{path} answers {status} (a redirect) without a new address, so nothing was done");
-        return (found, "a daemon does not answer in this way: check the address of --url".into());
+        return (found, "an era daemon does not redirect: check the address in --url".into());
     };
     let new = resolve_location(&format!("{url}{path}"), location);
     let found = format!(
@@ -15,15 +15,15 @@ pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&s
     let (without_query, _) = new.split_once(['?', '#']).unwrap_or((&new, ""));
     let advice = match without_query.strip_suffix(path) {
         Some(base) if base == url.trim_end_matches('/') => {
-            "this is the address of the request itself, and a daemon does not answer in this way: check the address of --url"
+            "the new address is that of the request itself, but an era daemon does not redirect: check the address in --url"
                 .into()
         }
         // An address of a live socket is given as that of the daemon.
         Some(base) => format!(
-            "if this is the daemon's address, use --url {}",
+            "if the daemon has this new address, use --url {}",
             base.replacen("ws", "http", usize::from(base.starts_with("ws")))
         ),
-        None => "this is not the address of a daemon: check the address of --url".into(),
+        None => "the new address is not that of an era daemon: check the address in --url".into(),
     };
     (found, advice)
 }

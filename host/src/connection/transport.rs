@@ -1,6 +1,6 @@
-//! The agent's connections, made by a [`Way`] and not by the agent itself.
+//! The agent's connections, made by a [`DaemonRoute`] and not by the agent itself.
 
-use super::{Line, Way};
+use super::{DaemonConnection, DaemonRoute};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -15,15 +15,15 @@ const WAITS: [Duration; 2] = [Duration::from_millis(1), Duration::from_secs(3600
 
 /// Opens connections for the agent.
 #[derive(Debug)]
-pub struct Connector(pub Way);
+pub struct Connector(pub DaemonRoute);
 
 impl ureq::unversioned::transport::Connector for Connector {
-    type Out = LineTransport;
+    type Out = ConnectionTransport;
 
-    fn connect(&self, details: &ConnectionDetails<'_>, _: Option<()>) -> Result<Option<LineTransport>, Error> {
-        let line = self.0.open_line(details.uri).map_err(|error| convert_error(error, Timeout::Connect))?;
+    fn connect(&self, details: &ConnectionDetails<'_>, _: Option<()>) -> Result<Option<ConnectionTransport>, Error> {
+        let line = self.0.open_connection(details.uri).map_err(|error| convert_error(error, Timeout::Connect))?;
         let buffers = LazyBuffers::new(details.config.input_buffer_size(), details.config.output_buffer_size());
-        Ok(Some(LineTransport { line, buffers }))
+        Ok(Some(ConnectionTransport { line, buffers }))
     }
 }
 
@@ -42,8 +42,8 @@ impl Resolver for NoResolver {
 
 /// A connection as the agent uses it.
 #[derive(Debug)]
-pub struct LineTransport {
-    line: Line,
+pub struct ConnectionTransport {
+    line: DaemonConnection,
     buffers: LazyBuffers,
 }
 
@@ -59,7 +59,7 @@ fn convert_error(error: io::Error, reason: Timeout) -> Error {
     }
 }
 
-impl Transport for LineTransport {
+impl Transport for ConnectionTransport {
     fn buffers(&mut self) -> &mut dyn Buffers {
         &mut self.buffers
     }
@@ -82,7 +82,7 @@ impl Transport for LineTransport {
     }
 
     fn is_tls(&self) -> bool {
-        matches!(self.line, Line::Tls(_))
+        matches!(self.line, DaemonConnection::Tls(_))
     }
 
     /// Nothing is asked twice over it.

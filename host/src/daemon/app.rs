@@ -2,18 +2,18 @@
 
 use super::access::client::Asker;
 use super::access::limits::Limits;
-use super::access::pace::Pace;
+use super::access::pace::RequestRateLimiter;
 use super::access::permissions::Access;
 use super::api::problem::Problem;
-use super::design::background::Place;
+use super::design::background::BackgroundPlace;
 use super::design::preview::{Preview, PreviewRequest, Previews};
 use super::design::studies::Studies;
-use super::design::tolerances::{Looks, TolerancesRequest, TolerancesView};
-use super::drive::{Driver, Equipment};
+use super::design::tolerances::{ToleranceStudies, TolerancesRequest, TolerancesView};
+use super::drive::{DriveEquipment, TouchDriver};
 use super::observe::metrics::Metrics;
 use super::observe::recording::Recorder;
 use super::observe::scene::{SceneTexts, SceneView};
-use super::observe::state::{DrivenPlan, MOST_PEAKS, MeasuredView, Sources, StateView};
+use super::observe::state::{DrivenPlan, MOST_PEAKS, MeasuredView, StateView, ViewSources};
 use crate::device::session::policy::{SceneNeeds, SessionPolicy};
 use crate::device::{DeviceSnapshot, OpenDevice, Session, SessionError};
 use crate::planner::PlanTable;
@@ -30,7 +30,7 @@ const LAST_STOP: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct App {
     /// Plans touches and has the board drive them.
-    pub driver: Arc<Driver>,
+    pub driver: Arc<TouchDriver>,
     /// The planner's table, with scene and model: the driver's.
     pub table: Arc<PlanTable>,
     /// The scene as sent to pages.
@@ -42,7 +42,7 @@ pub struct App {
     /// Who may do what.
     pub access: Arc<Access>,
     /// How often each client is answered.
-    pub pace: Arc<Pace>,
+    pub pace: Arc<RequestRateLimiter>,
     /// Writes down what is asked and what becomes of it, where that is wanted.
     pub record: Option<Recorder>,
     /// What connections may take.
@@ -55,7 +55,7 @@ pub struct App {
     /// Small design studies.
     pub studies: Arc<Studies>,
     /// What tolerances do to plans.
-    pub looks: Arc<Looks>,
+    pub tolerances: Arc<ToleranceStudies>,
 }
 
 impl App {
@@ -64,14 +64,14 @@ impl App {
     /// # Errors
     /// If the session's thread cannot be started.
     pub fn new(table: PlanTable, device: OpenDevice, scene_toml: String) -> std::io::Result<Self> {
-        Self::with(table, device, scene_toml, SessionPolicy::default(), Access::default())
+        Self::with_policy(table, device, scene_toml, SessionPolicy::default(), Access::default())
     }
 
     /// The same with what the session does without being asked, and who may do what.
     ///
     /// # Errors
     /// If the session's thread cannot be started.
-    pub fn with(
+    pub fn with_policy(
         table: PlanTable,
         device: OpenDevice,
         scene_toml: String,
@@ -79,12 +79,12 @@ impl App {
         access: Access,
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let (sim, ready_v) = (device.sim_control(), table.ready_v());
+        let (sim, ready_v) = (device.sim_control_if_simulated(), table.standby_voltage_of_each_actuator_v());
         let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
-        let equipment = Equipment { table: Arc::clone(&table), session, sim };
-        let place = Place::default();
+        let equipment = DriveEquipment { table: Arc::clone(&table), session, sim };
+        let place = BackgroundPlace::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
             scene: SceneTexts::new(&SceneView::new(&table.scene)),
@@ -95,24 +95,24 @@ impl App {
             limits: Limits::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             watchers: Arc::new(Semaphore::new(SOCKETS)),
-            driver: Arc::new(Driver::new(equipment, Arc::clone(&metrics))),
+            driver: Arc::new(TouchDriver::new(equipment, Arc::clone(&metrics))),
             metrics,
             previews: Previews::new(Arc::clone(&scene_toml)),
             studies: Studies::new(scene_toml, place.clone()),
-            looks: Arc::new(Looks::new(place)),
+            tolerances: Arc::new(ToleranceStudies::new(place)),
             table,
         })
     }
 
     /// Writes a line down, where that is wanted.
-    pub fn note(&self, kind: &str, content: impl FnOnce() -> serde_json::Value) {
+    pub fn record_line(&self, kind: &str, content: impl FnOnce() -> serde_json::Value) {
         if let Some(record) = &self.record {
-            record.line(kind, content);
+            record.record_line(kind, content);
         }
     }
 
     /// Waits until no page's socket is open any more.
-    pub async fn sockets_closed(&self) {
+    pub async fn wait_until_all_sockets_closed(&self) {
         let all = u32::try_from(SOCKETS).unwrap_or(u32::MAX);
         for places in [&self.sockets, &self.watchers] {
             let _ = places.acquire_many(all).await;
@@ -120,79 +120,86 @@ impl App {
     }
 
     /// Stops the device, before anything else ends; nothing is driven from here on.
-    pub async fn close(&self) {
+    pub async fn stop_studies_and_device_at_shutdown(&self) {
         self.driver.begin_closing();
-        self.studies.stop();
-        self.looks.stop();
-        let problem = match tokio::time::timeout(LAST_STOP, self.stop()).await {
+        self.studies.stop_newest_study();
+        self.tolerances.stop_newest_study();
+        let problem = match tokio::time::timeout(LAST_STOP, self.stop_device()).await {
             Ok(result) => result.err(),
             Err(_) => Some(SessionError::Hangs),
         };
         if let Some(error) = problem {
-            tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
+            tracing::warn!(%error, "could not stop the device at shutdown; its dead-man timer switches it off");
         }
     }
 
-    /// What a changed scene would do; drives nothing. `read` gives what was asked for.
+    /// What a changed scene would do; drives nothing. `parse_request` gives what was asked for.
     ///
     /// # Errors
     /// [`Problem`]: a scene, move or touch that cannot be used, a newer request of the same client while this one waited, or one that takes too long.
     pub async fn compute_preview(
         &self,
         asker: &Asker,
-        read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
+        parse_request: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
     ) -> Result<Preview, Problem> {
-        let result = self.previews.compute_in_turn(asker.client, &asker.sender, read).await;
+        let result = self.previews.compute_preview_in_turn(asker.client, &asker.sender, parse_request).await;
         self.metrics.count_preview(result.is_ok());
         result
     }
 
     /// Everything there is to know now.
     #[must_use]
-    pub fn view_state(&self) -> StateView {
-        let (active, heard_ago) = (self.driver.active(), self.driver.heard_ago());
-        let device = self.driver.known();
+    pub fn build_state_view(&self) -> StateView {
+        let (active, heard_ago) = (self.driver.find_active_plan(), self.driver.time_since_last_answer());
+        let device = self.driver.current_device_snapshot();
         let driven = active.map(|active| DrivenPlan {
             id: active.id,
             plan: active.plan.clone(),
             fingers: active.touches.clone(),
         });
-        StateView::new(&self.sources(&device), driven, heard_ago, self.started.elapsed())
+        StateView::new(&self.collect_view_sources(&device), driven, heard_ago, self.started.elapsed())
     }
 
     /// What a recording keeps of the device.
     #[must_use]
-    pub fn view_measured(&self, device: &DeviceSnapshot) -> MeasuredView {
-        MeasuredView::new(&self.sources(device))
+    pub fn build_recorded_device_view(&self, device: &DeviceSnapshot) -> MeasuredView {
+        MeasuredView::new(&self.collect_view_sources(device))
     }
 
-    fn sources<'a>(&'a self, device: &'a DeviceSnapshot) -> Sources<'a> {
-        let touch_peaks = self.driver.touch_peaks(MOST_PEAKS);
-        Sources { device, actuators: &self.table.scene.actuators, touch_peaks }
+    fn collect_view_sources<'a>(&'a self, device: &'a DeviceSnapshot) -> ViewSources<'a> {
+        let touch_peaks = self.driver.list_newest_touch_peaks(MOST_PEAKS);
+        ViewSources { device, actuators: &self.table.scene.actuators, touch_peaks }
     }
 
     /// Switches everything off, and records that. What is asked for once this has been polled comes after it.
     ///
     /// # Errors
     /// If the session cannot confirm the stop.
-    pub async fn stop(&self) -> Result<(), SessionError> {
-        let result = self.driver.stop().await;
-        self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
+    pub async fn stop_device(&self) -> Result<(), SessionError> {
+        let result = self.driver.stop_device().await;
+        self.record_line("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
         result
     }
 
-    /// Begins to look at what tolerances do to the plan for a touch; drives nothing. `read` gives what was asked for.
+    /// Begins to look at what tolerances do to the plan for a touch; drives nothing. `parse_request` gives what was asked for.
     ///
     /// # Errors
     /// [`Problem`]: a touch, tolerance, scene or move that cannot be used, a scene without a plan, or work that is under way.
-    pub async fn begin_tolerances(
+    pub async fn begin_tolerance_study(
         &self,
         asker: &Asker,
-        read: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
+        parse_request: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
     ) -> Result<TolerancesView, Problem> {
         if self.driver.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        self.looks.begin_for_request(&self.table, self.previews.own(), &asker.sender, read).await
+        self.tolerances
+            .begin_study_for_request_unless_busy(
+                &self.table,
+                self.previews.own_scene_toml(),
+                &asker.sender,
+                parse_request,
+            )
+            .await
     }
 }

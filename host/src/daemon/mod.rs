@@ -24,9 +24,9 @@ pub use design::preview::{Preview, PreviewRequest};
 pub use design::studies::{StudyRequest, StudyView};
 pub use design::tolerances::{TolerancesRequest, TolerancesView};
 pub use http::listener::{self, Listener};
-pub use http::routes::described as description;
-pub use http::server::{Ended, serve, serve_while_alive};
-pub use observe::recording::{Kept, Recorder};
+pub use http::routes::openapi_description_json as description;
+pub use http::server::{EndReason, serve, serve_until_shutdown_or_session_end};
+pub use observe::recording::{KeptBytes, Recorder};
 pub use observe::scene::SceneView;
 pub use touch::plan_view::{FieldView, PlanView};
 pub use touch::request::TouchRequest;
@@ -41,13 +41,13 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7878";
 
 /// A daemon in a thread of its own, for programs and tests that need one for a while.
 #[derive(Debug)]
-pub struct Background {
+pub struct BackgroundDaemon {
     address: SocketAddr,
     shutdown: Option<oneshot::Sender<()>>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
-impl Background {
+impl BackgroundDaemon {
     /// Starts serving `app` on a free loopback port.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Background {
     }
 }
 
-impl Drop for Background {
+impl Drop for BackgroundDaemon {
     fn drop(&mut self) {
         drop(self.shutdown.take());
         if let Some(thread) = self.thread.take() {

@@ -22,7 +22,7 @@ pub enum LinkError {
     /// Nothing, or nothing readable, came back.
     #[error(
         "the device gave no readable answer to {request}, which was sent {attempts} times in {waited:.0?}. Check \
-         that it is an ERA board, and that no other program uses its port"
+         that the device is an ERA board, and that no other program uses its port"
     )]
     Silent {
         /// The request's name.
@@ -42,7 +42,7 @@ pub enum LinkError {
     },
     /// There is another board than before.
     #[error(
-        "the board at this port is {found}, and this daemon drives {wanted}: connect {wanted} again, or restart \
+        "the board at this port is {found}, but this daemon drives {wanted}: connect {wanted} again, or restart \
          the daemon to use {found}"
     )]
     OtherBoard {
@@ -53,7 +53,7 @@ pub enum LinkError {
     },
     /// The device is too old for this request; everything else goes on.
     #[error(
-        "{request} needs ERA protocol version {needed}, and this device speaks {spoken}: update the board's firmware"
+        "{request} needs ERA protocol version {needed}, but this device speaks {spoken}: update the board's firmware"
     )]
     TooOld {
         /// The request's name.
@@ -80,7 +80,7 @@ pub enum LinkError {
     Refused(Refusal),
     /// A stop was sent in its place, and the device has obeyed that.
     #[error(
-        "{request} was not carried out, or has been ended: the device was told to stop because it gave no answer for {waited:.0?}"
+        "the device gave no answer for {waited:.0?} and was told to stop: {request} was not carried out, or was ended"
     )]
     Halted {
         /// The request's name.
@@ -132,14 +132,21 @@ pub struct WaitHooks<'a> {
     pub is_stopped: &'a dyn Fn() -> bool,
 }
 
+/// Why a stop has to be sent while an answer is waited for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum StopCause {
+    /// Somebody asked for it.
+    Ordered,
+    /// The answer is late.
+    LateAnswer,
+}
+
 /// How the wait for an answer has ended.
 enum WaitOutcome {
     Answer(Box<Reply>, Instant),
     Nothing,
-    /// A stop has to be sent: by order, or as the answer is late.
-    Halt {
-        by_order: bool,
-    },
+    /// A stop has to be sent.
+    StopDue(StopCause),
 }
 
 /// The host's end of the link.
@@ -155,7 +162,7 @@ pub struct Client {
     tries: Vec<(u16, Instant)>,
     statistics: LinkStatistics,
     round_trips: round_trips::RoundTripHistory,
-    last_frame_written: Option<Instant>,
+    last_answered_frame_written: Option<Instant>,
     last_reply_read: Option<Instant>,
 }
 
@@ -163,7 +170,7 @@ impl Client {
     /// A client over `transport` that waits `timeout` for each answer, three times.
     #[must_use]
     pub fn new(transport: Box<dyn Transport>, timeout: Duration) -> Self {
-        Self::with_retry_policy(transport, RetryPolicy::constant(timeout))
+        Self::with_retry_policy(transport, RetryPolicy::with_constant_timeout(timeout))
     }
 
     /// A client over `transport` with these times and repeats.
@@ -178,14 +185,14 @@ impl Client {
             tries: Vec::new(),
             statistics: LinkStatistics::default(),
             round_trips: round_trips::RoundTripHistory::default(),
-            last_frame_written: None,
+            last_answered_frame_written: None,
             last_reply_read: None,
         }
     }
 
     /// What the link has done so far.
     #[must_use]
-    pub const fn statistics(&self) -> LinkStatistics {
+    pub const fn link_statistics(&self) -> LinkStatistics {
         self.statistics
     }
 
@@ -195,10 +202,10 @@ impl Client {
         self.round_trips.summarise()
     }
 
-    /// When the last byte of the last frame was handed to the port.
+    /// When the last byte of the last frame that was answered was handed to the port.
     #[must_use]
-    pub const fn last_frame_written_at(&self) -> Option<Instant> {
-        self.last_frame_written
+    pub const fn last_answered_frame_written_at(&self) -> Option<Instant> {
+        self.last_answered_frame_written
     }
 
     /// When the answer to the last request had been read.
@@ -228,7 +235,11 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::request`]; [`LinkError::Halted`] when the stop has been answered.
-    pub fn request_or_stop(&mut self, request: &Request, hooks: WaitHooks<'_>) -> Result<Reply, LinkError> {
+    pub fn request_sending_stop_when_late(
+        &mut self,
+        request: &Request,
+        hooks: WaitHooks<'_>,
+    ) -> Result<Reply, LinkError> {
         self.request_negotiating_version(request, &mut Some(hooks))
     }
 
@@ -249,7 +260,7 @@ impl Client {
         request: &Request,
         hooks: &mut Option<WaitHooks<'_>>,
     ) -> Result<Reply, LinkError> {
-        match self.request_with_retries(request, hooks)? {
+        match self.request_with_retries_or_stop(request, hooks)? {
             Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
                 let common = device_current.min(CURRENT_VERSION);
                 if common >= device_min.max(MIN_VERSION) && common != self.version {
@@ -269,7 +280,7 @@ impl Client {
         }
     }
 
-    fn request_with_retries(
+    fn request_with_retries_or_stop(
         &mut self,
         request: &Request,
         hooks: &mut Option<WaitHooks<'_>>,
@@ -293,38 +304,47 @@ impl Client {
                     request = request_name(request),
                     attempt,
                     halted = halted.is_some(),
-                    "no answer, sending again"
+                    "the device gave no answer in time; the request is sent again"
                 );
                 // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
                 self.write_all_bytes(&[0])?;
             }
-            let on_wire = self.send_and_get_wire_time(if halted.is_some() { &Request::Stop } else { request })?;
+            let on_wire =
+                self.send_request_and_get_wire_time(if halted.is_some() { &Request::Stop } else { request })?;
             let deadline = Instant::now() + self.retry_policy.timeout_of_try(attempt, last) + on_wire;
             if attempt == 0 {
                 doubt = Instant::now().checked_add(self.retry_policy.doubt.saturating_add(on_wire));
                 stop = Instant::now().checked_add(self.retry_policy.stop.saturating_add(on_wire));
             }
             let may_halt = halted.is_none() && !matches!(request, Request::Stop);
-            let mut none_yet = |now: Instant| {
+            let mut check_if_stop_due = |now: Instant| {
                 let hooks = hooks.as_mut()?;
                 if doubt.take_if(|doubt| now >= *doubt).is_some() {
                     (hooks.in_doubt)(request_name(request), now - begun);
                 }
-                let by_order = may_halt && (hooks.is_stopped)();
-                (by_order || may_halt && stop.is_some_and(|stop| now >= stop)).then_some(by_order)
+                if !may_halt {
+                    None
+                } else if (hooks.is_stopped)() {
+                    Some(StopCause::Ordered)
+                } else {
+                    stop.filter(|stop| now >= *stop).map(|_| StopCause::LateAnswer)
+                }
             };
-            match self.await_reply(deadline, &mut none_yet)? {
+            match self.await_reply_until_deadline_or_stop_due(deadline, &mut check_if_stop_due)? {
                 WaitOutcome::Answer(reply, sent) => {
                     let read = Instant::now();
                     self.last_reply_read = Some(read);
-                    self.last_frame_written = Some(sent);
+                    self.last_answered_frame_written = Some(sent);
                     self.round_trips.add_round_trip(read - sent);
                     return halted.map_or(Ok(*reply), Err);
                 }
                 WaitOutcome::Nothing => {}
-                WaitOutcome::Halt { by_order } => {
-                    halted =
-                        Some(LinkError::Halted { request: request_name(request), waited: begun.elapsed(), by_order });
+                WaitOutcome::StopDue(cause) => {
+                    halted = Some(LinkError::Halted {
+                        request: request_name(request),
+                        waited: begun.elapsed(),
+                        by_order: cause == StopCause::Ordered,
+                    });
                     // From here on only the stop's answer counts.
                     self.tries.clear();
                 }
@@ -339,7 +359,7 @@ impl Client {
     }
 
     /// Sends one try of a request; returns how long its frame takes on the wire.
-    fn send_and_get_wire_time(&mut self, request: &Request) -> Result<Duration, LinkError> {
+    fn send_request_and_get_wire_time(&mut self, request: &Request) -> Result<Duration, LinkError> {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(self.version, FrameKind::Request, self.sequence, request, &mut frame)
@@ -359,9 +379,9 @@ impl Client {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::WriteZero).into()),
                 Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
                 Err(error)
-                    if is_timeout_or_would_block(&error)
+                    if is_to_be_retried(&error)
                         && begun.elapsed() < self.retry_policy.most.min(self.retry_policy.doubt) => {}
-                Err(error) if is_timeout_or_would_block(&error) => {
+                Err(error) if is_to_be_retried(&error) => {
                     return Err(LinkError::Blocked { waited: begun.elapsed() });
                 }
                 Err(error) => return Err(error.into()),
@@ -371,12 +391,12 @@ impl Client {
     }
 
     /// Waits for the reply to one of the tries; nothing if no reply has begun to arrive by the deadline. A reply that has begun may take as long as
-    /// the longest frame takes on the wire. `on_silence` is called at times at which nothing had come; `Some` means that a stop has to be sent, and
-    /// says whether somebody asked for it.
-    fn await_reply(
+    /// the longest frame takes on the wire. `check_if_stop_due` is called at times at which nothing had come; the wait ends if it gives why a stop
+    /// has to be sent.
+    fn await_reply_until_deadline_or_stop_due(
         &mut self,
         mut deadline: Instant,
-        on_silence: &mut dyn FnMut(Instant) -> Option<bool>,
+        check_if_stop_due: &mut dyn FnMut(Instant) -> Option<StopCause>,
     ) -> Result<WaitOutcome, LinkError> {
         let mut buffer = [0_u8; 512];
         let last = deadline + LONGEST_FRAME;
@@ -386,9 +406,9 @@ impl Client {
             let length = match self.transport.read(&mut buffer) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
                 Ok(length) => length,
-                Err(error) if is_timeout_or_would_block(&error) => {
-                    if let Some(by_order) = on_silence(now) {
-                        return Ok(WaitOutcome::Halt { by_order });
+                Err(error) if is_to_be_retried(&error) => {
+                    if let Some(cause) = check_if_stop_due(now) {
+                        return Ok(WaitOutcome::StopDue(cause));
                     }
                     if now >= deadline {
                         return Ok(WaitOutcome::Nothing);
@@ -425,7 +445,7 @@ impl Client {
 }
 
 /// Whether this error of a port only means that it has to be tried again.
-fn is_timeout_or_would_block(error: &std::io::Error) -> bool {
+fn is_to_be_retried(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
@@ -451,5 +471,9 @@ pub const fn request_name(request: &Request) -> &'static str {
         Request::Log => "log",
         Request::Bootloader { .. } => "bootloader",
         Request::Credit => "credit",
+        Request::PlayOnce { .. } => "play-once",
+        Request::PlayWindows(_) => "play-windows",
+        Request::NumberedFault => "numbered-fault",
+        Request::ClearFault { .. } => "clear-fault",
     }
 }

@@ -96,18 +96,18 @@ impl ClockFit {
     }
 
     /// The board's time in s, of a question sent at `sent_s`.
-    fn predict_board_s(&self, sent_s: f64) -> f64 {
+    fn board_time_s_by_fitted_line(&self, sent_s: f64) -> f64 {
         self.board_mean + (sent_s - self.sent_mean) * self.board_seconds_per_host_second()
     }
 
     /// The board's time in s at `time_s` of the host: the fitted line, shifted if need be so that the last answer was given between its question and
     /// its arrival. So an estimate that cannot follow the clock is still right to a round trip.
-    fn board_time_s_at(&self, time_s: f64) -> f64 {
+    fn board_time_at_host_time_s(&self, time_s: f64) -> f64 {
         let ClockSample { sent_s, received_s, board_us } = self.last;
         let least_s = microseconds_to_seconds(board_us - self.board_zero_us);
-        let found_s = self.predict_board_s(received_s - self.least_half_s);
+        let found_s = self.board_time_s_by_fitted_line(received_s - self.least_half_s);
         let true_s = found_s.clamp(least_s, least_s + (received_s - sent_s).max(0.0));
-        self.predict_board_s(time_s - self.least_half_s) + (true_s - found_s)
+        self.board_time_s_by_fitted_line(time_s - self.least_half_s) + (true_s - found_s)
     }
 
     fn add_sample(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
@@ -115,7 +115,7 @@ impl ClockFit {
         if half_round_trip_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
             (self.least_half_s, self.least_half_at_s) = (half_round_trip_s, sent_s);
         }
-        let off = board_s - self.predict_board_s(sent_s);
+        let off = board_s - self.board_time_s_by_fitted_line(sent_s);
         let limit = (OUTLIER_DEVIATIONS * self.prediction_variance.sqrt()).max(OUTLIER_S);
         if off.abs() > limit {
             if off > 0.0 && sent_s < self.last_good_s + DOUBT_S {
@@ -204,14 +204,14 @@ impl ClockSync {
     pub fn board_time_us_at(&self, when: Instant) -> Option<u64> {
         let fit = self.fit.as_ref()?;
         // The board reads its clock half a round trip after the question was sent.
-        let since_s = fit.board_time_s_at(self.seconds_since_zero(when));
+        let since_s = fit.board_time_at_host_time_s(self.seconds_since_zero(when));
         fit.board_zero_us.checked_add_signed((since_s * 1e6).round() as i64)
     }
 
     /// How well the clocks agree; `None` before the second sample.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "at most 32 residuals")]
-    pub fn quality(&self) -> Option<ClockQuality> {
+    pub fn quality_if_two_samples(&self) -> Option<ClockQuality> {
         let fit = self.fit.as_ref().filter(|fit| !fit.residuals.is_empty())?;
         let squares: f64 = fit.residuals.iter().map(|off| off * off).sum();
         Some(ClockQuality {

@@ -1,8 +1,11 @@
 //! Between the plan's SI units and the wire's integers, and refusals in words.
 
+use crate::effects::EffectWindow;
 use crate::planner::drive::SiDrive;
-use era_shared::protocol::{AchievedDrive, ChannelDrive, Refusal};
-use era_shared::waveform::DriveError;
+use era_shared::MAX_CHANNELS;
+use era_shared::protocol::{AchievedDrive, ChannelDrive, Refusal, WindowSequence};
+use era_shared::supply::{RAILS, rail_index_of_channel};
+use era_shared::waveform::{DriveError, SequenceError, SequenceWindow};
 
 /// Windows narrower than this, in ppm of a half period, may be shorter than a tick of the timer, of which a period has 43 000
 /// or more; boards refuse them. Their force is below 1e-4 of what the rail's voltage does.
@@ -30,6 +33,36 @@ pub fn drive_to_wire(drive: &SiDrive) -> ChannelDrive {
     }
 }
 
+/// The windows of a burst as a board plays them: each channel's in the order of time, from the end of the one before. Voltages of rails are
+/// rounded down; windows beyond what a sequence holds are left out.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
+pub fn windows_to_wire(windows: &[EffectWindow]) -> WindowSequence {
+    /// Ticks of a sequence in a us.
+    const TICKS: f64 = 10.0;
+    let ticks = |us: f64| (us * TICKS).round() as u32;
+    let mut ends = [0_u32; MAX_CHANNELS];
+    let mut sequence =
+        WindowSequence { number: 0, start_us: 0, rail_millivolts: [0; RAILS], windows: heapless::Vec::new() };
+    let mut by_time: Vec<&EffectWindow> = windows.iter().collect();
+    by_time.sort_by(|a, b| a.begin_us.total_cmp(&b.begin_us));
+    for window in by_time {
+        let Some(end) = ends.get_mut(window.channel) else { continue };
+        let (begin, width_ticks) = (ticks(window.begin_us), ticks(window.width_us));
+        let channel = u8::try_from(window.channel).unwrap_or(u8::MAX);
+        let wait_ticks = begin.saturating_sub(*end);
+        let placed = SequenceWindow { channel, electrode: window.electrode, wait_ticks, width_ticks };
+        if sequence.windows.push(placed).is_err() {
+            break;
+        }
+        *end = begin + width_ticks;
+        if let Some(rail) = sequence.rail_millivolts.get_mut(rail_index_of_channel(window.channel)) {
+            *rail = (*rail).max((window.voltage_v * 1e3).floor() as u32);
+        }
+    }
+    sequence
+}
+
 /// What a board says it achieved, in SI units.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
@@ -48,66 +81,112 @@ pub fn achieved_drive_from_wire(achieved: &AchievedDrive) -> SiDrive {
 pub fn describe_refusal(refusal: &Refusal) -> String {
     match refusal {
         Refusal::Version { got, device_min, device_current } => {
-            format!("protocol version {got} is not one of the device's {device_min} to {device_current}")
+            format!("the protocol version is {got}, but the device supports {device_min} to {device_current}")
         }
         Refusal::Malformed => "the device could not decode the request".into(),
-        Refusal::State { state, event } => format!("{} is not allowed in state {}", event.name(), state.name()),
+        Refusal::State { state, event } => {
+            format!("the command {} is not possible in the state {}", event.name(), state.name())
+        }
         Refusal::Drive { channel, error } => format!("channel {channel}: {}", describe_drive_error(error)),
-        Refusal::DuplicateChannel { channel } => format!("channel {channel} is named twice"),
+        Refusal::DuplicateChannel { channel } => format!("channel {channel} is given twice"),
         Refusal::OtherLink => "another host has armed the board; it must disarm first".into(),
         Refusal::Deadman { requested_ms, min_ms, max_ms } => {
-            format!("deadman_ms {requested_ms} is outside {min_ms} to {max_ms}")
+            format!("deadman_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
         }
         Refusal::Fault(fault) => {
             format!("fault {} ({}): {}", fault.code.number(), fault.code.name(), fault.code.advice())
         }
         Refusal::Duty { channel, wait_ms } => {
-            format!("channel {channel} has driven for as long as it may; it can drive again in {wait_ms} ms")
+            format!("channel {channel} has driven for the longest allowed time; the channel can drive again in {wait_ms} ms")
         }
         Refusal::StillThere(code) => {
             format!("the cause of fault {} ({}) is still there. {}", code.number(), code.name(), code.advice())
         }
         Refusal::NoDrive { channel } => format!("channel {channel} has no drive, and an effect needs one"),
         Refusal::Start { start_us, now_us } => {
-            format!("the start at {start_us} us of the board's time is too far from its present time, {now_us} us")
+            format!(
+                "the effect starts at {start_us} us of the board's time, which is too far from the board's present time, {now_us} us"
+            )
         }
         Refusal::Effect => {
-            "the effect has no segments, has a level beyond 1000, or is repeated 0 or more than 1000 times".into()
+            "an effect must have at least one segment, levels of at most 1000 and 1 to 1000 repeats, but this effect does not".into()
         }
-        Refusal::QueueFull { channel } => format!("the queue of effects for channel {channel} is full"),
+        Refusal::QueueFull { channel } => format!("the queue of effects for channel {channel} is full (4 effects): send the effect again after an earlier effect has ended"),
         Refusal::Burst { requested_ms, min_ms, max_ms } => {
-            format!("burst_ms {requested_ms} is outside {min_ms} to {max_ms}")
+            format!("burst_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
         }
-        Refusal::Live(state) => format!("not in state {}: high voltage may be on", state.name()),
+        Refusal::Live(state) => {
+            format!("this is not possible in the state {}, because the high voltage may be on", state.name())
+        }
+        Refusal::Restarting => "the board is about to restart into its bootloader".into(),
+        Refusal::OtherFault { number } => {
+            format!("fault number {number} was latched meanwhile, so no fault was cleared; read the faults again")
+        }
+        Refusal::Sequence(error) => describe_sequence_error(error),
+        Refusal::Current { requested_microamps, max_microamps } => format!(
+            "the drives take {requested_microamps} uA from the supply on average, but must take at most {max_microamps} uA"
+        ),
+    }
+}
+
+fn describe_sequence_error(error: &SequenceError) -> String {
+    let us = |ticks: u32| f64::from(ticks) / 10.0;
+    match *error {
+        SequenceError::Empty => "the sequence has no windows, but must have at least one".into(),
+        SequenceError::NoSuchChannel { window, channels } => {
+            format!(
+                "window {window} is for a channel that the board does not have: the board has {channels} channels, numbered from 0"
+            )
+        }
+        SequenceError::Width { window, requested_ticks, min_ticks, max_ticks } => format!(
+            "window {window} is {} us wide, but must be {} to {} us wide",
+            us(requested_ticks),
+            us(min_ticks),
+            us(max_ticks)
+        ),
+        SequenceError::Wait { window, requested_ticks, min_ticks, max_ticks } => format!(
+            "window {window} begins {} us after the window before, but must begin {} to {} us after that window",
+            us(requested_ticks),
+            us(min_ticks),
+            us(max_ticks)
+        ),
+        SequenceError::TooLong { requested_ms, max_ms } => {
+            format!("the sequence lasts {requested_ms} ms, but must last at most {max_ms} ms")
+        }
+        SequenceError::Voltage { rail, requested_millivolts, max_millivolts } => format!(
+            "the voltage of rail {rail} is {} V, but must be at most {} V",
+            f64::from(requested_millivolts) / 1e3,
+            f64::from(max_millivolts) / 1e3
+        ),
     }
 }
 
 fn describe_drive_error(error: &DriveError) -> String {
     let si = |milli: u32| f64::from(milli) / 1e3;
     match *error {
-        DriveError::NoSuchChannel { channels } => format!("the board has {channels} channels, counted from 0"),
+        DriveError::NoSuchChannel { channels } => format!("the board has {channels} channels, numbered from 0"),
         DriveError::Frequency { requested_millihertz, min_millihertz, max_millihertz } => format!(
-            "frequency {} Hz is outside {} to {} Hz",
+            "the frequency is {} Hz, but must be in {} to {} Hz",
             si(requested_millihertz),
             si(min_millihertz),
             si(max_millihertz)
         ),
         DriveError::Voltage { requested_millivolts, max_millivolts } => {
-            format!("voltage {} V is above {} V", si(requested_millivolts), si(max_millivolts))
+            format!("the voltage is {} V, but must be at most {} V", si(requested_millivolts), si(max_millivolts))
         }
         DriveError::PulseTooWide { requested_ppm, widest_ppm, min_guard_ns } => format!(
-            "pulse width {} would leave less than the guard time of {} us; at this frequency at most {}",
+            "the pulse width is {}, which leaves less than the guard time of {} us; at this frequency it must be at most {}",
             f64::from(requested_ppm) / 1e6,
             f64::from(min_guard_ns) / 1e3,
             f64::from(widest_ppm) / 1e6
         ),
         DriveError::PulseTooNarrow { requested_ppm, narrowest_ppm } => format!(
-            "pulse width {} is shorter than the timer's step; at this frequency at least {}",
+            "the pulse width is {}, which is shorter than a step of the timer; at this frequency it must be at least {}",
             f64::from(requested_ppm) / 1e6,
             f64::from(narrowest_ppm) / 1e6
         ),
         DriveError::Phase { requested_microturns } => {
-            format!("phase {} turns is not below one turn", f64::from(requested_microturns) / 1e6)
+            format!("the phase is {} turns, but must be below one turn", f64::from(requested_microturns) / 1e6)
         }
         DriveError::NotRepresentable { timer_clock_hz } => {
             format!("no timer setting gives this frequency from a clock of {timer_clock_hz} Hz")

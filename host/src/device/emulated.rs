@@ -19,7 +19,10 @@ const MAIN_OUTPUT: u32 = 1 << 15;
 /// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
 /// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
 const TIMING: LinkTiming = LinkTiming {
-    retry_policy: RetryPolicy { stop: Duration::from_secs(5), ..RetryPolicy::constant(Duration::from_secs(5)) },
+    retry_policy: RetryPolicy {
+        stop: Duration::from_secs(5),
+        ..RetryPolicy::with_constant_timeout(Duration::from_secs(5))
+    },
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
     arming: Duration::from_secs(15),
@@ -73,7 +76,7 @@ impl EmulatedBoard {
     /// # Errors
     /// [`EmulatedError`].
     pub fn build_and_start() -> Result<Self, EmulatedError> {
-        let elf = find_or_build_firmware(&find_source_root()?)?;
+        let elf = find_firmware_in_environment_or_build(&find_source_root()?)?;
         Self::start_image(elf)
     }
 
@@ -86,7 +89,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError`].
-    pub fn restart_same_image(&self) -> Result<Self, EmulatedError> {
+    pub fn start_another_with_same_image(&self) -> Result<Self, EmulatedError> {
         Self::start_image(self.elf.clone())
     }
 
@@ -136,8 +139,8 @@ impl EmulatedBoard {
     /// # Errors
     /// [`EmulatedError::Control`].
     pub fn read_timer_registers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
-        let answer = self.ask_bridge(&json!({"op": "timers"}))?;
-        let pins = self.ask_bridge(&json!({"op": "pins"}))?;
+        let answer = self.send_bridge_command_and_await_answer(&json!({"op": "timers"}))?;
+        let pins = self.send_bridge_command_and_await_answer(&json!({"op": "pins"}))?;
         (1..)
             .zip(CHANNEL_TIMERS)
             .map(|(era, name)| {
@@ -168,7 +171,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
-    pub fn ask_bridge(&self, command: &Value) -> Result<Value, EmulatedError> {
+    pub fn send_bridge_command_and_await_answer(&self, command: &Value) -> Result<Value, EmulatedError> {
         let op = command["op"].as_str().unwrap_or_default().to_owned();
         let mut control = self.control.lock().unwrap_or_else(PoisonError::into_inner);
         let failed = |reason: String| EmulatedError::Control { op: op.clone(), reason };
@@ -207,7 +210,7 @@ fn find_source_root() -> Result<PathBuf, EmulatedError> {
 }
 
 /// The image to run: `ERA_FIRMWARE` if set, else built as for flashing.
-fn find_or_build_firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
+fn find_firmware_in_environment_or_build(source: &Path) -> Result<PathBuf, EmulatedError> {
     if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
         return Ok(path.into());
     }

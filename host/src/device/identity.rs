@@ -30,7 +30,7 @@ pub struct DeviceIdentity {
 impl DeviceIdentity {
     /// Reads the answer to `Hello`; `None` if it is another one.
     #[must_use]
-    pub fn from_hello_reply(reply: Reply) -> Option<Self> {
+    pub fn from_reply_if_hello(reply: Reply) -> Option<Self> {
         match reply {
             Reply::Welcome(welcome) => Some(Self {
                 protocol_min: welcome.protocol_min,
@@ -68,7 +68,7 @@ impl DeviceIdentity {
 
     /// The image's version, with the source's commit where it is known: `0.1.0+1a2b3c4d`.
     #[must_use]
-    pub fn firmware_version_text(&self) -> String {
+    pub fn firmware_version_and_commit_text(&self) -> String {
         let FirmwareVersion { major, minor, patch, commit } = self.firmware;
         let numbers = format!("{major}.{minor}.{patch}");
         let commit = std::str::from_utf8(&commit).ok().filter(|commit| *commit != "00000000");

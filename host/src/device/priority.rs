@@ -21,7 +21,7 @@ pub fn raise_thread_priority() -> bool {
         .map_err(|_| ())
         .and_then(|priority| set_thread_priority_and_policy(thread_native_id(), priority, policy).map_err(|_| ()));
     if raised.is_err() {
-        tracing::debug!("this thread has no raised priority; the limit for it is RLIMIT_RTPRIO");
+        tracing::debug!("the priority of this thread could not be raised; RLIMIT_RTPRIO limits the priority");
     }
     raised.is_ok()
 }
@@ -35,7 +35,7 @@ pub fn can_raise_thread_priority() -> bool {
 }
 
 /// Lowers this thread's priority below all others, because what it does may be late. Where the system cannot do that the priority stays as it is.
-pub fn lower_thread_priority() {
+pub fn lower_thread_priority_below_normal() {
     #[cfg(target_os = "linux")]
     {
         let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);
@@ -44,7 +44,7 @@ pub fn lower_thread_priority() {
             .map_err(|_| ())
             .and_then(|low| set_thread_priority_and_policy(thread_native_id(), low, policy).map_err(|_| ()));
         if lowered.is_err() {
-            tracing::debug!("this thread has no lower priority");
+            tracing::debug!("the priority of this thread could not be lowered");
         }
     }
 }

@@ -166,8 +166,8 @@ impl OpenDevice {
                 })
             }
             Target::Serial(_) | Target::Auto => {
-                let mut device = Self::new_unconnected(target).ok_or(TargetError::NoBoard)?;
-                match device.update_port_path().and_then(|()| device.open_transport()) {
+                let mut device = Self::new_unconnected_for_serial_or_auto(target).ok_or(TargetError::NoBoard)?;
+                match device.update_port_path_from_usb().and_then(|()| device.open_transport()) {
                     Ok(_) => Ok(device),
                     Err(PortError::NotConnected { .. }) if device.any => {
                         Err(TargetError::NoneFound { ports: port::describe_port_names() })
@@ -180,7 +180,7 @@ impl OpenDevice {
 
     /// A device for a board that may be connected later; `None` for a target that this program starts itself.
     #[must_use]
-    pub fn new_unconnected(target: &Target) -> Option<Self> {
+    pub fn new_unconnected_for_serial_or_auto(target: &Target) -> Option<Self> {
         let (path, any) = match target {
             Target::Serial(path) => (path.clone(), false),
             Target::Auto => ("auto".to_owned(), true),
@@ -215,7 +215,7 @@ impl OpenDevice {
 
     /// The simulated device's knobs, where it is one.
     #[must_use]
-    pub fn sim_control(&self) -> Option<SimControl> {
+    pub fn sim_control_if_simulated(&self) -> Option<SimControl> {
         match &self.keeper {
             DeviceBackend::Sim(sim) => Some(sim.control()),
             _ => None,
@@ -224,7 +224,7 @@ impl OpenDevice {
 
     /// The emulated board, where it is one.
     #[must_use]
-    pub const fn emulated_board(&self) -> Option<&EmulatedBoard> {
+    pub const fn emulated_board_if_emulated(&self) -> Option<&EmulatedBoard> {
         match &self.keeper {
             DeviceBackend::Emulated(board) => Some(board),
             _ => None,
@@ -248,12 +248,12 @@ impl OpenDevice {
     ///
     /// # Errors
     /// [`EmulatedError`] where that fails.
-    pub fn restart_ended_emulator(&mut self) -> Result<(), EmulatedError> {
+    pub fn restart_emulator_if_ended(&mut self) -> Result<(), EmulatedError> {
         if let DeviceBackend::Emulated(board) = &mut self.keeper
             && let Some(status) = board.exit_status_if_ended()
         {
             tracing::warn!(%status, "the emulator has ended; it is started again");
-            *board = board.restart_same_image()?;
+            *board = board.start_another_with_same_image()?;
             self.path = board.port_path().to_owned();
         }
         Ok(())
@@ -263,9 +263,9 @@ impl OpenDevice {
     ///
     /// # Errors
     /// That there is no such device if the board is not there.
-    pub fn update_port_path(&mut self) -> Result<(), PortError> {
+    pub fn update_port_path_from_usb(&mut self) -> Result<(), PortError> {
         if self.any || self.usb.is_some() {
-            self.path = port::find_board_port(self.usb.as_ref()).ok_or_else(|| {
+            self.path = port::find_port_of_identity_or_first_board(self.usb.as_ref()).ok_or_else(|| {
                 let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
                 PortError::NotConnected { what }
             })?;
@@ -307,12 +307,12 @@ impl OpenDevice {
 pub fn describe_port_link_error(path: &str, error: &LinkError) -> String {
     let users = match error {
         LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Unexpected { .. } => {
-            PortUsers::find_for_port(path).shared_port_sentence()
+            PortUsers::find_for_port(path).sentence_about_users_of_faulty_port_or_empty()
         }
         // A port that fails has most often lost its board: who may not be seen is not suspected.
         LinkError::Io(_) => Some(PortUsers::find_for_port(path))
             .filter(PortUsers::are_any_visible)
-            .map(|users| users.shared_port_sentence())
+            .map(|users| users.sentence_about_users_of_faulty_port_or_empty())
             .unwrap_or_default(),
         _ => String::new(),
     };

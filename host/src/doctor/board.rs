@@ -1,6 +1,6 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
-use super::facts::{Answer, Clock, Heard, Supply};
+use super::facts::{BoardReport, Clock, PortAnswer, Supply};
 use crate::device::port::{PortError, SerialPort, run_calls_within};
 use crate::device::target::describe_port_link_error;
 use crate::device::timing::REAL_TIME;
@@ -18,31 +18,31 @@ const ASK_LIMIT: Duration = Duration::from_secs(15);
 /// Opens a port and asks who is there. The port must be a board's by its USB identity or named by the user, and nobody
 /// else may have it open.
 #[must_use]
-pub fn ask_board(path: &str) -> Answer {
+pub fn ask_board(path: &str) -> PortAnswer {
     let transport = match SerialPort::open(path) {
         Ok(transport) => transport,
         Err(error) => return classify_open_error(&error),
     };
     let asked = run_calls_within(path, ASK_LIMIT, move |step| {
-        step.run_call("read or write", || {
-            read_board(&mut Client::with_retry_policy(Box::new(transport), REAL_TIME.retry_policy))
+        step.name_and_run_call("read or write", || {
+            read_board_report(&mut Client::with_retry_policy(Box::new(transport), REAL_TIME.retry_policy))
         })
     });
     match asked {
-        Ok(Ok(heard)) => Answer::Heard(heard),
-        Ok(Err(error @ LinkError::Version { .. })) => Answer::Version(error.to_string()),
-        Ok(Err(error)) => Answer::Silent(describe_port_link_error(path, &error)),
-        Err(error) => Answer::Failed(error.to_string()),
+        Ok(Ok(heard)) => PortAnswer::Heard(heard),
+        Ok(Err(error @ LinkError::Version { .. })) => PortAnswer::Version(error.to_string()),
+        Ok(Err(error)) => PortAnswer::Silent(describe_port_link_error(path, &error)),
+        Err(error) => PortAnswer::Failed(error.to_string()),
     }
 }
 
-fn classify_open_error(error: &PortError) -> Answer {
+fn classify_open_error(error: &PortError) -> PortAnswer {
     match error {
-        PortError::Missing { .. } | PortError::NotConnected { .. } => Answer::Missing,
-        PortError::Denied { .. } => Answer::Denied,
-        PortError::Busy { .. } => Answer::Busy,
+        PortError::Missing { .. } | PortError::NotConnected { .. } => PortAnswer::Missing,
+        PortError::Denied { .. } => PortAnswer::Denied,
+        PortError::Busy { .. } => PortAnswer::Busy,
         PortError::Late { .. } | PortError::NoPort { .. } | PortError::Failed { .. } => {
-            Answer::Failed(error.to_string())
+            PortAnswer::Failed(error.to_string())
         }
     }
 }
@@ -51,16 +51,16 @@ fn classify_open_error(error: &PortError) -> Answer {
 ///
 /// # Errors
 /// [`LinkError`] if the board does not say who it is, or falls silent.
-pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
+pub fn read_board_report(client: &mut Client) -> Result<BoardReport, LinkError> {
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let reply = client.request(&hello)?;
-    let identity = DeviceIdentity::from_hello_reply(reply).ok_or_else(|| unexpected_reply_error("hello"))?;
-    let mut heard = Heard {
-        firmware: identity.firmware_version_text(),
+    let identity = DeviceIdentity::from_reply_if_hello(reply).ok_or_else(|| unexpected_reply_error("hello"))?;
+    let mut heard = BoardReport {
+        firmware: identity.firmware_version_and_commit_text(),
         protocol: Some(client.protocol_version()),
         failure: Some(identity.failure).filter(|failure| !failure.is_empty()),
         was_watchdog: identity.reset_cause == ResetCause::Watchdog,
-        ..Heard::default()
+        ..BoardReport::default()
     };
     let Reply::Status(status) = client.request(&Request::Status)? else { return Err(unexpected_reply_error("status")) };
     heard.state = Some(status.state.name().into());
@@ -72,15 +72,15 @@ pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
         let Reply::Details(details) = client.request(&Request::Details)? else {
             return Err(unexpected_reply_error("details"));
         };
-        heard.supply = Some(convert_supply(&details));
-        heard.clock = measure_clock(client)?;
+        heard.supply = Some(convert_to_supply(&details));
+        heard.clock = measure_clock_quality_if_two_samples(client)?;
     }
-    let statistics = client.statistics();
+    let statistics = client.link_statistics();
     heard.frames = (statistics.frames_sent, statistics.repeats);
     Ok(heard)
 }
 
-fn convert_supply(details: &DetailsReply) -> Supply {
+fn convert_to_supply(details: &DetailsReply) -> Supply {
     Supply {
         rail_v: details.rail_millivolts.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect(),
         interlock_closed: details.interlock_closed,
@@ -90,18 +90,18 @@ fn convert_supply(details: &DetailsReply) -> Supply {
 }
 
 /// Reads the board's clock for a while.
-fn measure_clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
+fn measure_clock_quality_if_two_samples(client: &mut Client) -> Result<Option<Clock>, LinkError> {
     let mut sync = ClockSync::new(Instant::now());
     for _ in 0..CLOCK_READINGS {
         let Reply::Clock { now_us } = client.request(&Request::Clock)? else {
             return Err(unexpected_reply_error("clock"));
         };
-        if let Some((sent, received)) = client.last_frame_written_at().zip(client.last_reply_read_at()) {
+        if let Some((sent, received)) = client.last_answered_frame_written_at().zip(client.last_reply_read_at()) {
             sync.add_sample(sent, received, now_us);
         }
         std::thread::sleep(CLOCK_EVERY);
     }
-    Ok(sync.quality().map(|quality| Clock {
+    Ok(sync.quality_if_two_samples().map(|quality| Clock {
         rate_ppm: Some(quality.rate_ppm),
         half_round_trip_s: quality.half_round_trip_s,
         worst_s: quality.residual_worst_s,

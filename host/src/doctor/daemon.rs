@@ -1,7 +1,7 @@
 //! What a running daemon says of itself and its device.
 
-use super::facts::{Clock, Daemon, Fault, Heard, Supply};
-use super::reach::Trouble;
+use super::facts::{BoardReport, Clock, Daemon, Fault, Supply};
+use super::reach::RequestTrouble;
 use crate::connection::describe_redirect;
 use serde_json::Value;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -14,7 +14,7 @@ const STATE: &str = "/v1/state";
 
 /// Where a daemon that listens at `address` is reached from this machine.
 #[must_use]
-pub fn find_reachable_address(address: SocketAddr) -> SocketAddr {
+pub fn replace_unspecified_by_loopback(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
         IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
@@ -34,8 +34,8 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: 
     let mut answer = match request.call() {
         Ok(answer) => answer,
         Err(error) => {
-            let trouble = Trouble::of(&error, url);
-            return match (trouble.told(url, has_ca), &error) {
+            let trouble = RequestTrouble::from_request_error(&error, url);
+            return match (trouble.describe_with_advice(url, has_ca), &error) {
                 (Some((found, advice)), _) => Daemon::Hidden { found, advice },
                 (
                     None,
@@ -43,7 +43,7 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: 
                     | ureq::Error::HostNotFound
                     | ureq::Error::Timeout(ureq::Timeout::Connect),
                 ) => Daemon::Absent,
-                (None, ureq::Error::Io(error)) if is_absent(error) => Daemon::Absent,
+                (None, ureq::Error::Io(error)) if means_no_listener(error) => Daemon::Absent,
                 (None, error) => Daemon::Stranger(error.to_string()),
             };
         }
@@ -58,16 +58,16 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: 
         return Daemon::Stranger(format!("it answers {status}, but not with JSON"));
     };
     if matches!(status.as_u16(), 401 | 403) {
-        return Daemon::Guarded(parse_text(&state["detail"]).unwrap_or_else(|| status.to_string()));
+        return Daemon::Guarded(parse_string(&state["detail"]).unwrap_or_else(|| status.to_string()));
     }
     if !status.is_success() {
         return Daemon::Stranger(format!("it answers {status}"));
     }
-    parse_state(&state)
+    parse_daemon_state(&state)
 }
 
 /// Whether nobody took the connection.
-fn is_absent(error: &std::io::Error) -> bool {
+fn means_no_listener(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
     // Not found: a name without an address.
     matches!(
@@ -78,33 +78,33 @@ fn is_absent(error: &std::io::Error) -> bool {
 
 /// Reads the answer to `GET /v1/state`.
 #[must_use]
-pub fn parse_state(state: &Value) -> Daemon {
+pub fn parse_daemon_state(state: &Value) -> Daemon {
     let (device, daemon) = (&state["device"], &state["daemon"]);
     let (Some(version), Some(kind), Some(port)) =
-        (parse_text(&daemon["version"]), parse_text(&device["kind"]), parse_text(&device["port"]))
+        (parse_string(&daemon["version"]), parse_string(&device["kind"]), parse_string(&device["port"]))
     else {
         return Daemon::Stranger("it answers with other JSON than a daemon's".into());
     };
     let problem = (device["connected"] == false)
-        .then(|| parse_text(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
-    let heard = parse_text(&device["firmware"]).map(|firmware| Box::new(parse_board(firmware, state)));
+        .then(|| parse_string(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
+    let heard = parse_string(&device["firmware"]).map(|firmware| Box::new(parse_board_report(firmware, state)));
     Daemon::Runs { version, port, kind, problem, heard }
 }
 
-fn parse_board(firmware: String, state: &Value) -> Heard {
+fn parse_board_report(firmware: String, state: &Value) -> BoardReport {
     let (device, link) = (&state["device"], &state["link"]);
     let (supply, clock) = (&device["supply"], &device["clock"]);
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
-    Heard {
+    BoardReport {
         firmware,
         protocol: device["protocol"].as_u64().and_then(|version| version.try_into().ok()),
-        state: parse_text(&device["state"]),
+        state: parse_string(&device["state"]),
         fault: device["fault"]["code"].as_u64().map(|code| Fault {
             code,
-            name: parse_text(&device["fault"]["name"]).unwrap_or_default(),
-            advice: parse_text(&device["fault"]["message"]).unwrap_or_default(),
+            name: parse_string(&device["fault"]["name"]).unwrap_or_default(),
+            advice: parse_string(&device["fault"]["message"]).unwrap_or_default(),
         }),
-        failure: parse_text(&device["failure"]),
+        failure: parse_string(&device["failure"]),
         waits_to_be_armed: device["waits_to_be_armed"] == true,
         was_watchdog: device["reset_cause"] == "Watchdog",
         supply: supply.is_object().then(|| Supply {
@@ -122,6 +122,6 @@ fn parse_board(firmware: String, state: &Value) -> Heard {
     }
 }
 
-fn parse_text(value: &Value) -> Option<String> {
+fn parse_string(value: &Value) -> Option<String> {
     value.as_str().map(str::to_owned)
 }

@@ -1,6 +1,6 @@
 //! What the doctor knows before it judges.
 
-pub use crate::device::port::users::{PortAccess, PortHolder};
+pub use crate::device::port::users::{PortGroupAccess, PortHolder};
 use crate::device::usb_ids::{ST, is_era_board};
 use era_shared::protocol::FaultCode;
 
@@ -67,16 +67,16 @@ pub struct Chosen {
     /// Its path.
     pub path: String,
     /// Who may use it.
-    pub access: PortAccess,
+    pub access: PortGroupAccess,
     /// Who has it open, as far as can be seen.
     pub holders: Vec<PortHolder>,
     /// What came of asking.
-    pub answer: Answer,
+    pub answer: PortAnswer,
 }
 
 /// What came of asking a board.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
+pub enum PortAnswer {
     /// Another process has the port, and would miss what the board answers.
     NotAsked,
     /// There is no such port.
@@ -92,12 +92,12 @@ pub enum Answer {
     /// It speaks protocol versions that this program does not.
     Version(String),
     /// It answers.
-    Heard(Heard),
+    Heard(BoardReport),
 }
 
 /// What a board says, over its port or through the daemon that has it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Heard {
+pub struct BoardReport {
     /// Its firmware's version, with the commit where that is known.
     pub firmware: String,
     /// Protocol version spoken with it.
@@ -189,7 +189,7 @@ pub enum Daemon {
         /// Why its device is not connected.
         problem: Option<String>,
         /// What its device says.
-        heard: Option<Box<Heard>>,
+        heard: Option<Box<BoardReport>>,
     },
 }
 

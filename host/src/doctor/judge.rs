@@ -1,40 +1,40 @@
 //! What the facts mean.
 
-use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, PortHolder, Wanted};
+use super::facts::{BoardReport, Chosen, Daemon, Facts, File, PortAnswer, PortHolder, Wanted};
 use super::finding::Finding;
 use super::judge_board;
 
 /// Every check, in the order in which they are best mended.
 #[must_use]
-pub fn judge(facts: &Facts) -> Vec<Finding> {
+pub fn judge_facts(facts: &Facts) -> Vec<Finding> {
     let mut all: Vec<Finding> = Vec::new();
-    all.extend(facts.config.as_ref().map(|file| judge_file("config", file)));
-    all.extend(facts.scene.as_ref().map(|file| judge_file("scene", file)));
-    all.push(judge_ports(facts));
-    all.push(judge_presence(facts));
-    all.extend(judge_rule(facts));
+    all.extend(facts.config.as_ref().map(|file| judge_read_file("config", file)));
+    all.extend(facts.scene.as_ref().map(|file| judge_read_file("scene", file)));
+    all.push(list_ports_as_finding(facts));
+    all.push(judge_board_presence(facts));
+    all.extend(judge_udev_rule(facts));
     all.push(judge_modem_manager(facts));
     all.push(judge_daemon(facts));
     if let Some(chosen) = &facts.chosen {
         let has_rule = facts.rules.as_ref().is_some_and(|rules| !rules.is_empty());
-        all.extend(judge_port(chosen, &facts.daemon, has_rule));
+        all.extend(judge_chosen_port(chosen, &facts.daemon, has_rule));
     }
-    match heard(facts) {
+    match find_direct_and_daemon_board_reports(facts) {
         (Some(direct), through) => {
-            all.extend(judge_board::judge(direct));
-            all.extend(through.and_then(judge_board::judge_other));
+            all.extend(judge_board::judge_board_report(direct));
+            all.extend(through.and_then(judge_board::judge_fault_of_daemon_device));
         }
-        (None, Some(through)) => all.extend(judge_board::judge(through)),
+        (None, Some(through)) => all.extend(judge_board::judge_board_report(through)),
         (None, None) => {}
     }
-    all.extend(facts.realtime.map(judge_realtime));
+    all.extend(facts.realtime.map(judge_realtime_priority));
     all
 }
 
 /// What the board says over its port, and what a daemon says of its device, whichever that is.
-fn heard(facts: &Facts) -> (Option<&Heard>, Option<&Heard>) {
+fn find_direct_and_daemon_board_reports(facts: &Facts) -> (Option<&BoardReport>, Option<&BoardReport>) {
     let direct = match &facts.chosen {
-        Some(Chosen { answer: Answer::Heard(heard), .. }) => Some(heard),
+        Some(Chosen { answer: PortAnswer::Heard(heard), .. }) => Some(heard),
         _ => None,
     };
     let through = match &facts.daemon {
@@ -44,14 +44,14 @@ fn heard(facts: &Facts) -> (Option<&Heard>, Option<&Heard>) {
     (direct, through)
 }
 
-fn judge_file(check: &'static str, file: &File) -> Finding {
+fn judge_read_file(check: &'static str, file: &File) -> Finding {
     match &file.mistake {
         None => Finding::ok(check, format!("{} can be used", file.path)),
         Some(mistake) => Finding::problem(check, mistake.clone(), format!("mend {}", file.path)),
     }
 }
 
-fn judge_ports(facts: &Facts) -> Finding {
+fn list_ports_as_finding(facts: &Facts) -> Finding {
     let list: Vec<String> = facts
         .ports
         .iter()
@@ -67,16 +67,20 @@ fn judge_ports(facts: &Facts) -> Finding {
 }
 
 /// Whether there is a board.
-fn judge_presence(facts: &Facts) -> Finding {
-    const CABLE: &str = "connect the board's own USB connector (not only that of its debug probe) with a cable that carries \
-                         data, and power it";
+fn judge_board_presence(facts: &Facts) -> Finding {
+    const CABLE: &str = "connect a USB cable that carries data to the board's pins PA11 (D-) and PA12 (D+), and switch \
+                         the board on. The NUCLEO-G474RE has no USB connector for these pins, only one for its debug \
+                         probe";
     let boards: Vec<&str> = facts.ports.iter().filter(|port| port.is_board()).map(|port| port.path.as_str()).collect();
     let probe = facts.ports.iter().find(|port| port.is_probe());
     match (&facts.wanted, &boards[..]) {
         (Wanted::Simulated(kind), _) => Finding::ok("board", format!("none is needed for the device {kind}")),
         (Wanted::Port(path), _) if !boards.contains(&path.as_str()) => Finding::ok(
             "board",
-            format!("{path} is named; its USB identity is not that of a board, which is possible for a UART"),
+            format!(
+                "--device or the configuration names {path}. USB does not report it as a board. This is normal if the \
+                 board is connected through a UART"
+            ),
         ),
         (_, [one]) => Finding::ok("board", format!("at {one}")),
         (Wanted::Port(path), _) => Finding::ok("board", format!("at {path}")),
@@ -95,11 +99,11 @@ fn judge_presence(facts: &Facts) -> Finding {
                 (_, Some(probe)) => (
                     String::from("no port has the USB identity of a board"),
                     format!(
-                        "{CABLE}; if its UART is connected to the debug probe, name the port: --device {}",
+                        "{CABLE}. If the board's UART is connected to the debug probe, name the port: --device {}",
                         probe.path
                     ),
                 ),
-                _ => ("no board is connected".into(), format!("{CABLE}; the simulated device needs no board")),
+                _ => ("no board is connected".into(), format!("{CABLE}. To work without a board, use --device sim")),
             };
             if *wanted == Wanted::Board {
                 Finding::problem("board", found, advice)
@@ -110,7 +114,7 @@ fn judge_presence(facts: &Facts) -> Finding {
     }
 }
 
-fn judge_rule(facts: &Facts) -> Option<Finding> {
+fn judge_udev_rule(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
         [] => Finding::warning("udev-rule", "no udev rule lets users open the board's port", RULE),
         [rule, ..] => Finding::ok("udev-rule", rule.path.clone()),
@@ -172,10 +176,10 @@ fn judge_daemon(facts: &Facts) -> Finding {
 const RULE: &str = "run sudo era install --only rule, and connect the board again";
 
 /// The port itself: may it be opened, and who has it.
-fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
+fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
     let Chosen { path, access, holders, answer } = chosen;
     let mut all = vec![match answer {
-        Answer::Denied => {
+        PortAnswer::Denied => {
             let own = if access.is_member { ", and this user is a member" } else { "" };
             let (group, join) = match &access.group {
                 Some(group) => (
@@ -187,17 +191,19 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
             let first = if has_rule { "connect the board again, so that the udev rule takes effect" } else { RULE };
             Finding::problem("permission", format!("this user may not open {path}{group}"), format!("{first}{join}"))
         }
-        Answer::Missing => Finding::problem(
+        PortAnswer::Missing => Finding::problem(
             "permission",
             format!("there is no {path}"),
             "name one of the ports above, or connect the board",
         ),
-        Answer::Failed(reason) => Finding::problem(
+        PortAnswer::Failed(reason) => Finding::problem(
             "permission",
             format!("{path} cannot be opened: {reason}"),
             "check that it is a serial port; disconnect the board and connect it again",
         ),
-        Answer::NotAsked | Answer::Busy => Finding::ok("permission", format!("not tried, because {path} is in use")),
+        PortAnswer::NotAsked | PortAnswer::Busy => {
+            Finding::ok("permission", format!("not tried, because {path} is in use"))
+        }
         _ => Finding::ok("permission", format!("this user may open {path}")),
     }];
     let own = matches!(daemon, Daemon::Runs { port, .. } if port == path);
@@ -211,26 +217,26 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
             "end that program: it takes bytes from the daemon",
         ),
         _ if own => Finding::ok("port", format!("the running daemon has {path} open, and has answered for its device")),
-        Answer::NotAsked => Finding::problem(
+        PortAnswer::NotAsked => Finding::problem(
             "port",
             format!("{path} is open in {}", names.join(", ")),
             "end that program; two programs on one port take bytes from each other",
         ),
-        Answer::Busy => Finding::problem(
+        PortAnswer::Busy => Finding::problem(
             "port",
             format!("{path} is held by another program"),
             "end that program; `sudo era doctor` names it",
         ),
-        Answer::Denied | Answer::Missing | Answer::Failed(_) => return all,
+        PortAnswer::Denied | PortAnswer::Missing | PortAnswer::Failed(_) => return all,
         _ => Finding::ok("port", format!("no other program has {path} open, as far as this user can see")),
     });
     all.push(match answer {
-        Answer::Silent(reason) => Finding::problem(
+        PortAnswer::Silent(reason) => Finding::problem(
             "firmware",
             format!("no board answers at {path}: {reason}"),
             "check that it is the board's port; power the board down and up; `era flash` writes its firmware",
         ),
-        Answer::Version(reason) => Finding::problem(
+        PortAnswer::Version(reason) => Finding::problem(
             "firmware",
             reason.clone(),
             "`era flash` updates an older board; a newer board needs a newer version of era",
@@ -240,9 +246,9 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
     all
 }
 
-fn judge_realtime(limit: u64) -> Finding {
-    if limit > 0 {
-        return Finding::ok("realtime", format!("threads may have real-time priority (up to {limit})"));
+fn judge_realtime_priority(priority_limit: u64) -> Finding {
+    if priority_limit > 0 {
+        return Finding::ok("realtime", format!("threads may have real-time priority (up to {priority_limit})"));
     }
     Finding::warning(
         "realtime",

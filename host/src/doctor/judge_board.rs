@@ -1,6 +1,6 @@
 //! What a board's own words mean.
 
-use super::facts::{Clock, Heard, Supply};
+use super::facts::{BoardReport, Clock, Supply};
 use super::finding::Finding;
 use era_shared::protocol::CURRENT_VERSION;
 
@@ -14,17 +14,17 @@ const CHARGED_V: f64 = 60.0;
 const REPEATS: u64 = 100;
 
 /// Every check of what was heard.
-pub fn judge(heard: &Heard) -> Vec<Finding> {
-    let mut all = vec![judge_firmware(heard)];
-    all.push(judge_fault(heard));
-    if heard.waits_to_be_armed {
+pub fn judge_board_report(report: &BoardReport) -> Vec<Finding> {
+    let mut all = vec![judge_protocol_version_of_firmware(report)];
+    all.push(judge_fault_and_previous_failure(report));
+    if report.waits_to_be_armed {
         let found = "the board had an outage, and waits to be armed";
         all.push(Finding::warning("armed", found, "check that nobody touches board or panel, then run `era arm`"));
     }
-    all.extend(heard.supply.as_ref().map(judge_loops));
-    all.extend(heard.supply.as_ref().map(|supply| judge_rails(supply, heard.state.as_deref())));
-    all.extend(heard.clock.map(judge_clock));
-    let (sent, again) = heard.frames;
+    all.extend(report.supply.as_ref().map(judge_safety_loops));
+    all.extend(report.supply.as_ref().map(|supply| judge_rails(supply, report.state.as_deref())));
+    all.extend(report.clock.map(judge_clock));
+    let (sent, again) = report.frames;
     if again > 0 {
         let found = format!("{again} of {sent} frames had to be sent again");
         all.push(if again.saturating_mul(REPEATS) > sent {
@@ -36,8 +36,8 @@ pub fn judge(heard: &Heard) -> Vec<Finding> {
     all
 }
 
-fn judge_firmware(heard: &Heard) -> Finding {
-    let Heard { firmware, protocol, .. } = heard;
+fn judge_protocol_version_of_firmware(report: &BoardReport) -> Finding {
+    let BoardReport { firmware, protocol, .. } = report;
     match protocol {
         Some(spoken) if *spoken < CURRENT_VERSION => Finding::warning(
             "firmware",
@@ -50,17 +50,17 @@ fn judge_firmware(heard: &Heard) -> Finding {
 }
 
 /// The fault of the daemon's device, where another one than the daemon's has been asked itself.
-pub fn judge_other(heard: &Heard) -> Option<Finding> {
-    let fault = heard.fault.as_ref()?;
-    let found = format!("{} ({}) is latched on the daemon's device", fault.code, fault.name);
+pub fn judge_fault_of_daemon_device(report: &BoardReport) -> Option<Finding> {
+    let fault = report.fault.as_ref()?;
+    let found = format!("the fault {} ({}) is latched on the daemon's device", fault.code, fault.name);
     Some(Finding::problem("daemon-fault", found, format!("{} `era clear` clears the fault", fault.advice)))
 }
 
-fn judge_fault(heard: &Heard) -> Finding {
-    let state = heard.state.as_deref().unwrap_or("not known");
-    match (&heard.fault, &heard.failure) {
+fn judge_fault_and_previous_failure(report: &BoardReport) -> Finding {
+    let state = report.state.as_deref().unwrap_or("not known");
+    match (&report.fault, &report.failure) {
         (Some(fault), _) => {
-            let found = format!("{} ({}) is latched", fault.code, fault.name);
+            let found = format!("the fault {} ({}) is latched", fault.code, fault.name);
             Finding::problem("fault", found, format!("{} `era clear` clears the fault", fault.advice))
         }
         (None, Some(failure)) => Finding::warning(
@@ -68,7 +68,7 @@ fn judge_fault(heard: &Heard) -> Finding {
             format!("no fault is latched; the previous run of the firmware failed: {failure}"),
             "keep the log (`era monitor`) and report it",
         ),
-        (None, None) if heard.was_watchdog => Finding::warning(
+        (None, None) if report.was_watchdog => Finding::warning(
             "fault",
             "no fault is latched; the watchdog has restarted the firmware",
             "keep the log (`era monitor`) and report it",
@@ -77,10 +77,10 @@ fn judge_fault(heard: &Heard) -> Finding {
     }
 }
 
-fn judge_loops(supply: &Supply) -> Finding {
+fn judge_safety_loops(supply: &Supply) -> Finding {
     let open: Vec<(&str, &str)> = [
-        (supply.interlock_closed, ("the enclosure is open", "close it")),
-        (supply.stop_released, ("the emergency stop is pressed", "release it")),
+        (supply.interlock_closed, ("the enclosure is open", "close the enclosure")),
+        (supply.stop_released, ("the emergency stop is pressed", "release the emergency stop")),
         (supply.earth_bonded, ("panel or masses are not bonded to earth", "do not touch the panel; repair the bond")),
     ]
     .into_iter()
@@ -95,7 +95,10 @@ fn judge_loops(supply: &Supply) -> Finding {
     Finding::problem(
         "interlock",
         found.join(", "),
-        format!("{}; or the wire of its loop is broken. Then clear the fault", advice.join("; ")),
+        format!(
+            "{}. If nothing is open or pressed, a wire of this safety loop is broken. Then clear the fault",
+            advice.join("; ")
+        ),
     )
 }
 
@@ -119,15 +122,24 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
 fn judge_clock(clock: Clock) -> Finding {
     let Clock { rate_ppm, half_round_trip_s, worst_s } = clock;
     let known_s = half_round_trip_s.max(worst_s);
-    let rate = rate_ppm.map_or_else(String::new, |rate| format!("{rate:+.0} ppm, "));
-    let found = format!("{rate}known to {:.2} ms", known_s * 1e3);
-    if rate_ppm.is_some_and(|rate| rate.abs() > RATE_PPM) {
+    if let Some(rate) = rate_ppm.filter(|rate| rate.abs() > RATE_PPM) {
         return Finding::problem(
             "clock",
-            format!("{found}: a working oscillator of the board is within 1 %"),
+            format!(
+                "the board's clock differs from this computer's by {:+.1} % ({rate:+.0} ppm); a working oscillator is \
+                 within 1 %",
+                rate / 1e4
+            ),
             "compare its frequencies with a counter; power the board down and up; if this does not help, replace the board",
         );
     }
+    let known_ms = known_s * 1e3;
+    let found = match rate_ppm {
+        Some(rate) => format!(
+            "the board's clock differs from this computer's by {rate:+.0} ppm; the board's time is known to {known_ms:.2} ms"
+        ),
+        None => format!("the board's time is known to {known_ms:.2} ms"),
+    };
     if known_s > KNOWN_S {
         return Finding::warning(
             "clock",

@@ -2,8 +2,8 @@
 
 use super::facts::{Port, Rule, Usb};
 use crate::device::port;
-pub use crate::device::port::users::{find_port_holders, read_port_access};
-use crate::device::port::users::{list_processes, read_process_name};
+pub use crate::device::port::users::{find_group_with_access_and_membership, find_other_processes_with_port_open};
+use crate::device::port::users::{list_processes, read_process_name_or_unknown};
 use crate::flash::usb::{UsbError, find_bootloader};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
@@ -33,7 +33,7 @@ pub fn list_ports() -> Vec<Port> {
 
 /// Whether a chip waits in its bootloader; `None` if the bus cannot be looked at.
 #[must_use]
-pub fn has_bootloader() -> Option<bool> {
+pub fn has_chip_in_bootloader() -> Option<bool> {
     match find_bootloader() {
         Ok(found) => Some(found.is_some()),
         Err(UsbError::Several(_)) => Some(true),
@@ -43,7 +43,7 @@ pub fn has_bootloader() -> Option<bool> {
 
 /// The udev rules that name the board; `None` where there is no folder of rules.
 #[must_use]
-pub fn find_rules(root: &Path) -> Option<Vec<Rule>> {
+pub fn find_udev_rules_for_board(root: &Path) -> Option<Vec<Rule>> {
     let folders: Vec<_> = RULES.iter().filter_map(|folder| fs::read_dir(root.join(folder)).ok()).collect();
     if folders.is_empty() {
         return None;
@@ -68,13 +68,16 @@ pub fn find_rules(root: &Path) -> Option<Vec<Rule>> {
 
 /// ModemManager's process, if it runs.
 #[must_use]
-pub fn find_modem_manager(root: &Path) -> Option<u32> {
-    list_processes(root).into_iter().find(|(_, folder)| read_process_name(folder) == "ModemManager").map(|(pid, _)| pid)
+pub fn find_modem_manager_pid(root: &Path) -> Option<u32> {
+    list_processes(root)
+        .into_iter()
+        .find(|(_, folder)| read_process_name_or_unknown(folder) == "ModemManager")
+        .map(|(pid, _)| pid)
 }
 
 /// The highest real-time priority that this process may ask for.
 #[must_use]
-pub fn read_realtime_limit(root: &Path) -> Option<u64> {
+pub fn read_realtime_priority_limit(root: &Path) -> Option<u64> {
     let limits = fs::read_to_string(root.join("proc/self/limits")).ok()?;
     let line = limits.lines().find_map(|line| line.strip_prefix("Max realtime priority"))?;
     match line.split_whitespace().next()? {

@@ -15,4 +15,4 @@ pub mod reach;
 
 pub use facts::Facts;
 pub use finding::{Finding, Verdict};
-pub use judge::judge;
+pub use judge::judge_facts;

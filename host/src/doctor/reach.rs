@@ -12,7 +12,7 @@ const WAIT: Duration = Duration::from_millis(500);
 
 /// Why there was no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Trouble {
+pub enum RequestTrouble {
     /// Asked without TLS, and TLS is spoken there.
     SpeaksTls,
     /// Asked with TLS, and none is spoken there.
@@ -29,10 +29,10 @@ pub enum Trouble {
     Other(String),
 }
 
-impl Trouble {
+impl RequestTrouble {
     /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS.
     #[must_use]
-    pub fn of(error: &ureq::Error, url: &str) -> Self {
+    pub fn from_request_error(error: &ureq::Error, url: &str) -> Self {
         match find_tls_error(error) {
             Some(rustls::Error::InvalidCertificate(
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },
@@ -49,7 +49,10 @@ impl Trouble {
             return Self::Proxy(error.to_string());
         }
         match url.strip_prefix("http://") {
-            Some(place) if matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_)) && speaks_tls(place) => {
+            Some(place)
+                if matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_))
+                    && answers_plain_http_with_tls_alert(place) =>
+            {
                 Self::SpeaksTls
             }
             _ => Self::Other(error.to_string()),
@@ -58,18 +61,18 @@ impl Trouble {
 
     /// What is there, and what to give, for the commands that take `--url` and `--ca`; nothing where that is no help.
     #[must_use]
-    pub fn told(&self, url: &str, has_ca: bool) -> Option<(String, String)> {
+    pub fn describe_with_advice(&self, url: &str, has_ca: bool) -> Option<(String, String)> {
         let place = url.split_once("://").map_or(url, |(_, place)| place);
         let authority = place.split('/').next().unwrap_or(place);
         let host = authority.rsplit_once(':').map_or(authority, |(host, _)| host);
         Some(match self {
             Self::Other(_) => return None,
             Self::SpeaksTls => (
-                format!("{place} speaks TLS, and was asked without"),
+                format!("{place} speaks TLS, but the request came without TLS"),
                 format!("use --url https://{place} and --ca with its certificate (era-cert.pem in its --tls-dir)"),
             ),
             Self::SpeaksPlain => {
-                (format!("{place} does not speak TLS, and was asked with TLS"), format!("use --url http://{place}"))
+                (format!("{place} does not speak TLS, but the request came with TLS"), format!("use --url http://{place}"))
             }
             Self::Untrusted(reason) if has_ca => (
                 format!("the certificate of {url} is not the one that --ca trusts ({reason})"),
@@ -115,9 +118,9 @@ fn find_tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
 }
 
 /// Whether plain HTTP is answered with a record of TLS: an alert (RFC 8446, 5.1), its type 21 and the version's first byte 3.
-fn speaks_tls(place: &str) -> bool {
+fn answers_plain_http_with_tls_alert(host_port_and_path: &str) -> bool {
     // A daemon may be below a prefix.
-    let place = place.split('/').next().unwrap_or(place);
+    let place = host_port_and_path.split('/').next().unwrap_or(host_port_and_path);
     let place = if place.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
         place.to_owned()
     } else {

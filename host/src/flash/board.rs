@@ -1,6 +1,6 @@
 //! The board whose firmware runs: what it is, and its way to the bootloader.
 
-use super::check::{CheckError, OnBoard, check_idle};
+use super::check::{CheckError, InstalledFirmware, check_idle};
 use crate::device::client::request_name;
 use crate::device::port::{PortError, run_calls_within};
 use crate::device::{Client, DeviceIdentity, LinkError, OpenDevice, Target, TargetError};
@@ -56,7 +56,7 @@ impl Board {
         let device = OpenDevice::open_board(target)?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
         let (client, reply) = ask_within_limit(device.open_client()?, &device, &hello)?;
-        match DeviceIdentity::from_hello_reply(reply.clone()) {
+        match DeviceIdentity::from_reply_if_hello(reply.clone()) {
             Some(identity) => Ok(Self { identity, client: Some(client), device }),
             None => Err(unexpected_reply_error(&hello, &reply)),
         }
@@ -84,9 +84,9 @@ impl Board {
 
     /// What runs on it.
     #[must_use]
-    pub const fn on_board(&self) -> OnBoard {
+    pub const fn installed_firmware(&self) -> InstalledFirmware {
         let DeviceIdentity { board, firmware, protocol_current, .. } = &self.identity;
-        OnBoard { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
+        InstalledFirmware { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
     }
 
     /// Makes sure that it can be taken out of service.
@@ -140,7 +140,7 @@ fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) 
     let limit = device.timing().retry_policy.longest_total_wait().saturating_mul(2).saturating_add(CALLS);
     let asked = request.clone();
     let (client, reply) = run_calls_within(device.port_path(), limit, move |step| {
-        let reply = step.run_call("read or write", || client.request(&asked));
+        let reply = step.name_and_run_call("read or write", || client.request(&asked));
         (client, reply)
     })?;
     match reply {

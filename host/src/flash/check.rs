@@ -7,7 +7,7 @@ use std::fmt;
 
 /// What is known of the board's present firmware: from its hello, or from the header in its flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OnBoard {
+pub struct InstalledFirmware {
     /// Kind of board; `None` for one that this program does not know.
     pub board: Option<BoardKind>,
     /// Its firmware.
@@ -16,7 +16,7 @@ pub struct OnBoard {
     pub protocol_current: u8,
 }
 
-impl From<&ImageHeader> for OnBoard {
+impl From<&ImageHeader> for InstalledFirmware {
     fn from(header: &ImageHeader) -> Self {
         let ImageHeader { board, firmware, protocol_current, .. } = header;
         Self { board: *board, firmware: *firmware, protocol_current: *protocol_current }
@@ -39,8 +39,8 @@ pub enum CheckError {
     Simulated,
     /// It would speak less than now.
     #[error(
-        "the image speaks ERA protocol versions up to {image}, the board's firmware up to {board}: this would be \
-         a step back. --force writes the image nevertheless"
+        "the image speaks ERA protocol versions up to {image}, the board's firmware up to {board}: the image is older. \
+         --force writes the image nevertheless"
     )]
     Downgrade {
         /// Newest version that the image speaks.
@@ -68,7 +68,7 @@ pub enum CheckError {
 ///
 /// # Errors
 /// [`CheckError`].
-pub fn check_image(image: &ImageHeader, board: Option<&OnBoard>, force: bool) -> Result<(), CheckError> {
+pub fn check_image(image: &ImageHeader, board: Option<&InstalledFirmware>, force: bool) -> Result<(), CheckError> {
     if image.board != Some(BoardKind::Stm32G474) {
         return Err(CheckError::Board { image: image.board, board: board.and_then(|it| it.board) });
     }

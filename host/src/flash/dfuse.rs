@@ -157,17 +157,17 @@ struct Status {
 
 /// What is being done, for messages.
 #[derive(Clone, Copy)]
-struct Step {
+struct DfuStep {
     name: &'static str,
     address: u32,
 }
 
-impl Step {
-    fn pipe(self, source: PipeError) -> DfuError {
+impl DfuStep {
+    fn pipe_error(self, source: PipeError) -> DfuError {
         DfuError::Pipe { step: self.name, address: self.address, source }
     }
 
-    fn state(self, state: u8) -> DfuError {
+    fn state_error(self, state: u8) -> DfuError {
         DfuError::State { step: self.name, address: self.address, state }
     }
 }
@@ -179,7 +179,7 @@ impl<P: ControlPipe> Dfuse<P> {
     /// [`DfuError`].
     pub fn open(pipe: P) -> Result<Self, DfuError> {
         let mut this = Self { pipe };
-        this.idle(Step { name: "starting", address: 0 })?;
+        this.bring_to_idle(DfuStep { name: "starting", address: 0 })?;
         Ok(this)
     }
 
@@ -187,8 +187,8 @@ impl<P: ControlPipe> Dfuse<P> {
     ///
     /// # Errors
     /// [`DfuError`].
-    pub fn erase(&mut self, address: u32) -> Result<(), DfuError> {
-        self.command(Step { name: "erasing", address }, command::ERASE)
+    pub fn erase_page_at(&mut self, address: u32) -> Result<(), DfuError> {
+        self.send_command(DfuStep { name: "erasing", address }, command::ERASE)
     }
 
     /// Writes up to [`TRANSFER_SIZE`] bytes into erased flash: whole double words at the address of one.
@@ -196,9 +196,9 @@ impl<P: ControlPipe> Dfuse<P> {
     /// # Errors
     /// [`DfuError`].
     pub fn write(&mut self, address: u32, data: &[u8]) -> Result<(), DfuError> {
-        let step = Step { name: "writing", address };
-        self.command(step, command::SET_ADDRESS)?;
-        self.download(step, FIRST_DATA_BLOCK, data)
+        let step = DfuStep { name: "writing", address };
+        self.send_command(step, command::SET_ADDRESS)?;
+        self.download_block(step, FIRST_DATA_BLOCK, data)
     }
 
     /// Reads up to [`TRANSFER_SIZE`] bytes.
@@ -206,13 +206,13 @@ impl<P: ControlPipe> Dfuse<P> {
     /// # Errors
     /// [`DfuError`].
     pub fn read(&mut self, address: u32, length: usize) -> Result<Vec<u8>, DfuError> {
-        let step = Step { name: "reading", address };
-        self.command(step, command::SET_ADDRESS)?;
-        self.idle(step)?;
+        let step = DfuStep { name: "reading", address };
+        self.send_command(step, command::SET_ADDRESS)?;
+        self.bring_to_idle(step)?;
         let length = u16::try_from(length.min(TRANSFER_SIZE)).unwrap_or(u16::MAX);
         let data = self.pipe.control_in(request::UPLOAD, FIRST_DATA_BLOCK, length);
-        let data = data.map_err(|error| self.refused(step, error))?;
-        self.idle(step)?;
+        let data = data.map_err(|error| self.find_reason_of_refusal(step, error))?;
+        self.bring_to_idle(step)?;
         Ok(data)
     }
 
@@ -221,36 +221,36 @@ impl<P: ControlPipe> Dfuse<P> {
     ///
     /// # Errors
     /// [`DfuError`], if it does not even take the address.
-    pub fn leave(mut self, address: u32) -> Result<(), DfuError> {
-        let step = Step { name: "leaving the bootloader", address };
-        self.command(step, command::SET_ADDRESS)?;
-        self.pipe.control_out(request::DNLOAD, FIRST_DATA_BLOCK, &[]).map_err(|error| step.pipe(error))?;
-        let _ = self.status(step);
+    pub fn leave_for_program_at(mut self, address: u32) -> Result<(), DfuError> {
+        let step = DfuStep { name: "leaving the bootloader", address };
+        self.send_command(step, command::SET_ADDRESS)?;
+        self.pipe.control_out(request::DNLOAD, FIRST_DATA_BLOCK, &[]).map_err(|error| step.pipe_error(error))?;
+        let _ = self.read_status(step);
         Ok(())
     }
 
-    fn command(&mut self, step: Step, command: u8) -> Result<(), DfuError> {
+    fn send_command(&mut self, step: DfuStep, command: u8) -> Result<(), DfuError> {
         let [a, b, c, d] = step.address.to_le_bytes();
-        self.download(step, 0, &[command, a, b, c, d])
+        self.download_block(step, 0, &[command, a, b, c, d])
     }
 
-    fn download(&mut self, step: Step, block: u16, data: &[u8]) -> Result<(), DfuError> {
+    fn download_block(&mut self, step: DfuStep, block: u16, data: &[u8]) -> Result<(), DfuError> {
         let sent = self.pipe.control_out(request::DNLOAD, block, data);
-        sent.map_err(|error| self.refused(step, error))?;
-        self.finish(step)
+        sent.map_err(|error| self.find_reason_of_refusal(step, error))?;
+        self.wait_until_done(step)
     }
 
     /// Why a refused transfer was refused: that stands in the device's status.
-    fn refused(&mut self, step: Step, error: PipeError) -> DfuError {
-        let status = if error == PipeError::Stall { self.finish(step).err() } else { None };
-        status.unwrap_or_else(|| step.pipe(error))
+    fn find_reason_of_refusal(&mut self, step: DfuStep, error: PipeError) -> DfuError {
+        let status = if error == PipeError::Stall { self.wait_until_done(step).err() } else { None };
+        status.unwrap_or_else(|| step.pipe_error(error))
     }
 
     /// Waits until the device has done what it was sent.
-    fn finish(&mut self, step: Step) -> Result<(), DfuError> {
+    fn wait_until_done(&mut self, step: DfuStep) -> Result<(), DfuError> {
         let mut last = state::DOWNLOAD_BUSY;
         for _ in 0..MOST_POLLS {
-            let status = self.status(step)?;
+            let status = self.read_status(step)?;
             last = status.state;
             match status.state {
                 state::DOWNLOAD_IDLE | state::IDLE => return Ok(()),
@@ -261,13 +261,13 @@ impl<P: ControlPipe> Dfuse<P> {
                 _ => self.pipe.pause(status.poll.min(LONGEST_POLL)),
             }
         }
-        Err(step.state(last))
+        Err(step.state_error(last))
     }
 
-    fn idle(&mut self, step: Step) -> Result<(), DfuError> {
+    fn bring_to_idle(&mut self, step: DfuStep) -> Result<(), DfuError> {
         let mut last = state::ERROR;
         for _ in 0..MOST_POLLS {
-            let status = self.status(step)?;
+            let status = self.read_status(step)?;
             last = status.state;
             let request = match status.state {
                 state::IDLE => return Ok(()),
@@ -278,16 +278,16 @@ impl<P: ControlPipe> Dfuse<P> {
                 }
                 _ => request::ABORT,
             };
-            self.pipe.control_out(request, 0, &[]).map_err(|error| step.pipe(error))?;
+            self.pipe.control_out(request, 0, &[]).map_err(|error| step.pipe_error(error))?;
         }
-        Err(step.state(last))
+        Err(step.state_error(last))
     }
 
-    fn status(&mut self, step: Step) -> Result<Status, DfuError> {
-        let answer = self.pipe.control_in(request::GETSTATUS, 0, 6).map_err(|error| step.pipe(error))?;
+    fn read_status(&mut self, step: DfuStep) -> Result<Status, DfuError> {
+        let answer = self.pipe.control_in(request::GETSTATUS, 0, 6).map_err(|error| step.pipe_error(error))?;
         let &[status, low, middle, high, state, _] = answer.as_slice() else {
             let text = format!("its status has {} bytes instead of 6", answer.len());
-            return Err(step.pipe(PipeError::Other(text)));
+            return Err(step.pipe_error(PipeError::Other(text)));
         };
         let milliseconds = u32::from_le_bytes([low, middle, high, 0]);
         Ok(Status { status, state, poll: Duration::from_millis(u64::from(milliseconds)) })

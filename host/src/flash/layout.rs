@@ -50,7 +50,7 @@ impl Layout {
         let mut sizes = Vec::new();
         let mut protected = None;
         for group in pages.ok_or_else(malformed)?.split(',') {
-            let group = Group::parse(group.trim()).ok_or_else(malformed)?;
+            let group = PageGroup::parse(group.trim()).ok_or_else(malformed)?;
             if !group.writable {
                 protected = protected.or(Some(address));
             }
@@ -82,13 +82,13 @@ impl Layout {
 }
 
 /// A number of equal pages.
-struct Group {
+struct PageGroup {
     count: u32,
     size: u32,
     writable: bool,
 }
 
-impl Group {
+impl PageGroup {
     /// `256*02Kg`: count, size, unit, and a letter whose low bits say readable (1), erasable (2), writable (4).
     fn parse(text: &str) -> Option<Self> {
         let (count, rest) = text.split_once('*')?;

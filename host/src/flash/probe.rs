@@ -64,8 +64,8 @@ impl ProbeRs {
     ///
     /// # Errors
     /// [`ProbeError::NotInstalled`], [`ProbeError::NoProbe`], [`ProbeError::Failed`].
-    pub fn find(&self) -> Result<(), ProbeError> {
-        let listed = self.answer(Command::new(&self.program).arg("list"))?;
+    pub fn check_probe_connected(&self) -> Result<(), ProbeError> {
+        let listed = self.run_and_capture_output(Command::new(&self.program).arg("list"))?;
         // One line for each, as `[0]: STLink V3 -- 0483:374e:... (ST-LINK)`.
         if listed.lines().any(|line| line.trim_start().starts_with('[')) { Ok(()) } else { Err(ProbeError::NoProbe) }
     }
@@ -75,7 +75,7 @@ impl ProbeRs {
     /// # Errors
     /// [`ProbeError::OtherChip`] and those of running the program.
     pub fn check_chip(&self) -> Result<(), ProbeError> {
-        let answer = self.read("b32", IDCODE, 1)?;
+        let answer = self.read_memory_as_text("b32", IDCODE, 1)?;
         let code = answer.split_whitespace().last().and_then(|word| u32::from_str_radix(word, 16).ok());
         match code.map(|code| code & DEV_ID) {
             Some(id) if id == u32::from(CHIP_STM32G474) => Ok(()),
@@ -88,7 +88,7 @@ impl ProbeRs {
     ///
     /// # Errors
     /// Those of running the program.
-    pub fn header_on_board(&self) -> Result<Option<ImageHeader>, ProbeError> {
+    pub fn read_header_on_board(&self) -> Result<Option<ImageHeader>, ProbeError> {
         let bytes = self.read_bytes(IMAGE_START + HEADER_OFFSET, HEADER_LENGTH)?;
         Ok(ImageHeader::parse(&bytes).ok())
     }
@@ -97,7 +97,7 @@ impl ProbeRs {
     ///
     /// # Errors
     /// Those of running the program.
-    pub fn board_id(&self) -> Result<Vec<u8>, ProbeError> {
+    pub fn read_board_id(&self) -> Result<Vec<u8>, ProbeError> {
         self.read_bytes(UNIQUE_ID, 12)
     }
 
@@ -105,31 +105,31 @@ impl ProbeRs {
     ///
     /// # Errors
     /// Those of running the program.
-    pub fn write(&self, image: &Path) -> Result<(), ProbeError> {
+    pub fn write_and_start_image(&self, image: &Path) -> Result<(), ProbeError> {
         let download = ["download", "--chip", CHIP, "--verify"];
-        self.show(Command::new(&self.program).args(download).arg(image).stdout(std::io::stderr()))?;
-        self.show(Command::new(&self.program).args(["reset", "--chip", CHIP]).stdout(std::io::stderr()))
+        self.run_showing_output(Command::new(&self.program).args(download).arg(image).stdout(std::io::stderr()))?;
+        self.run_showing_output(Command::new(&self.program).args(["reset", "--chip", CHIP]).stdout(std::io::stderr()))
     }
 
     /// Shows the log until interrupted, without stopping the board.
     ///
     /// # Errors
     /// Those of running the program.
-    pub fn attach(&self, image: &Path) -> Result<(), ProbeError> {
-        self.show(Command::new(&self.program).args(["attach", "--chip", CHIP]).arg(image))
+    pub fn show_log_until_interrupted(&self, image: &Path) -> Result<(), ProbeError> {
+        self.run_showing_output(Command::new(&self.program).args(["attach", "--chip", CHIP]).arg(image))
     }
 
     fn read_bytes(&self, address: u32, count: usize) -> Result<Vec<u8>, ProbeError> {
-        let answer = self.read("b8", address, count)?;
+        let answer = self.read_memory_as_text("b8", address, count)?;
         Ok(answer.split_whitespace().filter_map(|word| u8::from_str_radix(word, 16).ok()).collect())
     }
 
-    fn read(&self, width: &str, address: u32, count: usize) -> Result<String, ProbeError> {
+    fn read_memory_as_text(&self, width: &str, address: u32, count: usize) -> Result<String, ProbeError> {
         let (address, count) = (format!("{address:#010x}"), count.to_string());
-        self.answer(Command::new(&self.program).args(["read", "--chip", CHIP, width, &address, &count]))
+        self.run_and_capture_output(Command::new(&self.program).args(["read", "--chip", CHIP, width, &address, &count]))
     }
 
-    fn answer(&self, command: &mut Command) -> Result<String, ProbeError> {
+    fn run_and_capture_output(&self, command: &mut Command) -> Result<String, ProbeError> {
         let Output { status, stdout, stderr } =
             command.stdin(Stdio::null()).output().map_err(ProbeError::NotInstalled)?;
         if status.success() {
@@ -139,7 +139,7 @@ impl ProbeRs {
         Err(ProbeError::Failed { command: format_command(command), status, said })
     }
 
-    fn show(&self, command: &mut Command) -> Result<(), ProbeError> {
+    fn run_showing_output(&self, command: &mut Command) -> Result<(), ProbeError> {
         let status = command.status().map_err(ProbeError::NotInstalled)?;
         if status.success() {
             return Ok(());

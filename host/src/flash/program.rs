@@ -47,7 +47,7 @@ pub enum Stage {
 
 /// What was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Programmed {
+pub struct ProgramResult {
     /// Whether the first stage had to be replaced, too.
     pub first_stage_replaced: bool,
 }
@@ -70,37 +70,37 @@ pub fn program_image<P: ControlPipe>(
     layout: &Layout,
     image: &Image,
     mut progress: impl FnMut(Stage, u32, u32),
-) -> Result<Programmed, ProgramError> {
+) -> Result<ProgramResult, ProgramError> {
     let end = FLASH_START + image.bytes().len() as u32;
     let entry = IMAGE_START..IMAGE_START + FIRST_STAGE_SIZE;
     let rest = entry.end..end.max(entry.end);
     let first_stage = FLASH_START..IMAGE_START;
-    let mut job = Job { dfu, layout, image, total: end - FLASH_START, done: 0, progress: &mut progress };
+    let mut job = ProgramJob { dfu, layout, image, total: end - FLASH_START, done: 0, progress: &mut progress };
 
-    let first_stage_replaced = job.compare(&first_stage)?.is_some();
-    job.erase(&entry)?;
+    let first_stage_replaced = job.find_first_difference(&first_stage)?.is_some();
+    job.erase_pages(&entry)?;
     if first_stage_replaced {
         // From the first of these lines to the second a power cut leaves a board that does not start by itself.
-        job.erase(&first_stage)?;
-        job.write(&first_stage)?;
-        job.verify(&first_stage)?;
+        job.erase_pages(&first_stage)?;
+        job.write_range(&first_stage)?;
+        job.verify_range(&first_stage)?;
     }
-    job.erase(&rest)?;
+    job.erase_pages(&rest)?;
 
     job.done = 0;
     let first_word = entry.start..entry.start + DOUBLE_WORD;
     let behind_it = first_word.end..entry.end.min(end);
-    job.write(&rest)?;
-    job.write(&behind_it)?;
+    job.write_range(&rest)?;
+    job.write_range(&behind_it)?;
     job.done = 0;
-    job.verify(&rest)?;
-    job.verify(&behind_it)?;
-    job.write(&first_word)?;
-    job.verify(&first_word)?;
-    Ok(Programmed { first_stage_replaced })
+    job.verify_range(&rest)?;
+    job.verify_range(&behind_it)?;
+    job.write_range(&first_word)?;
+    job.verify_range(&first_word)?;
+    Ok(ProgramResult { first_stage_replaced })
 }
 
-struct Job<'a, P> {
+struct ProgramJob<'a, P> {
     dfu: &'a mut Dfuse<P>,
     layout: &'a Layout,
     image: &'a Image,
@@ -109,40 +109,40 @@ struct Job<'a, P> {
     progress: &'a mut dyn FnMut(Stage, u32, u32),
 }
 
-impl<P: ControlPipe> Job<'_, P> {
-    fn erase(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
+impl<P: ControlPipe> ProgramJob<'_, P> {
+    fn erase_pages(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
         if range.is_empty() {
             return Ok(());
         }
         for page in self.layout.pages(range) {
-            self.dfu.erase(page)?;
-            self.report(Stage::Erase, TRANSFER_SIZE as u32);
+            self.dfu.erase_page_at(page)?;
+            self.report_bytes_done(Stage::Erase, TRANSFER_SIZE as u32);
         }
         Ok(())
     }
 
-    fn write(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
+    fn write_range(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
         for piece in split_into_transfers(range) {
             let wanted = expected_bytes(self.image, &piece);
             self.dfu.write(piece.start, &wanted)?;
-            self.report(Stage::Write, piece.end - piece.start);
+            self.report_bytes_done(Stage::Write, piece.end - piece.start);
         }
         Ok(())
     }
 
-    fn verify(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
-        match self.compare(range)? {
+    fn verify_range(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
+        match self.find_first_difference(range)? {
             None => Ok(()),
             Some(difference) => Err(difference),
         }
     }
 
     /// Reads back; the first difference, if there is one.
-    fn compare(&mut self, range: &Range<u32>) -> Result<Option<ProgramError>, ProgramError> {
+    fn find_first_difference(&mut self, range: &Range<u32>) -> Result<Option<ProgramError>, ProgramError> {
         for piece in split_into_transfers(range) {
             let wanted = expected_bytes(self.image, &piece);
             let found = self.dfu.read(piece.start, wanted.len())?;
-            self.report(Stage::Verify, piece.end - piece.start);
+            self.report_bytes_done(Stage::Verify, piece.end - piece.start);
             // A shorter answer differs in its first missing byte.
             let found = found.iter().copied().map(Some).chain(std::iter::repeat(None));
             for ((address, wanted), found) in (piece.start..).zip(wanted).zip(found) {
@@ -155,7 +155,7 @@ impl<P: ControlPipe> Job<'_, P> {
         Ok(None)
     }
 
-    fn report(&mut self, stage: Stage, bytes: u32) {
+    fn report_bytes_done(&mut self, stage: Stage, bytes: u32) {
         self.done = (self.done + bytes).min(self.total);
         (self.progress)(stage, self.done, self.total);
     }

@@ -28,7 +28,7 @@ pub enum UsbError {
     Bus(nusb::Error),
     /// Nobody there.
     #[error(
-        "no board in its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}) is connected. Connect the board's own USB connector (not only that of a debug probe), then run the same command again. A daemon that has the board's port open must be stopped first. A board that does not come up by itself comes up in its bootloader if the pin BOOT0 (PB8) is high while it is powered"
+        "no board in its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}) is connected. Stop a daemon that has the board's port open. Connect a USB cable to the pins PA11 (D-) and PA12 (D+) of the board (the connector of a debug probe is not sufficient), then run the same command again. If the board does not start its bootloader, hold the pin BOOT0 (PB8) high while you switch the board on"
     )]
     None,
     /// More than one.
@@ -54,6 +54,11 @@ pub enum UsbError {
         /// Whether the system forbids it.
         permission: bool,
     },
+    /// It takes less at a time than ST's bootloader.
+    #[error(
+        "the connected bootloader accepts fewer than {TRANSFER_SIZE} bytes at a time, so it is not ST's bootloader, and `era flash` cannot use it"
+    )]
+    SmallTransfers,
     /// It is another chip, or its flash is protected.
     #[error(transparent)]
     Layout(#[from] LayoutError),
@@ -132,9 +137,7 @@ fn find_flash_interface(device: &Device) -> Result<(u8, u8, Layout), UsbError> {
         });
         match Layout::parse(&name) {
             Ok(layout) if !too_short => return Ok((setting.interface_number(), setting.alternate_setting(), layout)),
-            Ok(_) => {
-                unfit = broken(format!("it accepts fewer than {TRANSFER_SIZE} bytes at a time, unlike ST's bootloader"))
-            }
+            Ok(_) => unfit = UsbError::SmallTransfers,
             Err(error) => unfit = error.into(),
         }
     }

@@ -10,7 +10,7 @@ pub const MARK: &str = "# Written by `era install`, which may replace or remove 
 
 /// What was done with a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Done {
+pub enum FileChange {
     /// It was not there.
     Written,
     /// Another text was there.
@@ -23,14 +23,14 @@ pub enum Done {
     Absent,
 }
 
-impl fmt::Display for Done {
+impl fmt::Display for FileChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Done::Written => "wrote",
-            Done::Replaced => "replaced",
-            Done::Unchanged => "unchanged",
-            Done::Removed => "removed",
-            Done::Absent => "not there",
+            FileChange::Written => "wrote",
+            FileChange::Replaced => "replaced",
+            FileChange::Unchanged => "unchanged",
+            FileChange::Removed => "removed",
+            FileChange::Absent => "not there",
         })
     }
 }
@@ -68,29 +68,29 @@ pub fn check_writable(path: &Path, is_forced: bool) -> Result<(), FileError> {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write_marked(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError> {
+pub fn write_marked(path: &Path, text: &str, is_forced: bool) -> Result<FileChange, FileError> {
     check_writable(path, is_forced)?;
     let before = read_present(path)?;
     if before.as_deref() == Some(text.as_bytes()) {
-        return Ok(Done::Unchanged);
+        return Ok(FileChange::Unchanged);
     }
     let failed = |source| FileError::Io { what: "write", path: path.to_path_buf(), source };
     let folder = path.parent().unwrap_or(Path::new("/"));
     std::fs::create_dir_all(folder).map_err(failed)?;
     // Nobody reads half a file, and a link is replaced rather than followed.
     replace_link_or_file(path, Readers::Everybody, text.as_bytes()).map_err(failed)?;
-    Ok(if before.is_some() { Done::Replaced } else { Done::Written })
+    Ok(if before.is_some() { FileChange::Replaced } else { FileChange::Written })
 }
 
 /// Removes a file; its folders stay.
 ///
 /// # Errors
 /// [`FileError`].
-pub fn remove_marked(path: &Path, is_forced: bool) -> Result<Done, FileError> {
+pub fn remove_marked(path: &Path, is_forced: bool) -> Result<FileChange, FileError> {
     check_writable(path, is_forced)?;
     match std::fs::remove_file(path) {
-        Ok(()) => Ok(Done::Removed),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Done::Absent),
+        Ok(()) => Ok(FileChange::Removed),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(FileChange::Absent),
         Err(source) => Err(FileError::Io { what: "remove", path: path.to_path_buf(), source }),
     }
 }

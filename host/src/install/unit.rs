@@ -23,7 +23,7 @@ const WATCHDOG_S: u32 = 10;
 /// connections with a body of 272 kB each are 160, and 8 a recording whose disk does not answer: 720. Nearly three times that for larger scenes of one's own.
 const MEMORY_MAX_MB: u32 = 2048;
 /// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the five pieces of work that may be
-/// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 110 on a machine with 16 processors.
+/// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 84 on a machine with 16 processors.
 const TASKS_MAX: u32 = 512;
 /// Highest real-time priority that the daemon's threads may have.
 const PRIORITY: u32 = 20;

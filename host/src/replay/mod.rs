@@ -7,16 +7,16 @@ use std::time::Duration;
 
 /// One request of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
+pub struct RecordedRequest {
     /// Since the recording began.
     pub at: Duration,
     /// What was asked.
-    pub what: What,
+    pub what: RecordedAction,
 }
 
 /// What can be asked.
 #[derive(Clone, Debug, PartialEq)]
-pub enum What {
+pub enum RecordedAction {
     /// `POST /v1/touch`, with its number then.
     Touch(u64, Value),
     /// A message of a page's fingers, with the page.
@@ -33,7 +33,7 @@ pub enum What {
 
 /// What a touch had.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outcome {
+pub struct TouchOutcome {
     /// HTTP status.
     pub status: u16,
     /// The problem's type, where it is one.
@@ -42,15 +42,15 @@ pub struct Outcome {
     pub drives: Value,
 }
 
-impl Outcome {
+impl TouchOutcome {
     /// Of an answer's status and body, which is a problem's or has drives.
     #[must_use]
-    pub fn of(status: u16, body: &Value) -> Self {
-        Self { status, problem: body["type"].as_str().map(short), drives: body["drives"].clone() }
+    pub fn from_answer(status: u16, body: &Value) -> Self {
+        Self { status, problem: body["type"].as_str().map(strip_problem_prefix), drives: body["drives"].clone() }
     }
 }
 
-impl std::fmt::Display for Outcome {
+impl std::fmt::Display for TouchOutcome {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.status)?;
         self.problem.as_ref().map_or(Ok(()), |problem| write!(f, " {problem}"))
@@ -58,7 +58,7 @@ impl std::fmt::Display for Outcome {
 }
 
 /// A problem's type without what all of them begin with.
-fn short(kind: &str) -> String {
+fn strip_problem_prefix(kind: &str) -> String {
     kind.rsplit(':').next().unwrap_or(kind).to_owned()
 }
 
@@ -68,9 +68,9 @@ pub struct Recording {
     /// Name of the scene that was served.
     pub scene: String,
     /// In their order.
-    pub asked: Vec<Asked>,
+    pub asked: Vec<RecordedRequest>,
     /// What touches had, by their numbers.
-    pub outcomes: BTreeMap<u64, Outcome>,
+    pub outcomes: BTreeMap<u64, TouchOutcome>,
     /// Lines that the recorder left out.
     pub left_out: u64,
 }
@@ -86,7 +86,7 @@ pub struct ReplayError {
 }
 
 #[derive(Deserialize)]
-struct Line {
+struct RecordingLine {
     at_ms: f64,
     kind: String,
     #[serde(default)]
@@ -114,7 +114,7 @@ impl Recording {
         for (number, text) in (1..).zip(bytes.split_inclusive(|byte| *byte == b'\n')) {
             let wrong = |reason: String| ReplayError { line: number, reason };
             let is_rest = number > 1 && !text.ends_with(b"\n");
-            let line: Line = match serde_json::from_slice(text.trim_ascii_end()) {
+            let line: RecordingLine = match serde_json::from_slice(text.trim_ascii_end()) {
                 Ok(line) => line,
                 Err(_) if is_rest => break,
                 Err(error) => return Err(wrong(format!("not a line of a recording: {error}"))),
@@ -135,29 +135,31 @@ impl Recording {
                     let said = line.format.map_or_else(|| "no format".to_owned(), |format| format!("format {format}"));
                     return Err(wrong(format!("{said}, but this program reads format 1 only")));
                 }
-                "touch" => {
-                    What::Touch(line.id.ok_or_else(|| missing("id"))?, line.body.ok_or_else(|| missing("body"))?)
-                }
-                "fingers" => What::Fingers(
+                "touch" => RecordedAction::Touch(
+                    line.id.ok_or_else(|| missing("id"))?,
+                    line.body.ok_or_else(|| missing("body"))?,
+                ),
+                "fingers" => RecordedAction::Fingers(
                     line.socket.ok_or_else(|| missing("socket"))?,
                     line.message.ok_or_else(|| missing("message"))?,
                 ),
-                "gone" => What::Gone(line.socket.ok_or_else(|| missing("socket"))?),
-                "stop" => What::Stop,
-                "arm" => What::Arm,
-                "clear" => What::Clear,
+                "gone" => RecordedAction::Gone(line.socket.ok_or_else(|| missing("socket"))?),
+                "stop" => RecordedAction::Stop,
+                "arm" => RecordedAction::Arm,
+                "clear" => RecordedAction::Clear,
                 "outcome" => {
                     let status = line.status.ok_or_else(|| missing("status"))?;
                     let id = line.id.ok_or_else(|| missing("id"))?;
-                    let problem = line.problem.as_ref().and_then(|problem| problem["type"].as_str()).map(short);
+                    let problem =
+                        line.problem.as_ref().and_then(|problem| problem["type"].as_str()).map(strip_problem_prefix);
                     let drives = line.drives.unwrap_or_default();
-                    recording.outcomes.insert(id, Outcome { status, problem, drives });
+                    recording.outcomes.insert(id, TouchOutcome { status, problem, drives });
                     continue;
                 }
                 // What later versions may write.
                 _ => continue,
             };
-            recording.asked.push(Asked { at, what });
+            recording.asked.push(RecordedRequest { at, what });
         }
         if bytes.is_empty() {
             return Err(ReplayError { line: 1, reason: "the file is empty".into() });
@@ -168,7 +170,7 @@ impl Recording {
 
 /// Largest relative difference of the drives' frequencies and voltages; `None` where they are not of the same actuators.
 #[must_use]
-pub fn difference(then: &Value, now: &Value) -> Option<f64> {
+pub fn largest_relative_drive_difference(then: &Value, now: &Value) -> Option<f64> {
     let (then, now) = (then.as_array()?, now.as_array()?);
     if then.len() != now.len() {
         return None;
@@ -205,9 +207,9 @@ mod tests {
         let (asked, outcomes) = (&recording.asked, &recording.outcomes);
         assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 3, 2));
         assert_eq!(asked[0].at, Duration::from_micros(12_500));
-        assert_eq!(asked[0].what, What::Touch(1, json!({"x_px": 3, "y_px": 4})));
-        let answered = Outcome { status: 200, problem: None, drives: json!([]) };
-        assert_eq!((&asked[2].what, &outcomes[&1]), (&What::Gone(7), &answered));
+        assert_eq!(asked[0].what, RecordedAction::Touch(1, json!({"x_px": 3, "y_px": 4})));
+        let answered = TouchOutcome { status: 200, problem: None, drives: json!([]) };
+        assert_eq!((&asked[2].what, &outcomes[&1]), (&RecordedAction::Gone(7), &answered));
         assert_eq!(outcomes[&2].to_string(), "409 superseded");
     }
 
@@ -248,9 +250,9 @@ mod tests {
     #[test]
     fn drives_differ_by_their_frequencies_and_voltages() {
         let drives = |hz: f64, volts: f64| json!([{"actuator": "left", "frequency_hz": hz, "voltage_v": volts}]);
-        assert_eq!(difference(&drives(100.0, 50.0), &drives(100.0, 50.0)), Some(0.0));
-        assert_eq!(difference(&drives(100.0, 50.0), &drives(110.0, 50.0)), Some(0.1));
-        assert_eq!(difference(&drives(100.0, 50.0), &drives(100.0, 40.0)), Some(0.2));
-        assert_eq!(difference(&drives(100.0, 50.0), &json!([])), None);
+        assert_eq!(largest_relative_drive_difference(&drives(100.0, 50.0), &drives(100.0, 50.0)), Some(0.0));
+        assert_eq!(largest_relative_drive_difference(&drives(100.0, 50.0), &drives(110.0, 50.0)), Some(0.1));
+        assert_eq!(largest_relative_drive_difference(&drives(100.0, 50.0), &drives(100.0, 40.0)), Some(0.2));
+        assert_eq!(largest_relative_drive_difference(&drives(100.0, 50.0), &json!([])), None);
     }
 }

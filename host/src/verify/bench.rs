@@ -26,7 +26,7 @@ pub(super) struct Bench {
 impl Bench {
     pub(super) fn new(mut board: SimBoard) -> Self {
         let mut device = Device::new();
-        device.complete_boot(&mut board);
+        device.complete_boot_to_discharging_or_fault(&mut board);
         Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
@@ -48,11 +48,11 @@ impl Bench {
             while self.time_us < keep_alive_us {
                 let due_us = self.device.poll_next_due_us(&mut self.board);
                 self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
-                self.board.set_time_us(self.time_us);
+                self.board.set_manual_time_us(self.time_us);
             }
             self.device.poll_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
-            self.ask(&Request::KeepAlive)?;
+            self.send_request(&Request::KeepAlive)?;
         }
         Ok(())
     }
@@ -60,13 +60,15 @@ impl Bench {
     /// The drives with their phases counted from the panel's time zero. Equal frequencies have a common origin, which the
     /// first of them shows: where its windows lie is taken from the timers, and the phases of the others from the plan.
     /// Drives whose windows are shorter than a tick are none and are left out.
-    pub(super) fn in_time(&mut self, drives: &[SiDrive]) -> Result<Vec<SiDrive>, VerifyError> {
+    pub(super) fn find_drives_from_panel_time_zero(&mut self, drives: &[SiDrive]) -> Result<Vec<SiDrive>, VerifyError> {
         let mut origins: Vec<(f64, f64)> = Vec::new();
         let mut found = Vec::with_capacity(drives.len());
         for drive in drives {
             let frequency_hz = drive.frequency_hz;
             let source = self.board.panel_mut().channel_timer_mut(usize::from(drive.channel));
-            let Some(peak_s) = source.and_then(|source| source.force_peak_time_s()) else { continue };
+            let Some(peak_s) = source.and_then(|source| source.absolute_force_peak_time_s_unless_blank()) else {
+                continue;
+            };
             let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
             let origin_s = known.unwrap_or_else(|| {
                 let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
@@ -81,7 +83,7 @@ impl Bench {
         Ok(found)
     }
 
-    pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, VerifyError> {
+    pub(super) fn send_request(&mut self, request: &Request) -> Result<Reply, VerifyError> {
         let broken = |what: &str| VerifyError::Device(what.into());
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];

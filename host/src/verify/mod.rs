@@ -2,14 +2,14 @@
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
 use crate::device::convert::{achieved_drive_from_wire, drive_to_wire};
-use crate::device::sim::{Clock, SimBoard, SimPanel, TravelExtreme};
+use crate::device::sim::{Clock, LargestTravel, SimBoard, SimPanel};
 use crate::model::ReducedModel;
-use crate::planner::drive::on_channels;
-use crate::planner::softening::{NotSafe, Transducer};
+use crate::planner::drive::assign_channels;
+use crate::planner::softening::{MotionError, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use crate::scene::Scene;
-use crate::transient::reduced::{with_stepped_modes_only, with_viscous_stand_in};
+use crate::transient::reduced::{make_viscous_and_silence_unstepped_modes, with_viscous_damping_if_hysteretic};
 use bench::{Bench, convert_to_shared_rails, fit_amplitudes};
 use era_model::stop::StopRequest;
 use era_shared::MAX_CHANNELS;
@@ -23,7 +23,7 @@ mod bench;
 pub mod succession;
 mod waveform;
 
-pub use waveform::{HIGHEST_LINE, Waveform, fundamentals};
+pub use waveform::{HIGHEST_LINE, Waveform, compute_sum_of_fundamentals_m_per_s2};
 
 /// Part of the predicted peak to which the motion of switching on must have fallen before the record starts.
 const SETTLED: f64 = 1e-4;
@@ -38,8 +38,8 @@ const LONGEST_SETTLE_S: f64 = 8.5;
 const SOFT_START_S: f64 = 0.3;
 /// Shortest settling time in s, for the accelerometer's own low-pass.
 const SHORTEST_SETTLE_S: f64 = 0.1;
-/// Length of the record in s: several dozen periods, twenty beats at the least spacing of 20 Hz, and two common periods of
-/// drives on the planner's grid of 2 Hz.
+/// Length of the record in s: several dozen periods, twenty beats at the least spacing of 20 Hz, and a common period of
+/// drives on the planner's grid of 1 Hz.
 const RECORD_S: f64 = 1.0;
 
 /// Why a point could not be verified.
@@ -53,13 +53,14 @@ pub enum VerifyError {
     Response(#[from] response::ResponseError),
     /// There is no steady state to compare with.
     #[error(
-        "{LONGEST_SETTLE_S} s after it was switched on the panel's motion has not settled, so that there is no steady state \
-         to compare with, as the board drives no longer than 10 s: give the scene more damping (surface.damping.loss_factor, say)"
+        "the motion of the panel has not settled {LONGEST_SETTLE_S} s after the drives were switched on, and the board drives \
+         for at most 10 s, so there is no steady state to compare with: give the scene more damping (such as \
+         surface.damping.loss_factor)"
     )]
     NeverSettles,
     /// The electrodes leave no steady state, or none within their gap.
     #[error("there is no steady motion to compare with: {0}")]
-    NotSafe(#[from] NotSafe),
+    NotSafe(#[from] MotionError),
     /// What a plan leaves when it ends cannot be told.
     #[error("the remaining motion of the plan cannot be computed: a drive is at the resonance of an undamped mode")]
     Unknown,
@@ -92,7 +93,7 @@ pub struct Travel {
 /// difference comes from can be told: `linear_g` and `predicted_g` are the plan's own figures; `rounded_g`, `achieved_g`,
 /// `causal_g` and `kept_g` are worked out here.
 #[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
+pub struct SimulationComparison {
     /// The point in mm.
     pub x_mm: f64,
     /// The point in mm.
@@ -142,7 +143,7 @@ pub struct Comparison {
     pub unsettled: f64,
 }
 
-impl Comparison {
+impl SimulationComparison {
     /// Most that any mass is predicted to travel, as a part of its gap.
     #[must_use]
     pub fn predicted_travel(&self) -> f64 {
@@ -160,19 +161,23 @@ impl Comparison {
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn compare(table: &PlanTable, panel: &SimPanel, target: Target) -> Result<Comparison, VerifyError> {
-    compare_request(table, panel, &planner::Request::touch(&[target]))
+pub fn compare_plan_with_simulation(
+    table: &PlanTable,
+    panel: &SimPanel,
+    target: Target,
+) -> Result<SimulationComparison, VerifyError> {
+    compare_planned_request_with_simulation(table, panel, &planner::Request::for_touch(&[target]))
 }
 
 /// The same for any request, at its first target.
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn compare_request(
+pub fn compare_planned_request_with_simulation(
     table: &PlanTable,
     panel: &SimPanel,
     request: &planner::Request,
-) -> Result<Comparison, VerifyError> {
+) -> Result<SimulationComparison, VerifyError> {
     let plan = table.plan_request(request)?;
     if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
         return Err(VerifyError::Nothing);
@@ -181,27 +186,27 @@ pub fn compare_request(
     let shape = table.model.shape_deflections_at(x_m, y_m);
     let mut panel = panel.clone();
     panel.place_accelerometer(&shape);
-    let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
-        record_plan(table, panel, &shape, &plan)?;
-    let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
+    let SimulatedRecord { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, largest_travels } =
+        record_simulated_plan(table, panel, &shape, &plan)?;
+    let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&largest_travels);
     let travel = masses
-        .map(|((actuator, predicted_m), extreme)| Travel {
+        .map(|((actuator, predicted_m), largest_travel)| Travel {
             actuator: actuator.id.clone(),
             predicted: predicted_m / actuator.air_gap_m,
-            simulated: extreme.travel_m / actuator.air_gap_m,
-            snapped_in: extreme.snapped_in,
+            simulated: largest_travel.travel_m / actuator.air_gap_m,
+            snapped_in: largest_travel.snapped_in,
         })
         .collect();
     let in_g = |acceleration: f64| acceleration / STANDARD_GRAVITY;
-    let (coinciding, beside_hz) = waveform.neighbours();
+    let (coinciding, beside_hz) = waveform.coinciding_amplitude_and_neighbour_frequencies_hz();
     let simulated_g =
         in_g(fit_amplitudes(&samples, step_s, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
     let simulated_band_g = in_g(samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())));
     let (linear_g, predicted_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
     let [rounded_g, causal_g, kept_g] = fundamentals.map(in_g);
-    let (achieved_g, predicted_band_g) = (in_g(waveform.fundamentals()), in_g(predicted_peak));
+    let (achieved_g, predicted_band_g) = (in_g(waveform.sum_of_fundamentals_m_per_s2()), in_g(predicted_peak));
     let relative = |found: f64, predicted: f64| (found - predicted) / predicted.max(f64::MIN_POSITIVE);
-    Ok(Comparison {
+    Ok(SimulationComparison {
         x_mm: x_m * 1e3,
         y_mm: y_m * 1e3,
         linear_g,
@@ -232,11 +237,18 @@ pub fn compare_request(
 ///
 /// # Errors
 /// That of a point, or [`PlanError::Stopped`].
-pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparison>, VerifyError> {
+pub fn compare_plans_at_points_with_simulation(
+    table: &PlanTable,
+    targets: &[Target],
+) -> Result<Vec<SimulationComparison>, VerifyError> {
     let panel = SimPanel::from_plan_table(table);
     let stop = StopRequest::current_request_of_thread();
     let compared = |target: &Target| {
-        if stop.is_stop_requested() { Err(PlanError::Stopped.into()) } else { compare(table, &panel, *target) }
+        if stop.is_stop_requested() {
+            Err(PlanError::Stopped.into())
+        } else {
+            compare_plan_with_simulation(table, &panel, *target)
+        }
     };
     targets.par_iter().map(compared).collect()
 }
@@ -262,7 +274,7 @@ pub fn spread_points(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)>
 }
 
 /// What the device did, and what the frequency domain has for it.
-struct Record {
+struct SimulatedRecord {
     /// Of the drives as the registers achieve them, their phases counted from the panel's time zero.
     waveform: Waveform,
     /// Fundamentals in m/s^2: without harmonics; with harmonics and the damping in time; and with the modes in time.
@@ -275,33 +287,47 @@ struct Record {
     /// Part of the peak that may be left of the motion of switching on.
     unsettled: f64,
     /// How far each mass has been.
-    extremes: [TravelExtreme; MAX_CHANNELS],
+    largest_travels: [LargestTravel; MAX_CHANNELS],
 }
 
 /// The accelerometer's record after the panel has settled.
-fn record_plan(table: &PlanTable, panel: SimPanel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
+fn record_simulated_plan(
+    table: &PlanTable,
+    panel: SimPanel,
+    shape: &DVector<f64>,
+    plan: &Plan,
+) -> Result<SimulatedRecord, VerifyError> {
     let step_s = panel.step_s();
     let actuators = &table.scene.actuators;
     let volts: Vec<f64> = actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    let transducers: Vec<Transducer> = actuators.iter().map(Transducer::of).collect();
+    let transducers: Vec<Transducer> = actuators.iter().map(Transducer::from_actuator).collect();
     let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
-    bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-    let drives = on_channels(&plan.drives).iter().map(drive_to_wire).collect();
-    let Reply::DrivesSet { achieved } = bench.ask(&Request::SetDrives { drives })? else {
+    bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
+    let drives = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
+    let Reply::DrivesSet { achieved } = bench.send_request(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("something else than the drives it has set".into()));
     };
     // The device holds the drives until its self-test has passed, and brings the rails up.
     bench.run_for(SOFT_START_S)?;
-    let achieved = bench.in_time(&convert_to_shared_rails(achieved.iter().map(achieved_drive_from_wire).collect()))?;
+    let achieved = bench.find_drives_from_panel_time_zero(&convert_to_shared_rails(
+        achieved.iter().map(achieved_drive_from_wire).collect(),
+    ))?;
     let waveform = Waveform::new(&table.model, &transducers, shape, &achieved)?;
-    let of = |model: &ReducedModel, highest| fundamentals(model, &transducers, shape, &achieved, highest);
+    let of = |model: &ReducedModel, highest| {
+        compute_sum_of_fundamentals_m_per_s2(model, &transducers, shape, &achieved, highest)
+    };
     let in_time =
         |parts: Option<ReducedModel>, otherwise: f64| parts.map_or(Ok(otherwise), |model| of(&model, HIGHEST_LINE));
-    let causal_sum = in_time(with_viscous_stand_in(&table.model), waveform.fundamentals())?;
-    let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(with_stepped_modes_only(&table.model), causal_sum)?];
+    let causal_sum =
+        in_time(with_viscous_damping_if_hysteretic(&table.model), waveform.sum_of_fundamentals_m_per_s2())?;
+    let fundamentals = [
+        of(&table.model, 1)?,
+        causal_sum,
+        in_time(make_viscous_and_silence_unstepped_modes(&table.model), causal_sum)?,
+    ];
     // From rest, the motion is the steady one and a free one that cancels it at first.
-    let peak = waveform.peak(0.0, step_s, count_samples(RECORD_S, step_s));
-    let (settling_s, left) = bench.board.panel_mut().settling_time_and_acceleration(
+    let peak = waveform.peak_m_per_s2(0.0, step_s, count_samples(RECORD_S, step_s));
+    let (settling_s, left) = bench.board.panel_mut().settling_time_s_and_acceleration_after_it_m_per_s2(
         &waveform.displacement,
         &waveform.velocity,
         SETTLED * peak,
@@ -315,17 +341,17 @@ fn record_plan(table: &PlanTable, panel: SimPanel, shape: &DVector<f64>, plan: &
     let from_s = bench.board.panel_mut().time_s() + 0.5 * step_s;
     bench.accelerometer().start_record();
     bench.run_for(RECORD_S)?;
-    let samples = bench.accelerometer().take_record();
-    let extremes = bench.board.panel_mut().take_travel_extremes();
-    bench.ask(&Request::Stop)?;
-    Ok(Record {
-        predicted_peak: waveform.peak(from_s, step_s, samples.len()),
+    let samples = bench.accelerometer().stop_and_take_record();
+    let largest_travels = bench.board.panel_mut().take_largest_travels_since_last_call();
+    bench.send_request(&Request::Stop)?;
+    Ok(SimulatedRecord {
+        predicted_peak: waveform.peak_m_per_s2(from_s, step_s, samples.len()),
         waveform,
         fundamentals,
         samples,
         step_s,
         unsettled: left / peak.max(f64::MIN_POSITIVE),
-        extremes,
+        largest_travels,
     })
 }
 

@@ -4,8 +4,9 @@ use super::VerifyError;
 use crate::device::sim::low_pass_response;
 use crate::model::ReducedModel;
 use crate::planner::Phasors;
+use crate::planner::charging::PeriodicCharging;
 use crate::planner::drive::SiDrive;
-use crate::planner::softening::{Excitation, Line, Motion, Transducer, settle, travel_receptance};
+use crate::planner::softening::{Excitation, Line, Motion, Transducer, compute_travel_receptance, solve_steady_motion};
 use crate::response::{self, CoordinateSolver};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
@@ -17,7 +18,8 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI, TAU};
 const HIGHEST_HZ: f64 = 4000.0;
 /// Highest harmonic that moves the masses far enough for the electrodes to notice.
 pub const HIGHEST_LINE: u32 = 5;
-/// Points of the quadrature over a window: of the 99th harmonic, 40 Hz to 4 kHz, 15 in a period.
+/// Points of the quadrature over a window: of the 99th harmonic, 40 Hz to 4 kHz, 15 in a period. Of electrodes behind resistors as many over
+/// each piece of their voltage's course.
 const WINDOW_POINTS: u32 = 500;
 /// Lowest sum or difference of frequencies that is counted, in Hz.
 const LOWEST_HZ: f64 = 1.0;
@@ -54,7 +56,7 @@ struct Tone {
 }
 
 /// What moves under some drives, at their frequencies and odd harmonics.
-struct Steady {
+struct SteadyMotion {
     frequencies_hz: Vec<f64>,
     excitations: Vec<Excitation>,
     /// Number of the frequency, harmonic, modal coordinates per force, forces.
@@ -63,7 +65,7 @@ struct Steady {
     motion: Motion,
 }
 
-impl Steady {
+impl SteadyMotion {
     /// Harmonics up to `highest`, and no further than [`HIGHEST_HZ`].
     fn new(
         solver: &CoordinateSolver<'_>,
@@ -74,7 +76,10 @@ impl Steady {
     ) -> Result<Self, VerifyError> {
         let mut frequencies_hz: Vec<f64> = Vec::new();
         let mut excitations =
-            vec![Excitation { frequency: 0, voltage_v: 0.0, pulse_width: 0.0, phase_rad: 0.0 }; actuators.len()];
+            vec![
+                Excitation { frequency: 0, frequency_hz: 0.0, voltage_v: 0.0, pulse_width: 0.0, phase_rad: 0.0 };
+                actuators.len()
+            ];
         for drive in drives {
             let Some(excitation) = excitations.get_mut(usize::from(drive.channel)) else { continue };
             let known = frequencies_hz.iter().position(|known| (known - drive.frequency_hz).abs() < SAME_HZ);
@@ -82,27 +87,27 @@ impl Steady {
                 frequencies_hz.push(drive.frequency_hz);
                 frequencies_hz.len() - 1
             });
-            let SiDrive { voltage_v, pulse_width, phase_rad, .. } = *drive;
-            *excitation = Excitation { frequency, voltage_v, pulse_width, phase_rad };
+            let SiDrive { frequency_hz, voltage_v, pulse_width, phase_rad, .. } = *drive;
+            *excitation = Excitation { frequency, frequency_hz, voltage_v, pulse_width, phase_rad };
         }
         let (mut parts, mut lines) = (Vec::new(), Vec::new());
         for (frequency, base_hz) in frequencies_hz.iter().enumerate() {
             let counts = |n: &u32| *n == 1 || *n <= highest && f64::from(*n) * base_hz <= HIGHEST_HZ;
             for harmonic in (1..).step_by(2).take_while(counts) {
-                let coordinates = solver.solve_at_frequency(f64::from(harmonic) * base_hz)?;
+                let coordinates = solver.solve_coordinates_per_newton_at(f64::from(harmonic) * base_hz)?;
                 if harmonic <= HIGHEST_LINE {
-                    let receptance = travel_receptance(model, &coordinates);
+                    let receptance = compute_travel_receptance(model, &coordinates);
                     lines.push(Line { frequency, harmonic, receptance });
                 }
                 parts.push((frequency, harmonic, coordinates, [Complex64::ZERO; MAX_ACTUATORS]));
             }
         }
-        let motion = settle(actuators, &excitations, &lines)?;
+        let motion = solve_steady_motion(actuators, &excitations, &lines)?;
         for (frequency, harmonic, _, forces) in &mut parts {
             let line = lines.iter().position(|line| line.frequency == *frequency && line.harmonic == *harmonic);
             *forces = match line.and_then(|line| motion.force_n.get(line)) {
                 Some(forces) => *forces,
-                None => high_harmonic(actuators, &excitations, &lines, &motion, *frequency, *harmonic),
+                None => forces_of_high_harmonic(actuators, &excitations, &lines, &motion, *frequency, *harmonic),
             };
         }
         Ok(Self { frequencies_hz, excitations, parts, lines, motion })
@@ -110,7 +115,7 @@ impl Steady {
 
     /// Forces at sums and differences of frequencies, in Hz and N: the spring of an actuator that is driven at f pulsates at
     /// 2 f, and what moves it at f' is felt at 2 f + f' and 2 f - f' too. Of first order, for the fundamentals of the others.
-    fn combinations(&self) -> Vec<(f64, usize, Complex64)> {
+    fn list_forces_at_sums_and_differences(&self) -> Vec<(f64, usize, Complex64)> {
         let mut all = Vec::new();
         for (l, line) in self.lines.iter().enumerate().filter(|(_, line)| line.harmonic == 1) {
             for (i, excitation) in self.excitations.iter().enumerate() {
@@ -138,14 +143,14 @@ impl Steady {
 ///
 /// # Errors
 /// As [`Waveform::new`].
-pub fn fundamentals(
+pub fn compute_sum_of_fundamentals_m_per_s2(
     model: &ReducedModel,
     actuators: &[Transducer],
     shape: &DVector<f64>,
     drives: &[SiDrive],
     highest: u32,
 ) -> Result<f64, VerifyError> {
-    let steady = Steady::new(&CoordinateSolver::new(model), model, actuators, drives, highest)?;
+    let steady = SteadyMotion::new(&CoordinateSolver::new(model), model, actuators, drives, highest)?;
     let mut sum = 0.0;
     for (frequency, _, coordinates, forces) in steady.parts.iter().filter(|(_, harmonic, ..)| *harmonic == 1) {
         let omega = TAU * steady.frequencies_hz.get(*frequency).copied().unwrap_or_default();
@@ -174,7 +179,7 @@ impl Waveform {
         drives: &[SiDrive],
     ) -> Result<Self, VerifyError> {
         let solver = CoordinateSolver::new(model);
-        let steady = Steady::new(&solver, model, actuators, drives, u32::MAX)?;
+        let steady = SteadyMotion::new(&solver, model, actuators, drives, u32::MAX)?;
         let mut tones: Vec<Tone> = steady
             .frequencies_hz
             .iter()
@@ -198,8 +203,8 @@ impl Waveform {
             tone.phasors.push(sum * low_pass_response(hz));
         }
         let mut combinations = Vec::new();
-        for (hz, actuator, force) in steady.combinations() {
-            if let Some(q) = solver.solve_at_frequency(hz)?.get(actuator) {
+        for (hz, actuator, force) in steady.list_forces_at_sums_and_differences() {
+            if let Some(q) = solver.solve_coordinates_per_newton_at(hz)?.get(actuator) {
                 combinations.push((hz, move_by(hz, q, force) * low_pass_response(hz)));
             }
         }
@@ -214,7 +219,7 @@ impl Waveform {
 
     /// Sum of the amplitudes at the drives' frequencies (equation 23) in m/s^2.
     #[must_use]
-    pub fn fundamentals(&self) -> f64 {
+    pub fn sum_of_fundamentals_m_per_s2(&self) -> f64 {
         self.tones.iter().map(|tone| tone.fundamental).sum()
     }
 
@@ -222,7 +227,7 @@ impl Waveform {
     /// amplitudes in m/s^2, without any low-pass, of those that a record of 1 s cannot tell from a drive's, and the
     /// frequencies in Hz of those that are beside one.
     #[must_use]
-    pub fn neighbours(&self) -> (f64, Vec<f64>) {
+    pub fn coinciding_amplitude_and_neighbour_frequencies_hz(&self) -> (f64, Vec<f64>) {
         let harmonics = self.tones.iter().flat_map(|tone| {
             let numbers = (3_u32..).step_by(2).map(f64::from);
             numbers.zip(tone.phasors.iter().skip(1)).map(|(n, phasor)| (n * tone.frequency_hz, phasor))
@@ -243,8 +248,8 @@ impl Waveform {
 
     /// Acceleration in m/s^2 through the accelerometer's low-pass, `time_s` after the drives' start.
     #[must_use]
-    pub fn at(&self, time_s: f64) -> f64 {
-        let tones: f64 = self.tones.iter().map(|tone| tone.at(time_s)).sum();
+    pub fn acceleration_at_m_per_s2(&self, time_s: f64) -> f64 {
+        let tones: f64 = self.tones.iter().map(|tone| tone.acceleration_at_m_per_s2(time_s)).sum();
         let turn = |hz: f64| Complex64::cis(TAU * (hz * time_s).fract());
         tones + self.combinations.iter().map(|(hz, phasor)| (phasor * turn(*hz)).re).sum::<f64>()
     }
@@ -254,14 +259,14 @@ impl Waveform {
     /// window is seen in it only as far as the window goes, as in a measurement.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
-    pub fn peak(&self, from_s: f64, step_s: f64, samples: usize) -> f64 {
-        (0..samples).map(|i| self.at(from_s + i as f64 * step_s).abs()).fold(0.0, f64::max)
+    pub fn peak_m_per_s2(&self, from_s: f64, step_s: f64, samples: usize) -> f64 {
+        (0..samples).map(|i| self.acceleration_at_m_per_s2(from_s + i as f64 * step_s).abs()).fold(0.0, f64::max)
     }
 }
 
 impl Tone {
     /// Horner's scheme in e^{2 j angle}: one sine and cosine for all harmonics.
-    fn at(&self, time_s: f64) -> f64 {
+    fn acceleration_at_m_per_s2(&self, time_s: f64) -> f64 {
         let first = Complex64::cis(TAU * (self.frequency_hz * time_s).fract());
         let square = first * first;
         let sum = self.phasors.iter().rev().fold(Complex64::ZERO, |sum, phasor| sum * square + phasor);
@@ -270,7 +275,7 @@ impl Tone {
 }
 
 /// Forces of a harmonic beyond the lines: that of an actuator's own windows around its own motion, by the midpoint rule.
-fn high_harmonic(
+fn forces_of_high_harmonic(
     actuators: &[Transducer],
     excitations: &[Excitation],
     lines: &[Line],
@@ -285,9 +290,7 @@ fn high_harmonic(
             continue;
         }
         let newtons = actuator.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;
-        let step = PI * excitation.pulse_width / f64::from(WINDOW_POINTS);
-        for k in 0..WINDOW_POINTS {
-            let angle = (f64::from(k) + 0.5) * step - FRAC_PI_2 * excitation.pulse_width;
+        let mut add_pull = |angle: f64, step: f64, square: f64| {
             let own = lines.iter().zip(&motion.travel_m).filter(|(line, _)| line.frequency == frequency);
             let travel_m: f64 = own
                 .map(|(line, travel)| {
@@ -295,8 +298,25 @@ fn high_harmonic(
                 })
                 .sum();
             let left = 1.0 - travel_m / actuator.gap_m;
-            forces[i] +=
-                Complex64::cis(-n * (angle - excitation.phase_rad)) * (newtons / (left * left) * FRAC_2_PI * step);
+            forces[i] += Complex64::cis(-n * (angle - excitation.phase_rad))
+                * (square * newtons / (left * left) * FRAC_2_PI * step);
+        };
+        let middles = (0..WINDOW_POINTS).map(|k| f64::from(k) + 0.5);
+        if actuator.charging.is_instant() || excitation.voltage_v == 0.0 {
+            let step = PI * excitation.pulse_width / f64::from(WINDOW_POINTS);
+            middles.for_each(|at| add_pull(at * step - FRAC_PI_2 * excitation.pulse_width, step, 1.0));
+            continue;
+        }
+        let course =
+            PeriodicCharging::new(actuator.charging, excitation.frequency_hz).voltage_course(excitation.pulse_width);
+        let per_s = TAU * excitation.frequency_hz;
+        for (from_s, length_s) in course.begin_and_length_of_pieces_s() {
+            let step_s = length_s / f64::from(WINDOW_POINTS);
+            for at in middles.clone() {
+                let at_s = from_s + at * step_s;
+                let angle = per_s * (at_s - 0.5 * course.window_s());
+                add_pull(angle, per_s * step_s, course.fraction_at(at_s).powi(2));
+            }
         }
     }
     forces
@@ -307,7 +327,7 @@ mod tests {
     use super::*;
 
     fn of(tones: Vec<Tone>) -> Waveform {
-        let motion = settle(&[], &[], &[]).expect("nothing moves");
+        let motion = solve_steady_motion(&[], &[], &[]).expect("nothing moves");
         Waveform {
             tones,
             combinations: Vec::new(),
@@ -327,17 +347,17 @@ mod tests {
     fn coinciding_harmonics_add_as_phasors() {
         // The third harmonic of 60 Hz against the first of 180 Hz, which starts half a turn later: nothing is left of it.
         let waveform = of(vec![tone(60.0, 0.0, &[1.0, 0.5]), tone(180.0, PI, &[0.5])]);
-        assert!((waveform.peak(0.0, 25e-6, 40_000) - 1.0).abs() < 1e-12);
+        assert!((waveform.peak_m_per_s2(0.0, 25e-6, 40_000) - 1.0).abs() < 1e-12);
         let alone = of(vec![tone(60.0, 0.0, &[1.0, 0.5])]);
-        assert!((alone.peak(0.0, 25e-6, 40_000) - 1.5).abs() < 1e-12);
+        assert!((alone.peak_m_per_s2(0.0, 25e-6, 40_000) - 1.5).abs() < 1e-12);
     }
 
     #[test]
     fn a_long_beat_is_seen_as_far_as_the_window_goes() {
         // A beat of 0.1 Hz that starts in opposition: nothing at first, twice the amplitude after 5 s.
         let waveform = of(vec![tone(200.0, 0.0, &[1.0]), tone(200.1, PI, &[1.0])]);
-        let early = waveform.peak(0.0, 25e-6, 4_000);
+        let early = waveform.peak_m_per_s2(0.0, 25e-6, 4_000);
         assert!(early < 2.0 * (PI * 0.1 * 0.1).sin() + 1e-9, "{early}");
-        assert!(waveform.peak(4.95, 25e-6, 4_000) > 1.999);
+        assert!(waveform.peak_m_per_s2(4.95, 25e-6, 4_000) > 1.999);
     }
 }

@@ -4,8 +4,8 @@
 
 use era_model::scene::EXAMPLE_PLATE;
 use era_study::evaluate::QuickEvaluator;
-use era_study::result::{DesignTable, choose_finalists};
-use era_study::run::{Shard, Study, StudyFolder, run_study_shard};
+use era_study::result::{DesignTable, choose_finalist_indices_best_first};
+use era_study::run::{Shard, Study, StudyFolder, compute_missing_rows_of_shard};
 use std::error::Error;
 
 const STUDY: &str = r#"
@@ -31,9 +31,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     // What is done is kept there: a second run goes on where the first one ended.
     let results = tempfile::tempdir()?;
     let folder = StudyFolder::open_or_create(results.path(), study.fingerprint())?;
-    run_study_shard(&study, &folder, &QuickEvaluator::new(study.table_options()), Shard::ALL, &())?;
+    compute_missing_rows_of_shard(&study, &folder, &QuickEvaluator::new(study.table_options()), Shard::ALL, &())?;
     let table = DesignTable::gather_from_folder(&study, &folder)?;
-    for place in choose_finalists(&study, &table, 3) {
+    for place in choose_finalist_indices_best_first(&study, &table, 3) {
         let entry = &table.entries[place];
         let settings = &entry.row.design.settings;
         println!("design {}: {:.3} g at the weakest place with {settings:?}", place + 1, entry.wishes[0]);

@@ -25,7 +25,7 @@ pub struct StudyBounds {
 
 /// More of something than the bounds allow.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} has {value} {unit}, but at most {most} are taken")]
+#[error("{field} has {value} {unit}, but at most {most} are allowed")]
 pub struct ExceededBound {
     /// The study's key, or the study.
     pub field: &'static str,
@@ -62,7 +62,10 @@ impl StudyBounds {
     ///
     /// # Errors
     /// [`ExceededBound`].
-    pub(crate) fn check_entry_and_finalist_counts(&self, spec: &StudySpec) -> Result<(), ExceededBound> {
+    pub(crate) fn check_counts_of_all_study_entries_and_finalists(
+        &self,
+        spec: &StudySpec,
+    ) -> Result<(), ExceededBound> {
         let entries =
             [spec.variables.len(), spec.apart.len(), spec.wishes.len(), spec.limits.len(), spec.uncertain.len()];
         check_count_at_most("study", entries.iter().sum(), "variables, wishes and other entries", self.entries)?;
@@ -74,7 +77,9 @@ impl StudyBounds {
     /// # Errors
     /// [`ExceededBound`].
     pub(crate) fn check_scene_place_counts(&self, spec: &StudySpec, space: &DesignSpace) -> Result<(), ExceededBound> {
-        let count = |paths: &[ScenePath]| -> usize { paths.iter().map(|path| space.count_places_of_path(path)).sum() };
+        let count = |paths: &[ScenePath]| -> usize {
+            paths.iter().map(|path| space.count_matches_of_path_in_base_scene_or_zero(path)).sum()
+        };
         let (mut places, mut written) = (0_usize, 0_usize);
         for variable in &spec.variables {
             let (own, longest) = match &variable.what {
@@ -83,7 +88,7 @@ impl StudyBounds {
                     (count(paths), values.iter().map(|value| value.to_string().len()).max().unwrap_or(0))
                 }
                 VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
-                    (2 * space.count_places_of_path(of), NUMBER)
+                    (2 * space.count_matches_of_path_in_base_scene_or_zero(of), NUMBER)
                 }
                 VariableKind::Count { .. } => (0, 0),
             };
@@ -100,13 +105,13 @@ impl StudyBounds {
     ///
     /// # Errors
     /// [`ExceededBound`].
-    pub(crate) fn check_evaluation_count(
+    pub(crate) fn check_evaluation_count_of_study(
         &self,
         method: &StudyMethod,
         space: &DesignSpace,
         samples: usize,
     ) -> Result<(), ExceededBound> {
         let looks = count_designs_of_method(method, space.dimensions()).saturating_mul(samples.saturating_add(1));
-        check_count_at_most("method.designs", looks, "looks at designs", self.looks)
+        check_count_at_most("method.designs", looks, "evaluations of designs", self.looks)
     }
 }

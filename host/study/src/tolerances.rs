@@ -7,7 +7,9 @@
 use crate::run::StudyObserver;
 use crate::ways::draw_latin_hypercube;
 use era_model::model::{Accuracy, ModelError, PanelModel};
-use era_model::response::{ResponseError, SineComponent, acceleration_curves, compute_peak_of_sines};
+use era_model::response::{
+    ResponseError, SineComponent, compute_acceleration_curves_per_newton, peak_of_sines_merging_equal_frequencies,
+};
 use era_model::scene::random::RandomSequence;
 use era_model::scene::{EdgeKind, Scene, SurfaceKind};
 use era_planner::{Drive, Plan};
@@ -72,9 +74,9 @@ impl Tolerances {
 
 /// A kind of thing that may be off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = What))]
 #[serde(rename_all = "snake_case")]
-pub enum What {
+pub enum ToleranceKind {
     /// [`Tolerances::springs`].
     Springs,
     /// [`Tolerances::youngs_modulus`].
@@ -85,7 +87,7 @@ pub enum What {
     Places,
 }
 
-impl What {
+impl ToleranceKind {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Springs, Self::YoungsModulus, Self::Thickness, Self::Places];
 
@@ -112,15 +114,15 @@ pub struct PeakRange {
     /// Of the strongest one.
     pub most_db: f64,
     /// The sample of `least_db`.
-    pub weakest: OffPanel,
+    pub weakest: PanelDeviations,
     /// The sample of `most_db`.
-    pub strongest: OffPanel,
+    pub strongest: PanelDeviations,
 }
 
 /// A panel that is off, as it was modelled. What was not off has no field.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct OffPanel {
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OffPanel))]
+pub struct PanelDeviations {
     /// Factors on the stiffness of springs.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(nullable = false))]
@@ -136,7 +138,7 @@ pub struct OffPanel {
     /// Where everything was, in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(nullable = false))]
-    pub places_mm: Option<OffPlaces>,
+    pub places_mm: Option<ShiftedPlaces>,
 }
 
 /// Factors on stiffness, in the scene's order. Of what the scene has none there is no list.
@@ -156,8 +158,8 @@ pub struct SpringFactors {
 
 /// Places `[x, y]` on the surface in mm, in the scene's order; on a bar y is that of its axis. Of what the scene has none there is no list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct OffPlaces {
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OffPlaces))]
+pub struct ShiftedPlaces {
     /// Of supports.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub supports: Vec<[f64; 2]>,
@@ -174,7 +176,7 @@ pub struct OffPlaces {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OneTolerance))]
 pub struct OneTolerance {
     /// Which.
-    pub what: What,
+    pub what: ToleranceKind,
     /// What it does.
     #[serde(flatten)]
     pub range: PeakRange,
@@ -201,21 +203,21 @@ impl Spread {
     pub fn describe_in_words(&self) -> String {
         let Tolerances { springs, youngs_modulus, thickness, places_mm } = self.tolerances;
         let percent = |part: f64| format!("{} %", (1e4 * part).round() / 1e2);
-        let by = |what: What| match what {
-            What::Springs => percent(springs),
-            What::YoungsModulus => percent(youngs_modulus),
-            What::Thickness => percent(thickness),
-            What::Places => format!("{places_mm} mm"),
+        let by = |what: ToleranceKind| match what {
+            ToleranceKind::Springs => percent(springs),
+            ToleranceKind::YoungsModulus => percent(youngs_modulus),
+            ToleranceKind::Thickness => percent(thickness),
+            ToleranceKind::Places => format!("{places_mm} mm"),
         };
         let ends = |range: &PeakRange| {
             format!("{:+.1} to {:+.1} dB, median {:+.1} dB", range.least_db, range.most_db, range.median_db)
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
-            "if the panel differs from the scene, the same drives give {all} ({samples} panels; others may differ more)"
+            "if the panel differs from the scene, the same drives give {all} (of {samples} panels that were computed; other panels may differ more)"
         );
         for OneTolerance { what, range } in &self.of {
-            let _ = write!(text, "\n  {} by up to {} alone: {}", what.name(), by(*what), ends(range));
+            let _ = write!(text, "\n  only {}, by up to {}: {}", what.name(), by(*what), ends(range));
         }
         text
     }
@@ -223,7 +225,7 @@ impl Spread {
 
 /// A tolerance that is not in its range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {value}, but must be in 0 to {most}")]
+#[error("{field} is {value}, but must be 0 to {most}")]
 pub struct RangeError {
     /// Its name in [`Tolerances`].
     pub field: &'static str,
@@ -240,7 +242,7 @@ pub enum ToleranceError {
     #[error(transparent)]
     Range(#[from] RangeError),
     /// Whoever watched wanted no more of it.
-    #[error("stopped before all panels were looked at")]
+    #[error("the computation was stopped before all panels were evaluated")]
     Stopped,
     /// A panel cannot be modelled.
     #[error(transparent)]
@@ -250,61 +252,63 @@ pub enum ToleranceError {
     Response(#[from] ResponseError),
 }
 
-/// What being off does to a plan. The scene's finger is on each of `fingers_m`, as when the plan was made.
+/// What being off does to a plan. The scene's finger is on each of `finger_places_m`, as when the plan was made.
 ///
 /// # Errors
 /// [`ToleranceError`].
-pub fn compute_tolerance_spread(
+pub fn compute_target_peak_spread_under_tolerances(
     scene: &Scene,
-    fingers_m: &[(f64, f64)],
+    finger_places_m: &[(f64, f64)],
     plan: &Plan,
     tolerances: Tolerances,
 ) -> Result<Spread, ToleranceError> {
-    compute_observed_tolerance_spread(scene, fingers_m, plan, tolerances, &())
+    compute_target_peak_spread_under_tolerances_with_observer(scene, finger_places_m, plan, tolerances, &())
 }
 
-/// How many panels [`compute_tolerance_spread`] looks at for this scene.
+/// How many panels [`compute_target_peak_spread_under_tolerances`] looks at for this scene.
 #[must_use]
-pub fn count_modelled_panels(scene: &Scene) -> usize {
-    let kinds = What::ALL.iter().filter(|what| count_deviating_numbers(scene, **what) > 0).count();
+pub fn count_varied_panels_of_tolerance_study(scene: &Scene) -> usize {
+    let kinds = ToleranceKind::ALL.iter().filter(|what| count_deviating_numbers(scene, **what) > 0).count();
     EACH * kinds + if kinds > 0 { SAMPLES } else { 0 }
 }
 
-/// The same as [`compute_tolerance_spread`], for an observer that is told of every panel and may stop it.
+/// The same as [`compute_target_peak_spread_under_tolerances`], for an observer that is told of every panel and may stop it.
 ///
 /// # Errors
 /// [`ToleranceError`].
-pub fn compute_observed_tolerance_spread(
+pub fn compute_target_peak_spread_under_tolerances_with_observer(
     scene: &Scene,
-    fingers_m: &[(f64, f64)],
+    finger_places_m: &[(f64, f64)],
     plan: &Plan,
     tolerances: Tolerances,
     observer: &dyn StudyObserver,
 ) -> Result<Spread, ToleranceError> {
     tolerances.check_ranges()?;
     let at = (plan.target_m[0], plan.target_m[1]);
-    let peak = |scene: &Scene| peak_acceleration_m_per_s2(&scene.with_finger_at_places(fingers_m), &plan.drives, at);
+    let peak = |scene: &Scene| {
+        compute_steady_peak_acceleration_m_per_s2(&scene.with_finger_at_places(finger_places_m), &plan.drives, at)
+    };
     let meant = peak(scene)?;
     let level = |scene: &Scene| -> Result<f64, ToleranceError> {
         if observer.is_stop_wanted() {
             return Err(ToleranceError::Stopped);
         }
         let part = if meant > 0.0 { peak(scene)? / meant } else { 1.0 };
-        observer.report_computed_designs(1);
+        observer.report_newly_computed_designs(1);
         Ok(20.0 * part.max(LEAST_PART).log10())
     };
     // A stream of random numbers for each question: none changes with those before it.
-    let range = |kinds: &[What], samples: usize, stream: u64| -> Result<Option<PeakRange>, ToleranceError> {
+    let range = |kinds: &[ToleranceKind], samples: usize, stream: u64| -> Result<Option<PeakRange>, ToleranceError> {
         let count: usize = kinds.iter().map(|what| count_deviating_numbers(scene, *what)).sum();
         if count == 0 {
             return Ok(None);
         }
         let points = draw_latin_hypercube(count, samples, &mut RandomSequence::new(SEED, stream));
         let look = |point: Vec<f64>| {
-            let (scene, panel) = apply_deviations(scene, kinds, &point, tolerances);
+            let (scene, panel) = scene_with_deviations_at_point(scene, kinds, &point, tolerances);
             Ok((level(&scene)?, panel))
         };
-        let mut looked: Vec<(f64, OffPanel)> =
+        let mut looked: Vec<(f64, PanelDeviations)> =
             points.into_par_iter().map(look).collect::<Result<_, ToleranceError>>()?;
         looked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let at = |k: usize| looked.get(k).cloned().unwrap_or_default();
@@ -312,58 +316,68 @@ pub fn compute_observed_tolerance_spread(
         Ok(Some(PeakRange { least_db, median_db, most_db, weakest, strongest }))
     };
     let mut of = Vec::new();
-    for (stream, what) in (1..).zip(What::ALL) {
+    for (stream, what) in (1..).zip(ToleranceKind::ALL) {
         of.extend(range(&[what], EACH, stream)?.map(|range| OneTolerance { what, range }));
     }
-    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or_default(), samples: SAMPLES, of })
+    Ok(Spread { tolerances, range: range(&ToleranceKind::ALL, SAMPLES, 0)?.unwrap_or_default(), samples: SAMPLES, of })
 }
 
 /// How many numbers of a kind are off by themselves.
-fn count_deviating_numbers(scene: &Scene, what: What) -> usize {
-    match what {
-        What::Springs => scene.supports.len() + scene.edges.len() + scene.actuators.len(),
-        What::YoungsModulus | What::Thickness => 1,
-        What::Places => 2 * (scene.supports.len() + scene.masses.len() + scene.actuators.len()),
+fn count_deviating_numbers(scene: &Scene, kind: ToleranceKind) -> usize {
+    match kind {
+        ToleranceKind::Springs => scene.supports.len() + scene.edges.len() + scene.actuators.len(),
+        ToleranceKind::YoungsModulus | ToleranceKind::Thickness => 1,
+        ToleranceKind::Places => 2 * (scene.supports.len() + scene.masses.len() + scene.actuators.len()),
     }
 }
 
 /// The scene with some kinds off, and what is off of it: `point` is in the unit cube, its middle being the scene itself.
-fn apply_deviations(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> (Scene, OffPanel) {
-    let (mut scene, mut panel) = (scene.clone(), OffPanel::default());
+fn scene_with_deviations_at_point(
+    scene: &Scene,
+    kinds: &[ToleranceKind],
+    point: &[f64],
+    tolerances: Tolerances,
+) -> (Scene, PanelDeviations) {
+    let (mut scene, mut panel) = (scene.clone(), PanelDeviations::default());
     let mut parts = point.iter().map(|at| 2.0 * at - 1.0);
     let mut next = || parts.next().unwrap_or(0.0);
     for what in kinds {
         match what {
             // What the scene has nothing of takes no numbers.
             _ if count_deviating_numbers(&scene, *what) == 0 => {}
-            What::Springs => panel.springs = Some(scale_springs(&mut scene, || 1.0 + tolerances.springs * next())),
-            What::YoungsModulus => {
+            ToleranceKind::Springs => {
+                panel.springs = Some(scale_each_spring(&mut scene, || 1.0 + tolerances.springs * next()))
+            }
+            ToleranceKind::YoungsModulus => {
                 let factor = 1.0 + tolerances.youngs_modulus * next();
-                scene.scale_youngs_modulus(factor);
+                scene.scale_all_elastic_moduli(factor);
                 panel.youngs_modulus = Some(factor);
             }
-            What::Thickness => {
+            ToleranceKind::Thickness => {
                 let factor = 1.0 + tolerances.thickness * next();
-                scene.scale_thickness(factor);
+                scene.scale_all_thicknesses(factor);
                 panel.thickness = Some(factor);
             }
-            What::Places => panel.places_mm = Some(shift_places(&mut scene, || tolerances.places_mm / 1e3 * next())),
+            ToleranceKind::Places => {
+                panel.places_mm =
+                    Some(shift_each_place_along_x_and_y(&mut scene, || tolerances.places_mm / 1e3 * next()))
+            }
         }
     }
     (scene, panel)
 }
 
 /// Every spring times a factor of its own.
-fn scale_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFactors {
+fn scale_each_spring(scene: &mut Scene, mut next_factor: impl FnMut() -> f64) -> SpringFactors {
     let supports = scene.supports.iter_mut().map(|support| {
-        let factor = factor();
+        let factor = next_factor();
         support.stiffness_n_per_m *= factor;
         support.rotational_stiffness_n_m_per_rad *= factor;
         factor
     });
     let supports = supports.collect();
     let edges = scene.edges.iter_mut().map(|edge| {
-        let factor = factor();
+        let factor = next_factor();
         let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = &mut edge.kind else { return 1.0 };
         *stiffness *= factor;
         *rotational_stiffness *= factor;
@@ -371,7 +385,7 @@ fn scale_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFa
     });
     let edges = edges.collect();
     let actuators = scene.actuators.iter_mut().map(|actuator| {
-        let factor = factor();
+        let factor = next_factor();
         actuator.stiffness_n_per_m *= factor;
         factor
     });
@@ -379,26 +393,30 @@ fn scale_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFa
 }
 
 /// Every place off by so many metres along x and y; on a bar along x alone.
-fn shift_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
+fn shift_each_place_along_x_and_y(scene: &mut Scene, mut next_shift_m: impl FnMut() -> f64) -> ShiftedPlaces {
     let meant = scene.clone();
     let (length_m, width_m, is_bar) =
         (scene.surface.length_m, scene.surface.width_m, scene.surface.kind == SurfaceKind::Bar);
     let mut off = |x_m: &mut f64, y_m: &mut f64| {
-        let at_m = (snap_to_border_m(*x_m + by_m(), length_m), snap_to_border_m(*y_m + by_m(), width_m));
+        let at_m = (
+            snap_to_border_if_near_or_beyond_m(*x_m + next_shift_m(), length_m),
+            snap_to_border_if_near_or_beyond_m(*y_m + next_shift_m(), width_m),
+        );
         // A number for y is drawn on a bar as well: which panels are looked at does not depend on it.
-        (*x_m, *y_m) = if is_bar { (at_m.0, *y_m) } else { move_out_of_cutout(&meant, (*x_m, *y_m), at_m) };
+        (*x_m, *y_m) =
+            if is_bar { (at_m.0, *y_m) } else { move_to_nearest_border_if_in_cutout(&meant, (*x_m, *y_m), at_m) };
         [*x_m * 1e3, *y_m * 1e3]
     };
-    OffPlaces {
+    ShiftedPlaces {
         supports: scene.supports.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
         masses: scene.masses.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
         actuators: scene.actuators.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
     }
 }
 
-/// A place on the surface: what would be in a cut-out is on the nearest border that has surface beside it, or where it was meant.
-fn move_out_of_cutout(scene: &Scene, intended_m: (f64, f64), at_m: (f64, f64)) -> (f64, f64) {
-    if scene.cutout_number_at(at_m.0, at_m.1).is_none() {
+/// `at_m`, or, if that is in a cut-out, the nearest place on the cut-outs' borders that has surface beside it; `fallback_m` if there is none.
+fn move_to_nearest_border_if_in_cutout(scene: &Scene, fallback_m: (f64, f64), at_m: (f64, f64)) -> (f64, f64) {
+    if scene.cutout_number_counted_from_1_at(at_m.0, at_m.1).is_none() {
         return at_m;
     }
     let borders = scene.cutouts.iter().flat_map(|cutout| {
@@ -408,33 +426,37 @@ fn move_out_of_cutout(scene: &Scene, intended_m: (f64, f64), at_m: (f64, f64)) -
     });
     let distance = |(x_m, y_m): &(f64, f64)| (x_m - at_m.0).hypot(y_m - at_m.1);
     let there = borders.filter(|(x_m, y_m)| scene.surface_point_at(*x_m, *y_m).is_ok());
-    there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(intended_m)
+    there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(fallback_m)
 }
 
 /// A coordinate on a side of some length.
-fn snap_to_border_m(at_m: f64, most_m: f64) -> f64 {
-    if at_m < AT_THE_BORDER * most_m {
+fn snap_to_border_if_near_or_beyond_m(at_m: f64, side_m: f64) -> f64 {
+    if at_m < AT_THE_BORDER * side_m {
         0.0
-    } else if at_m > (1.0 - AT_THE_BORDER) * most_m {
-        most_m
+    } else if at_m > (1.0 - AT_THE_BORDER) * side_m {
+        side_m
     } else {
         at_m
     }
 }
 
 /// The peak in m/s^2 at a place with these drives.
-fn peak_acceleration_m_per_s2(scene: &Scene, drives: &[Drive], (x_m, y_m): (f64, f64)) -> Result<f64, ToleranceError> {
+fn compute_steady_peak_acceleration_m_per_s2(
+    scene: &Scene,
+    drives: &[Drive],
+    (x_m, y_m): (f64, f64),
+) -> Result<f64, ToleranceError> {
     let frequencies: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
     let Some(most_hz) = frequencies.iter().copied().reduce(f64::max) else { return Ok(0.0) };
     let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?.reduce(most_hz, &[(x_m, y_m)])?;
-    let curves = acceleration_curves(&model, &model.shape_deflections_at(x_m, y_m), &frequencies)?;
+    let curves = compute_acceleration_curves_per_newton(&model, &model.shape_deflections_at(x_m, y_m), &frequencies)?;
     let components: Vec<SineComponent> = drives
         .iter()
         .enumerate()
         .map(|(k, drive)| SineComponent {
             frequency_hz: drive.frequency_hz,
-            phasor: curves[k][k] * Complex64::from_polar(drive.force_n, drive.phase_rad),
+            phasor: curves[k][k] * Complex64::from_polar(drive.force_n, drive.force_phase_rad),
         })
         .collect();
-    Ok(compute_peak_of_sines(&components))
+    Ok(peak_of_sines_merging_equal_frequencies(&components))
 }

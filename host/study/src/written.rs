@@ -38,65 +38,76 @@ pub struct StudyResults {
     pub finals: VerifiedFinalists,
 }
 
-/// Computes the finalists anew and writes `designs.parquet`, `best-1.toml`, ... and `report.html`; `None` if `stops` said so.
+/// Computes the finalists anew and writes `designs.parquet`, `best-1.toml`, ... and `report.html`; `None` if `is_stop_wanted` said so.
 ///
 /// # Errors
 /// [`WriteError`].
-pub fn verify_and_write_results(
+pub fn verify_and_write_results_unless_stopped(
     study: &Study,
     folder: &StudyFolder,
-    stops: &dyn Fn() -> bool,
+    is_stop_wanted: &dyn Fn() -> bool,
 ) -> Result<Option<StudyResults>, WriteError> {
     let table = DesignTable::gather_from_folder(study, folder)?;
-    folder.write_file("designs.parquet", &write_parquet(&table)?)?;
-    let Some(finals) = VerifiedFinalists::verify_scene_and_finalists(study, &table, stops)? else { return Ok(None) };
+    folder.write_file_atomically("designs.parquet", &write_parquet(&table)?)?;
+    let Some(finals) = VerifiedFinalists::verify_scene_and_finalists_unless_stopped(study, &table, is_stop_wanted)?
+    else {
+        return Ok(None);
+    };
     for (number, best) in finals.best.iter().enumerate() {
-        folder.write_file(
+        folder.write_file_atomically(
             &format!("best-{}.toml", number + 1),
-            finalist_file_with_heading(study, &table, best, number + 1).as_bytes(),
+            format_scene_file_of_finalist(study, &table, best, number + 1).as_bytes(),
         )?;
     }
-    folder.write_file("report.html", write_report_html(study, &table, &finals).as_bytes())?;
+    folder.write_file_atomically("report.html", write_report_html(study, &table, &finals).as_bytes())?;
     Ok(Some(StudyResults { table, finals }))
 }
 
 /// A finalist's scene, with what it is above it.
-fn finalist_file_with_heading(study: &Study, table: &DesignTable, best: &Finalist, rank: usize) -> String {
-    let mut text = format!("# Best {rank} of the study {:?}: design {}.\n", study.spec.name, best.design);
-    for (name, value) in verified_figures_of_finalist(study, best) {
+fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &Finalist, rank: usize) -> String {
+    let mut text = format!("# Best {rank} of the study {:?}: design {}.\n", study.spec.name, finalist.design);
+    for (name, value) in names_and_verified_figures_unless_failed(study, finalist) {
         let _ = writeln!(text, "# {name} = {}", format_four_digits(value));
     }
-    for (name, value) in worst_figures_of_finalist(study, table, best) {
-        let _ = writeln!(text, "# {name} = {} at worst, of what may be off (first look)", format_four_digits(value));
+    for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, finalist) {
+        let _ = writeln!(
+            text,
+            "# {name} = {} at worst, over the samples of the uncertain values (first evaluation)",
+            format_four_digits(value)
+        );
     }
-    if let Some(limits) = best.describe_broken_limits_of_finalist(study) {
-        let _ = writeln!(text, "# Computed anew it breaks a limit: {limits}.");
+    if let Some(limits) = finalist.describe_verified_broken_limits_if_any(study) {
+        let _ = writeln!(text, "# Computed again, this design breaks a limit: {limits}.");
     }
-    format!("{text}\n{}", best.text)
+    format!("{text}\n{}", finalist.text)
 }
 
 /// Of a finalist the worst of what may be off of each figure that is wished for, as it was looked at first, with the names of their columns; none where
 /// nothing may be off.
 #[must_use]
-pub fn worst_figures_of_finalist(study: &Study, table: &DesignTable, own: &Finalist) -> Vec<(String, f64)> {
-    let entry = own.entry_in_table(table).filter(|_| table.has_ends);
+pub fn names_and_worst_case_wish_figures_if_uncertain(
+    study: &Study,
+    table: &DesignTable,
+    finalist: &Finalist,
+) -> Vec<(String, f64)> {
+    let entry = finalist.entry_of_base_or_design_in_table(table).filter(|_| table.has_ends);
     let worst = entry.map(|entry| entry.wishes.as_slice()).unwrap_or_default();
     study.spec.wishes.iter().map(|wish| wish.wanted.column_name()).zip(worst.iter().copied()).collect()
 }
 
 /// The figures of a finalist with the names of their columns; none if it failed.
 #[must_use]
-pub fn verified_figures_of_finalist(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
+pub fn names_and_verified_figures_unless_failed(study: &Study, finalist: &Finalist) -> Vec<(String, f64)> {
     let names = study.figures.iter().map(|wanted| wanted.column_name());
-    let values = own.verified.as_ref().map(|verified| verified.figures.values.clone()).unwrap_or_default();
+    let values = finalist.verified.as_ref().map(|verified| verified.figures.values.clone()).unwrap_or_default();
     names.zip(values).collect()
 }
 
 /// Bounds on the relative errors of a finalist's figures with the names of their columns; `None` where none is known.
 #[must_use]
-pub fn error_bounds_of_finalist(study: &Study, own: &Finalist) -> Vec<(String, Option<f64>)> {
+pub fn names_and_error_bounds_of_finalist(study: &Study, finalist: &Finalist) -> Vec<(String, Option<f64>)> {
     let names = study.figures.iter().map(|wanted| wanted.column_name());
-    let bounds = own.verified.as_ref().map(|verified| verified.bounds.as_slice()).unwrap_or_default();
+    let bounds = finalist.verified.as_ref().map(|verified| verified.bounds.as_slice()).unwrap_or_default();
     names.enumerate().map(|(k, name)| (name, bounds.get(k).copied().flatten())).collect()
 }
 
@@ -108,8 +119,9 @@ impl StudyResults {
     /// What a design's variables are set to.
     fn describe_settings_of_design(&self, entry: &TableEntry) -> String {
         let columns = self.table.columns.iter();
-        let values = columns
-            .filter_map(|column| Some(format!("{} = {}", column.name, column.text_in_design(&entry.row.design)?)));
+        let values = columns.filter_map(|column| {
+            Some(format!("{} = {}", column.name, column.text_in_design_unless_kept(&entry.row.design)?))
+        });
         values.collect::<Vec<_>>().join(", ")
     }
 
@@ -121,13 +133,13 @@ impl StudyResults {
             let verified = own.verified.as_ref();
             json!({
                 "design": own.design,
-                "figures": verified_figures_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "figures": names_and_verified_figures_unless_failed(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
-                "error_bounds": error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met(&study.figures, finals.tolerance)),
-                "worst": worst_figures_of_finalist(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "breaks": own.describe_broken_limits_of_finalist(study),
+                "error_bounds": names_and_error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance)),
+                "worst": names_and_worst_case_wish_figures_if_uncertain(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "breaks": own.describe_verified_broken_limits_if_any(study),
                 "failed": verified.err(),
             })
         };
@@ -135,14 +147,14 @@ impl StudyResults {
             "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count_designs_with_status(DesignStatus::Kept),
             "broken": self.count_designs_with_status(DesignStatus::Broken), "failed": self.count_designs_with_status(DesignStatus::Failed),
             "on_front": table.entries.iter().filter(|entry| entry.is_on_front).count(),
-            "nearest": table.find_design_nearest_to_limits().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
+            "nearest": table.find_one_based_least_violating_design_if_none_kept().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
     }
 
     /// The scene as it is and the best designs as a table: their figures as they were computed anew, with bounds beside those that have them.
-    fn format_best_designs_table(&self, study: &Study) -> String {
+    fn format_markdown_table_of_scene_and_best_designs(&self, study: &Study) -> String {
         let finals = &self.finals;
         let all: Vec<(String, &Finalist)> = std::iter::once(("as it is".to_owned(), &finals.base))
             .chain(finals.best.iter().enumerate().map(|(k, own)| (format!("best {}", k + 1), own)))
@@ -152,8 +164,10 @@ impl StudyResults {
             (0..study.figures.len()).map(|k| all.iter().any(|(_, own)| bound(own, k).is_some())).collect();
         let mut head = vec![String::new(), "design".into()];
         for (wanted, is_bounded) in study.figures.iter().zip(&is_bounded) {
-            head.push(wanted.column_name());
-            head.extend(is_bounded.then(|| "its error at most".to_owned()));
+            let name = wanted.column_name();
+            let bound_head = is_bounded.then(|| format!("error of {name} at most"));
+            head.push(name);
+            head.extend(bound_head);
         }
         let mut text = format!("\n\n| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
         for (name, own) in &all {
@@ -167,23 +181,22 @@ impl StudyResults {
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
-        let _ = write!(text, "\n(computed anew with models for a tolerance of {:.0e}", finals.tolerance);
+        let _ = write!(text, "\n(computed again with models for a relative tolerance of {:.0e}", finals.tolerance);
         let is_missing = |k: usize| is_bounded[k] && all.iter().any(|(_, own)| bound(own, k).is_none());
         if (0..study.figures.len()).any(is_missing) {
-            text.push_str("; no bound is known where none is told because that design's model gave none");
+            text.push_str("; \"not known\": the model of that design gave no bound");
         }
         let missed = |own: &Finalist| {
-            own.verified
-                .as_ref()
-                .is_ok_and(|found| found.is_tolerance_met(&study.figures, finals.tolerance) != Some(true))
-                && study.figures.iter().any(WantedFigure::has_error_bound)
+            own.verified.as_ref().is_ok_and(|found| {
+                found.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance) != Some(true)
+            }) && study.figures.iter().any(WantedFigure::has_error_bound)
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {
-            let _ = write!(text, ", which is not known to be met for {}", missed.join(", "));
+            let _ = write!(text, ", which may not be met for {}", missed.join(", "));
         }
         if is_bounded.contains(&false) {
-            text.push_str("; how large the errors of figures without a column for it are is not known");
+            text.push_str("; the errors of figures without an error column are not known");
         }
         text.push_str(")\n");
         text
@@ -194,7 +207,7 @@ impl StudyResults {
     pub fn summarise_as_text(&self, study: &Study, path: &Path) -> String {
         let Self { table, finals } = self;
         let mut text = format!(
-            "{}: {} designs by {}, {} of them within all limits, {} break one, {} failed",
+            "{}: {} designs by {}: {} keep all limits, {} break at least one limit, {} failed",
             study.spec.name,
             table.entries.len(),
             study.spec.method.way.name(),
@@ -206,27 +219,30 @@ impl StudyResults {
         if let Some(reason) =
             first.and_then(|entry| entry.reason.as_deref()).filter(|_| !table.have_all_designs_failed())
         {
-            let _ = write!(text, " (the first: {reason})");
+            let _ = write!(text, " (the first failed because: {reason})");
         }
         if study.spec.wishes.len() > 1 {
             let front = table.entries.iter().filter(|entry| entry.is_on_front).count();
-            let _ = write!(text, "; {front} on the front");
+            let _ = write!(text, "; {front} designs on the Pareto front");
         }
-        text.push_str(&self.format_best_designs_table(study));
+        text.push_str(&self.format_markdown_table_of_scene_and_best_designs(study));
         for (k, own) in finals.best.iter().enumerate() {
-            let entry = own.entry_in_table(table);
+            let entry = own.entry_of_base_or_design_in_table(table);
             let _ = write!(
                 text,
                 "\nbest {}: {}",
                 k + 1,
                 entry.map(|entry| self.describe_settings_of_design(entry)).unwrap_or_default()
             );
-            for (name, value) in worst_figures_of_finalist(study, table, own) {
-                let _ =
-                    write!(text, "; {name} is {} at worst, of what may be off (first look)", format_four_digits(value));
+            for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, own) {
+                let _ = write!(
+                    text,
+                    "; {name} is {} at worst, over the samples of the uncertain values (first evaluation)",
+                    format_four_digits(value)
+                );
             }
-            if let Some(limits) = own.describe_broken_limits_of_finalist(study) {
-                let _ = write!(text, " (computed anew it breaks a limit: {limits})");
+            if let Some(limits) = own.describe_verified_broken_limits_if_any(study) {
+                let _ = write!(text, " (computed again, this design breaks a limit: {limits})");
             }
             if let Err(reason) = &own.verified {
                 let _ = write!(text, " (failed: {reason})");
@@ -238,15 +254,15 @@ impl StudyResults {
             } else {
                 "\nNo design keeps all limits."
             });
-            if let Some((design, entry)) = table.find_design_nearest_to_limits() {
+            if let Some((design, entry)) = table.find_one_based_least_violating_design_if_none_kept() {
                 let reason = entry.reason.as_deref().unwrap_or_default();
                 let _ = write!(
                     text,
-                    " Design {design} comes nearest: {reason}\ndesign {design}: {}",
+                    " Design {design} comes nearest to the limits: {reason}\ndesign {design}: {}",
                     self.describe_settings_of_design(entry)
                 );
             } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_ref()) {
-                let _ = write!(text, " The first: {reason}");
+                let _ = write!(text, " The first failed because: {reason}");
             }
         }
         let _ = write!(text, "\n\nresults in {}", path.display());

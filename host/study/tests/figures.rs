@@ -3,7 +3,7 @@
 mod support;
 
 use era_model::model::{Accuracy, PanelModel};
-use era_model::response::acceleration_curves;
+use era_model::response::compute_acceleration_curves_per_newton;
 use era_model::scene::{Cutout, EXAMPLE_PLATE, Finger, Patch, Scene};
 use era_planner::TableOptions;
 use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator, parts};
@@ -31,7 +31,7 @@ const fn want_figure(figure: Figure) -> WantedFigure {
 }
 
 fn of(scene: &Scene, wanted: &[WantedFigure]) -> Vec<f64> {
-    ThoroughEvaluator::new(TableOptions::default()).evaluate(scene, wanted).unwrap().values
+    ThoroughEvaluator::new(TableOptions::default()).compute_scene_figures(scene, wanted).unwrap().values
 }
 
 fn near(found: f64, expected: f64, part: f64) {
@@ -56,10 +56,10 @@ fn a_map_is_made_only_where_settings_are_wanted() {
     let thorough = ThoroughEvaluator::new(TableOptions::default());
     let sag = [want_figure(Figure::SagUm), want_figure(Figure::RigidModeHz), want_figure(Figure::ContrastDb)];
     let sag = sag.map(|own| WantedFigure { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
-    let found = thorough.verify_figures(&bar(9.0), &sag).unwrap();
+    let found = thorough.compute_figures_and_bounds_refining_once(&bar(9.0), &sag).unwrap();
     assert!(found.strongest_g.is_empty() && found.figures.values.iter().all(|value| value.is_finite()), "{found:?}");
     assert!(found.bounds[0].is_some() && found.bounds[1].is_some(), "{:?}", found.bounds);
-    let found = thorough.verify_figures(&bar(9.0), &[want_figure(Figure::PowerW)]).unwrap();
+    let found = thorough.compute_figures_and_bounds_refining_once(&bar(9.0), &[want_figure(Figure::PowerW)]).unwrap();
     assert_eq!(found.strongest_g.len(), found.x_mm.len() * found.y_mm.len());
     assert!(found.strongest_g.len() > 1);
 }
@@ -73,9 +73,11 @@ fn the_example_plate_sags_as_a_ritz_solution_says() {
     for (stiffness, ritz_um) in [(2e3, 3252.447), (8e3, 1435.29), (40e3, 1094.21)] {
         let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         scene.supports.iter_mut().for_each(|own| own.stiffness_n_per_m = stiffness);
-        let found = ThoroughEvaluator::new(TableOptions::default()).verify_figures(&scene, &sag).unwrap();
+        let found = ThoroughEvaluator::new(TableOptions::default())
+            .compute_figures_and_bounds_refining_once(&scene, &sag)
+            .unwrap();
         let (um, bound) = (found.figures.values[0], found.bounds[0].unwrap());
-        let quick = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &sag).unwrap().values[0];
+        let quick = QuickEvaluator::new(TableOptions::default()).compute_scene_figures(&scene, &sag).unwrap().values[0];
         println!("{stiffness}: {um} quick {quick}, Ritz {ritz_um}, bound {bound:.1e}");
         assert!(bound < 5e-3, "{bound}");
         near(um, ritz_um, bound + 1e-5);
@@ -114,7 +116,7 @@ fn the_bound_on_a_modes_frequency_holds() {
     let mut scene = bar(1.5);
     scene.actuators[0].moving_mass_kg = 1e-9;
     let found = ThoroughEvaluator::new(TableOptions::default())
-        .verify_figures(&scene, &[want_figure(Figure::BendingModeHz)])
+        .compute_figures_and_bounds_refining_once(&scene, &[want_figure(Figure::BendingModeHz)])
         .unwrap();
     let (hz, bound) = (found.figures.values[0], found.bounds[0].unwrap());
     println!("{hz} of {exact}, bound {bound:.1e}");
@@ -122,7 +124,8 @@ fn the_bound_on_a_modes_frequency_holds() {
     assert!(
         bound <= 1e-3
             && found.bound.is_none()
-            && found.is_tolerance_met(&[want_figure(Figure::BendingModeHz)], 1e-3) == Some(true),
+            && found.is_tolerance_met_by_boundable_figures_if_known(&[want_figure(Figure::BendingModeHz)], 1e-3)
+                == Some(true),
         "{found:?}"
     );
     near(hz, exact, bound + 1e-6);
@@ -149,7 +152,7 @@ fn more_freedom_is_no_worse() {
     let found = of(&scene, &each);
     assert!(found[1] >= found[2] && found[2] > 0.0 && found[0] > 0.8 * found[1], "{found:?}");
     // What the quick look does not know it leaves to a table of the panel.
-    let quick = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &each).unwrap().values;
+    let quick = QuickEvaluator::new(TableOptions::default()).compute_scene_figures(&scene, &each).unwrap().values;
     for (quick, thorough) in quick.iter().zip(&found) {
         near(*quick, *thorough, 0.03);
     }
@@ -176,8 +179,12 @@ fn what_can_be_had_under_little_voltage_is_known() {
     let model =
         PanelModel::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
     let peaks = |[x_mm, y_mm]: [f64; 2]| -> [Vec<f64>; 2] {
-        let curves =
-            acceleration_curves(&model, &model.shape_deflections_at(x_mm / 1e3, y_mm / 1e3), &frequencies).unwrap();
+        let curves = compute_acceleration_curves_per_newton(
+            &model,
+            &model.shape_deflections_at(x_mm / 1e3, y_mm / 1e3),
+            &frequencies,
+        )
+        .unwrap();
         [0, 1].map(|own: usize| {
             let each = curves[own].iter().zip(&frequencies).map(|(a, hz)| a.norm() * force_n(*hz) / 9.806_65);
             each.collect()
@@ -189,7 +196,7 @@ fn what_can_be_had_under_little_voltage_is_known() {
             want_figure(Figure::VoltageV),
             want_figure(Figure::PowerW),
         ];
-        let found = ThoroughEvaluator::new(options).evaluate(&scene, &asked).unwrap();
+        let found = ThoroughEvaluator::new(options).compute_scene_figures(&scene, &asked).unwrap();
         let [one, other] = peaks(found.weakest_mm.unwrap());
         let (mut best, mut best_hz) = (0.0_f64, 0.0);
         for (k, first) in one.iter().enumerate() {
@@ -207,10 +214,10 @@ fn what_can_be_had_under_little_voltage_is_known() {
         println!("{drives:?}: {} of {best}", found.values[0]);
         // Of a quiet pulse that is less than 1 % weaker the strongest has that.
         near(found.values[0], best, 1.2e-2);
-        // Of distinct drives, whatever the peak is of: all at full voltage, 2 C V^2 f each, a cable of 65 pF
+        // Of distinct drives, whatever the peak is of: all at full voltage, 2 C V^2 f each, cable and stage of 81 pF
         // in C; some touch takes as much as this one, none more than both at the band's end.
         near(found.values[1], VOLTAGE_V, 1e-9);
-        let per_hz = 2.0 * (8.854_187_8e-12 * 1963.5e-6 / 500e-6 + 65e-12) * VOLTAGE_V * VOLTAGE_V;
+        let per_hz = 2.0 * (8.854_187_8e-12 * 1963.5e-6 / 500e-6 + 81e-12) * VOLTAGE_V * VOLTAGE_V;
         let least = if drives == FrequencyGrouping::Distinct { 0.97 * per_hz * best_hz } else { 0.0 };
         assert!(
             found.values[2] >= least && found.values[2] <= per_hz * 780.0 * (1.0 + 1e-9),
@@ -225,10 +232,14 @@ fn parts_add_up() {
     let mut scene = bar(9.0);
     scene.masses.push(era_model::scene::Mass { x_m: 0.03, y_m: 0.02, mass_kg: 12e-3 });
     let sheet_g = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3 * 1e3;
-    near(parts::total_mass_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
+    near(parts::mass_of_surface_and_parts_g(&scene), sheet_g + 12.0 + 0.05, 1e-9);
     let costs = PartCosts { actuator: 7.0, support: 0.25, mass: 0.5, per_kg: 4.0 };
     let nothing = Design { settings: Vec::new() };
-    near(parts::total_cost(&scene, &costs, &[], &nothing), 7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3, 1e-9);
+    near(
+        parts::parts_and_choices_cost_or_nan_if_choice_unknown(&scene, &costs, &[], &nothing),
+        7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3,
+        1e-9,
+    );
 }
 
 /// Air that moves along is neither weighed nor bought; steps of a bar and cut-outs count.
@@ -241,15 +252,19 @@ fn air_is_no_part() {
     scene.patches.push(Patch { x_m, y_m: 0.0, length_m, width_m, thickness_m: 4e-3, material });
     let line = |width_m: f64, thickness_m: f64| DENSITY_KG_M3 * width_m * thickness_m;
     let bar_kg = line(WIDTH_M, 9e-3) * (LENGTH_M - length_m) + line(width_m, 4e-3) * length_m;
-    near(parts::total_mass_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
-    near(scene.surface_mass_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
+    near(parts::mass_of_surface_and_parts_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
+    near(scene.surface_mass_with_air_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
     let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
     scene.surface.added_mass_kg_per_m2 = 0.5;
     scene.cutouts.push(Cutout { x_m: 0.1, y_m: 0.05, length_m: 0.04, width_m: 0.03 });
     let plate_kg = 2700.0 * 2e-3 * (0.3 * 0.2 - 0.04 * 0.03);
-    near(parts::total_mass_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
+    near(parts::mass_of_surface_and_parts_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
     let costs = PartCosts { per_kg: 4.0, ..PartCosts::default() };
-    near(parts::total_cost(&scene, &costs, &[], &Design { settings: Vec::new() }), 4.0 * plate_kg, 1e-9);
+    near(
+        parts::parts_and_choices_cost_or_nan_if_choice_unknown(&scene, &costs, &[], &Design { settings: Vec::new() }),
+        4.0 * plate_kg,
+        1e-9,
+    );
 }
 
 /// A finger is on whatever place is looked at: quickly and thoroughly, and with one actuator however it is driven. Contrast at a place is that of a panel
@@ -262,14 +277,16 @@ fn a_finger_is_on_the_place_that_is_looked_at() {
     let scene = Scene { finger: Some(finger), ..untouched.clone() };
     let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let quick = QuickEvaluator::new(TableOptions { step_hz: 4.0, ..TableOptions::default() });
-    let found = quick.evaluate(&scene, &each).unwrap().values;
+    let found = quick.compute_scene_figures(&scene, &each).unwrap().values;
     near(found[1], found[0], 0.02);
     near(found[2], found[0], 0.02);
-    let thorough = ThoroughEvaluator::new(TableOptions::default()).verify_figures(&scene, &each[..1]).unwrap();
-    let looked = QuickEvaluator::new(TableOptions::default()).evaluate(&scene, &each[..1]).unwrap();
+    let thorough = ThoroughEvaluator::new(TableOptions::default())
+        .compute_figures_and_bounds_refining_once(&scene, &each[..1])
+        .unwrap();
+    let looked = QuickEvaluator::new(TableOptions::default()).compute_scene_figures(&scene, &each[..1]).unwrap();
     near(looked.values[0], thorough.figures.values[0], 0.03);
     assert!(thorough.bounds[0].is_some_and(|bound| bound < 1e-2), "{:?}", thorough.bounds);
-    let plain = QuickEvaluator::new(TableOptions::default()).evaluate(&untouched, &each[..1]).unwrap();
+    let plain = QuickEvaluator::new(TableOptions::default()).compute_scene_figures(&untouched, &each[..1]).unwrap();
     assert!((looked.values[0] / plain.values[0] - 1.0).abs() > 0.03, "{looked:?} {plain:?}");
     let [x_mm, y_mm] = [113.0, 71.0];
     let contrast = [WantedFigure { at_mm: Some([x_mm, y_mm]), ..want_figure(Figure::ContrastDb) }];

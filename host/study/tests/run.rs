@@ -2,8 +2,10 @@
 
 use era_model::scene::{EXAMPLE_PLATE, Scene, SceneError};
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
-use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalists, write_parquet};
-use era_study::run::{DesignOutcome, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, run_study_shard};
+use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalist_indices_best_first, write_parquet};
+use era_study::run::{
+    DesignOutcome, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask, compute_missing_rows_of_shard,
+};
 use era_study::spec::WantedFigure;
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +29,7 @@ fn known(scene: &Scene) -> f64 {
 }
 
 impl Evaluator for Known {
-    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
         self.calls.fetch_add(1, Ordering::Relaxed);
         let spring = scene.supports[0].stiffness_n_per_m;
         assert!(spring < 4900.0, "poisoned");
@@ -62,7 +64,7 @@ impl StudyObserver for After {
         self.done.load(Ordering::Relaxed) >= self.designs
     }
 
-    fn report_computed_designs(&self, designs: usize) {
+    fn report_newly_computed_designs(&self, designs: usize) {
         self.done.fetch_add(designs, Ordering::Relaxed);
     }
 }
@@ -94,14 +96,15 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
     for way in WAYS {
         let study = study(way);
         let whole = tempfile::tempdir().unwrap();
-        let ended =
-            with_workers(1, || run_study_shard(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()));
+        let ended = with_workers(1, || {
+            compute_missing_rows_of_shard(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &())
+        });
         assert_eq!(ended.unwrap(), RunEnd::Done);
         let wanted = bytes(whole.path(), &study);
         for workers in [2, 4] {
             let other = tempfile::tempdir().unwrap();
             with_workers(workers, || {
-                run_study_shard(&study, &folder(other.path(), &study), &evaluator(), Shard::ALL, &())
+                compute_missing_rows_of_shard(&study, &folder(other.path(), &study), &evaluator(), Shard::ALL, &())
             })
             .unwrap();
             assert_eq!(bytes(other.path(), &study), wanted, "{workers} workers, {way}");
@@ -109,8 +112,9 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
         let stopped = tempfile::tempdir().unwrap();
         let observer = After { designs: 20, done: AtomicUsize::new(0) };
         let first = evaluator();
-        let ended =
-            with_workers(2, || run_study_shard(&study, &folder(stopped.path(), &study), &first, Shard::ALL, &observer));
+        let ended = with_workers(2, || {
+            compute_missing_rows_of_shard(&study, &folder(stopped.path(), &study), &first, Shard::ALL, &observer)
+        });
         assert_eq!(ended.unwrap(), RunEnd::Early);
         let missing = DesignTable::gather_from_folder(&study, &folder(stopped.path(), &study)).unwrap_err();
         assert!(
@@ -126,7 +130,10 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
         let cut = fs::read(&file).unwrap();
         fs::write(&file, &cut[..cut.len() / 2]).unwrap();
         let second = evaluator();
-        with_workers(2, || run_study_shard(&study, &folder(stopped.path(), &study), &second, Shard::ALL, &())).unwrap();
+        with_workers(2, || {
+            compute_missing_rows_of_shard(&study, &folder(stopped.path(), &study), &second, Shard::ALL, &())
+        })
+        .unwrap();
         fs::remove_file(stopped.path().join("rows/.part-1-1")).unwrap();
         assert_eq!(bytes(stopped.path(), &study), wanted, "stopped, {way}");
         let calls = [&first, &second].map(|own| own.calls.load(Ordering::Relaxed));
@@ -134,7 +141,7 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
         let shared = tempfile::tempdir().unwrap();
         for shard in ["3/3", "1/3", "2/3"] {
             let shard: Shard = shard.parse().unwrap();
-            run_study_shard(&study, &folder(shared.path(), &study), &evaluator(), shard, &()).unwrap();
+            compute_missing_rows_of_shard(&study, &folder(shared.path(), &study), &evaluator(), shard, &()).unwrap();
         }
         assert_eq!(bytes(shared.path(), &study), wanted, "shares, {way}");
     }
@@ -145,18 +152,22 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
 fn designs_that_fail_are_rows_with_their_reasons() {
     let study = study("[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n[method]\nway = \"grid\"\nlevels = 5\n");
     let place = tempfile::tempdir().unwrap();
-    run_study_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+    compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&study, &folder(place.path(), &study)).unwrap();
     assert_eq!(table.entries.len(), 125);
     for entry in &table.entries {
         let scene = study.space.design_at_point(&entry.row.point);
-        let numbers: Vec<f64> =
-            study.space.table_columns().iter().map(|column| column.number_in_design(&scene).unwrap()).collect();
+        let numbers: Vec<f64> = study
+            .space
+            .table_columns()
+            .iter()
+            .map(|column| column.number_or_choice_index_in_design_unless_kept(&scene).unwrap())
+            .collect();
         let [x, y, spring] = numbers[..] else { panic!("{numbers:?}") };
         let reason = if (x - 225.0).hypot(y - 100.0) < 50.0 {
             "left and right are"
         } else if spring >= 4900.0 {
-            "this design makes era itself fail"
+            "the program itself failed at this design"
         } else if x < 30.0 {
             "no "
         } else {
@@ -174,17 +185,18 @@ fn designs_that_fail_are_rows_with_their_reasons() {
 fn the_best_are_found() {
     let study_of_grid = study("[method]\nway = \"grid\"\nlevels = 7\n");
     let place = tempfile::tempdir().unwrap();
-    run_study_shard(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &()).unwrap();
+    compute_missing_rows_of_shard(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &())
+        .unwrap();
     let table = DesignTable::gather_from_folder(&study_of_grid, &folder(place.path(), &study_of_grid)).unwrap();
-    let best = choose_finalists(&study_of_grid, &table, 3);
+    let best = choose_finalist_indices_best_first(&study_of_grid, &table, 3);
     let all = table.entries.iter().filter(|entry| entry.status == DesignStatus::Kept).map(|entry| entry.wishes[0]);
     assert_eq!(table.entries[best[0]].wishes[0], all.fold(f64::NEG_INFINITY, f64::max));
     assert!(best.len() == 3 && table.entries[best[0]].wishes[0] >= table.entries[best[1]].wishes[0]);
     let evolving = study("[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 2\n");
     let place = tempfile::tempdir().unwrap();
-    run_study_shard(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
+    compute_missing_rows_of_shard(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&evolving, &folder(place.path(), &evolving)).unwrap();
-    let best = &table.entries[choose_finalists(&evolving, &table, 1)[0]];
+    let best = &table.entries[choose_finalist_indices_best_first(&evolving, &table, 1)[0]];
     assert!(best.wishes[0] > 1.999, "{best:?}");
 }
 
@@ -196,10 +208,10 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
         "[[limit]]\nfigure = \"rigid_mode_hz\"\nmost = 3000\n[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 1\n",
     );
     let place = tempfile::tempdir().unwrap();
-    run_study_shard(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
+    compute_missing_rows_of_shard(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&limited, &folder(place.path(), &limited)).unwrap();
-    let best = &table.entries[choose_finalists(&limited, &table, 1)[0]];
-    let spring = best.row.figures_if_found().unwrap().values[1];
+    let best = &table.entries[choose_finalist_indices_best_first(&limited, &table, 1)[0]];
+    let spring = best.row.figures_unless_failed().unwrap().values[1];
     assert!(spring <= 3000.0 && spring > 2950.0, "{best:?}");
     let broken = table.entries.iter().find(|entry| entry.status == DesignStatus::Broken).unwrap();
     assert!(broken.reason.as_ref().unwrap().starts_with("rigid_mode_hz is "), "{broken:?}");
@@ -208,12 +220,15 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
     );
     assert_eq!(robust.count_uncertainty_samples(), 2);
     let place = tempfile::tempdir().unwrap();
-    run_study_shard(&robust, &folder(place.path(), &robust), &evaluator(), Shard::ALL, &()).unwrap();
+    compute_missing_rows_of_shard(&robust, &folder(place.path(), &robust), &evaluator(), Shard::ALL, &()).unwrap();
     let table = DesignTable::gather_from_folder(&robust, &folder(place.path(), &robust)).unwrap();
     let mut seen = 0;
     for entry in table.entries.iter().filter(|entry| entry.status == DesignStatus::Kept) {
-        let numbers: Vec<f64> =
-            table.columns.iter().map(|column| column.number_in_design(&entry.row.design).unwrap()).collect();
+        let numbers: Vec<f64> = table
+            .columns
+            .iter()
+            .map(|column| column.number_or_choice_index_in_design_unless_kept(&entry.row.design).unwrap())
+            .collect();
         let worst = [-60.0, 0.0, 60.0].map(|off| {
             let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
             scene.actuators[0].x_m = (numbers[0] + off).clamp(0.0, 300.0) / 1e3;
@@ -301,10 +316,10 @@ fn the_scene_as_it_is_costs_what_the_same_design_costs() {
         );
         let study = Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
         let place = tempfile::tempdir().unwrap();
-        run_study_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+        compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
         let table = DesignTable::gather_from_folder(&study, &folder(place.path(), &study)).unwrap();
         let each = std::iter::once(&table.base).chain(&table.entries);
-        each.map(|entry| (entry.row.figures_if_found().unwrap().values[0], entry.status)).collect::<Vec<_>>()
+        each.map(|entry| (entry.row.figures_unless_failed().unwrap().values[0], entry.status)).collect::<Vec<_>>()
     };
     let kept = |cost: f64| (cost, DesignStatus::Kept);
     assert_eq!(cost("2700", "costs = [40, 60]"), [kept(60.0), kept(60.0), kept(80.0)]);
@@ -324,7 +339,7 @@ fn panels_on_other_air_are_other_panels() {
     };
     let study = study("");
     let quick = QuickEvaluator::new(study.table_options());
-    let weakest = |depth_mm: f64| quick.evaluate(&on_air(depth_mm), &study.figures).unwrap().values[0];
+    let weakest = |depth_mm: f64| quick.compute_scene_figures(&on_air(depth_mm), &study.figures).unwrap().values[0];
     let (shallow, deep) = (weakest(5.0), weakest(50.0));
     assert!(shallow > 0.0 && (shallow / deep - 1.0).abs() > 1e-3, "{shallow} {deep}");
 }

@@ -6,7 +6,9 @@ use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
 use era_model::scene::{EXAMPLE_PLATE, EdgeKind, Finger, Scene};
 use era_planner::{Plan, PlanTable, TableOptions, Target};
-use era_study::tolerances::{OffPanel, PeakRange, Spread, Tolerances, What, compute_tolerance_spread};
+use era_study::tolerances::{
+    PanelDeviations, PeakRange, Spread, ToleranceKind, Tolerances, compute_target_peak_spread_under_tolerances,
+};
 use support::{LENGTH_M, WIDTH_M, bar};
 
 const NOTHING: Tolerances = Tolerances { springs: 0.0, youngs_modulus: 0.0, thickness: 0.0, places_mm: 0.0 };
@@ -18,17 +20,17 @@ fn plate() -> Scene {
 fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
     let options = TableOptions { from_hz: 250.0, ..TableOptions::default() };
     let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
-    let table = PlanTable::with_levels(&scene, levels, options).unwrap();
+    let table = PlanTable::from_levels(&scene, levels, options).unwrap();
     let plan = table.plan(&[Target { x_m: at_m.0, y_m: at_m.1, intensity_g: Some(0.05) }]).unwrap();
     (scene, plan)
 }
 
-fn own(spread: &Spread, what: What) -> (f64, f64) {
+fn own(spread: &Spread, what: ToleranceKind) -> (f64, f64) {
     let range = find_range_of_one_change(spread, what);
     (range.least_db, range.most_db)
 }
 
-fn find_range_of_one_change(spread: &Spread, what: What) -> &PeakRange {
+fn find_range_of_one_change(spread: &Spread, what: ToleranceKind) -> &PeakRange {
     &spread.of.iter().find(|own| own.what == what).unwrap().range
 }
 
@@ -44,13 +46,13 @@ fn peak(scene: &Scene, plan: &Plan, at_m: (f64, f64)) -> f64 {
 #[test]
 fn a_block_is_off_by_its_mass() {
     let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
-    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances::default()).unwrap();
-    let (least, most) = own(&off, What::Thickness);
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances::default()).unwrap();
+    let (least, most) = own(&off, ToleranceKind::Thickness);
     // The outermost of 16 samples are within a sixteenth of the ends, 5 % thicker and 5 % thinner.
     let ends = (-20.0 * 1.05_f64.log10(), -20.0 * 0.95_f64.log10());
     assert!(ends.0 - 0.01 < least && least < 0.85 * ends.0, "{least} of {}", ends.0);
     assert!(0.85 * ends.1 < most && most < ends.1 + 0.01, "{most} of {}", ends.1);
-    for what in [What::Springs, What::YoungsModulus, What::Places] {
+    for what in [ToleranceKind::Springs, ToleranceKind::YoungsModulus, ToleranceKind::Places] {
         let (least, most) = own(&off, what);
         assert!(least.abs() < 0.1 && most.abs() < 0.1, "{what:?}: {least} to {most}");
     }
@@ -63,21 +65,22 @@ fn a_finger_is_as_it_is() {
     let at_m = (0.5 * LENGTH_M, 0.5 * WIDTH_M);
     let mut scene = bar(9.0);
     let omega = std::f64::consts::TAU * 0.9 * 250.0;
-    let stiffness_n_per_m = omega * omega * scene.surface_mass_kg();
-    scene.finger = Some(Finger { mass_kg: 0.2 * scene.surface_mass_kg(), damping_n_s_per_m: 2.0, stiffness_n_per_m });
+    let stiffness_n_per_m = omega * omega * scene.surface_mass_with_air_kg();
+    scene.finger =
+        Some(Finger { mass_kg: 0.2 * scene.surface_mass_with_air_kg(), damping_n_s_per_m: 2.0, stiffness_n_per_m });
     let (touched, plan) = planned(scene.with_finger_at_places(&[at_m]), at_m);
-    let off = compute_tolerance_spread(&scene, &[at_m], &plan, Tolerances::default()).unwrap();
-    let as_a_part = compute_tolerance_spread(&touched, &[], &plan, Tolerances::default()).unwrap();
-    let (least, most) = own(&off, What::Springs);
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[at_m], &plan, Tolerances::default()).unwrap();
+    let as_a_part = compute_target_peak_spread_under_tolerances(&touched, &[], &plan, Tolerances::default()).unwrap();
+    let (least, most) = own(&off, ToleranceKind::Springs);
     assert!(least.abs() < 0.15 && most.abs() < 0.15, "{least} to {most}");
-    let (least, most) = own(&as_a_part, What::Springs);
+    let (least, most) = own(&as_a_part, ToleranceKind::Springs);
     assert!(most - least > 1.0, "what would be found: {least} to {most}");
 }
 
 #[test]
 fn nothing_that_is_off_changes_nothing() {
     let (scene, plan) = planned(plate(), (0.083, 0.061));
-    let off = compute_tolerance_spread(&scene, &[], &plan, NOTHING).unwrap();
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, NOTHING).unwrap();
     assert_eq!((off.range.least_db, off.range.median_db, off.range.most_db), (0.0, 0.0, 0.0));
 }
 
@@ -92,8 +95,10 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     };
     let meant = by(0.0);
     let level = |part: f64| 20.0 * (by(part) / meant).log10();
-    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances { thickness: 0.03, ..NOTHING }).unwrap();
-    let (least, most) = own(&off, What::Thickness);
+    let off =
+        compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances { thickness: 0.03, ..NOTHING })
+            .unwrap();
+    let (least, most) = own(&off, ToleranceKind::Thickness);
     // Within what a dense look at all thicknesses in between has.
     let levels: Vec<f64> = (-30..=30).map(|k| level(f64::from(k) / 1000.0)).collect();
     let ends = levels.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |ends, own| (ends.0.min(*own), ends.1.max(*own)));
@@ -110,7 +115,7 @@ fn everything() -> Scene {
 }
 
 /// The scene that a told panel is, made from what is told alone.
-fn made(scene: &Scene, told: &OffPanel) -> Scene {
+fn made(scene: &Scene, told: &PanelDeviations) -> Scene {
     let mut scene = scene.clone();
     if let Some(springs) = &told.springs {
         assert_eq!((springs.supports.len(), springs.edges.len(), springs.actuators.len()), (4, 2, 2), "{springs:?}");
@@ -152,7 +157,7 @@ fn the_told_panels_have_the_told_levels() {
     let at_m = (0.083, 0.061);
     let (scene, plan) = planned(everything(), at_m);
     let tolerances = Tolerances { springs: 0.4, places_mm: 2.0, ..Tolerances::default() };
-    let off = compute_tolerance_spread(&scene, &[], &plan, tolerances).unwrap();
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, tolerances).unwrap();
     let meant = peak(&scene, &plan, at_m);
     let kinds = off.of.iter().map(|own| (Some(own.what), &own.range));
     for (what, range) in kinds.chain([(None, &off.range)]) {
@@ -160,11 +165,11 @@ fn the_told_panels_have_the_told_levels() {
             let found = 20.0 * (peak(&made(&scene, told), &plan, at_m) / meant).log10();
             assert!((found - level_db).abs() < 0.1, "{what:?}: {found} for {level_db} dB, {told:?}");
             // With one kind alone nothing else is off.
-            let is_off = |own: What| what.is_none_or(|what| what == own);
-            assert_eq!(told.springs.is_some(), is_off(What::Springs), "{what:?}: {told:?}");
-            assert_eq!(told.youngs_modulus.is_some(), is_off(What::YoungsModulus), "{what:?}: {told:?}");
-            assert_eq!(told.thickness.is_some(), is_off(What::Thickness), "{what:?}: {told:?}");
-            assert_eq!(told.places_mm.is_some(), is_off(What::Places), "{what:?}: {told:?}");
+            let is_off = |own: ToleranceKind| what.is_none_or(|what| what == own);
+            assert_eq!(told.springs.is_some(), is_off(ToleranceKind::Springs), "{what:?}: {told:?}");
+            assert_eq!(told.youngs_modulus.is_some(), is_off(ToleranceKind::YoungsModulus), "{what:?}: {told:?}");
+            assert_eq!(told.thickness.is_some(), is_off(ToleranceKind::Thickness), "{what:?}: {told:?}");
+            assert_eq!(told.places_mm.is_some(), is_off(ToleranceKind::Places), "{what:?}: {told:?}");
         }
         assert!(range.most_db > range.least_db && range.weakest != range.strongest, "{what:?}: {range:?}");
     }
@@ -177,7 +182,7 @@ fn the_told_panels_have_the_told_levels() {
 #[test]
 fn what_the_scene_has_none_of_is_not_told() {
     let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
-    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances::default()).unwrap();
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances::default()).unwrap();
     let told = serde_json::to_value(&off).unwrap();
     let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let mut weakest = keys(&told["weakest"]);
@@ -202,11 +207,12 @@ fn what_would_be_in_a_cutout_is_on_its_border() {
     let hole = "\n[[cutout]]\nx_mm = 75.3\ny_mm = 80\nlength_mm = 40\nwidth_mm = 50\n";
     let at_m = (0.15, 0.15);
     let (scene, plan) = planned(Scene::parse("hole", &format!("{EXAMPLE_PLATE}{hole}")).unwrap(), at_m);
-    let off = compute_tolerance_spread(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING }).unwrap();
-    for range in [&off.range, find_range_of_one_change(&off, What::Places)] {
+    let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING })
+        .unwrap();
+    for range in [&off.range, find_range_of_one_change(&off, ToleranceKind::Places)] {
         for panel in [&range.weakest, &range.strongest] {
             let [x_mm, y_mm] = panel.places_mm.as_ref().unwrap().actuators[0];
-            assert_eq!(scene.cutout_number_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");
+            assert_eq!(scene.cutout_number_counted_from_1_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");
         }
         assert!(range.least_db > -3.0, "{range:?}");
     }

@@ -132,7 +132,7 @@ fn a_study_without_figures_of_settings_has_no_map() {
     let best = Finalist { design: 2, ..base.clone() };
     let html =
         write_report_html(&study, &table(&study), &VerifiedFinalists { base, best: vec![best], tolerance: 1e-3 });
-    assert!(html.contains("There is no map: nothing that is wanted depends on"), "it says so");
+    assert!(html.contains("There is no map: no wish and no limit depends on"), "it says so");
 }
 
 /// What does not keep a limit is marked, be it the scene as it is or one of the best once it is computed anew.
@@ -174,33 +174,40 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     let strict = Study::parse_texts("s.toml", &strict, "plate.toml", EXAMPLE_PLATE).unwrap();
     let mut strictly = table(&strict);
     // Of 0.7 g there are 0.3, 0.5 and 0.4 g, and 250 g are exceeded by 150, 50 and 250 g.
-    assert_eq!(strictly.find_design_nearest_to_limits().map(|(design, _)| design), Some(2));
+    assert_eq!(strictly.find_one_based_least_violating_design_if_none_kept().map(|(design, _)| design), Some(2));
     let reason = strictly.entries[1].reason.clone().unwrap();
     assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
     let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
     let finals = VerifiedFinalists { base, best: Vec::new(), tolerance: 1e-3 };
     let page = write_report_html(&strict, &strictly, &finals);
-    assert!(page.contains(&format!("Design 2 comes nearest: {reason}")), "it is in the report");
+    assert!(page.contains(&format!("Design 2 comes nearest to the limits: {reason}")), "it is in the report");
     let written = StudyResults { table: strictly.clone(), finals };
     let place = std::path::Path::new("here");
     let text = written.summarise_as_text(&strict, place);
-    assert!(text.contains(&format!("Design 2 comes nearest: {reason}\ndesign 2: actuator.left")), "{text}");
+    assert!(
+        text.contains(&format!("Design 2 comes nearest to the limits: {reason}\ndesign 2: actuator.left")),
+        "{text}"
+    );
     assert_eq!(
         written.summarise_as_json(&strict, place)["nearest"],
         serde_json::json!({"design": 2, "reason": reason})
     );
     // One that failed is near to nothing, and where a design keeps the limits none is needed.
-    strictly.entries.retain(|entry| entry.row.figures_if_found().is_none());
-    assert!(strictly.find_design_nearest_to_limits().is_none());
+    strictly.entries.retain(|entry| entry.row.figures_unless_failed().is_none());
+    assert!(strictly.find_one_based_least_violating_design_if_none_kept().is_none());
     // Then no limit is broken, and none is told to be.
     let page = write_report_html(&strict, &strictly, &written.finals);
-    assert!(page.contains("All designs failed. The first: no such thing.") && !page.contains("No design keeps"));
+    assert!(
+        page.contains("All designs failed. The first failed because: no such thing.")
+            && !page.contains("No design keeps")
+    );
     let failed = StudyResults { table: strictly, finals: written.finals };
     let text = failed.summarise_as_text(&strict, place);
     assert!(
-        text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"),
+        text.contains("\nAll designs failed. The first failed because: no such thing")
+            && !text.contains("No design keeps"),
         "{text}"
     );
     let study = study();
-    assert!(table(&study).find_design_nearest_to_limits().is_none());
+    assert!(table(&study).find_one_based_least_violating_design_if_none_kept().is_none());
 }

@@ -45,7 +45,7 @@ fn serve_over_tls(all: &[TlsFiles]) -> (Served, Vec<u16>) {
     let served = Served::on(&app, async {
         let mut listeners = Vec::new();
         for files in all {
-            let listener = Listener::tcp("127.0.0.1:0".parse().unwrap(), Some(files), false).await.unwrap();
+            let listener = Listener::bind_tcp("127.0.0.1:0".parse().unwrap(), Some(files), false).await.unwrap();
             ports.push(listener.url().rsplit_once(':').unwrap().1.parse().unwrap());
             listeners.push(listener);
         }

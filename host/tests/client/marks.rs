@@ -70,10 +70,10 @@ fn a_study_with_marks_is_read() {
     std::fs::create_dir_all(own.join(scene).parent().unwrap()).unwrap();
     std::fs::write(own.join(scene), as_windows_text(EXAMPLE_PLATE)).unwrap();
     std::fs::write(own.join("study.toml"), as_windows_text(&text)).unwrap();
-    let study = era::design::run::Study::load(&own.join("study.toml"));
+    let study = era::study::run::Study::load(&own.join("study.toml"));
     assert!(study.is_ok(), "{}", study.unwrap_err());
     std::fs::write(own.join("study.toml"), as_utf16(&text)).unwrap();
-    let told = era::design::run::Study::load(&own.join("study.toml")).unwrap_err().to_string();
+    let told = era::study::run::Study::load(&own.join("study.toml")).unwrap_err().to_string();
     assert!(told.contains("UTF-16"), "{told}");
 }
 

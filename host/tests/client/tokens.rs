@@ -141,7 +141,7 @@ fn the_daemon_reads_tokens_with_marks_and_any_line_ends() {
 /// Headers and addresses in which a token has line ends or a mark around it.
 #[test]
 fn the_daemon_takes_tokens_with_what_is_around_them() {
-    let access = Access { tokens: Access::tokens(&format!("touch {SECRET}")).unwrap(), ..Access::default() };
+    let access = Access { tokens: Access::parse_tokens(&format!("touch {SECRET}")).unwrap(), ..Access::default() };
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
     let at = daemon.url.trim_start_matches("http://").to_owned();
     let status = |path: &str, headers: &str| {

@@ -39,7 +39,7 @@ fn request(
 #[test]
 fn other_pages_are_let_in_by_name_only() {
     let own = "https://kiosk.example:8443";
-    let access = Access { origins: vec![Access::origin(own).unwrap()], ..Access::default() };
+    let access = Access { origins: vec![Access::parse_origin(own).unwrap()], ..Access::default() };
     let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
     let (status, headers, _) = request(&daemon, "POST", "/v1/stop", &[("Origin", own)]);
     assert_eq!((status, headers.get("access-control-allow-origin").unwrap().to_str().unwrap()), (200, own));
@@ -106,7 +106,7 @@ fn names_that_are_not_ascii_are_not_taken_for_absent() {
 #[test]
 fn tokens_open_what_their_role_allows() {
     let [view, touch, arm] = ["V", "T", "A"].map(|letter| letter.repeat(32));
-    let tokens = Access::tokens(&format!("view {view}\ntouch {touch}\narm {arm}\n")).unwrap();
+    let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\narm {arm}\n")).unwrap();
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
     let status = |method: &str, path: &str, token: Option<&String>| {
         let bearer = token.map(|token| format!("Bearer {token}")).unwrap_or_default();
@@ -131,7 +131,7 @@ fn tokens_open_what_their_role_allows() {
 #[test]
 fn a_socket_that_may_only_look_is_told_and_does_nothing() {
     let [view, touch] = ["V", "T"].map(|letter| letter.repeat(32));
-    let tokens = Access::tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
+    let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
     let mut watching = live(&daemon, &format!("?send=plan&token={view}"));
     let mut touching = live(&daemon, &format!("?send=plan&token={touch}"));
@@ -235,14 +235,15 @@ fn the_socket_in_the_file_system_is_for_its_owner() {
     use std::os::unix::net::UnixStream;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("deep/era.sock");
-    let access = Access { tokens: Access::tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
+    let access =
+        Access { tokens: Access::parse_tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
     let runtime = tokio::runtime::Runtime::new().unwrap();
     for _ in 0..2 {
         let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, access.clone()));
-        let listener = runtime.block_on(async { Listener::unix(&path) }).unwrap();
+        let listener = runtime.block_on(async { Listener::bind_unix(&path) }).unwrap();
         let mode = std::fs::metadata(&path).unwrap().permissions().mode() & 0o777;
         assert_eq!(mode, 0o600);
-        let taken = runtime.block_on(async { Listener::unix(&path) }).unwrap_err();
+        let taken = runtime.block_on(async { Listener::bind_unix(&path) }).unwrap_err();
         assert!(taken.to_string().contains("another daemon"), "{taken}");
         let served = Served::on(&app, async { vec![listener] });
         let mut stream = UnixStream::connect(&path).unwrap();
@@ -256,9 +257,9 @@ fn the_socket_in_the_file_system_is_for_its_owner() {
     // What a killed daemon left behind is in nobody's way; what is no socket is not touched.
     drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
     assert!(path.exists());
-    runtime.block_on(async { Listener::unix(&path) }).unwrap();
+    runtime.block_on(async { Listener::bind_unix(&path) }).unwrap();
     std::fs::write(&path, "a file").unwrap();
-    let kept = runtime.block_on(async { Listener::unix(&path) });
+    let kept = runtime.block_on(async { Listener::bind_unix(&path) });
     assert!(kept.is_err() && std::fs::read_to_string(&path).unwrap() == "a file");
 }
 
@@ -272,9 +273,9 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
     let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
     let mut address = String::new();
     let _served = Served::on(&app, async {
-        let port = Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
+        let port = Listener::bind_tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
         address = port.url().trim_start_matches("http://").to_owned();
-        vec![port, Listener::unix(&path).unwrap()]
+        vec![port, Listener::bind_unix(&path).unwrap()]
     });
     let crowd: Vec<_> = (0..300).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();
     let mut stream = UnixStream::connect(&path).unwrap();
@@ -291,7 +292,8 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
 /// One connection after the other is asked for its token before anything is read of it.
 #[test]
 fn a_token_is_asked_for_before_the_body_is_read() {
-    let access = Access { tokens: Access::tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
+    let access =
+        Access { tokens: Access::parse_tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
     let mut stream = connect(&daemon);
     stream.write_all(b"POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n").unwrap();

@@ -101,16 +101,20 @@ fn what_is_wrong_is_named_as_it_was_written() {
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "from_ms": 5}"#,
             "from_ms",
-            "from_ms is 5, but is for even drives",
+            "from_ms is 5, but is not allowed together with effect",
         ),
-        (r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 5}"#, "to_ms", "to_ms is 5, but is for even drives"),
+        (
+            r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 5}"#,
+            "to_ms",
+            "to_ms is 5, but is not allowed together with effect",
+        ),
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "also": [{"x_px": 9, "y_px": 9, "from_ms": 5}]}"#,
             "also[0].from_ms",
             "also[0].from_ms is 5",
         ),
         (r#"{"x_px": 1, "y_px": 1, "also": [{"x_px": 9}]}"#, "also[0].y_px", "also[0].y_px is missing"),
-        (r#"{"x_px": 1, "y_px": 1, "quiet": [{"z": 9}]}"#, "quiet[0].z", "quiet[0].z is not known"),
+        (r#"{"x_px": 1, "y_px": 1, "quiet": [{"z": 9}]}"#, "quiet[0].z", "quiet[0].z is not a known field"),
     ] {
         let (status, _, problem) = daemon.post("/v1/touch", body);
         assert_eq!((status, &problem["field"]), (400, &json!(field)), "{problem}");
@@ -118,13 +122,16 @@ fn what_is_wrong_is_named_as_it_was_written() {
     }
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": [1, 2}"#);
     let detail = problem["detail"].as_str().unwrap();
-    assert!(status == 400 && detail.starts_with("the body is no JSON: ") && !detail.contains("f64"), "{problem}");
-    for (path, takes) in [("/v1/touch", "does not take GET, but POST;"), ("/v1/stop", "does not take GET, but POST;")] {
+    assert!(
+        status == 400 && detail.starts_with("the body is not valid JSON: ") && !detail.contains("f64"),
+        "{problem}"
+    );
+    for (path, takes) in [("/v1/touch", "accepts POST, but not GET;"), ("/v1/stop", "accepts POST, but not GET;")] {
         let (status, problem) = daemon.get(path);
         assert!(status == 405 && problem["detail"].as_str().unwrap().contains(takes), "{problem}");
     }
     let (status, _, problem) = daemon.post("/v1/requests/1", "");
-    assert!(status == 405 && problem["detail"].as_str().unwrap().contains("does not take POST, but GET;"), "{problem}");
+    assert!(status == 405 && problem["detail"].as_str().unwrap().contains("accepts GET, but not POST;"), "{problem}");
     // Its own page has its own scheme.
     for (scheme, status) in [("http", 200), ("https", 403)] {
         let origin = daemon.url.replace("http", scheme);

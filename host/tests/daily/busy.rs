@@ -24,7 +24,7 @@ fn a_host_that_was_busy_tells_why_and_goes_on() {
         daemon.wait_for(|state| state["device"]["state"] == "running");
         serving.signal("STOP");
         let deadline = Instant::now() + Duration::from_secs(30);
-        while board.control().self_observations().energised {
+        while board.control().observations_since_start().energised {
             assert!(Instant::now() < deadline, "the board is still live");
             std::thread::sleep(Duration::from_millis(5));
         }

@@ -25,7 +25,9 @@ impl Waiting {
         let app = Arc::new(app);
         let (served, url) = Served::at_a_port(&app, None);
         let waiting = Self { line, app, url, _served: served };
-        waiting.until("the board is safe", || waiting.app.driver.device().borrow().state() == Some(SafetyState::Safe));
+        waiting.until("the board is safe", || {
+            waiting.app.driver.subscribe_device_snapshots().borrow().state() == Some(SafetyState::Safe)
+        });
         waiting
     }
 
@@ -53,7 +55,9 @@ impl Waiting {
 
     /// Waits until so many were refused.
     fn until_refused(&self, wanted: u64) {
-        self.until(&format!("{wanted} were refused"), || self.app.driver.admission.refused() >= wanted);
+        self.until(&format!("{wanted} were refused"), || {
+            self.app.driver.admission.count_requests_refused_by_full_queue() >= wanted
+        });
     }
 
     /// What `client` is answered: status, what the header `Retry-After` says, and the body.
@@ -109,7 +113,7 @@ fn what_waited_when_everything_was_stopped_does_not_arm() {
         // As many wait as may.
         waiting.until_refused(3);
         let stop = scope.spawn(|| waiting.post("/v1/stop", "one"));
-        waiting.until("the stop has come", || waiting.app.driver.stops() == 1);
+        waiting.until("the stop has come", || waiting.app.driver.stop_count() == 1);
         waiting.let_go();
         assert_eq!(stop.join().unwrap().0, 200);
         let mut answers: Vec<_> = arms
@@ -123,5 +127,5 @@ fn what_waited_when_everything_was_stopped_does_not_arm() {
         }
         assert!(answers[9..].iter().all(|(status, _)| *status == 429), "{answers:?}");
     });
-    assert!(!waiting.app.driver.device().borrow().state().unwrap().is_live());
+    assert!(!waiting.app.driver.subscribe_device_snapshots().borrow().state().unwrap().is_live());
 }

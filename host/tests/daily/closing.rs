@@ -204,5 +204,5 @@ fn a_page_that_is_silent_is_told_so() {
     let (_served, url) = Served::at_a_port(&Arc::new(app), None);
     let page = Page::open(TcpStream::connect(url.trim_start_matches("http://")).unwrap());
     let (code, reason) = page.closed();
-    assert!(code == 1008 && reason.contains("nothing was heard"), "{code} {reason:?}");
+    assert!(code == 1008 && reason.contains("nothing was received"), "{code} {reason:?}");
 }

@@ -251,7 +251,7 @@ fn names_of_requests_are_their_clients_own() {
     let touch = |x: u32| json!({"x_px": x, "y_px": 640, "intensity_g": 0.1}).to_string();
     let secrets = ["a".repeat(22), "b".repeat(22)];
     let access = Access {
-        tokens: Access::tokens(&format!("touch {}\ntouch {}\n", secrets[0], secrets[1])).unwrap(),
+        tokens: Access::parse_tokens(&format!("touch {}\ntouch {}\n", secrets[0], secrets[1])).unwrap(),
         ..Access::default()
     };
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);

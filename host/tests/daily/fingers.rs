@@ -299,7 +299,7 @@ fn what_a_page_cannot_say_is_answered() {
     let long = json!({"type": "touch", "touches": [], "padding": "x".repeat(17_000)}).to_string();
     let wrong = [
         (Message::binary(r#"{"type": "stop"}"#), "binary"),
-        (Message::text(long), "may have 16384"),
+        (Message::text(long), "may have at most 16384"),
         (Message::text(touch(&twice).to_string()), "touches[2].id is 3"),
     ];
     for (message, wanted) in wrong {

@@ -176,7 +176,7 @@ fn no_body_is_taken_compressed() {
 /// Nobody is told to go on with a body that is refused anyway: too long, not the daemon's, without a token, compressed.
 #[test]
 fn nobody_is_told_to_go_on_with_what_is_refused() {
-    let tokens = Access::tokens(&format!("arm {}", "T".repeat(32))).unwrap();
+    let tokens = Access::parse_tokens(&format!("arm {}", "T".repeat(32))).unwrap();
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
     let token = format!("Authorization: Bearer {}\r\n", "T".repeat(32));
     let first = |path: &str, lines: &str, length: u64| {
@@ -224,7 +224,7 @@ fn the_refusal_of_a_long_body_is_read_after_it() {
 #[test]
 fn the_scheme_of_a_token_has_no_case() {
     let [view, touch] = ["V", "T"].map(|letter| letter.repeat(32));
-    let tokens = Access::tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
+    let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
     let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
     let ask = |line: &str| {
         let answer = send_and_listen(&daemon, &format!("POST /v1/stop HTTP/1.1\r\nHost: localhost\r\n{line}\r\n\r\n"));

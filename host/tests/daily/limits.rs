@@ -4,7 +4,7 @@
 use crate::raw::post;
 use crate::support::Daemon;
 use crate::support::served::Served;
-use era::daemon::listener::{TlsFiles, first_certificate};
+use era::daemon::listener::{TlsFiles, find_or_make_certificate};
 use era::daemon::{Access, Limits};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
@@ -43,7 +43,7 @@ impl Limited {
     fn start(limits: Limits, tls: Option<&TlsFiles>) -> Self {
         let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
         app.limits = limits;
-        let mut device = app.driver.device();
+        let mut device = app.driver.subscribe_device_snapshots();
         let (served, url) = Served::at_a_port(&Arc::new(app), tls);
         served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
         Self { address: url.rsplit('/').next().unwrap().to_owned(), _served: served }
@@ -121,7 +121,7 @@ fn half_a_body_is_answered_and_let_go() {
 #[test]
 fn a_handshake_that_does_not_begin_is_let_go() {
     let folder = tempfile::tempdir().unwrap();
-    let files = first_certificate(folder.path(), &[]).unwrap();
+    let files = find_or_make_certificate(folder.path(), &[]).unwrap();
     let daemon = Limited::start(Limits { handshake: SHORT, ..none() }, Some(&files));
     // Nothing, and the beginning of a client's first record.
     for words in [&b""[..], &[22, 3, 1, 2, 0, 1]] {

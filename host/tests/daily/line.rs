@@ -2,7 +2,7 @@
 //! test need not wait for time to pass.
 
 use crate::support::{Daemon, panel_of, table};
-use era::daemon::{Access, App, Background};
+use era::daemon::{Access, App, BackgroundDaemon};
 use era::device::OpenDevice;
 use era::device::client::Transport;
 use era::device::port::{PortError, SerialPort};
@@ -17,7 +17,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Of one that is never late: for what is not about lateness, on a machine that may be busy.
-pub const CALM: LinkTiming = LinkTiming { retry_policy: RetryPolicy::constant(Duration::from_secs(10)), ..REAL_TIME };
+pub const CALM: LinkTiming =
+    LinkTiming { retry_policy: RetryPolicy::with_constant_timeout(Duration::from_secs(10)), ..REAL_TIME };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
@@ -126,7 +127,7 @@ impl Line {
     #[track_caller]
     pub fn goes_off(&self) {
         let deadline = Instant::now() + WAIT;
-        while self.sim().self_observations().energised {
+        while self.sim().observations_since_start().energised {
             assert!(Instant::now() < deadline, "the board is still live");
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -144,7 +145,7 @@ fn plate_with(timing: LinkTiming, policy: SessionPolicy) -> (App, Line) {
     let (panel, volts) = panel_of(&table);
     let line = Line::to(SimDevice::start(panel, volts).unwrap());
     let device = line.device(timing);
-    let app = App::with(table, device, EXAMPLE_PLATE.to_owned(), policy, Access::default()).unwrap();
+    let app = App::with_policy(table, device, EXAMPLE_PLATE.to_owned(), policy, Access::default()).unwrap();
     (app, line)
 }
 
@@ -156,7 +157,7 @@ pub fn daemon(timing: LinkTiming) -> (Daemon, Line) {
 /// The same with what it does without being asked.
 pub fn daemon_with(timing: LinkTiming, policy: SessionPolicy) -> (Daemon, Line) {
     let (app, line) = plate_with(timing, policy);
-    let background = Background::start(app).unwrap();
+    let background = BackgroundDaemon::start(app).unwrap();
     let daemon =
         Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background: Some(background) };
     daemon.wait_for(|state| state["device"]["connected"] == true);

@@ -43,11 +43,12 @@ fn a_board_that_is_late_is_told_of_and_not_given_up() {
         for gone in [&device["state"], &device["supply"], &state["telemetry"]] {
             assert!(gone.is_null(), "{state}");
         }
-        assert!(device["problem"].as_str().unwrap().contains("it did not answer for"), "{device}");
+        assert!(device["problem"].as_str().unwrap().contains("the device did not answer for"), "{device}");
         let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:device-late")), "{problem}");
         assert!(
-            problem["retry_after_ms"].is_u64() && problem["detail"].as_str().unwrap().contains("it did not answer for")
+            problem["retry_after_ms"].is_u64()
+                && problem["detail"].as_str().unwrap().contains("the device did not answer for")
         );
         assert_eq!(daemon.post("/v1/arm", "").0, 503);
         assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
@@ -124,9 +125,9 @@ fn a_late_answer_to_an_earlier_try_counts() {
     let mut client = Client::new(Box::new(Late::default()), Duration::from_millis(20));
     let reply = client.request(&Request::KeepAlive);
     assert!(matches!(reply, Ok(Reply::Alive { state: SafetyState::Safe })), "{reply:?}");
-    assert_eq!(client.statistics().repeats, 2);
+    assert_eq!(client.link_statistics().repeats, 2);
     // Its time is that of the try which it answers: two waits ago, of which the board's clock must know.
-    let sent = client.last_frame_written_at().unwrap();
+    let sent = client.last_answered_frame_written_at().unwrap();
     let took = client.last_reply_read_at().unwrap() - sent;
     assert!(took >= Duration::from_millis(40), "{took:?}");
 }
@@ -148,7 +149,7 @@ fn a_session_that_breaks_is_told_and_ends_the_daemon() {
     ] {
         let (status, _, problem) = daemon.post(path, body);
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:session-ended")), "{path}: {problem}");
-        assert!(problem["detail"].as_str().unwrap().contains("gone off by itself"), "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("switched off by itself"), "{problem}");
     }
     line.goes_off();
 }
@@ -158,21 +159,21 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
     let (app, line) = plate(REAL_TIME);
     let app = Arc::new(app);
     let runtime = tokio::runtime::Runtime::new().unwrap();
-    let device = app.driver.device();
+    let device = app.driver.subscribe_device_snapshots();
     runtime.block_on(async {
-        let listener = era::daemon::Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
-        let serving = tokio::spawn(era::daemon::serve_while_alive(
+        let listener = era::daemon::Listener::bind_tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
+        let serving = tokio::spawn(era::daemon::serve_until_shutdown_or_session_end(
             Arc::clone(&app),
             vec![listener],
             std::future::pending::<()>(),
         ));
         device.clone().wait_for(|snapshot| snapshot.connected).await.unwrap();
-        assert!(app.driver.is_alive(), "of which the service manager is told");
+        assert!(app.driver.is_session_thread_working(), "of which the service manager is told");
         line.set(|ear| ear.breaks = true);
         let ended = tokio::time::timeout(Duration::from_secs(30), serving).await;
-        assert_eq!(ended.expect("it still serves").unwrap(), era::daemon::Ended::Session);
+        assert_eq!(ended.expect("it still serves").unwrap(), era::daemon::EndReason::Session);
     });
-    assert!(!app.driver.is_alive());
+    assert!(!app.driver.is_session_thread_working());
 }
 
 /// The line is dead one way: what the host asks arrives, and would keep the board alive. It is told to stop instead, while the host still

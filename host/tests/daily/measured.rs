@@ -42,6 +42,17 @@ fn the_latency_of_weak_touches_is_measured() {
     assert!(longest >= ms(&strong, "/delayed_ms_longest"), "what is waited for is in its touch's time: {strong}");
 }
 
+/// Without a touch there is no median, and with the warm-up the largest number of 32 bits is no number any more.
+#[test]
+fn the_number_of_touches_has_a_range() {
+    for touches in ["0", "1000001", "4294967295"] {
+        let out = Command::new(env!("CARGO_BIN_EXE_era")).args(["latency", "--touches", touches]).output().unwrap();
+        let error = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{error}");
+        assert!(error.contains("--touches") && error.contains("1..=1000000"), "{error}");
+    }
+}
+
 /// First clicks are timed in both ways, and none is lost on the way: with the rails down, and after the board was armed.
 #[test]
 fn first_clicks_are_timed_armed_and_not() {

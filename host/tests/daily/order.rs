@@ -200,16 +200,20 @@ fn turns_go_round_between_clients() {
     let address = url.trim_start_matches("http://");
     let wait_for = |waiting: usize| {
         let deadline = Instant::now() + Duration::from_secs(30);
-        while app.driver.admission.waiting() != waiting {
-            assert!(Instant::now() < deadline, "{} wait, not {waiting}", app.driver.admission.waiting());
+        while app.driver.admission.count_waiting_for_planner() != waiting {
+            assert!(
+                Instant::now() < deadline,
+                "{} wait, not {waiting}",
+                app.driver.admission.count_waiting_for_planner()
+            );
             std::thread::sleep(Duration::from_millis(1));
         }
     };
     // Nobody is planned for while the test has both places; then one after the other is.
     let both = served.runtime.block_on(async {
         [
-            app.driver.admission.place(Default::default()).await.unwrap(),
-            app.driver.admission.place(Default::default()).await.unwrap(),
+            app.driver.admission.wait_for_planner_place_unless_queue_full(Default::default()).await.unwrap(),
+            app.driver.admission.wait_for_planner_place_unless_queue_full(Default::default()).await.unwrap(),
         ]
     });
     let answered = Mutex::new(Vec::new());
@@ -244,10 +248,10 @@ fn what_can_be_had_instead_is_not_worked_out_for_a_crowd() {
     const MOST: usize = 4;
     let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
     let (served, url) = Served::at_a_port(&app, None);
-    let mut device = app.driver.device();
+    let mut device = app.driver.subscribe_device_snapshots();
     served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
     // Somebody's is being worked out for as long as the test likes.
-    let place = served.runtime.block_on(app.driver.admission.place_for_trade(Default::default())).unwrap();
+    let place = served.runtime.block_on(app.driver.admission.wait_for_trade_place(Default::default())).unwrap();
     let touch = r#"{"x_px": 300, "y_px": 600, "intensity_g": 1000, "duration_ms": 9000, "trade": true}"#;
     let answers = Mutex::new(Vec::new());
     std::thread::scope(|threads| {
@@ -259,7 +263,7 @@ fn what_can_be_had_instead_is_not_worked_out_for_a_crowd() {
                 answers.lock().unwrap().push((answer.status().as_u16(), told));
             });
             let deadline = Instant::now() + Duration::from_secs(30);
-            while app.driver.active().is_none_or(|active| active.id <= number as u64) {
+            while app.driver.find_active_plan().is_none_or(|active| active.id <= number as u64) {
                 assert!(Instant::now() < deadline, "it is not driven");
                 std::thread::sleep(Duration::from_millis(5));
             }

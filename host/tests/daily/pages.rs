@@ -106,9 +106,9 @@ const REFUSED: &[&str] = &[
 #[test]
 fn a_page_whose_origin_is_allowed_is_let_in_however_it_was_written() {
     for (allowed, sent) in LET_IN {
-        assert_eq!(Access::origin(allowed).as_deref(), Ok(sent.to_lowercase().as_str()), "{allowed}");
+        assert_eq!(Access::parse_origin(allowed).as_deref(), Ok(sent.to_lowercase().as_str()), "{allowed}");
     }
-    let origins = LET_IN.iter().map(|(allowed, _)| Access::origin(allowed).unwrap()).collect();
+    let origins = LET_IN.iter().map(|(allowed, _)| Access::parse_origin(allowed).unwrap()).collect();
     let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access { origins, ..Access::default() });
     let ask = |origin: &str| {
         let lines = format!("Host: {}\r\nOrigin: {origin}\r\nSec-Fetch-Site: cross-site", address(&daemon));
@@ -130,7 +130,7 @@ fn a_page_whose_origin_is_allowed_is_let_in_however_it_was_written() {
 #[test]
 fn what_could_never_match_is_refused_at_the_start() {
     for text in REFUSED {
-        let found = Access::origin(text);
+        let found = Access::parse_origin(text);
         assert!(found.is_err(), "{text:?} is taken as {found:?}");
     }
     let folder = tempfile::tempdir().unwrap();
@@ -156,11 +156,11 @@ fn a_name_that_is_allowed_is_known_however_it_is_written() {
         ("[fe80::1]", "[fe80::1]:7878", "fe80::1"),
         ("fe80:0::2", "[fe80::2]", "fe80::2"),
     ];
-    let hosts = names.iter().map(|(allowed, ..)| Access::host(allowed).unwrap()).collect();
+    let hosts = names.iter().map(|(allowed, ..)| Access::parse_host(allowed).unwrap()).collect();
     let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access { hosts, ..Access::default() });
     let ask = |host: &str| send_and_listen(&daemon, &format!("GET /v1/state HTTP/1.1\r\nHost: {host}\r\n\r\n"));
     for (allowed, taken, kept) in names {
-        assert_eq!(Access::host(allowed).as_deref(), Ok(kept));
+        assert_eq!(Access::parse_host(allowed).as_deref(), Ok(kept));
         let answer = ask(taken);
         assert!(answer.starts_with("HTTP/1.1 200"), "{allowed}, {taken}: {answer}");
     }
@@ -188,7 +188,7 @@ fn a_name_that_is_allowed_is_known_however_it_is_written() {
         "m\u{fc}nchen.example",
         "127.1",
     ] {
-        let found = Access::host(text);
+        let found = Access::parse_host(text);
         assert!(found.is_err(), "{text:?} is taken as {found:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::access::era;
 use crate::support::Daemon;
-use era::daemon::{Access, Background, Recorder};
+use era::daemon::{Access, BackgroundDaemon, Recorder};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn a_secret_that_others_may_read_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (tokens, tls) = (folder.path().join("tokens"), folder.path().join("tls"));
     write_secret(&tokens, &format!("touch {}\n", "T".repeat(32)));
-    let files = era::daemon::listener::first_certificate(&tls, &[]).unwrap();
+    let files = era::daemon::listener::find_or_make_certificate(&tls, &[]).unwrap();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let [token, certificate, key] = [&tokens, &files.certificate, &files.key].map(|path| path.to_str().unwrap());
@@ -108,7 +108,8 @@ fn a_certificate_that_lacks_a_name_is_kept_and_told() {
     assert!(!of_dir(&["old.local"]).contains("does not contain"));
     let said = of_dir(&["old.local", "new.local", "10.1.2.3"]);
     assert!(
-        said.contains("does not contain new.local, 10.1.2.3: it is kept") && said.contains("move era-cert"),
+        said.contains("does not contain new.local, 10.1.2.3: the daemon keeps the certificate")
+            && said.contains("move era-cert"),
         "{said}"
     );
     assert_eq!(read(), first, "clients trust it");
@@ -128,10 +129,10 @@ fn a_recording_has_no_token_in_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("day.jsonl");
     let [right, wrong] = ["RIGHT", "WRONG"].map(|word| word.repeat(6));
-    let access = Access { tokens: Access::tokens(&format!("arm {right}")).unwrap(), ..Access::default() };
+    let access = Access { tokens: Access::parse_tokens(&format!("arm {right}")).unwrap(), ..Access::default() };
     let mut app = Daemon::app(EXAMPLE_PLATE, access);
     app.record = Some(Recorder::start(&file, "example plate").unwrap());
-    let background = Background::start(app).unwrap();
+    let background = BackgroundDaemon::start(app).unwrap();
     let at = background.address();
     let post = |path: &str, token: &str, body: &str| {
         let bearer = format!("Bearer {token}");

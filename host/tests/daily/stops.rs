@@ -6,7 +6,7 @@ use era::device::client::WaitHooks;
 use era::device::session::policy::{SceneNeeds, SessionPolicy};
 use era::device::sim::{SimDevice, SimKnobs};
 use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
-use era::device::{Client, DeviceSnapshot, DriveOrder, EffectOrder, LinkError, Session, SessionError};
+use era::device::{Client, DeviceSnapshot, DriveOrder, EffectContent, EffectOrder, LinkError, Session, SessionError};
 use era_shared::protocol::{ChannelDrive, Reply, Request};
 use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
@@ -50,13 +50,13 @@ fn until(session: &Session, wanted: impl Fn(&DeviceSnapshot) -> bool) {
     drop(in_time(async { snapshots.wait_for(|snapshot| wanted(snapshot)).await.unwrap().clone() }));
 }
 
-fn board() -> Line {
+fn start_line_to_still_panel() -> Line {
     Line::to(SimDevice::start(still_panel(), vec![2000.0; 2]).unwrap())
 }
 
 /// A session with a board that answers, and the line between them.
 fn session(timing: LinkTiming) -> (Session, Line) {
-    let line = board();
+    let line = start_line_to_still_panel();
     let session = Session::start(line.device(timing), SceneNeeds::default(), POLICY).unwrap();
     until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(SafetyState::Safe));
     (session, line)
@@ -78,7 +78,7 @@ fn drive(session: &Session) -> impl Future<Output = Result<era::device::session:
     session.drive(DriveOrder {
         id: 1,
         stops: session.stop_count(),
-        breaks: None,
+        interruptions: None,
         drives: drives(),
         hold,
         from_zero: false,
@@ -236,10 +236,11 @@ fn a_stop_is_sent_while_another_answer_is_waited_for() {
 /// Everything that would drive or arm, asked for when the board was not known to be in doubt.
 fn stale(session: &Session) -> [Answer<'_, ()>; 3] {
     let effects = vec![Effect::new_click(3, 1); 2];
-    let effect = EffectOrder { id: 2, stops: session.stop_count(), drives: drives(), effects, start: None };
+    let content = EffectContent::Envelopes { drives: drives(), effects, start: None };
+    let effect = EffectOrder { id: 2, stops: session.stop_count(), content };
     [
         given(async move { drive(session).await.map(drop) }),
-        given(async move { session.play_effect(effect).await.map(drop) }),
+        given(async move { session.arm_if_needed_and_schedule_effect(effect).await.map(drop) }),
         given(session.arm(session.stop_count(), Instant::now())),
     ]
 }
@@ -249,7 +250,7 @@ fn are_too_late(line: &Line, since: usize, session: &Session, orders: [Answer<'_
     for order in orders {
         let error = in_time(order).expect_err("carried out, though it was asked for long before");
         let said = error.to_string();
-        assert!(matches!(error, SessionError::Late { .. }) && said.contains("this request is from"), "{said}");
+        assert!(matches!(error, SessionError::Late { .. }) && said.contains("; this request is "), "{said}");
     }
     let drives = |request: &&Request| {
         use Request::{Arm, ArmWith, Play, Prepare, SetDrives};
@@ -306,11 +307,11 @@ fn the_last_stop_is_heard_after_half_a_frame() {
 /// A stop that is due when the last try has been sent.
 #[test]
 fn a_stop_that_comes_in_the_last_try_is_sent_after_it() {
-    let line = board();
+    let line = start_line_to_still_panel();
     let mut client = line.device(link_timing_with_tries(1)).open_client().unwrap();
     line.set(|ear| ear.is_deaf = true);
     let attention = WaitHooks { in_doubt: &mut |_, _| {}, is_stopped: &|| true };
-    let answer = client.request_or_stop(&Request::KeepAlive, attention);
+    let answer = client.request_sending_stop_when_late(&Request::KeepAlive, attention);
     assert!(matches!(answer, Err(LinkError::Silent { .. })), "{answer:?}");
     assert_eq!(line.ear().asked, [Request::KeepAlive, Request::Stop]);
 }
@@ -331,7 +332,7 @@ fn the_end_of_a_session_is_a_stop() {
 /// looked at, and nothing else comes before the stop.
 #[test]
 fn a_board_that_is_live_on_connecting_is_stopped() {
-    let line = board();
+    let line = start_line_to_still_panel();
     let mut knobs = SimKnobs::default();
     knobs.mistakes.deaf_to_silence = true;
     line.sim().set_knobs(knobs);

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 fn device() -> SimDevice {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-    SimDevice::start(SimPanel::new(&none, vec![Transducer::fixed(0.0); 2]), vec![2000.0; 2]).unwrap()
+    SimDevice::start(SimPanel::new(&none, vec![Transducer::with_fixed_force(0.0); 2]), vec![2000.0; 2]).unwrap()
 }
 
 fn spoil(control: &SimControl, defects: Defects) {
@@ -45,7 +45,7 @@ fn a_device_that_is_well_is_heard_and_not_armed() {
         assert_eq!(of(&findings, check)["verdict"], "ok", "{findings:?}");
     }
     assert!(of(&findings, "fault")["found"].as_str().unwrap().contains("safe"), "{findings:?}");
-    assert!(device.control().drives_received_at().is_none());
+    assert!(device.control().last_drives_received_at().is_none());
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
         code == Some(0) && told.contains("waits to be armed") && told.contains("`era arm`")
     });
     assert!(found, "{:?}", asked(&["doctor", "--device", "sim"]));
-    assert!(asked(&["state"]).0.contains("nothing is driven until `era arm` arms it"));
+    assert!(asked(&["state"]).0.contains("nothing is driven until `era arm` arms the device"));
     assert_eq!(asked(&["touch", "300", "900"]).1, Some(1));
     assert_eq!(asked(&["arm"]).1, Some(0));
     assert!(!asked(&["state"]).0.contains("era arm"));

@@ -2,9 +2,10 @@
 
 use era::device::usb_ids::{BOARD, BOARD_NAME};
 use era::doctor::facts::{
-    Answer, Chosen, Clock, Daemon, Fault, File, Heard, Port, PortAccess, PortHolder, Rule, Supply, Usb, Wanted,
+    BoardReport, Chosen, Clock, Daemon, Fault, File, Port, PortAnswer, PortGroupAccess, PortHolder, Rule, Supply, Usb,
+    Wanted,
 };
-use era::doctor::{Facts, Finding, Verdict, judge};
+use era::doctor::{Facts, Finding, Verdict, judge_facts};
 use era_shared::protocol::{CURRENT_VERSION, FaultCode};
 
 const PATH: &str = "/dev/ttyACM0";
@@ -14,8 +15,8 @@ fn board_port(path: &str) -> Port {
     Port { path: path.into(), usb: Some(usb) }
 }
 
-fn well_heard() -> Heard {
-    Heard {
+fn well_heard() -> BoardReport {
+    BoardReport {
         firmware: "0.1.0+1a2b3c4d".into(),
         protocol: Some(CURRENT_VERSION),
         state: Some("safe".into()),
@@ -27,7 +28,7 @@ fn well_heard() -> Heard {
         }),
         clock: Some(Clock { rate_ppm: Some(120.0), half_round_trip_s: 0.4e-3, worst_s: 0.2e-3 }),
         frames: (20, 0),
-        ..Heard::default()
+        ..BoardReport::default()
     }
 }
 
@@ -42,9 +43,9 @@ fn well() -> Facts {
         realtime: Some(20),
         chosen: Some(Chosen {
             path: PATH.into(),
-            access: PortAccess { group: Some("plugdev".into()), is_member: true },
+            access: PortGroupAccess { group: Some("plugdev".into()), is_member: true },
             holders: Vec::new(),
-            answer: Answer::Heard(well_heard()),
+            answer: PortAnswer::Heard(well_heard()),
         }),
         address: "127.0.0.1:7878".into(),
         is_address_named: false,
@@ -58,21 +59,21 @@ fn well() -> Facts {
 fn after(check: &str, change: impl FnOnce(&mut Facts)) -> Finding {
     let mut facts = well();
     change(&mut facts);
-    let findings = judge(&facts);
+    let findings = judge_facts(&facts);
     findings.into_iter().find(|finding| finding.check == check && finding.verdict != Verdict::Ok).unwrap_or_else(|| {
-        panic!("nothing is told of {check}: {:?}", judge(&facts));
+        panic!("nothing is told of {check}: {:?}", judge_facts(&facts));
     })
 }
 
-fn answer(facts: &mut Facts, answer: Answer) {
+fn set_port_answer(facts: &mut Facts, answer: PortAnswer) {
     facts.chosen.as_mut().unwrap().answer = answer;
 }
 
-fn heard(change: impl FnOnce(&mut Heard)) -> impl FnOnce(&mut Facts) {
+fn change_board_report(change: impl FnOnce(&mut BoardReport)) -> impl FnOnce(&mut Facts) {
     move |facts| {
         let mut heard = well_heard();
         change(&mut heard);
-        answer(facts, Answer::Heard(heard));
+        set_port_answer(facts, PortAnswer::Heard(heard));
     }
 }
 
@@ -89,7 +90,7 @@ use Verdict::{Problem, Warning};
 
 #[test]
 fn nothing_is_said_against_a_machine_on_which_all_is_well() {
-    let findings = judge(&well());
+    let findings = judge_facts(&well());
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Ok), "{findings:?}");
     assert!(findings.iter().all(|finding| finding.advice.is_none()), "{findings:?}");
     let checks: Vec<&str> = findings.iter().map(|finding| finding.check).collect();
@@ -125,7 +126,7 @@ fn a_board_that_is_not_there_is_told() {
         gone(facts);
         facts.wanted = Wanted::Any;
     };
-    is(&after("board", any), Warning, &["simulated device needs no board"]);
+    is(&after("board", any), Warning, &["use --device sim"]);
     let bootloader = |facts: &mut Facts| {
         gone(facts);
         facts.bootloader = Some(true);
@@ -155,8 +156,8 @@ fn the_numbers_alone_make_no_board() {
 #[test]
 fn troubles_of_the_port_are_told() {
     let denied = |facts: &mut Facts| {
-        answer(facts, Answer::Denied);
-        facts.chosen.as_mut().unwrap().access = PortAccess { group: Some("dialout".into()), is_member: false };
+        set_port_answer(facts, PortAnswer::Denied);
+        facts.chosen.as_mut().unwrap().access = PortGroupAccess { group: Some("dialout".into()), is_member: false };
     };
     is(
         &after("permission", denied),
@@ -168,21 +169,29 @@ fn troubles_of_the_port_are_told() {
         facts.rules = Some(Vec::new());
     };
     is(&after("permission", no_rule), Problem, &["era install --only rule"]);
-    is(&after("permission", |facts| answer(facts, Answer::Missing)), Problem, &["there is no /dev/ttyACM0"]);
     is(
-        &after("permission", |facts| answer(facts, Answer::Failed("not a typewriter".into()))),
+        &after("permission", |facts| set_port_answer(facts, PortAnswer::Missing)),
+        Problem,
+        &["there is no /dev/ttyACM0"],
+    );
+    is(
+        &after("permission", |facts| set_port_answer(facts, PortAnswer::Failed("not a typewriter".into()))),
         Problem,
         &["typewriter"],
     );
     let held = |facts: &mut Facts| {
-        answer(facts, Answer::NotAsked);
+        set_port_answer(facts, PortAnswer::NotAsked);
         facts.chosen.as_mut().unwrap().holders = vec![PortHolder { pid: 4711, name: "minicom".into() }];
     };
     is(&after("port", held), Problem, &["minicom (process 4711)"]);
-    is(&after("port", |facts| answer(facts, Answer::Busy)), Problem, &["held by another program"]);
-    is(&after("firmware", |facts| answer(facts, Answer::Silent("no answer".into()))), Problem, &["era flash"]);
+    is(&after("port", |facts| set_port_answer(facts, PortAnswer::Busy)), Problem, &["held by another program"]);
     is(
-        &after("firmware", |facts| answer(facts, Answer::Version("versions 3 to 4".into()))),
+        &after("firmware", |facts| set_port_answer(facts, PortAnswer::Silent("no answer".into()))),
+        Problem,
+        &["era flash"],
+    );
+    is(
+        &after("firmware", |facts| set_port_answer(facts, PortAnswer::Version("versions 3 to 4".into()))),
         Problem,
         &["versions 3 to 4"],
     );
@@ -204,43 +213,53 @@ fn troubles_of_the_machine_are_told() {
     }
     // Where there is no udev, nobody asks for its rules.
     let facts = Facts { rules: None, modem_manager: None, ..well() };
-    assert!(judge(&facts).iter().all(|it| it.check != "udev-rule" && it.verdict == Verdict::Ok));
+    assert!(judge_facts(&facts).iter().all(|it| it.check != "udev-rule" && it.verdict == Verdict::Ok));
 }
 
 #[test]
 fn troubles_of_the_board_are_told() {
-    is(&after("firmware", heard(|it| it.protocol = Some(1))), Warning, &["protocol version 1", "era flash"]);
-    let latched = |it: &mut Heard| it.fault = Some(Fault::from(FaultCode::OverCurrent));
-    is(&after("fault", heard(latched)), Problem, &["6 (over-current)", "Disconnect the supply"]);
-    is(&after("fault", heard(|it| it.failure = Some("panicked at".into()))), Warning, &["panicked at"]);
-    is(&after("fault", heard(|it| it.was_watchdog = true)), Warning, &["watchdog"]);
-    is(&after("armed", heard(|it| it.waits_to_be_armed = true)), Warning, &["had an outage", "`era arm`"]);
-    let supply = |change: fn(&mut Supply)| heard(move |it| change(it.supply.as_mut().unwrap()));
+    is(
+        &after("firmware", change_board_report(|it| it.protocol = Some(1))),
+        Warning,
+        &["protocol version 1", "era flash"],
+    );
+    let latched = |it: &mut BoardReport| it.fault = Some(Fault::from(FaultCode::OverCurrent));
+    is(&after("fault", change_board_report(latched)), Problem, &["6 (over-current)", "Disconnect the supply"]);
+    is(&after("fault", change_board_report(|it| it.failure = Some("panicked at".into()))), Warning, &["panicked at"]);
+    is(&after("fault", change_board_report(|it| it.was_watchdog = true)), Warning, &["watchdog"]);
+    is(
+        &after("armed", change_board_report(|it| it.waits_to_be_armed = true)),
+        Warning,
+        &["had an outage", "`era arm`"],
+    );
+    let supply = |change: fn(&mut Supply)| change_board_report(move |it| change(it.supply.as_mut().unwrap()));
     is(&after("interlock", supply(|it| it.interlock_closed = false)), Problem, &["enclosure is open"]);
     is(&after("interlock", supply(|it| it.stop_released = false)), Problem, &["emergency stop"]);
     is(&after("interlock", supply(|it| it.earth_bonded = false)), Problem, &["earth", "do not touch"]);
     is(&after("supply", supply(|it| it.rail_v[1] = 800.0)), Problem, &["800 V", "do not open"]);
     let clock = |rate_ppm, worst_s| {
-        heard(move |it| it.clock = Some(Clock { rate_ppm: Some(rate_ppm), half_round_trip_s: 1e-3, worst_s }))
+        change_board_report(move |it| {
+            it.clock = Some(Clock { rate_ppm: Some(rate_ppm), half_round_trip_s: 1e-3, worst_s })
+        })
     };
     is(&after("clock", clock(-25_000.0, 1e-4)), Problem, &["-25000 ppm", "1 %"]);
     is(&after("clock", clock(10.0, 0.02)), Warning, &["20.00 ms"]);
-    is(&after("link", heard(|it| it.frames = (100, 5))), Warning, &["5 of 100", "cable"]);
+    is(&after("link", change_board_report(|it| it.frames = (100, 5))), Warning, &["5 of 100", "cable"]);
     // A rail is charged while the board is armed: that is what it is for.
-    let armed = heard(|it| {
+    let armed = change_board_report(|it| {
         it.state = Some("armed".into());
         it.supply.as_mut().unwrap().rail_v = vec![1500.0, 1500.0];
     });
     let mut facts = well();
     armed(&mut facts);
-    assert!(judge(&facts).iter().all(|finding| finding.verdict == Verdict::Ok));
+    assert!(judge_facts(&facts).iter().all(|finding| finding.verdict == Verdict::Ok));
 }
 
 /// The daemon has the port: it is asked instead, and is no stranger in it.
 #[test]
 fn a_running_daemon_answers_for_its_board() {
     let mut facts = well();
-    answer(&mut facts, Answer::NotAsked);
+    set_port_answer(&mut facts, PortAnswer::NotAsked);
     let holder = PortHolder { pid: 900, name: "era".into() };
     facts.chosen.as_mut().unwrap().holders = vec![holder];
     let runs = |problem: Option<&str>, fault: Option<Fault>, version: &str| Daemon::Runs {
@@ -248,17 +267,17 @@ fn a_running_daemon_answers_for_its_board() {
         port: PATH.into(),
         kind: "serial".into(),
         problem: problem.map(str::to_owned),
-        heard: Some(Box::new(Heard { fault, ..well_heard() })),
+        heard: Some(Box::new(BoardReport { fault, ..well_heard() })),
     };
     let own = env!("CARGO_PKG_VERSION");
     facts.daemon = runs(None, None, own);
-    let findings = judge(&facts);
+    let findings = judge_facts(&facts);
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Ok), "{findings:?}");
     assert!(findings.iter().any(|finding| finding.check == "interlock"));
     // Somebody else reads what the board says to the daemon.
     let mut shared = facts.clone();
     shared.chosen.as_mut().unwrap().holders.push(PortHolder { pid: 901, name: "cat".into() });
-    let findings = judge(&shared);
+    let findings = judge_facts(&shared);
     let port = findings.iter().find(|finding| finding.check == "port").unwrap();
     assert!(port.verdict == Problem && port.found.contains("cat (process 901)"), "{port:?}");
     let take = |daemon: Daemon| {
@@ -282,7 +301,7 @@ fn a_fault_of_the_daemons_device_is_told_whichever_that_is() {
         port: "/dev/pts/7".into(),
         kind: "sim".into(),
         problem: None,
-        heard: Some(Box::new(Heard { fault: fault.map(Fault::from), ..well_heard() })),
+        heard: Some(Box::new(BoardReport { fault: fault.map(Fault::from), ..well_heard() })),
     };
     let latched = || runs(Some(FaultCode::HostSilent));
     let alone = |facts: &mut Facts| {
@@ -292,9 +311,9 @@ fn a_fault_of_the_daemons_device_is_told_whichever_that_is() {
     };
     is(&after("fault", alone), Problem, &["0 (host-silent)", "era clear"]);
     // Beside a board that was asked itself.
-    let found = judge(&Facts { daemon: latched(), ..well() });
+    let found = judge_facts(&Facts { daemon: latched(), ..well() });
     let daemons = found.iter().find(|finding| finding.check == "daemon-fault").unwrap();
     is(daemons, Problem, &["0 (host-silent)", "era clear"]);
-    let well = judge(&Facts { daemon: runs(None), ..well() });
+    let well = judge_facts(&Facts { daemon: runs(None), ..well() });
     assert!(well.iter().all(|finding| finding.verdict == Verdict::Ok && finding.check != "daemon-fault"));
 }

@@ -225,7 +225,10 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
         let checked = run_limited(folder.path(), None, &["config", "check", "era.toml"]);
         assert!(checked.status.success(), "{number}: {}", String::from_utf8_lossy(&checked.stderr));
         let (_, said) = serve(folder.path(), None, &["--tls-dir", "tls"]);
-        assert!(said.contains("made anew") && said.contains("another daemon listens"), "{number}: {said}");
+        assert!(
+            said.contains("makes certificate and key again") && said.contains("another daemon listens"),
+            "{number}: {said}"
+        );
         for (name, old) in [("era-cert.pem", &damaged_certificate), ("era-key.pem", &damaged_key)] {
             assert_eq!(fs::read(tls.join(format!("{name}.damaged"))).ok(), *old, "{number}");
             assert_ne!(fs::read(tls.join(name)).ok(), *old, "{number}");

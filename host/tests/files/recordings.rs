@@ -78,7 +78,7 @@ fn a_recording_that_has_no_room_ends_with_a_whole_line() {
         } else {
             assert!(find_line(&log, "ready after").is_some(), "{limit}");
             (0..60).for_each(|_| drop(post_stop(&socket)));
-            let said = find_line(&log, "nothing is recorded any more");
+            let said = find_line(&log, "the recording ends because of an error");
             assert!(said.is_some_and(|line| line.contains("File too large")), "{limit}");
             assert!(post_stop(&socket).starts_with("HTTP/1.1 "), "{limit}: the daemon goes on");
         }

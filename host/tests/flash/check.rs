@@ -1,7 +1,7 @@
 //! Which image may go to which board.
 
 use crate::elf::{flash_contents, version};
-use era::flash::check::{CheckError, OnBoard, check_idle, check_image};
+use era::flash::check::{CheckError, InstalledFirmware, check_idle, check_image};
 use era::flash::image::Image;
 use era_shared::protocol::{BoardKind, CURRENT_VERSION};
 use era_shared::safety::SafetyState;
@@ -10,8 +10,8 @@ fn image(protocol: (u8, u8)) -> Image {
     Image::from_flash(flash_contents(version(1, b"0123abcd"), protocol, 5000, 3)).unwrap()
 }
 
-fn board(board: Option<BoardKind>, protocol_current: u8) -> OnBoard {
-    OnBoard { board, firmware: version(9, b"ffffffff"), protocol_current }
+fn make_installed_firmware(board: Option<BoardKind>, protocol_current: u8) -> InstalledFirmware {
+    InstalledFirmware { board, firmware: version(9, b"ffffffff"), protocol_current }
 }
 
 #[test]
@@ -19,11 +19,14 @@ fn only_this_board_gets_it() {
     let header = image((1, CURRENT_VERSION)).header;
     assert_eq!(check_image(&header, None, false), Ok(()));
     // An older version of the firmware is no reason to refuse.
-    assert_eq!(check_image(&header, Some(&board(Some(BoardKind::Stm32G474), CURRENT_VERSION)), false), Ok(()));
+    assert_eq!(
+        check_image(&header, Some(&make_installed_firmware(Some(BoardKind::Stm32G474), CURRENT_VERSION)), false),
+        Ok(())
+    );
     for force in [false, true] {
-        let simulated = board(Some(BoardKind::Simulated), CURRENT_VERSION);
+        let simulated = make_installed_firmware(Some(BoardKind::Simulated), CURRENT_VERSION);
         assert_eq!(check_image(&header, Some(&simulated), force), Err(CheckError::Simulated));
-        let unknown = check_image(&header, Some(&board(None, CURRENT_VERSION)), force);
+        let unknown = check_image(&header, Some(&make_installed_firmware(None, CURRENT_VERSION)), force);
         assert!(matches!(unknown, Err(CheckError::Board { board: None, .. })));
         let mut foreign = header;
         foreign.board = None;
@@ -34,7 +37,7 @@ fn only_this_board_gets_it() {
 #[test]
 fn a_step_back_in_the_protocol_needs_force() {
     let header = image((1, CURRENT_VERSION)).header;
-    let newer = board(Some(BoardKind::Stm32G474), CURRENT_VERSION + 1);
+    let newer = make_installed_firmware(Some(BoardKind::Stm32G474), CURRENT_VERSION + 1);
     let refused = check_image(&header, Some(&newer), false);
     assert_eq!(refused, Err(CheckError::Downgrade { image: CURRENT_VERSION, board: CURRENT_VERSION + 1 }));
     assert_eq!(check_image(&header, Some(&newer), true), Ok(()));

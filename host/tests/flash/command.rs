@@ -106,7 +106,7 @@ fn a_board_with_firmware_of_version_1_is_not_sent_to_its_bootloader() {
     let port = old_board::behind_a_terminal(old_board::Board::posing_as(BoardKind::Stm32G474, 1, 1));
     let mut board = Board::open(&Target::Serial(port)).unwrap();
     board.check_idle().unwrap();
-    assert_eq!(board.on_board().protocol_current, 1);
+    assert_eq!(board.installed_firmware().protocol_current, 1);
     let error = board.enter_bootloader().unwrap_err();
     assert!(matches!(error, BoardError::TooOld(1)) && error.to_string().contains("BOOT0"), "{error}");
 }

@@ -5,7 +5,7 @@ use crate::rom::{Rom, Start};
 use era::flash::dfuse::{DfuError, Dfuse};
 use era::flash::image::Image;
 use era::flash::layout::Layout;
-use era::flash::program::{ProgramError, Programmed, Stage, program_image, read_header_on_board};
+use era::flash::program::{ProgramError, ProgramResult, Stage, program_image, read_header_on_board};
 use era_shared::image::FLASH_START;
 
 /// Not a whole number of transfers nor of pages.
@@ -19,11 +19,11 @@ fn new() -> Image {
     Image::from_flash(flash_contents(version(2, b"ee33ee33"), (1, 2), LENGTH, 0x22)).unwrap()
 }
 
-fn update(rom: &mut Rom, image: &Image) -> Result<Programmed, ProgramError> {
+fn update(rom: &mut Rom, image: &Image) -> Result<ProgramResult, ProgramError> {
     let layout = Layout::parse(&rom.description()).unwrap();
     let mut dfu = Dfuse::open(&mut *rom)?;
     let done = program_image(&mut dfu, &layout, image, |_, _, _| {})?;
-    dfu.leave(FLASH_START)?;
+    dfu.leave_for_program_at(FLASH_START)?;
     Ok(done)
 }
 
@@ -46,9 +46,9 @@ fn an_update_is_written_and_started() {
                 stages.push(stage);
             }
         });
-        assert_eq!(done, Ok(Programmed { first_stage_replaced: false }));
+        assert_eq!(done, Ok(ProgramResult { first_stage_replaced: false }));
         assert_eq!(read_header_on_board(&mut dfu).unwrap(), Some(image.header));
-        dfu.leave(FLASH_START).unwrap();
+        dfu.leave_for_program_at(FLASH_START).unwrap();
         assert!(holds(&rom, image.bytes()));
         assert_eq!(rom.left_for, Some(FLASH_START));
         assert_eq!(rom.power_up(), Start::Firmware);
@@ -82,7 +82,7 @@ fn a_cut_at_any_transfer_leaves_a_board_that_is_repaired_by_the_same_command() {
                 Start::Nothing => panic!("cut {cut}: the board does not start"),
             }
             let done = update(&mut rom, &image);
-            assert_eq!(done, Ok(Programmed { first_stage_replaced: false }), "cut {cut}");
+            assert_eq!(done, Ok(ProgramResult { first_stage_replaced: false }), "cut {cut}");
             assert!(holds(&rom, image.bytes()), "cut {cut}");
             assert_eq!(rom.power_up(), Start::Firmware);
         }
@@ -101,7 +101,7 @@ fn a_new_first_stage_is_the_only_window_without_a_way_back_by_power() {
     let image = new();
     for before in [&other[..], &[]] {
         let mut whole = Rom::new(2048, before);
-        assert_eq!(update(&mut whole, &image), Ok(Programmed { first_stage_replaced: true }));
+        assert_eq!(update(&mut whole, &image), Ok(ProgramResult { first_stage_replaced: true }));
         let mut stuck = Vec::new();
         for cut in 0..whole.transfers {
             let mut rom = Rom::new(2048, before);

@@ -31,10 +31,10 @@ fn it_is_asked_for_the_chip_and_the_header_then_told_to_write() {
     let folder = tempfile::tempdir().unwrap();
     let contents = flash_contents(version(3, b"0123abcd"), (1, 2), 5000, 3);
     let probe = program(folder.path(), ONE_PROBE, "20036469", &contents[HEADER_AT..HEADER_AT + 64], 0);
-    probe.find().unwrap();
+    probe.check_probe_connected().unwrap();
     probe.check_chip().unwrap();
-    assert_eq!(probe.header_on_board().unwrap().unwrap().firmware, version(3, b"0123abcd"));
-    probe.write(Path::new("image.elf")).unwrap();
+    assert_eq!(probe.read_header_on_board().unwrap().unwrap().firmware, version(3, b"0123abcd"));
+    probe.write_and_start_image(Path::new("image.elf")).unwrap();
     let calls = std::fs::read_to_string(folder.path().join("calls")).unwrap();
     let expected = "list\nread --chip STM32G474RETx b32 0xe0042000 1\nread --chip STM32G474RETx b8 0x08001200 64\n\
                     download --chip STM32G474RETx --verify image.elf\nreset --chip STM32G474RETx\n";
@@ -45,16 +45,16 @@ fn it_is_asked_for_the_chip_and_the_header_then_told_to_write() {
 fn what_is_wrong_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let missing = ProbeRs::new(folder.path().join("nothing"));
-    assert!(matches!(missing.find(), Err(ProbeError::NotInstalled(_))));
+    assert!(matches!(missing.check_probe_connected(), Err(ProbeError::NotInstalled(_))));
 
     let none = program(folder.path(), "No debug probes were found.", "", &[], 0);
-    assert!(matches!(none.find(), Err(ProbeError::NoProbe)));
+    assert!(matches!(none.check_probe_connected(), Err(ProbeError::NoProbe)));
 
     let other = program(folder.path(), ONE_PROBE, "20036468", &[0xFF; 64], 101);
     let error = other.check_chip().unwrap_err().to_string();
     assert!(error.contains("0x468") && error.contains("nothing was changed"), "{error}");
-    assert_eq!(other.header_on_board().unwrap(), None);
-    let error = other.write(Path::new("image.elf")).unwrap_err().to_string();
+    assert_eq!(other.read_header_on_board().unwrap(), None);
+    let error = other.write_and_start_image(Path::new("image.elf")).unwrap_err().to_string();
     assert!(error.contains("download --chip STM32G474RETx") && error.contains("again"), "{error}");
     let calls = std::fs::read_to_string(folder.path().join("calls")).unwrap();
     assert!(!calls.contains("reset"), "started after a failure");

@@ -77,7 +77,10 @@ fn serve_takes_the_file_and_the_command_line_before_it() {
     let output = run(&["-v", "serve", "--config", name, "--listen", &address, "--accuracy", "fast"]);
     let told = text(&output.stderr);
     assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
-    assert!(told.contains("listen as on the command line") && told.contains("device = \"/dev/none\""), "{told}");
+    assert!(
+        told.contains("listen: an option on the command line is used") && told.contains("device = \"/dev/none\""),
+        "{told}"
+    );
 }
 
 /// With what `era serve` does not start, `era config check` and `era doctor` do not call good; and what does not start leaves nothing behind.
@@ -97,21 +100,21 @@ fn what_serve_refuses_check_and_doctor_refuse() {
     write("short", "arm short\n", 0o600);
     write("role", &format!("boss {secret}\n"), 0o600);
     // A whole certificate, which clients may have been given; a damaged one would be replaced.
-    std::fs::remove_file(era::daemon::listener::first_certificate(&path("alone"), &[]).unwrap().key).unwrap();
+    std::fs::remove_file(era::daemon::listener::find_or_make_certificate(&path("alone"), &[]).unwrap().key).unwrap();
     let outside = "listen = \"0.0.0.0:0\"\n";
     for (more, line, words) in [
-        (outside.to_owned(), 3, "is not loopback"),
-        (format!("{outside}tls_dir = \"tls\"\n"), 3, "is not loopback"),
-        (format!("{outside}token_file = \"good\"\n"), 3, "is not loopback"),
+        (outside.to_owned(), 3, "is not a loopback address"),
+        (format!("{outside}tls_dir = \"tls\"\n"), 3, "is not a loopback address"),
+        (format!("{outside}token_file = \"good\"\n"), 3, "is not a loopback address"),
         ("token_file = \"none\"\n".into(), 3, "none: "),
         ("token_file = \"open\"\n".into(), 3, "its mode is 0644"),
-        ("token_file = \"short\"\n".into(), 3, "line 1: a secret must have"),
+        ("token_file = \"short\"\n".into(), 3, "line 1: the secret must have"),
         ("token_file = \"role\"\ntls_dir = \"tls\"\n".into(), 3, "line 1: the first word must be a role"),
-        ("tls_dir = \"alone\"\n".into(), 3, "is missing, and"),
+        ("tls_dir = \"alone\"\n".into(), 3, "is missing, but"),
         ("tls_cert = \"none.pem\"\ntls_key = \"good\"\n".into(), 3, "none.pem"),
         // Plain HTTP, where somebody wanted TLS.
-        ("tls_cert = \"none.pem\"\n".into(), 3, "needs tls_key as well"),
-        ("tls_key = \"good\"\n".into(), 3, "needs tls_cert as well"),
+        ("tls_cert = \"none.pem\"\n".into(), 3, "but tls_key, the private key of this certificate, is missing"),
+        ("tls_key = \"good\"\n".into(), 3, "but tls_cert, the certificate of this key, is missing"),
         ("record = \"good\"\n".into(), 3, "never replaces a file"),
         ("record = \"nowhere/run.jsonl\"\n".into(), 3, "there is no folder"),
         ("socket = \"good\"\n".into(), 2, "cannot listen on the socket"),

@@ -103,7 +103,7 @@ fn a_user_is_told_what_to_run() {
     {
         assert!(told.contains(words), "{words} in {told}");
     }
-    assert!(!told.contains("udevadm") && warned.contains("is not there yet"), "{told} {warned}");
+    assert!(!told.contains("udevadm") && warned.contains("does not exist yet"), "{told} {warned}");
     assert!(home.path().join("systemd/user/era.service").is_file());
     assert!(told.contains("scene = \"panel.toml\", device = \"auto\""), "{told}");
 }
@@ -226,7 +226,7 @@ fn a_package_is_staged_below_a_folder() {
         let output = command.output().unwrap();
         let told = text(&output.stderr);
         assert!(output.status.success(), "{told}");
-        assert!(told.contains("tls_dir is /home/me/tls, where the service may not write"), "{told}");
+        assert!(told.contains("tls_dir is /home/me/tls, but the service may write below"), "{told}");
         assert!(told.contains("simulated"), "{told}");
         let unit = match more {
             [] => std::fs::read_to_string(folder.path().join("stage/etc/systemd/system/era.service")).unwrap(),

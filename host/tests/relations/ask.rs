@@ -56,7 +56,7 @@ pub fn answers_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Answers, Te
 }
 
 fn number(bound: Bound) -> f64 {
-    bound.known_limit().unwrap_or(f64::INFINITY)
+    bound.limit_if_known().unwrap_or(f64::INFINITY)
 }
 
 /// Responses alone.
@@ -130,7 +130,7 @@ pub fn same(name: &str, a: (&Spec, &Answers), b: (&Spec, &Answers), factors: Fac
 
 /// An acceleration per newton that is as good as none: a millionth of the whole surface's under the same force, as at a clamped edge.
 pub fn nothing(spec: &Spec) -> f64 {
-    1e-6 / spec.scene().surface_mass_kg()
+    1e-6 / spec.scene().surface_mass_with_air_kg()
 }
 
 /// Largest difference of two curves, the second divided by `factor`, relative to the first one's peak.

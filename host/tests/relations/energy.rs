@@ -4,7 +4,7 @@ use super::ask::{HIGHEST_HZ, curves_in, hold, nothing};
 use super::spec::{Spec, on, point, scenes};
 use era::model::{Accuracy, PanelModel, ReducedModel};
 use era::planner::{PlanTable, TableOptions};
-use era::response::solve_coordinates_at_frequency;
+use era::response::solve_coordinates_per_newton_at_frequency;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use proptest::prelude::*;
@@ -67,7 +67,10 @@ fn panels_take_power() {
                 power += part.re;
                 size += part.norm();
             }
-            let (along, travel) = (product(&model, i, &coordinates[i]), model.actuator_travel(i, &coordinates[i]));
+            let (along, travel) = (
+                product(&model, i, &coordinates[i]),
+                model.actuator_mass_travel_against_electrodes(i, &coordinates[i]),
+            );
             let differ = (along.norm() - travel.norm()).abs();
             prop_assert!(
                 differ <= 1e-9 * travel.norm(),
@@ -88,7 +91,7 @@ fn reduced(spec: &Spec) -> Result<ReducedModel, TestCaseError> {
 }
 
 fn solved(model: &ReducedModel, hz: f64) -> Result<Vec<DVector<Complex64>>, TestCaseError> {
-    solve_coordinates_at_frequency(model, hz).map_err(|error| TestCaseError::fail(error.to_string()))
+    solve_coordinates_per_newton_at_frequency(model, hz).map_err(|error| TestCaseError::fail(error.to_string()))
 }
 
 /// What moves along the force of an actuator.
@@ -113,8 +116,9 @@ fn the_mean_square_is_that_of_the_mass_matrix() {
     hold(12, (scenes(), 40.0..HIGHEST_HZ), |(spec, hz)| {
         let spec = bare(spec);
         let model = reduced(&spec)?;
-        let by_mass =
-            |q: &DVector<Complex64>| q.iter().map(|q| q.norm_sqr()).sum::<f64>() / spec.scene().surface_mass_kg();
+        let by_mass = |q: &DVector<Complex64>| {
+            q.iter().map(|q| q.norm_sqr()).sum::<f64>() / spec.scene().surface_mass_with_air_kg()
+        };
         let coordinates = solved(&model, hz)?;
         let points = gauss(if spec.is_bar { 40 } else { 8 });
         let lines = |side: usize| -> Vec<f64> { points.iter().map(|(at, _)| at * spec.size_mm[side] / 1e3).collect() };
@@ -150,7 +154,7 @@ fn the_planner_has_the_same_mean_square() {
         let table = PlanTable::build(&scene, reduced(&spec)?, options)
             .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
         for entry in table.entries.iter().flatten().flatten() {
-            let exact = entry.acceleration.iter().map(|q| q.norm_sqr()).sum::<f64>() / scene.surface_mass_kg();
+            let exact = entry.acceleration.iter().map(|q| q.norm_sqr()).sum::<f64>() / scene.surface_mass_with_air_kg();
             // On a held edge nothing moves but rounding.
             let allowed = 2e-3 * exact.max(nothing(&spec).powi(2));
             prop_assert!(

@@ -4,7 +4,7 @@ use super::ask::hold;
 use super::spec::{Spec, on, point, scenes};
 use era::model::{Accuracy, PanelModel};
 use era::planner::plan::Planned;
-use era::planner::{PlanTable, Quiet, Request, TableOptions, Target, Work};
+use era::planner::{PlanTable, QuietZone, Request, SearchEffort, TableOptions, Target};
 use proptest::prelude::*;
 
 /// A table at the accuracy that is enough for relations within one model.
@@ -14,7 +14,7 @@ fn table(spec: &Spec) -> Result<PlanTable, TestCaseError> {
 
 fn table_at(spec: &Spec, accuracy: Accuracy) -> Result<PlanTable, TestCaseError> {
     let fail = |error: String| TestCaseError::fail(format!("{error}\n{}", spec.text()));
-    let (scene, options) = (spec.scene(), TableOptions::preview());
+    let (scene, options) = (spec.scene(), TableOptions::for_preview());
     let model = PanelModel::build(&scene, accuracy, options.to_hz).and_then(|model| model.reduce(options.to_hz, &[]));
     let model = model.map_err(|error| fail(error.to_string()))?;
     PlanTable::build(&scene, model, options).map_err(|error| fail(error.to_string()))
@@ -22,7 +22,7 @@ fn table_at(spec: &Spec, accuracy: Accuracy) -> Result<PlanTable, TestCaseError>
 
 fn request(spec: &Spec, at_mm: [f64; 2], intensity_g: f64) -> Request {
     let (x_m, y_m) = on_surface(spec, at_mm);
-    Request { work: Work::Study, ..Request::touch(&[Target { x_m, y_m, intensity_g: Some(intensity_g) }]) }
+    Request { work: SearchEffort::Study, ..Request::for_touch(&[Target { x_m, y_m, intensity_g: Some(intensity_g) }]) }
 }
 
 /// In m, within the sides as the scene has them.
@@ -45,7 +45,9 @@ fn cost(table: &PlanTable, planned: &Planned) -> f64 {
     for (i, drive) in planned.drives.iter().enumerate() {
         let entry = &drive.row[i];
         let (mut sum, mut part) = (0.0, 0.0);
-        for ((place, a), weight) in places.iter().zip(grid.field(&entry.acceleration)).zip(&grid.weights) {
+        for ((place, a), weight) in
+            places.iter().zip(grid.evaluate_at_each_grid_point(&entry.acceleration)).zip(&grid.weights)
+        {
             if (place.0 - x).hypot(place.1 - y) > era::planner::TARGET_RADIUS_M {
                 sum += weight * a.norm_sqr();
                 part += weight;
@@ -150,7 +152,7 @@ fn one_more_actuator_is_no_worse() {
 fn a_wider_band_and_a_looser_limit_are_no_worse() {
     hold_often(10, (scenes(), point(), point(), 0.01..0.2_f64), |(spec, at, quiet, at_most_g)| {
         let wide = table(&spec)?;
-        let narrow = wide.clone().between(90.0, 310.0).unwrap();
+        let narrow = wide.clone().keep_frequencies_between_if_any(90.0, 310.0).unwrap();
         let mut held = 0;
         for wish in WISHES_G {
             let plain = request(&spec, on(&spec, at), wish);
@@ -158,7 +160,7 @@ fn a_wider_band_and_a_looser_limit_are_no_worse() {
             held += u32::from(no_worse("band", (&narrow, &narrow_plan), (&wide, &wide_plan), &spec)?);
             let (x_m, y_m) = on_surface(&spec, on(&spec, quiet));
             let spared = |at_most_g: f64| Request {
-                quiet: vec![Quiet { x_m, y_m, radius_m: 0.012, at_most_g }],
+                quiet: vec![QuietZone { x_m, y_m, radius_m: 0.012, at_most_g }],
                 ..plain.clone()
             };
             let (tight, loose) = (planned(&wide, &spared(at_most_g))?, planned(&wide, &spared(2.0 * at_most_g))?);

@@ -9,7 +9,7 @@ pub mod scenes;
 pub mod served;
 pub mod timed_board;
 
-use era::daemon::{Access, App, Background, Recorder};
+use era::daemon::{Access, App, BackgroundDaemon, Recorder};
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::{SimControl, SimPanel};
 use era::device::{OpenDevice, Target};
@@ -27,7 +27,7 @@ pub struct Daemon {
     pub url: String,
     pub sim: SimControl,
     /// Ends it; nothing where it is a process of its own.
-    pub background: Option<Background>,
+    pub background: Option<BackgroundDaemon>,
 }
 
 pub fn table(text: &str) -> PlanTable {
@@ -42,7 +42,7 @@ fn served_table(text: &str) -> PlanTable {
     let scene = Scene::parse("test scene", text).unwrap();
     let options = TableOptions::default();
     let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
-    PlanTable::with_levels(&scene, levels, options).unwrap()
+    PlanTable::from_levels(&scene, levels, options).unwrap()
 }
 
 /// A scene's simulated panel, and the voltages of its channels.
@@ -53,7 +53,7 @@ pub fn panel_of(table: &PlanTable) -> (SimPanel, Vec<f64>) {
 /// Two actuators on a panel that nothing moves: no model has to be made for it.
 pub fn still_panel() -> SimPanel {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-    SimPanel::new(&none, vec![Transducer::fixed(0.0); 2])
+    SimPanel::new(&none, vec![Transducer::with_fixed_force(0.0); 2])
 }
 
 impl Daemon {
@@ -66,7 +66,7 @@ impl Daemon {
     pub fn start_with(scene: &str, policy: SessionPolicy, access: Access) -> Self {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim_control().unwrap();
+        let sim = device.sim_control_if_simulated().unwrap();
         let daemon = Self::of(table, scene, device, sim, policy, access);
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
@@ -76,7 +76,7 @@ impl Daemon {
     pub fn recording(scene: &str, recorder: Recorder) -> Self {
         let (mut app, sim) = Self::app_and_sim(scene, Access::default());
         app.record = Some(recorder);
-        let background = Background::start(app).unwrap();
+        let background = BackgroundDaemon::start(app).unwrap();
         let daemon = Self { url: format!("http://{}", background.address()), sim, background: Some(background) };
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
@@ -90,26 +90,26 @@ impl Daemon {
     fn app_and_sim(scene: &str, access: Access) -> (App, SimControl) {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim_control().unwrap();
-        (App::with(table, device, scene.to_owned(), SessionPolicy::default(), access).unwrap(), sim)
+        let sim = device.sim_control_if_simulated().unwrap();
+        (App::with_policy(table, device, scene.to_owned(), SessionPolicy::default(), access).unwrap(), sim)
     }
 
     /// The same behind tokens, once its device answers.
     pub fn start_guarded(scene: &str, access: Access) -> Self {
         let (app, sim) = Self::app_and_sim(scene, access);
         let deadline = Instant::now() + Duration::from_secs(30);
-        while !app.driver.device().borrow().connected {
+        while !app.driver.subscribe_device_snapshots().borrow().connected {
             assert!(Instant::now() < deadline, "its device does not answer");
             std::thread::sleep(Duration::from_millis(5));
         }
-        let background = Background::start(app).unwrap();
+        let background = BackgroundDaemon::start(app).unwrap();
         let url = format!("http://{}", background.address());
         Self { url, sim, background: Some(background) }
     }
 
     /// The daemon with a board at a serial port's path, which may be there or not.
     pub fn at(scene: &str, path: &str, policy: SessionPolicy) -> Self {
-        let device = OpenDevice::new_unconnected(&Target::Serial(path.into())).unwrap();
+        let device = OpenDevice::new_unconnected_for_serial_or_auto(&Target::Serial(path.into())).unwrap();
         Self::of(served_table(scene), scene, device, SimControl::default(), policy, Access::default())
     }
 
@@ -121,8 +121,8 @@ impl Daemon {
         policy: SessionPolicy,
         access: Access,
     ) -> Self {
-        let app = App::with(table, device, scene.to_owned(), policy, access).unwrap();
-        let background = Background::start(app).unwrap();
+        let app = App::with_policy(table, device, scene.to_owned(), policy, access).unwrap();
+        let background = BackgroundDaemon::start(app).unwrap();
         Self { url: format!("http://{}", background.address()), sim, background: Some(background) }
     }
 

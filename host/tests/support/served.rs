@@ -35,7 +35,7 @@ impl Served {
     pub fn at_a_port(app: &Arc<App>, tls: Option<&TlsFiles>) -> (Self, String) {
         let mut url = String::new();
         let served = Self::on(app, async {
-            let listener = Listener::tcp("127.0.0.1:0".parse().unwrap(), tls, false).await.unwrap();
+            let listener = Listener::bind_tcp("127.0.0.1:0".parse().unwrap(), tls, false).await.unwrap();
             url = listener.url();
             vec![listener]
         });

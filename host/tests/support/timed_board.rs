@@ -45,7 +45,7 @@ impl TimedBoard {
     pub fn new() -> Self {
         let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Manual(0));
         let mut device = Device::new();
-        device.complete_boot(&mut board);
+        device.complete_boot_to_discharging_or_fault(&mut board);
         Self(Arc::new(Mutex::new(Inner {
             device,
             board,
@@ -86,7 +86,7 @@ impl Inner {
             // Also when it asks to be: its timers' boundaries may be at the same place in every tick, too near to be written to.
             let next_us = self.due_us.clamp(self.now_us + 1, self.now_us + TICK_US);
             self.now_us = until_us.min(next_us);
-            self.board.set_time_us(self.now_us);
+            self.board.set_manual_time_us(self.now_us);
             self.due_us = self.device.poll_next_due_us(&mut self.board);
         }
         self.has_run |= self.device.state() == SafetyState::Running;
@@ -113,7 +113,7 @@ impl Write for TimedBoard {
         inner.decoder.feed_bytes(bytes, |frame| {
             let request = frame.ok().filter(|frame| frame.kind == FrameKind::Request as u8);
             let request = request.and_then(|frame| postcard::from_bytes::<Request>(frame.body).ok());
-            plays += u32::from(matches!(request, Some(Request::Play { .. })));
+            plays += u32::from(matches!(request, Some(Request::Play { .. } | Request::PlayOnce { .. })));
         });
         if inner.plays == 0 && plays > 0 {
             let jump_us = inner.jump_us;

@@ -2,7 +2,7 @@
 
 use crate::preloaded::Preloaded;
 use crate::reader::Reader;
-use crate::{board, drive, touches_are_driven, wait_until};
+use crate::{drive, start_still_simulated_device, touches_are_driven, wait_until};
 use era::device::Target;
 use era::device::sim::{SimDevice, SimKnobs};
 use era::flash::board::Board;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// Calls by which a port is opened, set and closed. The session looks for its board, and is held.
 #[test]
 fn a_session_is_not_held_by_a_port_that_does_not_open_or_close() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     for call in ["open", "ioctl", "flock", "close"] {
         let serving = preloaded.serving(&board, &["--after-outage", "touch"]);
@@ -42,14 +42,14 @@ fn a_session_is_not_held_by_a_port_that_does_not_open_or_close() {
 /// the session goes on when they return.
 #[test]
 fn whoever_asks_a_session_that_is_held_is_answered() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     for call in ["read", "write"] {
         let serving = preloaded.serving(&board, &["--after-outage", "touch", "--clear-silence"]);
         let daemon = &serving.daemon;
         drive(daemon);
         preloaded.hold(call);
-        wait_until("the board is off", || !board.control().self_observations().energised);
+        wait_until("the board is off", || !board.control().observations_since_start().energised);
         let begun = Instant::now();
         let (status, _, told) = daemon.post("/v1/stop", "");
         assert!(status >= 500 && begun.elapsed() < Duration::from_secs(15), "{call}: {:?} {told}", begun.elapsed());
@@ -64,22 +64,22 @@ fn whoever_asks_a_session_that_is_held_is_answered() {
 /// The daemon ends though its port does not close.
 #[test]
 fn a_daemon_ends_though_its_port_does_not_close() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     let serving = preloaded.serving(&board, &[]);
     drive(&serving.daemon);
     preloaded.hold("close");
-    let (before, begun) = (board.control().stop_received_at(), Instant::now());
+    let (before, begun) = (board.control().last_stop_received_at(), Instant::now());
     serving.end();
     assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
-    assert_ne!(board.control().stop_received_at(), before);
+    assert_ne!(board.control().last_stop_received_at(), before);
 }
 
 /// A board that may be live is told to stop, and its port is given up, before anything that takes time: here the look at all programs, for the one
 /// that takes its answers.
 #[test]
 fn a_port_is_given_up_before_it_is_looked_who_has_it_open() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     let mut reader = Reader::with_open(board.port_path());
     let serving = preloaded.serving(&board, &[]);
@@ -97,7 +97,7 @@ fn a_port_is_given_up_before_it_is_looked_who_has_it_open() {
 /// The doctor ends, whichever call does not return, and names it.
 #[test]
 fn the_doctor_ends_though_a_call_does_not_return() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     for call in ["open", "ioctl", "flock", "read", "write", "close"] {
         let told = told_while_held(
@@ -114,7 +114,7 @@ fn the_doctor_ends_though_a_call_does_not_return() {
 /// `era flash` and `era monitor` end, whichever call does not return, and name it: what they do at a port, in a process of its own.
 #[test]
 fn what_the_flasher_and_the_monitor_ask_ends_though_a_call_does_not_return() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     let this = std::env::current_exe().unwrap();
     let words = [this.to_str().unwrap(), "--exact", "held_calls::in_a_process_of_its_own", "--ignored", "--nocapture"];

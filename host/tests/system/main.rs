@@ -31,7 +31,7 @@ fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
 }
 
 /// A device for the example plate, on a pseudo-terminal of its own, whose panel nothing moves: the computer has time for it whatever else it does.
-fn board() -> era::device::sim::SimDevice {
+fn start_still_simulated_device() -> era::device::sim::SimDevice {
     era::device::sim::SimDevice::start(support::still_panel(), vec![2000.0; 2]).unwrap()
 }
 

@@ -2,10 +2,10 @@
 
 use crate::reader::Reader;
 use crate::serving::Serving;
-use crate::{TOUCH, board, drive, touches_are_driven, wait_until};
+use crate::{TOUCH, drive, start_still_simulated_device, touches_are_driven, wait_until};
 use era::device::Target;
 use era::device::sim::SimDevice;
-use era::doctor::facts::Answer;
+use era::doctor::facts::PortAnswer;
 use era::flash::board::Board;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -13,13 +13,13 @@ use std::time::{Duration, Instant};
 /// The board goes off, the reason is told and logged, a stop is answered, and when the program has gone everything goes on.
 #[test]
 fn a_session_survives_a_program_that_takes_its_answers() {
-    let board = board();
+    let board = start_still_simulated_device();
     let mut reader = Reader::with_open(board.port_path());
     let serving = Serving::start(&board, &[]);
     let daemon = &serving.daemon;
     drive(daemon);
     reader.reads();
-    wait_until("the board is off", || !board.control().self_observations().energised);
+    wait_until("the board is off", || !board.control().observations_since_start().energised);
     let state = daemon.wait_for(|state| state["device"]["outages"] == 1);
     let problem = state["device"]["problem"].as_str().unwrap();
     assert!(problem.contains(&format!("end {}", reader.name())), "{problem}");
@@ -42,11 +42,11 @@ fn a_session_survives_a_program_that_takes_its_answers() {
 /// A program that was there first: the doctor and the flasher end, and name it.
 #[test]
 fn the_doctor_and_the_flasher_end_and_name_the_program() {
-    let board = board();
+    let board = start_still_simulated_device();
     let mut reader = Reader::with_open(board.port_path());
     reader.reads();
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
+    let PortAnswer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
     assert!(told.contains(&reader.name()), "{told}");
     let Err(error) = Board::open(&Target::Serial(board.port_path().into())) else { panic!("it answers") };
     assert!(error.to_string().contains(&reader.name()), "{error}");
@@ -56,13 +56,13 @@ fn the_doctor_and_the_flasher_end_and_name_the_program() {
 /// A program that has stopped the line's output: what is written stays where it is.
 #[test]
 fn a_line_that_takes_nothing_is_told() {
-    let board = board();
+    let board = start_still_simulated_device();
     let stop = "import sys, termios; termios.tcflow(0, termios.TCOOFF)";
     let port = std::fs::File::open(board.port_path()).unwrap();
     assert!(Command::new("python3").args(["-c", stop]).stdin(port).status().unwrap().success());
     let keeps = Reader::with_open(board.port_path());
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
+    let PortAnswer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
     assert!(told.contains("took no bytes") && told.contains("sh (process"), "{told}");
     assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
     drop(keeps);
@@ -71,7 +71,7 @@ fn a_line_that_takes_nothing_is_told() {
 /// A port that another program has for itself is in use, and nobody is sent to its cable.
 #[test]
 fn a_port_in_use_is_told_as_one() {
-    let board = board();
+    let board = start_still_simulated_device();
     let holder = hold(&board);
     let pid = holder.0.id();
     let path = board.port_path().to_owned();

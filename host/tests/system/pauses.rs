@@ -2,7 +2,7 @@
 
 use crate::preloaded::Preloaded;
 use crate::serving::Serving;
-use crate::{TOUCH, board, drive, touches_are_driven, wait_until};
+use crate::{TOUCH, drive, start_still_simulated_device, touches_are_driven, wait_until};
 use serde_json::json;
 use std::io::{Read, Write};
 use std::time::Duration;
@@ -31,7 +31,7 @@ fn waits_for_a_person(serving: &Serving) {
 /// The clock that counts while the computer sleeps is an hour ahead all at once: so it is after a sleep of that time. The board had a supply of its own.
 #[test]
 fn a_sleep_ends_what_was_driven_and_armed() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     let serving = preloaded.serving(&board, &[]);
     for (hours, is_driven) in [(1, true), (2, false)] {
@@ -40,9 +40,9 @@ fn a_sleep_ends_what_was_driven_and_armed() {
         } else {
             wait_until("it is armed", || serving.daemon.post("/v1/arm", "").0 == 200);
         }
-        let before = board.control().stop_received_at();
+        let before = board.control().last_stop_received_at();
         preloaded.set_ahead("boottime", hours * 3600);
-        wait_until("a stop is heard", || board.control().stop_received_at() != before);
+        wait_until("a stop is heard", || board.control().last_stop_received_at() != before);
         waits_for_a_person(&serving);
     }
     let log = serving.end();
@@ -53,15 +53,15 @@ fn a_sleep_ends_what_was_driven_and_armed() {
 /// The process is held for longer than anything takes. A touch that came meanwhile is not driven, whether its sender still waits or not.
 #[test]
 fn what_comes_while_the_process_is_held_is_not_driven() {
-    let board = board();
+    let board = start_still_simulated_device();
     for is_armed in [false, true] {
         let serving = Serving::start(&board, &[]);
         if is_armed {
             drive(&serving.daemon);
         }
         serving.signal("STOP");
-        wait_until("the board is off", || !board.control().self_observations().energised);
-        let before = board.control().drives_received_at();
+        wait_until("the board is off", || !board.control().observations_since_start().energised);
+        let before = board.control().last_drives_received_at();
         let address = serving.daemon.url.trim_start_matches("http://").to_owned();
         let request = format!(
             "POST /v1/touch HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{TOUCH}",
@@ -77,7 +77,7 @@ fn what_comes_while_the_process_is_held_is_not_driven() {
         sent[0].read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 503") || answer.starts_with("HTTP/1.1 409"), "{answer}");
         std::thread::sleep(Duration::from_millis(500));
-        assert_eq!(board.control().drives_received_at(), before, "{answer}");
+        assert_eq!(board.control().last_drives_received_at(), before, "{answer}");
         waits_for_a_person(&serving);
         serving.end();
     }
@@ -86,7 +86,7 @@ fn what_comes_while_the_process_is_held_is_not_driven() {
 /// The board has gone while the process was held, as one whose USB port was without power during a sleep.
 #[test]
 fn a_board_that_went_meanwhile_is_told() {
-    let board = board();
+    let board = start_still_simulated_device();
     // By a name of its own: what comes to be at the board's path is another's.
     let folder = tempfile::tempdir().unwrap();
     let port = folder.path().join("port");
@@ -108,7 +108,7 @@ fn a_board_that_went_meanwhile_is_told() {
 /// The time of day is set while the board is driven: nothing ends early or late, and nothing is latched.
 #[test]
 fn a_clock_that_is_set_changes_nothing() {
-    let board = board();
+    let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     let serving = preloaded.serving(&board, &[]);
     let daemon = &serving.daemon;

@@ -1,7 +1,7 @@
 //! Signals: whatever ends the daemon, the board is stopped first.
 
 use crate::serving::Serving;
-use crate::{LONG_TOUCH, board, drive, touches_are_driven, wait_until};
+use crate::{LONG_TOUCH, drive, start_still_simulated_device, touches_are_driven, wait_until};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
@@ -15,17 +15,17 @@ const BY: [&str; 2] = ["env", "--default-signal=HUP,INT,QUIT"];
 /// Every signal that would end a process and can be listened for. The board has heard a stop, and has not gone off by the silence alone.
 #[test]
 fn every_signal_that_ends_the_daemon_stops_the_board() {
-    let board = board();
+    let board = start_still_simulated_device();
     for signal in [
         "HUP", "INT", "QUIT", "TRAP", "ABRT", "TERM", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR",
         "STKFLT", "SYS", "40",
     ] {
         let serving = Serving::start_under(&BY, &board, &["--after-outage", "touch"]);
         drive(&serving.daemon);
-        let before = board.control().stop_received_at();
+        let before = board.control().last_stop_received_at();
         let log = serving.end_by(signal);
-        assert_ne!(board.control().stop_received_at(), before, "{signal}: no stop was heard");
-        assert!(!board.control().self_observations().energised, "{signal}");
+        assert_ne!(board.control().last_stop_received_at(), before, "{signal}: no stop was heard");
+        assert!(!board.control().observations_since_start().energised, "{signal}");
         // A real-time signal has a number alone.
         let name = if signal == "40" { "signal 40".into() } else { format!("SIG{signal}") };
         assert!(log.iter().any(|line| line.to_string().contains(&name)), "{signal}: {log:?}");
@@ -35,14 +35,14 @@ fn every_signal_that_ends_the_daemon_stops_the_board() {
 /// Ctrl-Z: the board has heard a stop when the process is suspended, and may be driven again when it goes on.
 #[test]
 fn a_daemon_that_is_suspended_stops_the_board_first() {
-    let board = board();
+    let board = start_still_simulated_device();
     let serving = Serving::start(&board, &["--after-outage", "touch"]);
     drive(&serving.daemon);
-    let before = board.control().stop_received_at();
+    let before = board.control().last_stop_received_at();
     serving.signal("TSTP");
     wait_until("it is suspended", || serving.is_suspended());
-    assert_ne!(board.control().stop_received_at(), before, "no stop was heard");
-    wait_until("the board is off", || !board.control().self_observations().energised);
+    assert_ne!(board.control().last_stop_received_at(), before, "no stop was heard");
+    wait_until("the board is off", || !board.control().observations_since_start().energised);
     serving.signal("CONT");
     touches_are_driven(&serving.daemon);
     serving.end();
@@ -51,7 +51,7 @@ fn a_daemon_that_is_suspended_stops_the_board_first() {
 /// Signals that end nothing, for a daemon too; one that was started to outlive its terminal (as `nohup` does) does.
 #[test]
 fn signals_that_end_nothing_do_not() {
-    let board = board();
+    let board = start_still_simulated_device();
     let serving = Serving::start_under(&["sh", "-c", "trap '' HUP; exec \"$@\"", "sh"], &board, &[]);
     for signal in ["HUP", "PIPE", "WINCH", "CHLD", "URG", "CONT", "XFSZ", "TTOU", "TTIN"] {
         serving.signal(signal);
@@ -64,15 +64,15 @@ fn signals_that_end_nothing_do_not() {
     serving.signal("TTIN");
     std::thread::sleep(Duration::from_millis(300));
     assert_eq!(serving.daemon.state()["device"]["state"], "running");
-    let before = board.control().stop_received_at();
+    let before = board.control().last_stop_received_at();
     serving.end();
-    assert_ne!(board.control().stop_received_at(), before);
+    assert_ne!(board.control().last_stop_received_at(), before);
 }
 
 /// The command that has a daemon drive what was recorded: what it has begun is not driven on.
 #[test]
 fn a_replay_that_is_ended_stops_what_it_has_begun() {
-    let board = board();
+    let board = start_still_simulated_device();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("day.jsonl");
     let recording = Serving::start(&board, &["--record", file.to_str().unwrap()]);
@@ -102,11 +102,11 @@ fn a_replay_that_is_ended_stops_what_it_has_begun() {
         ]);
         let mut replay = command.spawn().unwrap();
         serving.daemon.wait_for(|state| state["device"]["state"] == "running");
-        let before = board.control().stop_received_at();
+        let before = board.control().last_stop_received_at();
         let id = replay.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
         assert_eq!(replay.wait().unwrap().code(), Some(1), "{signal}");
-        assert_ne!(board.control().stop_received_at(), before, "{signal}");
+        assert_ne!(board.control().last_stop_received_at(), before, "{signal}");
     }
     serving.end();
 }

@@ -1,7 +1,7 @@
 //! Standard streams and terminals that are closed, gone or stuck while the daemon drives.
 
 use crate::support::Daemon;
-use crate::{board, drive, wait_until};
+use crate::{drive, start_still_simulated_device, wait_until};
 use era::device::sim::SimDevice;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -48,19 +48,19 @@ impl Running {
 
     /// Ends it as a service manager does; the board has heard a stop, and the process has ended as one that was asked to.
     fn stop_and_check(mut self, board: &SimDevice) {
-        let before = board.control().stop_received_at();
+        let before = board.control().last_stop_received_at();
         assert!(Command::new("kill").arg(self.process.id().to_string()).status().unwrap().success());
         let begun = Instant::now();
         let status = self.process.wait().unwrap();
         assert!(status.success() && begun.elapsed() < Duration::from_secs(10), "{status} {:?}", begun.elapsed());
-        assert_ne!(board.control().stop_received_at(), before);
+        assert_ne!(board.control().last_stop_received_at(), before);
     }
 }
 
 /// Closed before it starts: what it opens then is not taken for one of them.
 #[test]
 fn a_daemon_without_streams_serves_and_stops() {
-    let board = board();
+    let board = start_still_simulated_device();
     for script in ["exec $era <&- >&- 2>&-", "exec $era 2>&-", "exec $era >/dev/full 2>/dev/full"] {
         let running = Running::start(&board, script, |_| {});
         running.drives();
@@ -71,7 +71,7 @@ fn a_daemon_without_streams_serves_and_stops() {
 /// Whoever read its log has gone while it drives (EPIPE).
 #[test]
 fn a_log_that_nobody_reads_any_more_ends_nothing() {
-    let board = board();
+    let board = start_still_simulated_device();
     let mut running = Running::start(&board, "exec $era 2>&1", |command| {
         command.stdout(Stdio::piped());
     });
@@ -85,7 +85,7 @@ fn a_log_that_nobody_reads_any_more_ends_nothing() {
 /// Whoever reads its log reads no more of it, as a pager that waits, or a terminal that was stopped with Ctrl-S: the pipe is full.
 #[test]
 fn a_log_that_is_stuck_holds_nothing_up() {
-    let board = board();
+    let board = start_still_simulated_device();
     // A pipe holds 64 kB.
     let script = "head -c 65536 /dev/zero; exec $era 2>&1";
     let mut running = Running::start(&board, script, |command| {
@@ -95,7 +95,9 @@ fn a_log_that_is_stuck_holds_nothing_up() {
     running.drives();
     // Restarts, refusals and faults are logged, by the thread that keeps the board alive.
     running.daemon.sim.request_restart();
+    wait_until("the restart of a live board is a fault", || !running.daemon.state()["device"]["fault"].is_null());
     assert_eq!(running.daemon.post("/v1/stop", "").0, 200);
+    assert_eq!(running.daemon.post("/v1/faults/clear", "").0, 200);
     running.drives();
     let begun = Instant::now();
     assert_eq!(running.daemon.post("/v1/stop", "").0, 200);
@@ -108,7 +110,7 @@ fn a_log_that_is_stuck_holds_nothing_up() {
 /// Its terminal is closed (SIGHUP, then EIO for whatever it says): it stops the board and ends.
 #[test]
 fn a_closed_terminal_stops_the_board() {
-    let board = board();
+    let board = start_still_simulated_device();
     // A session with a terminal of its own, which goes when this program ends.
     let terminal = "import os, pty, signal, sys\n\
                     signal.signal(signal.SIGHUP, signal.SIG_DFL)\n\
@@ -131,12 +133,12 @@ fn a_closed_terminal_stops_the_board() {
     std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).unwrap();
     let pid = line.trim().to_owned();
     running.drives();
-    let before = board.control().stop_received_at();
+    let before = board.control().last_stop_received_at();
     drop(running.process.stdin.take());
     wait_until("the daemon has ended", || {
         let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
         stat.is_empty() || stat.rsplit(')').next().unwrap().trim_start().starts_with('Z')
     });
-    assert_ne!(board.control().stop_received_at(), before, "no stop was heard");
-    assert!(!board.control().self_observations().energised);
+    assert_ne!(board.control().last_stop_received_at(), before, "no stop was heard");
+    assert!(!board.control().observations_since_start().energised);
 }

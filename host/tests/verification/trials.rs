@@ -6,10 +6,10 @@ use era::model::levels::ReducedLevels;
 use era::planner::{PlanTable, TableOptions, Target};
 use era::scene::Scene;
 use era::scene::random::{RandomSequence, random_scene_text};
-use era::verify::{Comparison, VerifyError, compare};
+use era::verify::{SimulationComparison, VerifyError, compare_plan_with_simulation};
 
 /// A figure of one comparison.
-type FigureOf = fn(&Comparison) -> f64;
+type FigureOf = fn(&SimulationComparison) -> f64;
 
 /// Difference that passes beyond the plan's own error bound.
 const ALLOWED: f64 = 0.02;
@@ -36,7 +36,7 @@ pub struct Trial {
 #[derive(Debug)]
 pub enum Outcome {
     /// Both figures, and, if they differ by more than is allowed, why.
-    Compared { comparison: Box<Comparison>, reason: Option<String> },
+    Compared { comparison: Box<SimulationComparison>, reason: Option<String> },
     /// The planner has no plan, or the plan has no steady motion to compare, which it does not claim to have.
     NotCompared(String),
     /// There is a plan that cannot be driven: the device refuses it, or the masses have no steady motion under it.
@@ -56,7 +56,7 @@ pub enum Verdict {
 
 impl Trial {
     /// The figures, if it was compared.
-    pub fn comparison(&self) -> Option<&Comparison> {
+    pub fn comparison(&self) -> Option<&SimulationComparison> {
         match &self.outcome {
             Outcome::Compared { comparison, .. } => Some(comparison),
             Outcome::NotCompared(_) | Outcome::Failed(_) => None,
@@ -78,7 +78,7 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
     let scene = Scene::parse("random", &random_scene_text(seed, scene_number)).unwrap();
     let options = TableOptions::default();
     let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
-    let table = PlanTable::with_levels(&scene, levels, options).unwrap();
+    let table = PlanTable::from_levels(&scene, levels, options).unwrap();
     let panel = SimPanel::from_plan_table(&table);
     let mut random = RandomSequence::new(seed, !scene_number);
     let mut try_touch = |touch: u32| {
@@ -86,10 +86,16 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
         let y_m = random.next_unit_number() * scene.surface.width_m;
         let intensity_g = random.next_power_of_ten(INTENSITY_DECADES.0, INTENSITY_DECADES.1);
         let target = Target { x_m, y_m, intensity_g: Some(intensity_g) };
-        let outcome = match compare(&table, &panel, target) {
+        let outcome = match compare_plan_with_simulation(&table, &panel, target) {
             Ok(comparison) => {
-                let finer =
-                    || compare(&table, &SimPanel::from_plan_table_with_step(&table, STEP_S / FINER), target).ok();
+                let finer = || {
+                    compare_plan_with_simulation(
+                        &table,
+                        &SimPanel::from_plan_table_with_step(&table, STEP_S / FINER),
+                        target,
+                    )
+                    .ok()
+                };
                 let reason = (verdict_on(&comparison) == Verdict::Outside).then(|| find_reason(&comparison, finer));
                 Outcome::Compared { comparison: Box::new(comparison), reason }
             }
@@ -108,7 +114,7 @@ pub fn try_scene(seed: u64, scene_number: u64, touches: u32) -> Vec<Trial> {
 
 /// Whether the simulated peak is within the plan's error bound and [`ALLOWED`] of the planned one, and no mass has gone beyond a
 /// third of its gap.
-pub fn verdict_on(comparison: &Comparison) -> Verdict {
+pub fn verdict_on(comparison: &SimulationComparison) -> Verdict {
     if exceeds_travel_limit(comparison) {
         return Verdict::Outside;
     }
@@ -119,18 +125,18 @@ pub fn verdict_on(comparison: &Comparison) -> Verdict {
 }
 
 /// Whether a mass has gone beyond a third of its gap, which no plan may do.
-pub fn exceeds_travel_limit(comparison: &Comparison) -> bool {
+pub fn exceeds_travel_limit(comparison: &SimulationComparison) -> bool {
     comparison.simulated_travel() > TRAVEL_LIMIT || comparison.travel.iter().any(|travel| travel.snapped_in)
 }
 
 /// Relative difference that passes; a plan without a bound gets none.
-fn allowed_difference(comparison: &Comparison) -> f64 {
+fn allowed_difference(comparison: &SimulationComparison) -> f64 {
     comparison.error_bound.unwrap_or(0.0) + ALLOWED
 }
 
 /// The reason for a difference, where it can be tested: what was seen in the simulation, or the first effect that brings the
 /// prediction within what is allowed.
-fn find_reason(comparison: &Comparison, finer: impl FnOnce() -> Option<Comparison>) -> String {
+fn find_reason(comparison: &SimulationComparison, finer: impl FnOnce() -> Option<SimulationComparison>) -> String {
     if let Some(travel) = comparison.travel.iter().find(|travel| travel.snapped_in) {
         return format!("{} snaps in", travel.actuator);
     }
@@ -168,10 +174,10 @@ fn find_reason(comparison: &Comparison, finer: impl FnOnce() -> Option<Compariso
 
 /// The touches by how they count.
 pub struct Tally<'a> {
-    pub within: Vec<&'a Comparison>,
-    pub outside: Vec<&'a Comparison>,
+    pub within: Vec<&'a SimulationComparison>,
+    pub outside: Vec<&'a SimulationComparison>,
     /// Whose error bound is too large to prove anything.
-    pub apart: Vec<&'a Comparison>,
+    pub apart: Vec<&'a SimulationComparison>,
     /// Plans that cannot be driven.
     pub failed: usize,
 }
@@ -193,8 +199,8 @@ impl<'a> Tally<'a> {
 
     /// The tables of the manual (`docs/src/accuracy.md`, "Random panels").
     pub fn print_tables(&self) {
-        let judged: Vec<&Comparison> = self.within.iter().chain(&self.outside).copied().collect();
-        let passing = |difference: fn(&Comparison) -> f64, limit: fn(&Comparison) -> f64| {
+        let judged: Vec<&SimulationComparison> = self.within.iter().chain(&self.outside).copied().collect();
+        let passing = |difference: fn(&SimulationComparison) -> f64, limit: fn(&SimulationComparison) -> f64| {
             judged.iter().filter(|comparison| difference(comparison).abs() <= limit(comparison)).count()
         };
         println!("within the bound and 2 %: {} of {}", self.within.len(), self.count_judged());
@@ -218,8 +224,8 @@ impl<'a> Tally<'a> {
             ("whole waveform, with softening", |c| c.band_difference),
             ("softened from worked out", |c| c.plan_difference),
             ("error bound", |c| c.error_bound.unwrap_or(f64::NAN)),
-            ("travel, % of the gap, predicted", Comparison::predicted_travel),
-            ("travel, simulated", Comparison::simulated_travel),
+            ("travel, % of the gap, predicted", SimulationComparison::predicted_travel),
+            ("travel, simulated", SimulationComparison::simulated_travel),
         ];
         for (name, figure_of) in rows {
             let mut figures: Vec<f64> = judged.iter().map(|comparison| figure_of(comparison).abs()).collect();

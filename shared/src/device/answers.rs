@@ -3,14 +3,16 @@
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
-use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
+use crate::limits::{
+    BURST_DEFAULT_MS, BURST_MAX_MS, DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS, MAX_AVERAGE_MICROAMPS,
+};
 use crate::protocol::{
     AchievedDrive, BOOTLOADER_KEY, CURRENT_VERSION, ChannelCredit, ChannelDrive, ChannelStatus, ChargeRule,
     CreditReply, DetailsReply, FaultCode, HelloReply, LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply,
     TelemetryReply, WelcomeReply,
 };
 use crate::safety::{DriveBudget, LinkId, SafetyEvent};
-use crate::supply::charged_rail_fault_detail;
+use crate::supply::{SensorReadings, charged_rail_fault_detail, mean_current_of_drives_microamps};
 use crate::waveform::{ChannelGoal, DriveError, Effect, compute_channel_program};
 use heapless::Vec;
 
@@ -33,9 +35,24 @@ impl Device {
         // revive a drive.
         self.poll_next_due_us(board);
         let now_us = board.now_us();
-        self.safety.note_sign_of_life(link, now_us);
+        let result = self.carry_out_request(board, link, request, version, now_us);
+        if result.is_ok() {
+            // A host whose requests make no sense is none that looks after a drive.
+            self.safety.note_sign_of_life_if_link_has_armed(link, now_us);
+        }
+        result
+    }
+
+    fn carry_out_request(
+        &mut self,
+        board: &mut impl Board,
+        link: LinkId,
+        request: &Request,
+        version: u8,
+        now_us: u64,
+    ) -> Result<Reply, Refusal> {
         match request {
-            Request::Hello { .. } if version >= 2 => Ok(Reply::Welcome(build_welcome_reply(board))),
+            Request::Hello { .. } if version >= 2 => Ok(Reply::Welcome(build_welcome_reply_to_hello(board))),
             Request::Hello { .. } => Ok(Reply::Hello(build_hello_reply(board))),
             Request::Arm { deadman_ms } => {
                 let (deadman_ms, _) = self.arm_and_open_session(board, link, *deadman_ms, None, now_us)?;
@@ -46,7 +63,7 @@ impl Device {
                 Ok(Reply::ArmedWith { deadman_ms, burst_ms })
             }
             Request::Disarm => {
-                self.handle_event(board, SafetyEvent::Disarm, &Goals::default()).map(|()| Reply::Disarmed)
+                self.handle_safety_event(board, SafetyEvent::Disarm, &Goals::default()).map(|()| Reply::Disarmed)
             }
             Request::SetDrives { drives } => {
                 self.set_drives(board, link, drives, true).map(|achieved| Reply::DrivesSet { achieved })
@@ -57,14 +74,41 @@ impl Device {
             Request::Play { channel, start_us, effect } => {
                 self.queue_effect(board, link, *channel, *start_us, effect, now_us)
             }
-            Request::Stop => self.handle_event(board, SafetyEvent::Stop, &Goals::default()).map(|()| Reply::Stopped),
+            Request::PlayOnce { number, channel, start_us, effect } => {
+                if self.find_played(link, *number) == Some(None) {
+                    return Ok(Reply::Playing);
+                }
+                let reply = self.queue_effect(board, link, *channel, *start_us, effect, now_us)?;
+                self.remember_played(link, *number, None);
+                Ok(reply)
+            }
+            Request::PlayWindows(sequence) => {
+                if let Some(Some(start_us)) = self.find_played(link, sequence.number) {
+                    return Ok(Reply::WindowsPlaying { start_us });
+                }
+                let start_us = self.play_windows(board, link, sequence, now_us)?;
+                self.remember_played(link, sequence.number, Some(start_us));
+                Ok(Reply::WindowsPlaying { start_us })
+            }
+            Request::NumberedFault => {
+                Ok(Reply::NumberedFault { number: self.safety.fault_number(), latched: self.safety.fault() })
+            }
+            Request::ClearFault { number }
+                if self.safety.fault().is_some() && *number != self.safety.fault_number() =>
+            {
+                Err(Refusal::OtherFault { number: self.safety.fault_number() })
+            }
+            Request::ClearFault { .. } => self.clear_fault(board),
+            Request::Stop => {
+                self.handle_safety_event(board, SafetyEvent::Stop, &Goals::default()).map(|()| Reply::Stopped)
+            }
             Request::KeepAlive => Ok(Reply::Alive { state: self.state() }),
             Request::Status => Ok(Reply::Status(self.build_status_reply(board, now_us))),
             Request::Faults => Ok(Reply::Faults { latched: self.safety.fault() }),
             Request::ClearFaults => self.clear_fault(board),
-            Request::Telemetry => Ok(Reply::Telemetry(self.build_telemetry_reply(board, now_us))),
+            Request::Telemetry => Ok(Reply::Telemetry(self.build_telemetry_of_drive_voltages_and_peak(board, now_us))),
             Request::Clock => Ok(Reply::Clock { now_us: board.now_us() }),
-            Request::Details => Ok(Reply::Details(self.build_details_reply(board))),
+            Request::Details => Ok(Reply::Details(self.build_measurements_reply_latching_trip(board))),
             Request::Log => {
                 let mut chunk = [0; LOG_CHUNK];
                 let count = board.take_log_bytes(&mut chunk).min(LOG_CHUNK);
@@ -72,10 +116,15 @@ impl Device {
             }
             Request::Bootloader { key } if *key == BOOTLOADER_KEY => {
                 // In its bootloader the chip no longer holds what keeps the rails low, nor measures them.
-                if self.state().is_live() || charged_rail_fault_detail(&board.read_sensors()).is_some() {
+                let readings = self.read_sensors_and_latch_trip(board)?;
+                if self.state().is_live()
+                    || charged_rail_fault_detail(&readings).is_some()
+                    || self.is_rail_measurement_distrusted(now_us)
+                {
                     return Err(Refusal::Live(self.state()));
                 }
-                self.handle_event(board, SafetyEvent::Stop, &Goals::default())?;
+                self.handle_safety_event(board, SafetyEvent::Stop, &Goals::default())?;
+                self.restarting = true;
                 board.request_bootloader_restart();
                 Ok(Reply::Bootloader)
             }
@@ -92,6 +141,9 @@ impl Device {
         burst_ms: Option<u16>,
         now_us: u64,
     ) -> Result<(u16, u16), Refusal> {
+        if self.restarting {
+            return Err(Refusal::Restarting);
+        }
         if self.safety.is_armed_by_other_link(link) {
             return Err(Refusal::OtherLink);
         }
@@ -103,7 +155,7 @@ impl Device {
         if !(BURST_MIN_MS..=BURST_MAX_MS).contains(&burst_ms) {
             return Err(Refusal::Burst { requested_ms: burst_ms, min_ms: BURST_MIN_MS, max_ms: BURST_MAX_MS });
         }
-        self.handle_event(board, SafetyEvent::Arm, &Goals::default())?;
+        self.handle_safety_event(board, SafetyEvent::Arm, &Goals::default())?;
         self.safety.open_session(link, deadman_ms, now_us);
         self.budget.set_burst_limit(burst_ms);
         Ok((deadman_ms, burst_ms))
@@ -114,7 +166,7 @@ impl Device {
         board: &mut impl Board,
         link: LinkId,
         drives: &[ChannelDrive],
-        continuous: bool,
+        drives_without_envelope: bool,
     ) -> Result<Vec<AchievedDrive, MAX_CHANNELS>, Refusal> {
         if self.safety.is_armed_by_other_link(link) {
             return Err(Refusal::OtherLink);
@@ -137,12 +189,21 @@ impl Device {
             if let Some(wait_ms) = self.budget.required_wait_ms(index) {
                 return Err(Refusal::Duty { channel: drive.channel, wait_ms });
             }
-            *place = Some(ChannelGoal { program, continuous });
+            *place = Some(ChannelGoal { program, drives_without_envelope });
             // As long as `drives`, which has the same capacity.
             let _ = achieved.push(program.achieved);
         }
+        // What the supply cannot deliver would end in a fault after some ms.
+        let driven = goals.iter().enumerate();
+        let driven =
+            driven.filter_map(|(channel, goal)| Some((channel, goal.as_ref()?.program.achieved.frequency_nanohertz)));
+        let requested_microamps =
+            mean_current_of_drives_microamps(self.rail_targets_for_goals_keeping_unused(&goals), driven);
+        if requested_microamps > MAX_AVERAGE_MICROAMPS && !drives.is_empty() {
+            return Err(Refusal::Current { requested_microamps, max_microamps: MAX_AVERAGE_MICROAMPS });
+        }
         let event = if drives.is_empty() { SafetyEvent::Rest } else { SafetyEvent::Drive };
-        self.handle_event(board, event, &goals)?;
+        self.handle_safety_event(board, event, &goals)?;
         Ok(achieved)
     }
 
@@ -161,7 +222,13 @@ impl Device {
         if !effect.is_valid() {
             return Err(Refusal::Effect);
         }
-        let start_us = if start_us == 0 { now_us } else { start_us };
+        let start_us = match start_us {
+            0 => {
+                let end_us = self.sequencer.as_ref().and_then(|it| it.envelopes_end_us(usize::from(channel)));
+                end_us.map_or(now_us, |end_us| end_us.max(now_us))
+            }
+            asked => asked,
+        };
         if start_us.saturating_add(LATEST_US) < now_us || start_us > now_us.saturating_add(EARLIEST_US) {
             return Err(Refusal::Start { start_us, now_us });
         }
@@ -175,7 +242,7 @@ impl Device {
         if sequencer.goal(index).is_none() {
             return Err(Refusal::NoDrive { channel });
         }
-        if !sequencer.queue_effect(index, start_us, effect) {
+        if !sequencer.queue_effect_if_goal_and_room(index, start_us, effect) {
             return Err(Refusal::QueueFull { channel });
         }
         self.write_due_preloads(board).map_err(|(code, detail)| {
@@ -185,24 +252,47 @@ impl Device {
         Ok(Reply::Playing)
     }
 
+    fn find_played(&self, link: LinkId, number: u32) -> Option<Option<u64>> {
+        let mut newest_first = self.played.iter().rev();
+        newest_first.find(|(by, played, _)| (*by, *played) == (link, number)).map(|(_, _, start_us)| *start_us)
+    }
+
+    fn remember_played(&mut self, link: LinkId, number: u32, start_us: Option<u64>) {
+        if self.played.is_full() {
+            let _ = self.played.pop_front();
+        }
+        // There is room now.
+        let _ = self.played.push_back((link, number, start_us));
+    }
+
+    /// The sensors' readings. What has tripped is told once, so that it is latched here and not lost to a request.
+    fn read_sensors_and_latch_trip(&mut self, board: &mut impl Board) -> Result<SensorReadings, Refusal> {
+        let readings = board.read_sensors_and_take_trip();
+        if let Some((code, detail)) = readings.trip {
+            let now_us = board.now_us();
+            self.raise_fault(board, code, detail, now_us);
+            return Err(Refusal::StillThere(code));
+        }
+        Ok(readings)
+    }
+
     fn clear_fault(&mut self, board: &mut impl Board) -> Result<Reply, Refusal> {
         if let Some(fault) = self.safety.fault() {
-            let readings = board.read_sensors();
-            if let Some((code, detail)) = readings.trip {
-                // What tripped is told once; it must not be lost to a request.
-                let now_us = board.now_us();
-                self.raise_fault(board, code, detail, now_us);
+            let readings = self.read_sensors_and_latch_trip(board)?;
+            if let Some((code, _)) = readings.standing_fault {
                 return Err(Refusal::StillThere(code));
             }
             let still_there = match fault.code {
                 FaultCode::InterlockOpen => !readings.interlock_closed,
                 FaultCode::EmergencyStop => !readings.stop_released,
                 FaultCode::EarthOpen => !readings.earth_bonded,
+                FaultCode::Reference => self.reference.check_reference(board.now_us(), &readings).is_some(),
                 FaultCode::OverCurrent
                 | FaultCode::OverVoltage
                 | FaultCode::RailImplausible
                 | FaultCode::RailCollapsed
                 | FaultCode::DischargeFailed
+                | FaultCode::DischargeSlow
                 | FaultCode::ShortCircuit => charged_rail_fault_detail(&readings).is_some(),
                 _ => false,
             };
@@ -213,7 +303,7 @@ impl Device {
                 return Err(Refusal::StillThere(FaultCode::DischargeFailed));
             }
         }
-        self.handle_event(board, SafetyEvent::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)
+        self.handle_safety_event(board, SafetyEvent::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)
     }
 
     fn build_status_reply(&self, board: &impl Board, uptime_us: u64) -> StatusReply {
@@ -233,7 +323,7 @@ impl Device {
         }
     }
 
-    fn build_telemetry_reply(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
+    fn build_telemetry_of_drive_voltages_and_peak(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
         let millivolts = |drive: &Option<AchievedDrive>| drive.map_or(0, |drive| drive.voltage_millivolts);
         TelemetryReply {
             uptime_us,
@@ -255,8 +345,8 @@ impl Device {
         }
     }
 
-    fn build_details_reply(&mut self, board: &mut impl Board) -> DetailsReply {
-        let readings = board.read_sensors();
+    fn build_measurements_reply_latching_trip(&mut self, board: &mut impl Board) -> DetailsReply {
+        let readings = board.read_sensors_and_take_trip();
         if let Some((code, detail)) = readings.trip {
             // What tripped is told once; it must not be lost to a question.
             let now_us = board.now_us();
@@ -292,7 +382,7 @@ fn build_hello_reply(board: &impl Board) -> HelloReply {
     }
 }
 
-fn build_welcome_reply(board: &impl Board) -> WelcomeReply {
+fn build_welcome_reply_to_hello(board: &impl Board) -> WelcomeReply {
     let info = board.info();
     WelcomeReply {
         protocol_min: MIN_VERSION,

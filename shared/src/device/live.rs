@@ -3,15 +3,23 @@
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
-use crate::limits::{BLEEDER_MS, DISCHARGE_LIMIT_MS};
+use crate::circuit::shortest_discharge_us;
+use crate::limits::{BLEEDER_MS, DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS, SWITCHED_DISCHARGE_MS};
 use crate::protocol::{ChannelLimits, FaultCode, Refusal};
-use crate::safety::{CreditCharge, SafetyAction, SafetyEvent, SafetyState, SelfTest, SelfTestVerdict};
-use crate::supply::{FaultFinding, RAILS, SensorReadings, charged_rail_fault_detail, rail_index_of_channel};
+use crate::safety::{
+    self, CreditCharge, ElectrodeFindings, SafetyAction, SafetyEvent, SafetyState, SelfTest, SelfTestVerdict,
+    electrode_fault_detail, judge_electrode_pulses,
+};
+use crate::supply::{
+    FaultFinding, RAILS, SensorReadings, SupplyCommand, charged_rail_fault_detail, rail_index_of_channel,
+};
 use crate::waveform::{FULL_STRENGTH, Sequencer};
 
 /// Between two looks at the readings, in us; the soft start's steps follow it, and levels of envelopes are worked out as often
 /// (they take effect at the next boundary of the drive).
 const TICK_US: u64 = 1_000;
+/// How much later than the hardware the device notes that everything was switched off, in us at most: a tick, and what delays it.
+const NOTED_LATE_US: u64 = 2 * TICK_US;
 /// A rail this many parts in a hundred above its set-point is taken into account in the windows' width; what is less is the
 /// measurement's own error.
 const RAIL_EXCESS_PERCENT: u32 = 2;
@@ -21,7 +29,7 @@ impl Device {
     /// the next call is due.
     pub fn poll_next_due_us(&mut self, board: &mut impl Board) -> u64 {
         let now_us = board.now_us();
-        if let Some(silence_us) = self.safety.expired_silence_us(now_us) {
+        if let Some(silence_us) = self.safety.host_silence_us_if_over_deadman(now_us) {
             let silence_ms = u32::try_from(silence_us / 1000).unwrap_or(u32::MAX);
             self.raise_fault(board, FaultCode::HostSilent, silence_ms, now_us);
         }
@@ -35,54 +43,89 @@ impl Device {
         if let Err((code, detail)) = self.write_due_preloads(board) {
             self.raise_fault(board, code, detail, now_us);
         }
-        let due_us = self.sequencer.as_ref().and_then(Sequencer::next_due_us).unwrap_or(u64::MAX);
+        let due_us = self.sequencer.as_ref().and_then(Sequencer::next_extra_poll_us_if_needed).unwrap_or(u64::MAX);
         due_us.min(self.next_tick_us)
     }
 
     fn run_millisecond_checks(&mut self, board: &mut impl Board, now_us: u64) -> Result<(), FaultFinding> {
-        let readings = board.read_sensors();
+        let readings = board.read_sensors_and_take_trip();
         self.measured_millivolts = readings.rail_millivolts;
         if let Some(finding) = readings.trip {
             return Err(finding);
         }
+        if let Some(finding) = readings.standing_fault
+            && self.state() != SafetyState::Fault
+        {
+            return Err(finding);
+        }
+        if let Some(finding) = self.reference.check_reference(now_us, &readings)
+            && self.state() != SafetyState::Fault
+        {
+            return Err(finding);
+        }
         // In every state: who is off earns and rests.
-        let charges = self.compute_credit_charges(&board.info().channels, &readings);
-        let spent = self.budget.account_and_find_spent(now_us, charges);
+        let charges = self.compute_credit_charges(&board.info().channels, &readings.rail_millivolts);
+        let must_stop = self.budget.account_and_find_channels_to_stop(now_us, charges);
+        self.keep_for_next_start(board, self.state().is_live());
         match self.state() {
             SafetyState::Boot => Ok(()),
             SafetyState::Safe => match charged_rail_fault_detail(&readings) {
                 Some(rail) => Err((FaultCode::RailImplausible, rail)),
                 None => Ok(()),
             },
-            SafetyState::Discharging | SafetyState::Fault => match charged_rail_fault_detail(&readings) {
-                // A measurement that was found wrong does not get to say that a rail is safe: the bleeder does.
-                None if self.state() == SafetyState::Fault || self.is_rail_measurement_distrusted(now_us) => Ok(()),
-                None => {
+            SafetyState::Discharging | SafetyState::Fault => {
+                self.check_discharge(now_us, &readings)?;
+                let is_discharged = charged_rail_fault_detail(&readings).is_none();
+                if self.state() == SafetyState::Discharging
+                    && is_discharged
+                    && !self.is_rail_measurement_distrusted(now_us)
+                {
                     self.distrusted = false;
                     // Accepted in this state alone, so it cannot be refused.
-                    let _ = self.handle_event(board, SafetyEvent::Discharged, &Goals::default());
-                    Ok(())
+                    let _ = self.handle_safety_event(board, SafetyEvent::Discharged, &Goals::default());
                 }
-                Some(rail)
-                    if !self.still_charged
-                        && now_us.saturating_sub(self.off_since_us) > u64::from(DISCHARGE_LIMIT_MS) * 1000 =>
-                {
-                    // Counted once, also where another fault came first.
-                    self.still_charged = true;
-                    Err((FaultCode::DischargeFailed, rail))
+                Ok(())
+            }
+            SafetyState::Arming => {
+                if !self.supply.is_enabled_or_any_discharge_open() {
+                    self.check_discharge(now_us, &readings)?;
                 }
-                Some(_) => Ok(()),
-            },
-            SafetyState::Arming => self.step_self_test(board, now_us, &readings),
+                self.step_self_test(board, now_us, &readings)
+            }
             SafetyState::Armed | SafetyState::Running => {
-                self.end_drives_of_spent_channels(spent);
-                self.supervise_live_rails_and_timers(board, now_us, &readings)
+                self.end_drives_of_channels_that_must_stop(must_stop)?;
+                self.check_while_live_and_advance_rails(board, now_us, &readings)
             }
         }
     }
 
+    /// Checks that the rails fall as their discharge switches make them fall: neither more slowly nor faster.
+    fn check_discharge(&mut self, now_us: u64, readings: &SensorReadings) -> Result<(), FaultFinding> {
+        let elapsed_us = now_us.saturating_sub(self.off_since_us);
+        for (rail, measured) in readings.rail_millivolts.into_iter().enumerate() {
+            let from = self.off_millivolts.get(rail).copied().unwrap_or(0);
+            // What switches off in hardware does so up to two ms before it is noted here.
+            let earliest_us = u64::from(shortest_discharge_us(from, DISCHARGED_MILLIVOLTS));
+            if measured < DISCHARGED_MILLIVOLTS && elapsed_us + NOTED_LATE_US < earliest_us {
+                // No rail falls so fast: its divider is broken. What it shows does not count until a bleeder has done its work.
+                self.distrusted = true;
+            }
+        }
+        let Some(rail) = charged_rail_fault_detail(readings) else { return Ok(()) };
+        // Each is counted once, also where another fault came first.
+        if !self.discharges_slowly && elapsed_us > u64::from(SWITCHED_DISCHARGE_MS) * 1000 {
+            self.discharges_slowly = true;
+            return Err((FaultCode::DischargeSlow, rail));
+        }
+        if !self.still_charged && elapsed_us > u64::from(DISCHARGE_LIMIT_MS) * 1000 {
+            self.still_charged = true;
+            return Err((FaultCode::DischargeFailed, rail));
+        }
+        Ok(())
+    }
+
     /// Whether the rails count as charged whatever is measured, because the measurement was found wrong.
-    const fn is_rail_measurement_distrusted(&self, now_us: u64) -> bool {
+    pub(super) const fn is_rail_measurement_distrusted(&self, now_us: u64) -> bool {
         self.distrusted && now_us.saturating_sub(self.off_since_us) < BLEEDER_MS as u64 * 1000
     }
 
@@ -93,68 +136,89 @@ impl Device {
         now_us: u64,
         readings: &SensorReadings,
     ) -> Result<(), FaultFinding> {
+        let is_distrusted = self.is_rail_measurement_distrusted(now_us);
         let Some(self_test) = &mut self.self_test else { return Err((FaultCode::ArmFailed, 0)) };
-        match self_test.advance(now_us, readings) {
+        match self_test.advance(now_us, readings, !is_distrusted) {
             SelfTestVerdict::Continue(supply) => {
-                self.supply = supply;
-                board.apply_supply_command(&supply);
+                self.command_supply(board, supply);
                 Ok(())
             }
             SelfTestVerdict::TryTrips => board.test_trip_circuits(),
+            SelfTestVerdict::TryOverVoltageInputs(charged) => board.test_over_voltage_inputs(charged),
+            SelfTestVerdict::TryElectrode { channel, electrode } => {
+                self.command_supply(board, safety::BLEED);
+                let pulses = board.pulse_electrode(channel, electrode)?;
+                self.command_supply(board, safety::CHARGE);
+                // The rails get their ms before they are looked at.
+                self.next_tick_us = board.now_us() + TICK_US;
+                self.electrodes.add_finding(channel, electrode, judge_electrode_pulses(channel, &pulses))
+            }
             SelfTestVerdict::Failed(finding) => Err(finding),
             SelfTestVerdict::Passed => {
                 self.self_test = None;
                 let held = self.held.take();
                 // Faults have been raised where they arose.
-                if self.handle_event(board, SafetyEvent::TestPassed, &Goals::default()).is_ok()
+                if self.handle_safety_event(board, SafetyEvent::TestPassed, &Goals::default()).is_ok()
                     && let Some(goals) = held
                 {
                     let event = if goals.iter().any(Option::is_some) { SafetyEvent::Drive } else { SafetyEvent::Rest };
-                    let _ = self.handle_event(board, event, &goals);
+                    let _ = self.handle_safety_event(board, event, &goals);
                 }
                 Ok(())
             }
         }
     }
 
+    fn command_supply(&mut self, board: &mut impl Board, supply: SupplyCommand) {
+        self.supply = supply;
+        board.apply_supply_command(&supply);
+    }
+
     /// For each channel whether its electrodes are in use.
-    fn which_channels_drive(&self) -> [bool; MAX_CHANNELS] {
+    fn list_whether_each_channel_drives(&self) -> [bool; MAX_CHANNELS] {
         let sequencer = self.sequencer.as_ref();
-        core::array::from_fn(|channel| sequencer.is_some_and(|sequencer| sequencer.is_channel_driving(channel)))
+        core::array::from_fn(|channel| {
+            sequencer.is_some_and(|sequencer| sequencer.is_active_or_preloaded_period_driving(channel))
+        })
     }
 
     /// What the channels in use are charged. The wider of a timer's present and next windows counts, and the higher of a rail's measured voltage and
     /// its set-point: a drive is charged for what it does, not for what was asked for. An effect is charged by its present level, a rail that rises or
     /// falls by its present voltage, and a drive that was replaced as before until its last boundary.
-    fn compute_credit_charges(
+    pub(super) fn compute_credit_charges(
         &self,
         limits: &[ChannelLimits],
-        readings: &SensorReadings,
+        measured_millivolts: &[u32; RAILS],
     ) -> [Option<CreditCharge>; MAX_CHANNELS] {
         let sequencer = self.sequencer.as_ref();
         core::array::from_fn(|channel| {
-            let period = sequencer.and_then(|sequencer| sequencer.strongest_period(channel))?;
+            let period = sequencer.and_then(|sequencer| sequencer.stronger_of_active_and_preloaded_period(channel))?;
             let rail = rail_index_of_channel(channel);
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
-            let millivolts = number(&readings.rail_millivolts).max(number(&self.supply.set_point_millivolts));
+            let millivolts = number(measured_millivolts).max(number(&self.supply.set_point_millivolts));
             let largest = limits.get(channel).map_or(0, |limits| limits.max_voltage_millivolts);
             Some(CreditCharge::from_period(&period, millivolts, largest))
         })
     }
 
-    /// Ends the drives of channels that have driven for as long as they may.
-    fn end_drives_of_spent_channels(&mut self, spent: [bool; MAX_CHANNELS]) {
-        let Some(sequencer) = &mut self.sequencer else { return };
-        for ((channel, spent), active) in spent.into_iter().enumerate().zip(&mut self.active) {
-            if spent {
+    /// Ends the drives of channels that have driven for as long as they may. A sequence of windows was checked for that beforehand: one that
+    /// is not over then would go on without a part of it.
+    fn end_drives_of_channels_that_must_stop(&mut self, must_stop: [bool; MAX_CHANNELS]) -> Result<(), FaultFinding> {
+        let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
+        for ((channel, must_stop), active) in must_stop.into_iter().enumerate().zip(&mut self.active) {
+            if must_stop && sequencer.has_windows(channel) {
+                return Err((FaultCode::DriveFailed, u32::try_from(channel).unwrap_or(0)));
+            }
+            if must_stop {
                 sequencer.end_drive(channel);
                 *active = None;
             }
         }
+        Ok(())
     }
 
     /// Checks readings and timers while live, and moves the rails towards their targets.
-    fn supervise_live_rails_and_timers(
+    fn check_while_live_and_advance_rails(
         &mut self,
         board: &mut impl Board,
         now_us: u64,
@@ -164,16 +228,41 @@ impl Device {
             return Err(finding);
         }
         board.check_timers()?;
-        self.supply = self.rails.advance_set_points(now_us, readings);
-        board.apply_supply_command(&self.supply);
+        self.check_no_absent_era_is_driven(readings)?;
+        let charges = self.sequencer.as_mut().map(Sequencer::take_electrode_charges).unwrap_or_default();
+        // A rail that is not where it was set explains a wrong current: it is a fault of its own soon, and no electrode is to be blamed.
+        if let Some(finding) = self.current.check_current(now_us, readings, &self.supply, &charges)
+            && !self.watch.is_any_rail_in_doubt()
+        {
+            return Err(finding);
+        }
+        let supply = self.rails.advance_set_points(now_us, readings);
+        self.command_supply(board, supply);
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
-        set_strengths_for_rails(sequencer, self.rails.target_millivolts(), self.measured_millivolts);
-        let wanted = (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some());
+        set_strengths_for_higher_rail_voltage(sequencer, self.rails.target_millivolts(), self.measured_millivolts);
+        let wanted =
+            (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some() || sequencer.has_windows(channel));
         if self.state() == SafetyState::Running && !wanted {
-            let _ = self.handle_event(board, SafetyEvent::Rest, &Goals::default());
-        } else if self.state() == SafetyState::Armed && self.connected && !self.which_channels_drive().contains(&true) {
+            let _ = self.handle_safety_event(board, SafetyEvent::Rest, &Goals::default());
+        } else if self.state() == SafetyState::Armed
+            && self.connected
+            && !self.list_whether_each_channel_drives().contains(&true)
+        {
             self.connected = false;
             board.set_electrodes_connected(false).map_err(|code| (code, 0))?;
+        }
+        Ok(())
+    }
+
+    /// Checks that no ERA whose electrodes the self-test has not seen is driven with a hazardous voltage: what is switched there is unknown.
+    fn check_no_absent_era_is_driven(&self, readings: &SensorReadings) -> Result<(), FaultFinding> {
+        for (channel, drives) in self.list_whether_each_channel_drives().into_iter().enumerate() {
+            let rail = rail_index_of_channel(channel);
+            let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
+            let highest = number(&readings.rail_millivolts).max(number(&self.supply.set_point_millivolts));
+            if drives && self.electrodes.is_era_absent(channel) && highest >= DISCHARGED_MILLIVOLTS {
+                return Err((FaultCode::Electrode, electrode_fault_detail(channel, None)));
+            }
         }
         Ok(())
     }
@@ -184,14 +273,20 @@ impl Device {
         for channel in 0..MAX_CHANNELS {
             // Read anew for each: working out the one before took its time, and the margin before a boundary is short.
             if let Some(preload) = sequencer.take_due_preload(channel, board.now_us()) {
-                board.write_preload(&preload).map_err(|code| (code, u32::try_from(channel).unwrap_or(0)))?;
+                board
+                    .write_preload_and_check_read_back(&preload)
+                    .map_err(|code| (code, u32::try_from(channel).unwrap_or(0)))?;
             }
         }
-        Ok(())
+        match sequencer.missed_channel() {
+            // Its windows would come at other times than those that were checked.
+            Some(channel) => Err((FaultCode::DriveFailed, u32::try_from(channel).unwrap_or(0))),
+            None => Ok(()),
+        }
     }
 
     /// Applies an event to the safety machine and carries out the resulting action, or refuses.
-    pub(super) fn handle_event(
+    pub(super) fn handle_safety_event(
         &mut self,
         board: &mut impl Board,
         event: SafetyEvent,
@@ -219,7 +314,8 @@ impl Device {
                 Ok(())
             }
             SafetyAction::Test => {
-                self.self_test = Some(SelfTest::new(now_us));
+                self.electrodes = ElectrodeFindings::NONE;
+                self.self_test = Some(SelfTest::new(now_us, board.info().channels.len()));
                 Ok(())
             }
             SafetyAction::Enable => {
@@ -242,24 +338,38 @@ impl Device {
     }
 
     fn apply_goals(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), FaultFinding> {
-        // A rail that feeds nobody stays charged, so that the next touch need not wait for its soft start.
-        let mut aims = self.rails.target_millivolts();
-        for (rail, aim) in aims.iter_mut().enumerate() {
-            let fed = goals.iter().enumerate().filter(|(channel, _)| rail_index_of_channel(*channel) == rail);
-            let highest = fed.filter_map(|(_, goal)| goal.map(|goal| goal.program.voltage_millivolts)).max();
-            *aim = highest.unwrap_or(*aim);
-        }
+        let aims = self.rail_targets_for_goals_keeping_unused(goals);
         self.rails.set_targets(aims);
         let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
-        sequencer.set_goals(goals, now_us);
+        sequencer.set_or_end_drives_from_next_boundary(goals, now_us);
         // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
-        set_strengths_for_rails(sequencer, aims, self.measured_millivolts);
-        if goals.iter().any(Option::is_some) && !self.connected {
-            board.set_electrodes_connected(true).map_err(|code| (code, 0))?;
-            self.connected = true;
+        set_strengths_for_higher_rail_voltage(sequencer, aims, self.measured_millivolts);
+        if goals.iter().any(Option::is_some) {
+            self.connect_electrodes(board)?;
         }
         self.record_active_drives(goals);
         self.write_due_preloads(board)
+    }
+
+    /// The rails' targets for these goals: the highest voltage that a rail feeds. A rail that feeds nobody stays charged, so that the next
+    /// touch need not wait for its soft start.
+    pub(super) fn rail_targets_for_goals_keeping_unused(&self, goals: &Goals) -> [u32; RAILS] {
+        let mut targets = self.rails.target_millivolts();
+        for (rail, target) in targets.iter_mut().enumerate() {
+            let fed = goals.iter().enumerate().filter(|(channel, _)| rail_index_of_channel(*channel) == rail);
+            let highest = fed.filter_map(|(_, goal)| goal.map(|goal| goal.program.voltage_millivolts)).max();
+            *target = highest.unwrap_or(*target);
+        }
+        targets
+    }
+
+    /// Lets the timers reach the electrodes, if they do not yet.
+    pub(super) fn connect_electrodes(&mut self, board: &mut impl Board) -> Result<(), FaultFinding> {
+        if !self.connected {
+            board.set_electrodes_connected(true).map_err(|code| (code, 0))?;
+            self.connected = true;
+        }
+        Ok(())
     }
 
     fn record_active_drives(&mut self, goals: &Goals) {
@@ -269,7 +379,7 @@ impl Device {
 
 /// Sets the strengths of all drives for rails with these targets and measured voltages. Where a rail is still above its target, the
 /// measured voltage counts.
-fn set_strengths_for_rails(
+fn set_strengths_for_higher_rail_voltage(
     sequencer: &mut Sequencer,
     target_millivolts: [u32; RAILS],
     measured_millivolts: [u32; RAILS],
@@ -280,13 +390,16 @@ fn set_strengths_for_rails(
         let (aim, measured) = (of_rail(target_millivolts), of_rail(measured_millivolts));
         let excess = measured > aim.saturating_add(aim / 100 * RAIL_EXCESS_PERCENT);
         let there = if excess { measured } else { aim };
-        sequencer.set_window_strength(channel, compute_window_strength(goal.program.voltage_millivolts, there));
+        sequencer.set_force_fraction_of_drive_windows(
+            channel,
+            compute_window_force_fraction(goal.program.voltage_millivolts, there),
+        );
     }
 }
 
 /// The fraction of the full force that windows must make so that a rail of `rail_millivolts` acts like one of `wanted_millivolts`, in parts of
 /// [`FULL_STRENGTH`]: the force goes with the square of the voltage.
-fn compute_window_strength(wanted_millivolts: u32, rail_millivolts: u32) -> u32 {
+fn compute_window_force_fraction(wanted_millivolts: u32, rail_millivolts: u32) -> u32 {
     if rail_millivolts <= wanted_millivolts {
         return FULL_STRENGTH;
     }

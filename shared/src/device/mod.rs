@@ -3,6 +3,7 @@
 
 mod answers;
 mod live;
+mod windows;
 
 use crate::MAX_CHANNELS;
 use crate::board::Board;
@@ -11,9 +12,10 @@ use crate::protocol::{
     AchievedDrive, CURRENT_VERSION, FaultCode, LinkCounters, MIN_VERSION, Refusal, Reply, Request,
     is_version_supported, translate_for_version,
 };
-use crate::safety::{DriveBudget, LinkId, SafetyEvent, SafetyMachine, SafetyState, SelfTest};
-use crate::supply::{RailControl, SupplyCommand, SupplyMonitor};
+use crate::safety::{DriveBudget, ElectrodeFindings, LinkId, SafetyEvent, SafetyMachine, SafetyState, SelfTest};
+use crate::supply::{ElectrodeCurrentMonitor, RAILS, RailControl, ReferenceMonitor, SupplyCommand, SupplyMonitor};
 use crate::waveform::{ChannelGoal, Sequencer};
+use heapless::Deque;
 
 /// One goal per channel; `None` is off.
 type Goals = [Option<ChannelGoal>; MAX_CHANNELS];
@@ -38,6 +40,10 @@ impl LinkReceiver {
     }
 }
 
+/// Numbers of effects and sequences that are remembered, so that a repeated request is not played again: more than a host sends
+/// until it gives a request up.
+const REMEMBERED: usize = 16;
+
 /// The device over a [`Board`].
 #[derive(Clone, Debug)]
 pub struct Device {
@@ -47,6 +53,10 @@ pub struct Device {
     next_tick_us: u64,
     /// When the supply was last switched off, in us: the rails must be discharged in time.
     off_since_us: u64,
+    /// The most that the rails may have stood at then, in mV.
+    off_millivolts: [u32; RAILS],
+    /// Whether the rails fell more slowly than their discharge switches make them fall.
+    discharges_slowly: bool,
     /// Whether the rails were not discharged in time.
     still_charged: bool,
     /// Whether the measurement of the rails was found wrong.
@@ -61,10 +71,18 @@ pub struct Device {
     /// The last command to the supply.
     supply: SupplyCommand,
     /// The rails as they were last measured.
-    measured_millivolts: [u32; crate::supply::RAILS],
+    measured_millivolts: [u32; RAILS],
     watch: SupplyMonitor,
+    current: ElectrodeCurrentMonitor,
+    /// What the last self-test has found of the electrodes.
+    electrodes: ElectrodeFindings,
+    reference: ReferenceMonitor,
     budget: DriveBudget,
     active: [Option<AchievedDrive>; MAX_CHANNELS],
+    /// What was played last, by link and number: the start of a sequence that was answered, or `None` for an effect.
+    played: Deque<(LinkId, u32, Option<u64>), REMEMBERED>,
+    /// The board restarts into its bootloader in a moment.
+    restarting: bool,
 }
 
 impl Default for Device {
@@ -74,7 +92,7 @@ impl Default for Device {
 }
 
 impl Device {
-    /// A device that has not started: everything but questions is refused until [`Device::complete_boot`].
+    /// A device that has not started: everything but questions is refused until [`Device::complete_boot_to_discharging_or_fault`].
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -82,6 +100,8 @@ impl Device {
             counters: LinkCounters { good_frames: 0, bad_frames: 0, refused: 0 },
             next_tick_us: 0,
             off_since_us: 0,
+            off_millivolts: [0; RAILS],
+            discharges_slowly: false,
             still_charged: false,
             distrusted: false,
             self_test: None,
@@ -89,25 +109,29 @@ impl Device {
             sequencer: None,
             connected: false,
             rails: RailControl::new(),
-            supply: SupplyCommand {
-                enabled: false,
-                discharge: [true; crate::supply::RAILS],
-                set_point_millivolts: [0; crate::supply::RAILS],
-            },
-            measured_millivolts: [0; crate::supply::RAILS],
+            supply: SupplyCommand::OFF,
+            measured_millivolts: [0; RAILS],
             watch: SupplyMonitor::new(),
+            current: ElectrodeCurrentMonitor::new(),
+            electrodes: ElectrodeFindings::NONE,
+            reference: ReferenceMonitor::new(),
             budget: DriveBudget::new(),
             active: [None; MAX_CHANNELS],
+            played: Deque::new(),
+            restarting: false,
         }
     }
 
     /// Ends start-up: outputs off, then `Discharging` until the rails are seen to be harmless, or `Fault` if the previous
     /// run ended in one.
-    pub fn complete_boot(&mut self, board: &mut impl Board) {
+    pub fn complete_boot_to_discharging_or_fault(&mut self, board: &mut impl Board) {
         // Only Boot accepts this event, so a second call changes nothing but switches off once more.
         let now_us = board.now_us();
         let _ = self.safety.apply_event(SafetyEvent::BootComplete);
         self.off_since_us = now_us;
+        if let Some(credit_ms) = board.info().credit_before_reset_ms {
+            self.budget.restore_credit(credit_ms);
+        }
         self.switch_all_off(board, now_us);
         if let Some((code, detail)) = board.info().fault_before_reset {
             self.raise_fault(board, code, detail, 0);
@@ -139,14 +163,21 @@ impl Device {
         });
     }
 
+    /// Takes note that the other end of a link is new: what came before does not belong to what comes now. If this link has armed the
+    /// board, whoever did so is gone, and everything is switched off.
+    pub fn reopen_link_switching_off_if_armed(&mut self, board: &mut impl Board, port: &mut LinkReceiver) {
+        port.decoder.discard_partial_frame();
+        if self.safety.close_session_of(port.id) {
+            // Accepted in every state.
+            let _ = self.handle_safety_event(board, SafetyEvent::Stop, &Goals::default());
+        }
+    }
+
     /// Switches everything off and latches a fault that the board itself has found.
     pub fn raise_fault(&mut self, board: &mut impl Board, code: FaultCode, detail: u32, now_us: u64) {
         // Off before anything is noted down.
         self.switch_all_off(board, now_us);
-        self.distrusted |= matches!(
-            code,
-            FaultCode::OverVoltage | FaultCode::RailImplausible | FaultCode::RailCollapsed | FaultCode::DischargeFailed
-        );
+        self.distrusted |= code.casts_doubt_on_rail_measurement();
         let _off_already = self.safety.latch_fault(code, detail, now_us);
     }
 
@@ -206,18 +237,33 @@ impl Device {
     /// Switches everything off, and forgets everything that could switch it on again.
     fn switch_all_off(&mut self, board: &mut impl Board, now_us: u64) {
         board.switch_outputs_off();
-        if self.supply.enabled {
+        if self.supply.is_enabled_or_any_discharge_open() {
             // Only from the moment at which it was switched off: asking again does not give the discharge more time.
-            (self.off_since_us, self.still_charged) = (now_us, false);
+            (self.off_since_us, self.discharges_slowly, self.still_charged) = (now_us, false, false);
+            let set_millivolts = self.supply.set_point_millivolts;
+            self.off_millivolts = core::array::from_fn(|rail| {
+                let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(0);
+                number(&set_millivolts).max(number(&self.measured_millivolts))
+            });
+            // A rail that is not where it was set may be measured wrongly: a broken divider shows nothing.
+            self.distrusted |= self.watch.is_any_rail_in_doubt();
         }
-        self.supply = SupplyCommand { discharge: [true; crate::supply::RAILS], ..SupplyCommand::default() };
+        self.supply = SupplyCommand::OFF;
         board.apply_supply_command(&self.supply);
         self.self_test = None;
         self.held = None;
         self.sequencer = None;
         self.connected = false;
-        self.rails.zero_set_points();
+        self.rails.zero_targets_and_set_points();
         self.watch.forget_history();
+        self.current.forget_history();
         self.active = [None; MAX_CHANNELS];
+        // Whoever repeats a request now is told that nothing is live.
+        self.played.clear();
+        self.keep_for_next_start(board, false);
+    }
+
+    fn keep_for_next_start(&self, board: &mut impl Board, is_live: bool) {
+        board.keep_for_next_start(is_live, core::array::from_fn(|channel| self.budget.remaining_credit_ms(channel)));
     }
 }

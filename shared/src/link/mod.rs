@@ -6,6 +6,7 @@
 
 mod decoder;
 mod frame;
+mod port_watch;
 
 /// USB vendor of the board: pid.codes' pair for tests and private use. A product that is sold needs its own.
 pub const USB_VENDOR: u16 = 0x1209;
@@ -19,3 +20,4 @@ pub const UART_BAUD: u32 = 115_200;
 
 pub use decoder::{DecodeError, Decoder};
 pub use frame::{EncodeError, Frame, FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
+pub use port_watch::PortWatch;

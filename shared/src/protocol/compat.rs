@@ -6,16 +6,56 @@ use crate::safety::{SafetyEvent, SafetyState};
 /// Replaces what a host of `version` does not know by what it knows.
 #[must_use]
 pub fn translate_for_version(reply: Reply, version: u8) -> Reply {
-    // Not "from 3 on": what a fourth version adds would have to be translated for the third.
+    // Not "from 4 on": what a fifth version adds would have to be translated for the fourth.
     match version {
         CURRENT_VERSION.. => reply,
-        2 => translate_for_version_2(reply),
-        _ => translate_for_version_1(reply),
+        3 => translate_for_version_3(reply),
+        2 => translate_version_3_reply_to_2(translate_for_version_3(reply)),
+        _ => translate_for_version_1(translate_for_version_3(reply)),
+    }
+}
+
+/// Version 4 adds faults, refusals, and answers to requests that version 3 does not have.
+fn translate_for_version_3(reply: Reply) -> Reply {
+    match reply {
+        Reply::Status(mut status) => {
+            status.fault = status.fault.map(translate_fault_for_version_3);
+            Reply::Status(status)
+        }
+        Reply::Faults { latched } => Reply::Faults { latched: latched.map(translate_fault_for_version_3) },
+        Reply::Refused(refusal) => Reply::Refused(match refusal {
+            Refusal::Fault(fault) => Refusal::Fault(translate_fault_for_version_3(fault)),
+            Refusal::StillThere(code) => Refusal::StillThere(translate_code_for_version_3(code)),
+            Refusal::Restarting => Refusal::State { state: SafetyState::Boot, event: SafetyEvent::Arm },
+            Refusal::Current { .. } => Refusal::State { state: SafetyState::Armed, event: SafetyEvent::Drive },
+            Refusal::OtherFault { .. } | Refusal::Sequence(_) => Refusal::Malformed,
+            known => known,
+        }),
+        Reply::WindowsPlaying { .. } | Reply::NumberedFault { .. } => Reply::Refused(Refusal::Malformed),
+        known => known,
+    }
+}
+
+fn translate_fault_for_version_3(fault: Fault) -> Fault {
+    Fault { code: translate_code_for_version_3(fault.code), ..fault }
+}
+
+/// The fault of version 3 that says nothing safer.
+const fn translate_code_for_version_3(code: FaultCode) -> FaultCode {
+    match code {
+        FaultCode::DischargeSlow => FaultCode::DischargeFailed,
+        FaultCode::ResetWhileLive => FaultCode::DriveFailed,
+        FaultCode::Reference => FaultCode::RailImplausible,
+        FaultCode::Electrode => FaultCode::ShortCircuit,
+        FaultCode::Permit => FaultCode::SelfTest,
+        FaultCode::Clock => FaultCode::ReadBack,
+        FaultCode::OptionBytes => FaultCode::SelfTest,
+        known => known,
     }
 }
 
 /// Version 3 adds an answer, to a request that version 2 does not have, and nothing else.
-fn translate_for_version_2(reply: Reply) -> Reply {
+fn translate_version_3_reply_to_2(reply: Reply) -> Reply {
     if matches!(reply, Reply::Credit(_)) { Reply::Refused(Refusal::Malformed) } else { reply }
 }
 
@@ -48,7 +88,9 @@ fn translate_for_version_1(reply: Reply) -> Reply {
         | Reply::Details(_)
         | Reply::Log { .. }
         | Reply::Bootloader
-        | Reply::Credit(_) => Reply::Refused(Refusal::Malformed),
+        | Reply::Credit(_)
+        | Reply::WindowsPlaying { .. }
+        | Reply::NumberedFault { .. } => Reply::Refused(Refusal::Malformed),
     }
 }
 
@@ -86,6 +128,10 @@ fn translate_refusal_for_version_1(refusal: Refusal) -> Refusal {
         | Refusal::Start { .. }
         | Refusal::Effect
         | Refusal::QueueFull { .. }
-        | Refusal::Burst { .. } => Refusal::Malformed,
+        | Refusal::Burst { .. }
+        | Refusal::Restarting
+        | Refusal::OtherFault { .. }
+        | Refusal::Sequence(_)
+        | Refusal::Current { .. } => Refusal::Malformed,
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum FaultCode {
     /// 0: the host that armed the board was silent for longer than the dead-man time.
     HostSilent,
-    /// 1: the hardware refused to be armed.
+    /// 1: the hardware refused to be armed. Detail: the output that is not low, as 100 x its port (1 for A) + its number; 0 for another reason.
     ArmFailed,
     /// 2: the hardware refused a drive.
     DriveFailed,
@@ -21,9 +21,9 @@ pub enum FaultCode {
     OverCurrent,
     /// 7: a rail above the highest voltage. Detail: 10 000 x rail + volts; 0 if the comparator tripped.
     OverVoltage,
-    /// 8: the enclosure was opened.
+    /// 8: the enclosure was opened. Detail: the loop's level in mV; 0 if the comparator tripped.
     InterlockOpen,
-    /// 9: the emergency stop was pressed.
+    /// 9: the emergency stop was pressed. Detail: as for 8.
     EmergencyStop,
     /// 10: panel or moving masses are not bonded to protective earth.
     EarthOpen,
@@ -33,21 +33,40 @@ pub enum FaultCode {
     RailCollapsed,
     /// 13: a rail was not discharged in time. Detail: 10 000 x rail + volts left.
     DischargeFailed,
-    /// 14: a comparator or a break did not trip when it was tried. Detail: which, see the troubleshooting table.
+    /// 14: what has to switch off, or to measure, did not do so when it was tried. Detail: which, see the troubleshooting table.
     SelfTest,
     /// 15: at the test voltage a rail did not come up (detail: which) or a current flowed (detail 0).
     ShortCircuit,
-    /// 16: the watchdog reset the processor. Detail: the tasks that had not checked in, one bit each.
+    /// 16: the watchdog reset the processor. Detail: the tasks that had not checked in, one bit each; 1000 if it did not reset the
+    /// processor when it was tried after power-on.
     Watchdog,
     /// 17: the supply of the processor failed.
     BrownOut,
     /// 18: a timer that makes electrode windows stands still. Detail: the channel.
     TimerStopped,
+    /// 19: a rail falls more slowly than its discharge switch makes it fall. Detail: 10 000 x rail + volts left. From version 4 on.
+    DischargeSlow,
+    /// 20: the processor was reset from outside while high voltage was on; it is told after the reset. From version 4 on.
+    ResetWhileLive,
+    /// 21: the reference of the converters is wrong, with which set-points, measurements and trips are wrong together. Detail: the
+    /// supply's voltage in mV that the chip's own reference shows. From version 4 on.
+    Reference,
+    /// 22: an electrode takes too little or too much charge: it, its cable or a switch is open or shorted. Detail: which, or how much, see
+    /// the troubleshooting table. From version 4 on.
+    Electrode,
+    /// 23: the permit, without which nothing outside the chip is energised, is not as it was set, or does not do what it should.
+    /// Detail: see the troubleshooting table. From version 4 on.
+    Permit,
+    /// 24: the processor's clock and that of the watchdog disagree. Detail: the frequency in Hz that the watchdog's clock has by the
+    /// processor's; 0 if it stands still. From version 4 on.
+    Clock,
+    /// 25: an option byte of the chip takes a protection away. Detail: the option bytes (FLASH_OPTR). From version 4 on.
+    OptionBytes,
 }
 
 impl FaultCode {
     /// Every code, in order.
-    pub const ALL: [FaultCode; 19] = [
+    pub const ALL: [FaultCode; 26] = [
         FaultCode::HostSilent,
         FaultCode::ArmFailed,
         FaultCode::DriveFailed,
@@ -67,12 +86,34 @@ impl FaultCode {
         FaultCode::Watchdog,
         FaultCode::BrownOut,
         FaultCode::TimerStopped,
+        FaultCode::DischargeSlow,
+        FaultCode::ResetWhileLive,
+        FaultCode::Reference,
+        FaultCode::Electrode,
+        FaultCode::Permit,
+        FaultCode::Clock,
+        FaultCode::OptionBytes,
     ];
 
     /// The number on the wire and in the documentation.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
+    }
+
+    /// Whether the measurement of the rails may be wrong after this fault, so that it is not believed until a bleeder has done its work.
+    #[must_use]
+    pub const fn casts_doubt_on_rail_measurement(self) -> bool {
+        matches!(
+            self,
+            FaultCode::OverVoltage
+                | FaultCode::RailImplausible
+                | FaultCode::RailCollapsed
+                | FaultCode::DischargeFailed
+                | FaultCode::DischargeSlow
+                | FaultCode::ShortCircuit
+                | FaultCode::Reference
+        )
     }
 
     /// Short name, as in logs and JSON.
@@ -98,6 +139,13 @@ impl FaultCode {
             FaultCode::Watchdog => "watchdog",
             FaultCode::BrownOut => "brown-out",
             FaultCode::TimerStopped => "timer-stopped",
+            FaultCode::DischargeSlow => "discharge-slow",
+            FaultCode::ResetWhileLive => "reset-while-live",
+            FaultCode::Reference => "reference",
+            FaultCode::Electrode => "electrode",
+            FaultCode::Permit => "permit",
+            FaultCode::Clock => "clock",
+            FaultCode::OptionBytes => "option-bytes",
         }
     }
 
@@ -140,16 +188,16 @@ impl FaultCode {
             FaultCode::InterlockOpen => "The enclosure is open. Close it, then clear the fault.",
             FaultCode::EmergencyStop => "The emergency stop is pressed. Release it, then clear the fault.",
             FaultCode::EarthOpen => {
-                "The panel or a moving mass is not bonded to protective earth. Do not touch it; mend the bond, then clear \
-                 the fault."
+                "The panel or a moving mass is not bonded to protective earth. Do not touch the panel or the masses; mend \
+                 the bond, then clear the fault."
             }
             FaultCode::DischargeFailed => {
                 "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a minute, measure; the \
                  discharge switch or the bleeder is broken."
             }
             FaultCode::SelfTest => {
-                "A comparator or a break that has to switch off in hardware did not do so when it was tried. Do not use \
-                 the board."
+                "The self-test failed: a part that switches off or measures (a comparator, a break, the supply's enable, a \
+                 divider) did not work. Do not use the board; the table of the self-test's details names this part."
             }
             FaultCode::Watchdog => {
                 "The firmware hung and the watchdog reset it. Please keep the log and report it; clear the fault to go on."
@@ -158,6 +206,34 @@ impl FaultCode {
             FaultCode::TimerStopped => {
                 "A timer stands still that should alternate the electrodes. Power the board down and up again; if it \
                  happens again, replace the board."
+            }
+            FaultCode::DischargeSlow => {
+                "A rail falls too slowly: its discharge switch does not close, or the supply still feeds it. Do not open the \
+                 enclosure before the rails are measured to be harmless; repair the switch before you use the board."
+            }
+            FaultCode::ResetWhileLive => {
+                "The board was reset while high voltage was on. Find out what reset it (reset button, debug probe, \
+                 interference), then clear the fault."
+            }
+            FaultCode::Reference => {
+                "The board's 3.3 V reference is off by more than 3 %, so that every set-point and measurement is wrong. Do \
+                 not use the board; check its 3.3 V supply."
+            }
+            FaultCode::Electrode => {
+                "An electrode takes too little or too much current: it, its cable or one of its switches is open or shorted. \
+                 Disconnect the supply, wait until the rails are discharged, and look at the electrode that the detail names."
+            }
+            FaultCode::Permit => {
+                "The permit, which switches supply and electrodes off in hardware, does not work. Do not use the board; the \
+                 table of the fault codes says what was found."
+            }
+            FaultCode::Clock => {
+                "The processor's clock and that of its watchdog disagree, so that times and frequencies may be wrong. Power the \
+                 board down and up again; if it stays, replace the board."
+            }
+            FaultCode::OptionBytes => {
+                "An option byte of the chip takes a protection away. Set the option bytes as the page on bring-up says, and power \
+                 the board down and up."
             }
         }
     }

@@ -20,12 +20,12 @@ pub use identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 pub use reply::{AchievedDrive, ChannelStatus, HelloReply, LinkCounters, Refusal, Reply, StatusReply, TelemetryReply};
 pub use reply2::{DetailsReply, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, WelcomeReply};
 pub use reply3::{ChannelCredit, ChargeRule, CreditReply};
-pub use request::{BOOTLOADER_KEY, ChannelDrive, Request};
+pub use request::{BOOTLOADER_KEY, ChannelDrive, Request, WindowSequence};
 
 /// Oldest protocol version that this code still speaks.
 pub const MIN_VERSION: u8 = 1;
 /// Protocol version that this code speaks by preference.
-pub const CURRENT_VERSION: u8 = 3;
+pub const CURRENT_VERSION: u8 = 4;
 
 /// Whether this code can talk to a peer of this version.
 #[must_use]

@@ -4,7 +4,7 @@ use super::Fault;
 use super::identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 use crate::MAX_CHANNELS;
 use crate::safety::{SafetyEvent, SafetyState};
-use crate::waveform::DriveError;
+use crate::waveform::{DriveError, SequenceError};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -81,6 +81,18 @@ pub enum Reply {
     Bootloader,
     /// To `Credit`.
     Credit(super::CreditReply),
+    /// To `PlayWindows`: the windows wait for their start.
+    WindowsPlaying {
+        /// When the sequence begins, in us of the board's time.
+        start_us: u64,
+    },
+    /// To `NumberedFault`.
+    NumberedFault {
+        /// Counts faults that were latched since the board started, from 1; 0 if there was none.
+        number: u32,
+        /// The latched fault.
+        latched: Option<Fault>,
+    },
 }
 
 /// Why a request was not carried out.
@@ -168,6 +180,22 @@ pub enum Refusal {
     },
     /// Not while high voltage may be on.
     Live(SafetyState),
+    /// The board is about to restart into its bootloader. From version 4 on, as all that follows.
+    Restarting,
+    /// Another fault is latched than the one that was to be cleared.
+    OtherFault {
+        /// Its number.
+        number: u32,
+    },
+    /// A sequence of windows is out of range.
+    Sequence(SequenceError),
+    /// The drives or windows would take more current from the supply than it may deliver on average.
+    Current {
+        /// What they would take, in uA.
+        requested_microamps: u32,
+        /// Most allowed.
+        max_microamps: u32,
+    },
 }
 
 /// Who the device is.

@@ -1,13 +1,19 @@
 //! What the host asks of the device.
 
 use crate::MAX_CHANNELS;
-use crate::waveform::Effect;
+use crate::supply::RAILS;
+use crate::waveform::{Effect, MAX_WINDOWS, SequenceWindow};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// A command from the host. Every one is answered by exactly one [`super::Reply`] with the same sequence number, and
-/// every one can be repeated without harm if the answer was lost.
+/// every one but `Play`, `ClearFaults` and `Log` can be repeated without harm if the answer was lost; `PlayOnce` and `ClearFault` take the place of the first
+/// two.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "there is no heap to put the large one on, and one request exists at a time"
+)]
 pub enum Request {
     /// Who are you? Always allowed.
     Hello {
@@ -75,6 +81,41 @@ pub enum Request {
     },
     /// What the channels may still drive, and what they are charged. From version 3 on.
     Credit,
+    /// As `Play`, but once: a number that was played already is answered and not played again. From version 4 on, as all that
+    /// follows.
+    PlayOnce {
+        /// Given by the host: another one for every effect, the same one when it repeats a request.
+        number: u32,
+        /// 0-based.
+        channel: u8,
+        /// When, in us of the board's time; 0: at once, or when those that wait have ended.
+        start_us: u64,
+        /// What.
+        effect: Effect,
+    },
+    /// Plays windows that are given one by one, on all channels from one clock edge; whatever was driven ends. All of them are refused
+    /// if one is out of range.
+    PlayWindows(WindowSequence),
+    /// The latched fault, if any, and its number.
+    NumberedFault,
+    /// Forget the latched fault if it is the one with this number; a newer one stays.
+    ClearFault {
+        /// From `NumberedFault`.
+        number: u32,
+    },
+}
+
+/// Windows that are given one by one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WindowSequence {
+    /// As in [`Request::PlayOnce`].
+    pub number: u32,
+    /// When the sequence begins, in us of the board's time; 0: as soon as the rails are there.
+    pub start_us: u64,
+    /// Voltage of each rail in mV.
+    pub rail_millivolts: [u32; RAILS],
+    /// In the order of time on each channel.
+    pub windows: Vec<SequenceWindow, MAX_WINDOWS>,
 }
 
 /// What a `Bootloader` request must carry: "BOOT".
@@ -103,6 +144,10 @@ impl Request {
             | Request::Log
             | Request::Bootloader { .. } => 2,
             Request::Credit => 3,
+            Request::PlayOnce { .. }
+            | Request::PlayWindows(_)
+            | Request::NumberedFault
+            | Request::ClearFault { .. } => 4,
         }
     }
 }

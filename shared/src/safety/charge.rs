@@ -31,11 +31,18 @@ impl CreditCharge {
     /// or a wider window never costs less.
     #[must_use]
     pub fn from_period(period: &TimerPeriod, millivolts: u32, max_millivolts: u32) -> Self {
-        let voltage = divide_q30_rounding_up(millivolts, max_millivolts);
-        let sine = quarter_sine_q30_upper_bound(divide_q30_rounding_up(
-            2 * u32::from(period.widest_window_ticks()),
-            period.ticks,
-        ));
+        let width = ratio_q30_rounded_up_capped(2 * u32::from(period.widest_window_ticks()), period.ticks);
+        Self::from_width_and_voltage(quarter_sine_q30_upper_bound(width), millivolts, max_millivolts)
+    }
+
+    /// The most that any windows cost on a rail of `millivolts`, on a channel whose limit is `max_millivolts`.
+    #[must_use]
+    pub fn at_most_on_rail(millivolts: u32, max_millivolts: u32) -> Self {
+        Self::from_width_and_voltage(ONE, millivolts, max_millivolts)
+    }
+
+    fn from_width_and_voltage(sine: u32, millivolts: u32, max_millivolts: u32) -> Self {
+        let voltage = ratio_q30_rounded_up_capped(millivolts, max_millivolts);
         let force = multiply_q30_rounding_up(multiply_q30_rounding_up(voltage, voltage), sine);
         // Below 2^51, and no more than PPM.
         let ppm = (u64::from(multiply_q30_rounding_up(force, force)) * u64::from(PPM)).div_ceil(u64::from(ONE));
@@ -50,7 +57,7 @@ impl CreditCharge {
 }
 
 /// `numerator / denominator` with 30 bits behind the point, rounded up; 1 at most, also if `denominator` is 0 and `numerator` is not.
-fn divide_q30_rounding_up(numerator: u32, denominator: u32) -> u32 {
+fn ratio_q30_rounded_up_capped(numerator: u32, denominator: u32) -> u32 {
     if numerator == 0 {
         return 0;
     }

@@ -20,6 +20,8 @@ struct ArmedSession {
 pub struct SafetyMachine {
     state: SafetyState,
     fault: Option<Fault>,
+    /// How many faults were latched so far.
+    fault_number: u32,
     session: Option<ArmedSession>,
 }
 
@@ -33,7 +35,7 @@ impl SafetyMachine {
     /// The state at power-on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: SafetyState::Boot, fault: None, session: None }
+        Self { state: SafetyState::Boot, fault: None, fault_number: 0, session: None }
     }
 
     /// The state now.
@@ -46,6 +48,17 @@ impl SafetyMachine {
     #[must_use]
     pub const fn fault(&self) -> Option<Fault> {
         self.fault
+    }
+
+    /// The number of the fault that was latched last: faults that were latched so far, from 1; 0 if there was none.
+    #[must_use]
+    pub const fn fault_number(&self) -> u32 {
+        self.fault_number
+    }
+
+    /// Ends the session of a link that has been closed and opened again; whether it had one.
+    pub fn close_session_of(&mut self, link: LinkId) -> bool {
+        self.session.take_if(|session| session.link == link).is_some()
     }
 
     /// Whether another link than `link` has armed the board.
@@ -82,7 +95,7 @@ impl SafetyMachine {
     }
 
     /// Notes that the host at `link` is alive. Only the link that has armed the board counts.
-    pub fn note_sign_of_life(&mut self, link: LinkId, now_us: u64) {
+    pub fn note_sign_of_life_if_link_has_armed(&mut self, link: LinkId, now_us: u64) {
         if let Some(session) = self.session.as_mut().filter(|session| session.link == link) {
             session.last_heard_us = now_us;
         }
@@ -91,7 +104,7 @@ impl SafetyMachine {
     /// The host's silence in us if it has exceeded the dead-man time. A live state without a session is a contradiction, and counts as
     /// endless silence.
     #[must_use]
-    pub fn expired_silence_us(&self, now_us: u64) -> Option<u64> {
+    pub fn host_silence_us_if_over_deadman(&self, now_us: u64) -> Option<u64> {
         if !self.state.is_live() {
             return None;
         }
@@ -109,7 +122,10 @@ impl SafetyMachine {
     pub fn latch_fault(&mut self, code: FaultCode, detail: u32, now_us: u64) -> SafetyAction {
         match &mut self.fault {
             Some(fault) => fault.count = fault.count.saturating_add(1),
-            none => *none = Some(Fault { code, at_us: now_us, detail, count: 1 }),
+            none => {
+                *none = Some(Fault { code, at_us: now_us, detail, count: 1 });
+                self.fault_number = self.fault_number.wrapping_add(1);
+            }
         }
         let event = if code == FaultCode::HostSilent { SafetyEvent::HostSilent } else { SafetyEvent::Fault };
         // The table refuses neither event in any state (tested), but a doubt must end in "off" all the same.

@@ -7,12 +7,17 @@
 mod arming;
 mod budget;
 mod charge;
+mod electrode_test;
 mod machine;
 mod table;
 
 pub use crate::limits::{DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
+pub(crate) use arming::{BLEED, CHARGE};
 pub use arming::{SelfTest, SelfTestVerdict};
-pub use budget::DriveBudget;
+pub use budget::{DriveBudget, PlannedDrive};
 pub use charge::CreditCharge;
+pub use electrode_test::{
+    ElectrodeFinding, ElectrodeFindings, ElectrodePulses, electrode_fault_detail, judge_electrode_pulses,
+};
 pub use machine::{LinkId, SafetyMachine};
 pub use table::{SafetyAction, SafetyEvent, SafetyState, Transition, look_up_transition};

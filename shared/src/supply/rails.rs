@@ -19,10 +19,17 @@ pub fn rail_dac_code(millivolts: u32) -> u16 {
 
 /// The voltage in mV of the converter's step at or below `millivolts`.
 #[must_use]
-pub fn quantise_rail_millivolts(millivolts: u32) -> u32 {
+pub fn round_down_to_dac_step_millivolts(millivolts: u32) -> u32 {
     let exact = u64::from(rail_dac_code(millivolts)) * u64::from(MAX_RAIL_MILLIVOLTS);
     // Rounded up, so that the code of the result is the code it came from.
     u32::try_from(exact.div_ceil(RAIL_STEPS)).unwrap_or(0).min(millivolts)
+}
+
+/// Whether a rail is so far above its set-point that its discharge switch is to be closed.
+#[must_use]
+pub(crate) fn is_rail_above_set_point(measured_millivolts: u32, set_point_millivolts: u32) -> bool {
+    let margin = (set_point_millivolts / 20).max(RAIL_TOLERANCE_MILLIVOLTS / 2);
+    measured_millivolts > set_point_millivolts.saturating_add(margin) && measured_millivolts > DISCHARGED_MILLIVOLTS
 }
 
 /// Brings the set-points of the rails to their targets: they rise by a slope, and fall at once.
@@ -63,7 +70,7 @@ impl RailControl {
     }
 
     /// Sets targets and set-points of both rails to zero at once.
-    pub fn zero_set_points(&mut self) {
+    pub fn zero_targets_and_set_points(&mut self) {
         (self.wanted, self.now) = ([0; RAILS], [0; RAILS]);
     }
 
@@ -79,11 +86,10 @@ impl RailControl {
             let wanted = self.wanted.get(rail).copied().unwrap_or(0);
             *now = wanted.min(now.saturating_add(rise));
             let measured = readings.rail_millivolts.get(rail).copied().unwrap_or(u32::MAX);
-            let above = measured > now.saturating_add((*now / 20).max(RAIL_TOLERANCE_MILLIVOLTS / 2));
             if let Some(switch) = discharge.get_mut(rail) {
-                *switch = above && measured > DISCHARGED_MILLIVOLTS;
+                *switch = is_rail_above_set_point(measured, *now);
             }
         }
-        SupplyCommand { enabled: true, discharge, set_point_millivolts: self.now }
+        SupplyCommand { enabled: true, discharge, set_point_millivolts: self.now, permitted: true }
     }
 }

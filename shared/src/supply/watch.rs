@@ -2,9 +2,10 @@
 
 use super::{RAILS, SensorReadings, SupplyCommand};
 use crate::limits::{
-    COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS, MAX_AVERAGE_MICROAMPS,
-    OVER_CURRENT_AFTER_MS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS, RAIL_TOLERANCE_PERCENT,
-    RISING_TOLERANCE_MILLIVOLTS,
+    COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, FORGIVING_RATIO, IMPLAUSIBLE_AFTER_MS,
+    MAX_AVERAGE_MICROAMPS, OVER_CURRENT_AFTER_MS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS,
+    RAIL_TOLERANCE_PERCENT, REFERENCE_MILLIVOLTS, REFERENCE_TOLERANCE_PERCENT, RISING_TOLERANCE_MILLIVOLTS,
+    SWITCHED_DISCHARGE_MS,
 };
 use crate::protocol::FaultCode;
 
@@ -16,9 +17,11 @@ pub type FaultFinding = (FaultCode, u32);
 pub struct SupplyMonitor {
     last: Option<[u32; RAILS]>,
     last_set: [u32; RAILS],
-    implausible_since_us: [Option<u64>; RAILS],
+    last_us: Option<u64>,
+    implausible: [ConditionTime; RAILS],
+    /// Per rail since when its discharge switch is closed.
     discharging_since_us: [Option<u64>; RAILS],
-    current_since_us: Option<u64>,
+    over_current: ConditionTime,
 }
 
 impl SupplyMonitor {
@@ -28,15 +31,22 @@ impl SupplyMonitor {
         Self {
             last: None,
             last_set: [0; RAILS],
-            implausible_since_us: [None; RAILS],
+            last_us: None,
+            implausible: [ConditionTime::NONE; RAILS],
             discharging_since_us: [None; RAILS],
-            current_since_us: None,
+            over_current: ConditionTime::NONE,
         }
     }
 
     /// Forgets earlier readings, for the next session.
     pub fn forget_history(&mut self) {
         *self = Self::new();
+    }
+
+    /// Whether a rail is, or was lately, not where it was set. What is measured of it then may be wrong.
+    #[must_use]
+    pub fn is_any_rail_in_doubt(&self) -> bool {
+        self.implausible.iter().any(ConditionTime::is_met_or_not_yet_forgiven)
     }
 
     /// The first fault in the readings, if there is one. `supply` is the command that was in force when they were measured.
@@ -47,14 +57,15 @@ impl SupplyMonitor {
         supply: &SupplyCommand,
     ) -> Option<FaultFinding> {
         if !readings.interlock_closed {
-            return Some((FaultCode::InterlockOpen, 0));
+            return Some((FaultCode::InterlockOpen, readings.interlock_millivolts));
         }
         if !readings.stop_released {
-            return Some((FaultCode::EmergencyStop, 0));
+            return Some((FaultCode::EmergencyStop, readings.stop_millivolts));
         }
         if !readings.earth_bonded {
             return Some((FaultCode::EarthOpen, 0));
         }
+        let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us)).min(LONGEST_STEP_US);
         let last = self.last.replace(readings.rail_millivolts);
         let last_set = core::mem::replace(&mut self.last_set, supply.set_point_millivolts);
         for rail in 0..RAILS {
@@ -76,32 +87,97 @@ impl SupplyMonitor {
                 return Some((FaultCode::RailCollapsed, detail));
             }
             let Some(since) = self.discharging_since_us.get_mut(rail) else { continue };
-            if condition_has_lasted(since, discharging, now_us, DISCHARGE_LIMIT_MS) {
+            let discharging_us = match (discharging, &since) {
+                (false, _) => None,
+                (true, Some(since)) => Some(now_us.saturating_sub(*since)),
+                (true, None) => Some(0),
+            };
+            *since = discharging_us.map(|lasted| now_us - lasted);
+            if discharging_us.is_some_and(|lasted| lasted >= u64::from(DISCHARGE_LIMIT_MS) * 1000) {
                 return Some((FaultCode::DischargeFailed, detail));
             }
             // A rising rail is behind by the supply's own lag.
             let lag = if set > number(&last_set) { RISING_TOLERANCE_MILLIVOLTS } else { 0 };
             let tolerance = (set / 100 * RAIL_TOLERANCE_PERCENT).max(RAIL_TOLERANCE_MILLIVOLTS) + lag;
-            let Some(since) = self.implausible_since_us.get_mut(rail) else { continue };
-            // On its way down a rail may be above its set-point for as long as its discharge takes.
-            let plausible = measured.abs_diff(set) <= tolerance || discharging;
-            if condition_has_lasted(since, !plausible, now_us, IMPLAUSIBLE_AFTER_MS) {
+            let within = measured.abs_diff(set) <= tolerance;
+            // On its way down a rail may be above its set-point for as long as its discharge switch needs.
+            let excused = discharging && measured > set;
+            let switched = discharging_us.is_some_and(|lasted| lasted >= u64::from(SWITCHED_DISCHARGE_MS) * 1000);
+            if !within && excused && switched {
+                return Some((FaultCode::DischargeSlow, detail));
+            }
+            let Some(implausible) = self.implausible.get_mut(rail) else { continue };
+            if implausible.count_or_forgive_time_and_has_lasted(!within && !excused, elapsed_us, IMPLAUSIBLE_AFTER_MS) {
                 return Some((FaultCode::RailImplausible, detail));
             }
         }
         let too_much = readings.average_microamps > MAX_AVERAGE_MICROAMPS;
-        if condition_has_lasted(&mut self.current_since_us, too_much, now_us, OVER_CURRENT_AFTER_MS) {
+        if self.over_current.count_or_forgive_time_and_has_lasted(too_much, elapsed_us, OVER_CURRENT_AFTER_MS) {
             return Some((FaultCode::OverCurrent, readings.average_microamps));
         }
         None
     }
 }
 
-/// Whether `condition` is true and has been true for `limit_ms`; `since_us` remembers since when.
-fn condition_has_lasted(since_us: &mut Option<u64>, condition: bool, now_us: u64, limit_ms: u32) -> bool {
-    if !condition {
-        *since_us = None;
-        return false;
+/// Longest time in us between two readings that counts: after a pause nobody knows what was in between.
+const LONGEST_STEP_US: u64 = 5_000;
+
+/// For how long the reference must be wrong, in ms, so that noise is none.
+const REFERENCE_AFTER_MS: u32 = 5;
+
+/// Checks the reference of the converters once a ms, in every state.
+#[derive(Clone, Debug, Default)]
+pub struct ReferenceMonitor {
+    last_us: Option<u64>,
+    wrong: ConditionTime,
+}
+
+impl ReferenceMonitor {
+    /// A monitor that has not seen any readings.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { last_us: None, wrong: ConditionTime::NONE }
     }
-    now_us.saturating_sub(*since_us.get_or_insert(now_us)) >= u64::from(limit_ms) * 1000
+
+    /// The fault in the reference, if there is one.
+    pub fn check_reference(&mut self, now_us: u64, readings: &SensorReadings) -> Option<FaultFinding> {
+        let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us)).min(LONGEST_STEP_US);
+        let off = readings.reference_millivolts.abs_diff(REFERENCE_MILLIVOLTS);
+        let is_wrong = u64::from(off) * 100 > u64::from(REFERENCE_MILLIVOLTS) * u64::from(REFERENCE_TOLERANCE_PERCENT);
+        let has_lasted = self.wrong.count_or_forgive_time_and_has_lasted(is_wrong, elapsed_us, REFERENCE_AFTER_MS);
+        has_lasted.then_some((FaultCode::Reference, readings.reference_millivolts))
+    }
+}
+
+/// For how long a condition has been met, less a part of the time in which it was not.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ConditionTime {
+    /// In us; `None` while nothing is counted.
+    lasted_us: Option<u64>,
+}
+
+impl ConditionTime {
+    pub(super) const NONE: Self = Self { lasted_us: None };
+
+    const fn is_met_or_not_yet_forgiven(&self) -> bool {
+        self.lasted_us.is_some()
+    }
+
+    /// Takes note of whether the condition is met now, `elapsed_us` after the last call, and returns whether it has been met for
+    /// `limit_ms`.
+    pub(super) fn count_or_forgive_time_and_has_lasted(
+        &mut self,
+        is_met: bool,
+        elapsed_us: u64,
+        limit_ms: u32,
+    ) -> bool {
+        self.lasted_us = match (self.lasted_us, is_met) {
+            (None, true) => Some(0),
+            (None, false) => None,
+            // No more than the limit, so that it is forgiven in time that is known however long it has lasted.
+            (Some(lasted), true) => Some((lasted + elapsed_us).min(u64::from(limit_ms) * 1000)),
+            (Some(lasted), false) => lasted.checked_sub(elapsed_us / u64::from(FORGIVING_RATIO)),
+        };
+        self.lasted_us.is_some_and(|lasted| lasted >= u64::from(limit_ms) * 1000)
+    }
 }

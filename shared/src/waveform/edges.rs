@@ -3,9 +3,10 @@
 //! firmware's registers do with the same code.
 
 use super::registers::TimerRegisters;
+use serde::{Deserialize, Serialize};
 
-/// One of the two electrodes of an ERA.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// One of the two electrodes of an ERA. Wire format: append only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Electrode {
     /// Pulls the mass in the positive direction.
     A,
@@ -62,7 +63,7 @@ impl ElectrodeWindows {
         let (reload, divider) = (registers.arr & 0xFFFF, (registers.psc & 0xFFFF) + 1);
         let period = reload + 1;
         let never = TickWindow { start: 0, length: 0 };
-        if !registers.is_driving() {
+        if !registers.is_counting_with_outputs_enabled() {
             return Ok(Self { period, divider, a: never, b: never });
         }
         if !registers.counts_up() {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Level of the full force, in thousandths.
 pub const FULL_LEVEL: i16 = 1000;
-/// The whole of what [`super::Sequencer::set_window_strength`] takes.
+/// The whole of what [`super::Sequencer::set_force_fraction_of_drive_windows`] takes.
 pub const FULL_STRENGTH: u32 = 1 << 16;
 /// Most segments of an effect: two clicks with their brakes and pauses, and the whole still fits a frame.
 pub const SEGMENTS: usize = 8;
@@ -41,6 +41,17 @@ pub enum Segment {
         /// How many.
         count: u16,
     },
+}
+
+impl Segment {
+    fn length_clocks(&self, period_clocks: u64, clocks_per_ms: u64) -> u64 {
+        match *self {
+            Self::Hold { milliseconds, .. } | Self::Ramp { milliseconds, .. } => {
+                u64::from(milliseconds) * clocks_per_ms
+            }
+            Self::Cycles { count, .. } => u64::from(count) * period_clocks,
+        }
+    }
 }
 
 /// Segments that follow each other, played one or more times.
@@ -82,8 +93,8 @@ impl Effect {
         Self::from_segments(&segments, count)
     }
 
-    fn from_segments(segments: &[Segment], times: u16) -> Self {
-        Self { segments: segments.iter().copied().collect(), times }
+    fn from_segments(segments: &[Segment], repeat_count: u16) -> Self {
+        Self { segments: segments.iter().copied().collect(), times: repeat_count }
     }
 
     /// Whether levels, lengths and count are in range.
@@ -121,22 +132,28 @@ pub(super) enum EnvelopeLevel {
 }
 
 impl Envelope {
-    /// The level for the period of `period_clocks` that begins at `boundary`; `clocks_per_ms` is the timers' clock. The envelope begins at the
+    /// How long it lasts, in clocks.
+    pub(super) fn length_clocks(&self, period_clocks: u64, clocks_per_ms: u64) -> u64 {
+        let lengths = self.effect.segments.iter().map(|segment| segment.length_clocks(period_clocks, clocks_per_ms));
+        lengths.sum::<u64>() * u64::from(self.effect.times)
+    }
+
+    /// The level for the period of `period_clocks` that begins at `boundary_clock`; `clocks_per_ms` is the timers' clock. The envelope begins at the
     /// first boundary at or after its start for which this is called, so that a boundary that came too late to be used costs no cycle.
-    pub(super) fn level_at_boundary(&mut self, boundary: u64, period_clocks: u64, clocks_per_ms: u64) -> EnvelopeLevel {
+    pub(super) fn begin_if_due_and_get_level(
+        &mut self,
+        boundary_clock: u64,
+        period_clocks: u64,
+        clocks_per_ms: u64,
+    ) -> EnvelopeLevel {
         if !self.begun {
-            if boundary < self.start {
+            if boundary_clock < self.start {
                 return EnvelopeLevel::Waiting;
             }
-            (self.start, self.begun) = (boundary, true);
+            (self.start, self.begun) = (boundary_clock, true);
         }
-        let mut rest = boundary.saturating_sub(self.start);
-        let length = |segment: &Segment| match *segment {
-            Segment::Hold { milliseconds, .. } | Segment::Ramp { milliseconds, .. } => {
-                u64::from(milliseconds) * clocks_per_ms
-            }
-            Segment::Cycles { count, .. } => u64::from(count) * period_clocks,
-        };
+        let mut rest = boundary_clock.saturating_sub(self.start);
+        let length = |segment: &Segment| segment.length_clocks(period_clocks, clocks_per_ms);
         let once: u64 = self.effect.segments.iter().map(length).sum();
         if once == 0 || rest >= once * u64::from(self.effect.times) {
             return EnvelopeLevel::Ended;
@@ -166,15 +183,15 @@ fn interpolate_level(from: i16, to: i16, elapsed: u64, duration: u64) -> i16 {
     i16::try_from(i64::from(from) + change).unwrap_or(to)
 }
 
-/// Ticks of the window whose force is that of a window of `full_width` ticks times `level` thousandths times `strength` parts of
+/// Ticks of the window whose force is that of a window of `full_width` ticks times `level` thousandths times `force_fraction` parts of
 /// [`FULL_STRENGTH`]. The fundamental of the force goes with sin(pi w / 2), where w is the fraction of the half period that the window takes.
 ///
 /// The widest window that makes no more force is searched for in integers: with the same result on every processor, and within 10 us on
 /// the board's.
 #[must_use]
-pub(super) fn window_ticks_for_level(period_ticks: u32, full_width: u32, level: i16, strength: u32) -> u32 {
+pub(super) fn window_ticks_for_level(period_ticks: u32, full_width: u32, level: i16, force_fraction: u32) -> u32 {
     let level = u64::from(level.unsigned_abs().min(FULL_LEVEL.unsigned_abs()));
-    let part = level * u64::from(strength.min(FULL_STRENGTH));
+    let part = level * u64::from(force_fraction.min(FULL_STRENGTH));
     let full = u64::from(FULL_LEVEL.unsigned_abs()) * u64::from(FULL_STRENGTH);
     if part >= full {
         return full_width;

@@ -18,7 +18,7 @@
 //! that are long enough.
 //!
 //! [`compute_channel_program()`] turns a drive into numbers for the timer, [`Sequencer`] brings running timers from one drive to the next
-//! at their boundaries, in phase where frequencies are equal, [`Envelope`] shapes the force in time, [`ElectrodeWindows`] reads
+//! at their boundaries, in phase where frequencies are equal, or through windows that are given one by one ([`SequenceWindow`]), [`Envelope`] shapes the force in time, [`ElectrodeWindows`] reads
 //! registers as edges.
 
 mod drive_error;
@@ -30,6 +30,7 @@ mod program;
 mod registers;
 mod sequencer;
 pub(crate) mod sine;
+mod window_sequence;
 
 pub use drive_error::DriveError;
 pub use edges::{Electrode, ElectrodeWindows, TickWindow, WindowsError};
@@ -38,4 +39,7 @@ pub use model::{ModelError, ModelTimers, Pulse, PulseCheck, TimerModel};
 pub use period::{CompareWindow, IDLE, TimerPeriod};
 pub use program::{ChannelProgram, compute_channel_program};
 pub use registers::{OutputPair, TimerRegisters};
-pub use sequencer::{ChannelGoal, Sequencer, TimerPreload};
+pub use sequencer::{ChannelGoal, ElectrodeCharges, Sequencer, TimerPreload};
+pub use window_sequence::{
+    LEAST_WIDTH_TICKS, MAX_WINDOWS, MOST_WAIT_TICKS, PlacedWindows, SEQUENCE_TICK_CLOCKS, SequenceError, SequenceWindow,
+};

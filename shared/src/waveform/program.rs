@@ -4,7 +4,7 @@ use super::drive_error::DriveError;
 use super::period::{TimerPeriod, first_window_start};
 use crate::limits::LEAST_GUARD_NANOSECONDS;
 use crate::protocol::{AchievedDrive, ChannelDrive, ChannelLimits};
-use crate::supply::quantise_rail_millivolts;
+use crate::supply::round_down_to_dac_step_millivolts;
 
 /// Parts per million.
 const PPM: u64 = 1_000_000;
@@ -105,7 +105,7 @@ pub fn compute_channel_program(limits: &ChannelLimits, drive: &ChannelDrive) -> 
     let phase = (reached * u64::from(TURN) + period_clocks) / turn;
     // The shorter of the two guards: the half period is rounded down between A and B.
     let guard_ticks = u64::from(ticks / 2 - width);
-    let voltage_millivolts = quantise_rail_millivolts(drive.voltage_millivolts);
+    let voltage_millivolts = round_down_to_dac_step_millivolts(drive.voltage_millivolts);
     Ok(ChannelProgram {
         divider,
         ticks,

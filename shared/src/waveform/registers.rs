@@ -81,7 +81,7 @@ impl TimerRegisters {
 
     /// The same registers for a timer without break input: a trip clears its outputs until the next update event.
     #[must_use]
-    pub const fn with_clear_on_trip(mut self) -> Self {
+    pub const fn with_output_clear_on_trip_enabled(mut self) -> Self {
         self.ccmr1 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
         self.ccmr2 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
         self
@@ -90,7 +90,7 @@ impl TimerRegisters {
     /// Whether the timer counts and its outputs reach the pins. A timer without a break has no main output enable; its
     /// BDTR must then be given as with MOE set.
     #[must_use]
-    pub const fn is_driving(&self) -> bool {
+    pub const fn is_counting_with_outputs_enabled(&self) -> bool {
         self.cr1 & CR1_CEN != 0 && self.bdtr & BDTR_MOE != 0 && self.ccer & 0x1111 != 0
     }
 

@@ -10,7 +10,9 @@
 use super::envelope::{Envelope, EnvelopeLevel, FULL_STRENGTH, window_ticks_for_level};
 use super::period::{IDLE, TimerPeriod};
 use super::program::ChannelProgram;
+use super::window_sequence::{LEAST_LEAD_CLOCKS, PlacedWindows};
 use crate::MAX_CHANNELS;
+use crate::circuit::least_charged_permille;
 use heapless::Vec;
 
 /// A boundary nearer than this, in us, is left to pass: working out what a timer must do takes 20 us, writing its registers
@@ -46,7 +48,31 @@ pub struct ChannelGoal {
     /// Rhythm and greatest windows.
     pub program: ChannelProgram,
     /// Whether it drives when no envelope says otherwise.
-    pub continuous: bool,
+    pub drives_without_envelope: bool,
+}
+
+/// How often the electrodes of a channel were charged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElectrodeCharges {
+    /// In thousandths of a full charge at least: a narrow window does not charge its electrode in full.
+    pub least_permille: u32,
+    /// At most: each window counts in full.
+    pub most_permille: u32,
+}
+
+impl ElectrodeCharges {
+    const NONE: Self = Self { least_permille: 0, most_permille: 0 };
+
+    /// Adds the windows of so many equal periods.
+    fn add_periods(&mut self, period: &TimerPeriod, count: u64, clocks_per_us: u64) {
+        let count = u32::try_from(count).unwrap_or(u32::MAX);
+        for window in [period.a, period.b].into_iter().filter(|window| window.off > window.on) {
+            let clocks = u64::from(window.off - window.on) * u64::from(period.divider);
+            let least_permille = least_charged_permille(clocks * 1_000 / clocks_per_us);
+            self.least_permille = self.least_permille.saturating_add(least_permille.saturating_mul(count));
+            self.most_permille = self.most_permille.saturating_add(1_000_u32.saturating_mul(count));
+        }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -61,10 +87,16 @@ struct ChannelTrack {
     /// One of the boundaries at which the goal's phase is kept.
     lattice: u64,
     /// Part of the full force that the rail's voltage leaves to the window's width.
-    strength: u32,
+    force_fraction: u32,
     queue: Vec<Envelope, QUEUE>,
+    /// Windows that are given one by one take the place of a goal.
+    plays_windows: bool,
+    /// A boundary of these windows passed before it could be prepared.
+    missed: bool,
     /// The next boundary was too near to be changed when it was last looked at.
     passing: bool,
+    /// The charges of all periods that are over and have not been taken.
+    charges: ElectrodeCharges,
 }
 
 impl ChannelTrack {
@@ -75,21 +107,49 @@ impl ChannelTrack {
             pending: None,
             goal: None,
             lattice: 0,
-            strength: FULL_STRENGTH,
+            force_fraction: FULL_STRENGTH,
             queue: Vec::new(),
+            plays_windows: false,
+            missed: false,
             passing: false,
+            charges: ElectrodeCharges::NONE,
         }
     }
 
     /// Updates the running period for all boundaries up to `now`.
-    fn apply_passed_boundaries(&mut self, now: u64) {
+    fn advance_to_now_noting_missed_windows(
+        &mut self,
+        now: u64,
+        clocks_per_us: u64,
+        windows: Option<(&PlacedWindows, u8)>,
+    ) {
         if let Some((period, at)) = self.pending
             && at <= now
         {
+            self.pass_periods(at.saturating_sub(self.boundary) / self.active.length_clocks(), clocks_per_us);
             (self.active, self.boundary, self.pending) = (period, at, None);
         }
-        let period = self.active.length_clocks();
-        self.boundary += now.saturating_sub(self.boundary) / period * period;
+        // Whatever is played by a rhythm may go on until its next boundary. Of windows that are given one by one, each has its own.
+        while let Some((windows, channel)) = windows.filter(|_| self.plays_windows) {
+            let (next, length) = (self.next_boundary(), self.active.length_clocks());
+            if next > now {
+                break;
+            }
+            let is_prepared = windows.period_from(channel, next).unwrap_or(IDLE) == self.active;
+            if !is_prepared && !windows.can_be_led_to_from(next + length) {
+                (self.plays_windows, self.missed) = (false, true);
+            }
+            self.pass_periods(1, clocks_per_us);
+        }
+        self.pass_periods(now.saturating_sub(self.boundary) / self.active.length_clocks(), clocks_per_us);
+    }
+
+    /// So many periods of the running kind are over.
+    fn pass_periods(&mut self, count: u64, clocks_per_us: u64) {
+        self.boundary += count * self.active.length_clocks();
+        if count > 0 {
+            self.charges.add_periods(&self.active, count, clocks_per_us);
+        }
     }
 
     /// The boundary after `now`.
@@ -111,25 +171,37 @@ impl ChannelTrack {
     }
 
     /// The period that should begin at `boundary`.
-    fn choose_period_from(&mut self, boundary: u64, clocks_per_us: u64) -> TimerPeriod {
+    fn choose_period_from(
+        &mut self,
+        boundary: u64,
+        clocks_per_us: u64,
+        windows: Option<(&PlacedWindows, u8)>,
+    ) -> TimerPeriod {
+        if let Some((windows, channel)) = windows.filter(|_| self.plays_windows) {
+            if let Some(period) = windows.period_from(channel, boundary) {
+                return period;
+            }
+            self.plays_windows = false;
+        }
         let Some(goal) = self.goal else { return IDLE };
         let program = goal.program;
         let clocks = program.period_clocks();
         let late = (boundary + clocks - self.lattice % clocks) % clocks;
         if late > 0 {
-            let (gap, reached) = make_blank_gap(clocks - late, clocks, LEAST_GAP_US * clocks_per_us);
+            let (gap, reached) =
+                make_blank_gap_and_its_actual_clocks(clocks - late, clocks, LEAST_GAP_US * clocks_per_us);
             // The phase is right where the gap ends, or a clock or two off if no divider fits exactly.
             self.lattice = boundary + reached;
             return gap;
         }
-        let level = self.envelope_level_at(goal, boundary, clocks_per_us);
-        let width = window_ticks_for_level(program.ticks, program.width, level, self.strength);
+        let level = self.envelope_level_or_goal_default_at(goal, boundary, clocks_per_us);
+        let width = window_ticks_for_level(program.ticks, program.width, level, self.force_fraction);
         TimerPeriod::with_windows(program.divider, program.ticks, width, level < 0)
     }
 
-    fn envelope_level_at(&mut self, goal: ChannelGoal, boundary: u64, clocks_per_us: u64) -> i16 {
+    fn envelope_level_or_goal_default_at(&mut self, goal: ChannelGoal, boundary: u64, clocks_per_us: u64) -> i16 {
         while let Some(envelope) = self.queue.first_mut() {
-            match envelope.level_at_boundary(boundary, goal.program.period_clocks(), 1000 * clocks_per_us) {
+            match envelope.begin_if_due_and_get_level(boundary, goal.program.period_clocks(), 1000 * clocks_per_us) {
                 EnvelopeLevel::Waiting => break,
                 EnvelopeLevel::Level(level) => return level,
                 EnvelopeLevel::Ended => {
@@ -137,13 +209,17 @@ impl ChannelTrack {
                 }
             }
         }
-        if goal.continuous { super::FULL_LEVEL } else { 0 }
+        if goal.drives_without_envelope { super::FULL_LEVEL } else { 0 }
     }
 }
 
 /// A blank period of `missing_clocks` plus as many whole periods of `period_clocks` as make it `least_clocks` or longer. Returns the period and how
 /// many clocks it really has.
-fn make_blank_gap(missing_clocks: u64, period_clocks: u64, least_clocks: u64) -> (TimerPeriod, u64) {
+fn make_blank_gap_and_its_actual_clocks(
+    missing_clocks: u64,
+    period_clocks: u64,
+    least_clocks: u64,
+) -> (TimerPeriod, u64) {
     let first = missing_clocks + least_clocks.saturating_sub(missing_clocks).div_ceil(period_clocks) * period_clocks;
     // In 32 bits, which hold 25 s: the processor of the board divides them in hardware.
     let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX / 2);
@@ -174,6 +250,8 @@ pub struct Sequencer {
     clocks_per_us: u64,
     started_us: u64,
     tracks: [ChannelTrack; MAX_CHANNELS],
+    /// Windows that are given one by one, while a channel plays them.
+    windows: Option<PlacedWindows>,
 }
 
 impl Sequencer {
@@ -181,7 +259,12 @@ impl Sequencer {
     /// `clocks_per_us` MHz.
     #[must_use]
     pub const fn new(clocks_per_us: u32, started_us: u64) -> Self {
-        Self { clocks_per_us: clocks_per_us as u64, started_us, tracks: [const { ChannelTrack::new() }; MAX_CHANNELS] }
+        Self {
+            clocks_per_us: clocks_per_us as u64,
+            started_us,
+            tracks: [const { ChannelTrack::new() }; MAX_CHANNELS],
+            windows: None,
+        }
     }
 
     /// The board's time in clocks since the start.
@@ -190,14 +273,21 @@ impl Sequencer {
         time_us.saturating_sub(self.started_us) * self.clocks_per_us
     }
 
+    /// The board's time in us of a clock since the start, rounded down.
+    #[must_use]
+    pub const fn board_time_of_clock_us(&self, clock: u64) -> u64 {
+        self.started_us + clock / self.clocks_per_us
+    }
+
     /// Sets the goal of every channel; a channel with `None` ends its drive at its next boundary. A channel whose goal does not change is not
     /// disturbed. Envelopes that wait are dropped.
-    pub fn set_goals(&mut self, goals: &[Option<ChannelGoal>; MAX_CHANNELS], now_us: u64) {
+    pub fn set_or_end_drives_from_next_boundary(&mut self, goals: &[Option<ChannelGoal>; MAX_CHANNELS], now_us: u64) {
         let (now, margin) = (self.clocks_since_start(now_us), MARGIN_US * self.clocks_per_us);
-        let passed = self.latest_passed_clock(now);
+        let passed = self.latest_certainly_passed_clock(now);
+        self.advance_running_periods_past_boundaries(passed);
         for track in &mut self.tracks {
-            track.apply_passed_boundaries(passed);
             track.queue.clear();
+            track.plays_windows = false;
         }
         let before: [Option<(ChannelGoal, u64)>; MAX_CHANNELS] =
             core::array::from_fn(|i| self.tracks.get(i).and_then(|track| track.goal.map(|goal| (goal, track.lattice))));
@@ -238,18 +328,74 @@ impl Sequencer {
 
     /// Adds an envelope that starts at `start_us` of the board's time; `false` if the channel has no goal or as many wait
     /// as can.
-    pub fn queue_effect(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
+    pub fn queue_effect_if_goal_and_room(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
         let start = self.clocks_since_start(start_us);
         let Some(track) = self.tracks.get_mut(channel).filter(|track| track.goal.is_some()) else { return false };
         let place = track.queue.iter().position(|other| other.start > start).unwrap_or(track.queue.len());
         track.queue.insert(place, Envelope { effect: effect.clone(), start, begun: false }).is_ok()
     }
 
+    /// When the last envelope that waits for a channel, or plays, has ended, in us of the board's time; `None` if there is none.
+    #[must_use]
+    pub fn envelopes_end_us(&self, channel: usize) -> Option<u64> {
+        let track = self.tracks.get(channel)?;
+        let clocks = track.goal?.program.period_clocks();
+        let end = track
+            .queue
+            .iter()
+            .map(|envelope| envelope.start + envelope.length_clocks(clocks, 1000 * self.clocks_per_us));
+        Some(self.started_us + end.max()? / self.clocks_per_us)
+    }
+
+    /// The earliest beginning of a sequence of windows on these channels, in clocks since the start: all of them are led from their
+    /// boundaries to it.
+    #[must_use]
+    pub fn earliest_sequence_start_clock(&mut self, channels: [bool; MAX_CHANNELS], now_us: u64) -> u64 {
+        let (now, margin) = (self.clocks_since_start(now_us), MARGIN_US * self.clocks_per_us);
+        let passed = self.latest_certainly_passed_clock(now);
+        self.advance_running_periods_past_boundaries(passed);
+        let mut earliest = now;
+        for (track, _) in self.tracks.iter().zip(channels).filter(|(_, used)| *used) {
+            // One more period than can be changed, should its boundary pass before the device looks again.
+            let changeable = track.next_changeable_boundary(now + margin) + track.preloaded_period().length_clocks();
+            earliest = earliest.max(changeable + LEAST_LEAD_CLOCKS);
+        }
+        earliest
+    }
+
+    /// Plays windows that are given one by one. Whatever was driven ends at its next boundary.
+    pub fn play_windows_ending_all_drives(&mut self, windows: &PlacedWindows, now_us: u64) {
+        self.set_or_end_drives_from_next_boundary(&[None; MAX_CHANNELS], now_us);
+        for (track, used) in self.tracks.iter_mut().zip(windows.used_channels()) {
+            (track.plays_windows, track.missed) = (used, false);
+        }
+        self.windows = Some(windows.clone());
+    }
+
+    fn advance_running_periods_past_boundaries(&mut self, passed: u64) {
+        for (channel, track) in (0..).zip(&mut self.tracks) {
+            let windows = self.windows.as_ref().map(|windows| (windows, channel));
+            track.advance_to_now_noting_missed_windows(passed, self.clocks_per_us, windows);
+        }
+    }
+
+    /// Whether a channel has windows that are given one by one and not yet over.
+    #[must_use]
+    pub fn has_windows(&self, channel: usize) -> bool {
+        self.tracks.get(channel).is_some_and(|track| track.plays_windows)
+    }
+
+    /// The first channel of which a window could not be prepared in time; its windows have been dropped.
+    #[must_use]
+    pub fn missed_channel(&self) -> Option<usize> {
+        self.tracks.iter().position(|track| track.missed)
+    }
+
     /// Sets the fraction of the full force, in parts of [`FULL_STRENGTH`], that the window's width has to make: the square of the wanted voltage
     /// over the rail's.
-    pub fn set_window_strength(&mut self, channel: usize, strength: u32) {
+    pub fn set_force_fraction_of_drive_windows(&mut self, channel: usize, force_fraction: u32) {
         if let Some(track) = self.tracks.get_mut(channel) {
-            track.strength = strength;
+            track.force_fraction = force_fraction;
         }
     }
 
@@ -258,6 +404,7 @@ impl Sequencer {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.goal = None;
             track.queue.clear();
+            track.plays_windows = false;
         }
     }
 
@@ -269,14 +416,14 @@ impl Sequencer {
 
     /// Whether a channel's electrodes are in use, now or from the next boundary on.
     #[must_use]
-    pub fn is_channel_driving(&self, channel: usize) -> bool {
+    pub fn is_active_or_preloaded_period_driving(&self, channel: usize) -> bool {
         self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded_period().is_blank())
     }
 
     /// The stronger of the two periods that a channel's timer goes through now and from its next boundary on: that with the
     /// wider windows for its length; `None` if both are blank.
     #[must_use]
-    pub fn strongest_period(&self, channel: usize) -> Option<TimerPeriod> {
+    pub fn stronger_of_active_and_preloaded_period(&self, channel: usize) -> Option<TimerPeriod> {
         let track = self.tracks.get(channel)?;
         let (now, next) = (track.active, track.preloaded_period());
         // Of 16 bits each, so that the products fit.
@@ -286,19 +433,27 @@ impl Sequencer {
         (!strongest.is_blank()).then_some(strongest)
     }
 
+    /// How often each channel's electrodes were charged in the periods that have ended since the last call.
+    pub fn take_electrode_charges(&mut self) -> [ElectrodeCharges; MAX_CHANNELS] {
+        core::array::from_fn(|channel| {
+            self.tracks.get_mut(channel).map(|track| core::mem::take(&mut track.charges)).unwrap_or_default()
+        })
+    }
+
     /// What must be written to a channel's preload registers now, if anything. To be called for every channel at least every
-    /// ms, and again at [`Self::next_due_us`].
+    /// ms, and again at [`Self::next_extra_poll_us_if_needed`].
     pub fn take_due_preload(&mut self, channel: usize, now_us: u64) -> Option<TimerPreload> {
         let (now, clocks_per_us) = (self.clocks_since_start(now_us), self.clocks_per_us);
-        let passed = self.latest_passed_clock(now);
+        let passed = self.latest_certainly_passed_clock(now);
         let track = self.tracks.get_mut(channel)?;
-        track.apply_passed_boundaries(passed);
+        let windows = self.windows.as_ref().zip(u8::try_from(channel).ok());
+        track.advance_to_now_noting_missed_windows(passed, clocks_per_us, windows);
         let at = track.next_boundary();
         track.passing = at < now + MARGIN_US * clocks_per_us;
         if track.passing {
             return None;
         }
-        let period = track.choose_period_from(at, clocks_per_us);
+        let period = track.choose_period_from(at, clocks_per_us, windows);
         if period == track.preloaded_period() {
             return None;
         }
@@ -311,7 +466,7 @@ impl Sequencer {
         (0..MAX_CHANNELS).filter_map(|channel| self.take_due_preload(channel, now_us)).collect()
     }
 
-    const fn latest_passed_clock(&self, now: u64) -> u64 {
+    const fn latest_certainly_passed_clock(&self, now: u64) -> u64 {
         now.saturating_sub(CERTAIN_US * self.clocks_per_us)
     }
 
@@ -319,11 +474,12 @@ impl Sequencer {
     /// channel that plays an envelope, so that none of its periods is missed, or of a channel whose boundary was too near. (Periods
     /// of 1 ms would otherwise be too near every time.)
     #[must_use]
-    pub fn next_due_us(&self) -> Option<u64> {
+    pub fn next_extra_poll_us_if_needed(&self) -> Option<u64> {
         // An envelope that begins only later is none yet.
         let plays = |track: &ChannelTrack| {
             let soon = track.next_boundary() + track.active.length_clocks();
-            track.goal.is_some() && track.queue.first().is_some_and(|first| first.begun || first.start <= soon)
+            track.plays_windows
+                || track.goal.is_some() && track.queue.first().is_some_and(|first| first.begun || first.start <= soon)
         };
         let waits = |track: &&ChannelTrack| track.passing || plays(track);
         let next = self.tracks.iter().filter(waits).map(ChannelTrack::next_boundary).min()?;

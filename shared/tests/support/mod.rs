@@ -1,15 +1,18 @@
 //! A board that remembers what it was told, and a host that talks to a device over it.
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
+pub mod circuit;
 pub mod golden;
 
+use circuit::Circuit;
 use era_shared::board::{Board, BoardInfo};
 use era_shared::device::{Device, LinkReceiver};
+use era_shared::limits::{TEST_PAUSE_MICROSECONDS, TEST_PULSE_MICROSECONDS, TEST_PULSES};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{LinkId, SafetyState};
+use era_shared::safety::{ElectrodePulses, LinkId, SafetyState};
 use era_shared::supply::{RAILS, SensorReadings, SupplyCommand};
-use era_shared::waveform::{IDLE, TimerPeriod, TimerPreload};
+use era_shared::waveform::{Electrode, IDLE, TimerPeriod, TimerPreload};
 
 /// Limits as the STM32G474 board reports them.
 pub fn limits() -> ChannelLimits {
@@ -26,6 +29,11 @@ pub fn limits() -> ChannelLimits {
 pub const fn cases(many: u32) -> u32 {
     if cfg!(miri) { 10 } else { many }
 }
+
+/// After this many ms the self-test of a sound board has passed, its rails discharged before.
+pub const ARMING_MS: u64 = 95;
+/// After this many ms a rail of a sound board is discharged.
+pub const DISCHARGE_MS: u64 = 10;
 
 /// 150 Hz, 2/3 wide, 1 kV.
 pub fn drive(channel: u8) -> ChannelDrive {
@@ -51,11 +59,13 @@ pub fn arm() -> Request {
 pub enum Did {
     Off,
     TestTrips,
+    TestInputs([bool; RAILS]),
+    Pulse(usize, Electrode),
     Start,
     Connect(bool),
 }
 
-/// A board that remembers, with rails that follow their set-points at once and discharge at once, unless told otherwise.
+/// A board that remembers, with the circuit of a sound board, unless told otherwise.
 pub struct FakeBoard {
     pub info: BoardInfo,
     pub now_us: u64,
@@ -72,11 +82,24 @@ pub struct FakeBoard {
     pub stopped_timer: Option<u32>,
     pub interlock_closed: bool,
     pub stop_released: bool,
+    pub loop_millivolts: [u32; 2],
     pub earth_bonded: bool,
-    pub average_microamps: u32,
+    /// What flows besides what the circuit takes, in uA.
+    pub more_microamps: u32,
     pub trip: Option<(FaultCode, u32)>,
-    /// What the rails show, where it is not what was set.
+    /// What the board finds wrong with itself.
+    pub standing_fault: Option<(FaultCode, u32)>,
+    /// What the rails show, where it is not what they have.
     pub rails_show: [Option<u32>; RAILS],
+    /// What the chip's own reference shows of its supply.
+    pub reference_millivolts: u32,
+    /// What the board has kept for its next start.
+    pub kept: Option<(bool, [u32; 4])>,
+    pub circuit: Circuit,
+    /// The measurements of the rails are exchanged.
+    pub crossed_rails: bool,
+    /// The comparators' inputs do not see the rails.
+    pub dead_over_voltage: bool,
     pub bootloader: bool,
 }
 
@@ -94,6 +117,7 @@ impl FakeBoard {
                 channels,
                 fault_before_reset: None,
                 failure: heapless::String::new(),
+                credit_before_reset_ms: None,
             },
             now_us: 1_000,
             log: Vec::new(),
@@ -107,12 +131,29 @@ impl FakeBoard {
             stopped_timer: None,
             interlock_closed: true,
             stop_released: true,
+            loop_millivolts: [2_185; 2],
             earth_bonded: true,
-            average_microamps: 0,
+            more_microamps: 0,
             trip: None,
+            standing_fault: None,
             rails_show: [None; RAILS],
+            reference_millivolts: 3_300,
+            kept: None,
+            circuit: Circuit::new(1_000),
+            crossed_rails: false,
+            dead_over_voltage: false,
             bootloader: false,
         }
+    }
+
+    /// Lets the circuit go on to now, as it was told last.
+    fn advance_circuit(&mut self) {
+        self.circuit.advance(self.now_us, &self.supply, self.started_us, self.connected);
+    }
+
+    fn shown_millivolts(&self, rail: usize) -> u32 {
+        let measured = if self.crossed_rails { 1 - rail } else { rail };
+        self.rails_show[rail].unwrap_or(self.circuit.rails[measured].round() as u32)
     }
 
     /// Whether anything could be at high voltage.
@@ -139,23 +180,27 @@ impl Board for FakeBoard {
     }
     fn switch_outputs_off(&mut self) {
         self.log.push(Did::Off);
+        self.advance_circuit();
         self.started_us = None;
         self.connected = false;
         self.preloads.clear();
+        self.circuit.stop_timers();
+        self.circuit.hold(None);
         self.supply = SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() };
     }
-    fn read_sensors(&mut self) -> SensorReadings {
-        let rail = |rail: usize| {
-            let driven = self.supply.enabled && !self.supply.discharge[rail];
-            self.rails_show[rail].unwrap_or(if driven { self.supply.set_point_millivolts[rail] } else { 0 })
-        };
+    fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
+        self.advance_circuit();
         SensorReadings {
-            rail_millivolts: [rail(0), rail(1)],
-            average_microamps: self.average_microamps,
+            rail_millivolts: [self.shown_millivolts(0), self.shown_millivolts(1)],
+            average_microamps: self.more_microamps + self.circuit.measured_microamps().floor() as u32,
             interlock_closed: self.interlock_closed,
             stop_released: self.stop_released,
+            interlock_millivolts: self.loop_millivolts[0],
+            stop_millivolts: self.loop_millivolts[1],
             earth_bonded: self.earth_bonded,
+            reference_millivolts: self.reference_millivolts,
             trip: self.trip.take(),
+            standing_fault: self.standing_fault,
         }
     }
     fn test_trip_circuits(&mut self) -> Result<(), (FaultCode, u32)> {
@@ -163,7 +208,34 @@ impl Board for FakeBoard {
         assert!(!self.connected && !self.supply.enabled, "tripped with something live");
         if self.fail_trips { Err((FaultCode::SelfTest, 3)) } else { Ok(()) }
     }
+    fn test_over_voltage_inputs(&mut self, charged: [bool; RAILS]) -> Result<(), (FaultCode, u32)> {
+        self.log.push(Did::TestInputs(charged));
+        self.advance_circuit();
+        let trips = self.circuit.rails.map(|millivolts| millivolts > 25_000.0 && !self.dead_over_voltage);
+        if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_000)) }
+    }
+    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, (FaultCode, u32)> {
+        self.log.push(Did::Pulse(channel, electrode));
+        assert!(self.started_us.is_none() && !self.supply.enabled, "an electrode tried with something else live");
+        assert!(self.supply.permitted, "an electrode tried without the permit");
+        let mut seen = Vec::new();
+        for _ in 0..TEST_PULSES {
+            for (held, us) in [(Some((channel, electrode)), TEST_PULSE_MICROSECONDS), (None, TEST_PAUSE_MICROSECONDS)] {
+                self.advance_circuit();
+                self.circuit.hold(held);
+                self.now_us += u64::from(us);
+            }
+            self.advance_circuit();
+            seen.push(self.shown_millivolts(channel % RAILS));
+        }
+        let (after_first_millivolts, after_last_millivolts) = (seen[0], *seen.last().unwrap());
+        Ok(ElectrodePulses { after_first_millivolts, after_last_millivolts })
+    }
+    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; 4]) {
+        self.kept = Some((is_live, credit_ms));
+    }
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
+        self.advance_circuit();
         self.supply = *supply;
     }
     fn start_timers(&mut self) -> Result<(), FaultCode> {
@@ -172,22 +244,26 @@ impl Board for FakeBoard {
         if self.fail_start {
             return Err(FaultCode::ArmFailed);
         }
+        self.advance_circuit();
         self.started_us = Some(self.now_us);
         Ok(())
     }
     fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
         self.log.push(Did::Connect(connected));
         assert!(self.started_us.is_some(), "electrodes connected to timers that do not run");
+        self.advance_circuit();
         self.connected = connected;
         Ok(())
     }
-    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
+    fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.expect("preloaded a timer that does not run");
         assert!(preload.at >= (self.now_us - started_us + 50) * 170, "preloaded too near to its boundary");
         assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
         if self.fail_preload {
             return Err(FaultCode::ReadBack);
         }
+        self.advance_circuit();
+        self.circuit.preload(preload);
         self.preloads.push(*preload);
         Ok(())
     }
@@ -226,7 +302,7 @@ impl Bench {
             ports: [LinkReceiver::new(LinkId(0)), LinkReceiver::new(LinkId(1))],
             sequence: 0,
         };
-        bench.device.complete_boot(&mut bench.board);
+        bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
         // Rails are seen to be discharged.
         bench.wait_ms(2);
         bench
@@ -235,7 +311,7 @@ impl Bench {
     /// Arms and waits until it is done.
     pub fn arm(&mut self) {
         assert_eq!(self.ask(&Request::Arm { deadman_ms: None }), Reply::Armed { deadman_ms: 250 });
-        self.wait_ms(10);
+        self.wait_ms(ARMING_MS);
         assert_eq!(self.state(), SafetyState::Armed);
     }
 
@@ -267,7 +343,9 @@ impl Bench {
             // As the firmware does: whenever the device wants, and every ms.
             while self.board.now_us < end_us {
                 let due_us = self.device.poll_next_due_us(&mut self.board);
-                self.board.now_us = due_us.clamp(self.board.now_us + 1, end_us);
+                // The self-test holds the device up for some ms.
+                let next_us = self.board.now_us + 1;
+                self.board.now_us = due_us.clamp(next_us, end_us.max(next_us));
             }
             self.device.poll_next_due_us(&mut self.board);
         }

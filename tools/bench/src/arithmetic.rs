@@ -82,11 +82,13 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
     row("f32", &single, apart, 4.0, machine::<f32>(runs));
     table.below = remarks;
     table.above.push(format!(
-        "The problem of (c), {} unknowns, {} coordinates. The sweep computes the shapes at the points and all \
-         responses, with one thread. The column \"operations\" counts those of the matrix products that remain after \
-         symmetry is used. The limit by operations is the time of these operations at the rate of a large product. \
-         The limit by bytes is the time for writing the result into separate memory. \"From f64\" is the largest \
-         difference from double precision, relative to the peak of a curve.",
+        "The problem is that of (c), with {} unknowns and {} coordinates. The sweep computes the shapes at the points \
+         and all responses, with one thread. \"From f64\" is the largest difference from double precision, relative to \
+         the peak of a curve. \"Operations\" is the number of operations in the matrix products that remain after \
+         symmetry is used. \"Rate\" is this number divided by the time of the sweep. \"Of peak\" is the rate relative \
+         to the rate of a product of two large matrices. \"Limit by operations\" is the time of the operations at the \
+         rate of this large product. \"Limit by bytes\" is the time for writing the result into new memory. \
+         \"Limit / time\" is the sum of both limits relative to the time of the sweep.",
         double.unknowns, double.coordinates
     ));
     Ok(table)

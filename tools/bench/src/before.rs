@@ -46,9 +46,9 @@ pub fn climb<A: Clone>(
     let usual = PanelModel::build(scene, accuracy, max_hz)?.fineness();
     let level = |order: usize| -> Result<A, Error> {
         let fineness = Fineness { order, layers: (order - 1) / 2, ..usual };
-        ask(&PanelModel::with_fineness(scene, fineness)?)
+        ask(&PanelModel::build_with_fineness(scene, fineness)?)
     };
-    let mut order = accuracy.choose_element_order();
+    let mut order = accuracy.choose_element_order_for_tolerance();
     let mut last = [level(order - 4)?, level(order - 2)?, level(order)?];
     let mut levels = 3;
     let mut before: Option<(A, Vec<f64>)> = None;
@@ -63,7 +63,7 @@ pub fn climb<A: Clone>(
         {
             return Ok(Found { answer, bounds: kept, levels });
         }
-        if largest(&bounds) <= accuracy.relative_tolerance() || order + 2 > HIGHEST_ORDER {
+        if largest(&bounds) <= accuracy.relative_tolerance_or_tightest() || order + 2 > HIGHEST_ORDER {
             return Ok(Found { answer: fine, bounds, levels });
         }
         order += 2;

@@ -62,11 +62,12 @@ pub fn table(environment: &Environment, problem: &Problem, file: &Path) -> Resul
     }
     table.above.push(format!(
         "CalculiX {version} uses S8R shells, which it converts to solids, and elements for springs, dashpots and \
-         masses. It computes 60 modes and then the steady-state response to one load at frequencies that it chooses \
-         itself. The output is at the nodes of the mesh. The difference is that from the most accurate answer at the \
-         same frequencies and corner nodes. It includes the difference of the models, because a thin plate has no \
-         shear. The median is that of the differences in magnitude, each relative to the value itself. The largest \
-         difference occurs close to a sharp resonance, where a frequency error of 0.1 % matters most."
+         masses. It computes 60 modes and then the steady-state response to one load, at frequencies that it chooses \
+         itself. The output is at the nodes of the mesh. The table compares this output with the most accurate answer \
+         of `era` at the same frequencies and at the corners of the cells. The differences include the difference of \
+         the models, because a thin plate has no shear. \"Median difference\" is the median of the relative \
+         differences in magnitude. The largest difference occurs close to a sharp resonance, where a frequency error \
+         of 0.1 % matters most."
     ));
     Ok(table)
 }

@@ -114,7 +114,7 @@ pub fn run(case: &Case) -> Result<Outcome, Error> {
 }
 
 fn values(bounds: &[Bound]) -> Vec<Option<f64>> {
-    bounds.iter().map(|bound| bound.known_limit()).collect()
+    bounds.iter().map(|bound| bound.limit_if_known()).collect()
 }
 
 fn modes(question: &Question) -> Result<Outcome, Error> {
@@ -165,14 +165,14 @@ fn mesh_case(mesh: &Mesh) -> Result<Outcome, Error> {
     let scene = Scene::load(&mesh.scene)?;
     let fineness = Fineness { cell_m: mesh.cell_m, order: mesh.order, layers: 0 };
     let started = Instant::now();
-    let model = PanelModel::with_fineness(&scene, fineness)?;
+    let model = PanelModel::build_with_fineness(&scene, fineness)?;
     let mesh_s = started.elapsed().as_secs_f64();
     let reduced = model.reduce(mesh.max_hz, &[])?;
     let modes_s = started.elapsed().as_secs_f64() - mesh_s;
     let begun = Instant::now();
     let solver = CoordinateSolver::new(&reduced);
     for frequency_hz in equidistant_numbers(50.0, mesh.max_hz, mesh.frequencies) {
-        std::hint::black_box(solver.solve_at_frequency(frequency_hz)?);
+        std::hint::black_box(solver.solve_coordinates_per_newton_at(frequency_hz)?);
     }
     Ok(Outcome {
         elapsed_s: started.elapsed().as_secs_f64(),

@@ -27,9 +27,9 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
     let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
     let mut table = Table::new("(b) Growth: unknowns", &columns);
     table.above.push(String::from(
-        "Example plate, loss factor 0.005, regular cells; modes and residual shapes for 50 to 1000 Hz. Each size \
-         runs in a process of its own. Below the table, the growth is given as a power of the number of unknowns, \
-         from the two largest sizes.",
+        "The scene is the example plate with a loss factor of 0.005. The mesh has regular cells, and the modes and \
+         residual shapes are for 50 to 1000 Hz. Each size runs in a process of its own. Below the table, the growth of \
+         time and memory is given as a power of the number of unknowns. This power follows from the two largest sizes.",
     ));
     let scene = write_scene(environment, 2)?;
     let surface = &problem.scene.surface;
@@ -70,7 +70,8 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
         }
         if let (Some(time), Some(memory)) = (exponent(&times), exponent(&peaks)) {
             table.below.push(format!(
-                "Order {order}: time as the power {} of the unknowns, memory as the power {}.",
+                "For order {order}, the time grows with the power {} of the number of unknowns, and the memory with \
+                 the power {}.",
                 three(time),
                 three(memory)
             ));
@@ -87,8 +88,9 @@ pub fn others(environment: &Environment) -> Result<Table, Error> {
     let columns = ["varied", "value", "unknowns", "coordinates", "mesh and factors", "modes", "sweep", "per frequency"];
     let mut table = Table::new("(b) Growth: modes, actuators, frequencies", &columns);
     table.above.push(format!(
-        "Example plate, loss factor 0.005, order 7, cells of {} mm. Coordinates: modes and residual shapes. Sweep: the \
-         coordinates of all actuators at all frequencies. Medians.",
+        "The scene is the example plate with a loss factor of 0.005, elements of order 7 and cells of {} mm. Each row \
+         varies one property. \"Coordinates\" is the number of modes and residual shapes. \"Sweep\" is the time for \
+         the coordinates of all actuators at all frequencies. Times are medians.",
         CELL_M * 1e3
     ));
     let two = write_scene(environment, 2)?;

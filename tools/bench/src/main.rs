@@ -1,5 +1,5 @@
 //! Measurements of the panel model, side by side with its peers, of the planner and of studies' quick look at designs:
-//! `cargo xtask bench model`, `cargo xtask bench planner` and `cargo xtask bench study`.
+//! `cargo xtask bench model`, `cargo xtask bench planner`, `cargo xtask bench study`, and of clicks: `cargo xtask bench feel`.
 
 mod arithmetic;
 mod before;
@@ -9,6 +9,7 @@ mod clock;
 mod document;
 mod environment;
 mod error;
+mod feel;
 mod fit;
 mod growth;
 mod own;
@@ -65,6 +66,12 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         update: Option<PathBuf>,
     },
+    /// Clicks over grids of places: how many are crisp, before and now, on panels off their scenes, beside what is possible
+    Feel {
+        /// Also put the table into a document, where it has `<!-- measured: feel -->` and `<!-- end -->`
+        #[arg(long, value_name = "FILE")]
+        update: Option<PathBuf>,
+    },
     /// One case, as JSON: what the measurements run in processes of their own
     #[command(subcommand, hide = true)]
     Case(Case),
@@ -83,6 +90,8 @@ enum Part {
     Planner,
     #[value(hide = true)]
     Study,
+    #[value(hide = true)]
+    Feel,
 }
 
 #[derive(Args)]
@@ -114,6 +123,7 @@ fn main() -> ExitCode {
         Command::Study { update } => {
             measured(Part::Study, || study::tables(&Environment::new(true, true)?), update.as_deref())
         }
+        Command::Feel { update } => measured(Part::Feel, feel::tables, update.as_deref()),
         Command::Case(case) => case::run(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };
     match result {
@@ -219,9 +229,9 @@ fn side_by_side(
         own.push(bounded.clone());
         let mut all = peers::table(&report, &own, problem);
         all.below.push(format!(
-            "The most accurate answer (order {}, cells of {} mm) and the next lower order on the same mesh differ by {}. \
-         The row with a bound computes all meshes of the sequence, like `era sweep`; its whole time is in the column \
-         \"set-up\".",
+            "The most accurate answer has elements of order {} and cells of {} mm. With elements of the next lower \
+             order on the same cells, the answer differs by {}. In the row with a bound, the program computes all \
+             meshes of the sequence, like `era sweep`; the column \"set-up\" has the whole time of this row.",
             TIGHTEST.order,
             TIGHTEST.cell_m * 1e3,
             relative(uncertainty)

@@ -59,7 +59,10 @@ pub fn solve<T: Arithmetic + Into<f64>>(
         })?;
         let ((operations, sweep), sweep_s) = timed(|| -> Result<_, Error> {
             let shapes = SurfaceShapes::<T>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
-            Ok((shapes.count_operations_per_curve(), shapes.compute_accelerations(&problem.frequencies_hz)?))
+            Ok((
+                shapes.count_operations_per_frequency_and_actuator(),
+                shapes.compute_accelerations(&problem.frequencies_hz)?,
+            ))
         })?;
         Ok((model, reduced, operations, sweep, set_up_s, sweep_s))
     };
@@ -101,11 +104,11 @@ pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, 
     }
     let (found, last_s) = once()?;
     times.push(last_s);
-    let bounds = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::NAN));
+    let bounds = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN));
     let bound = bounds.reduce(|a, b| if a > b || a.is_nan() { a } else { b }).unwrap_or(f64::NAN);
     let reduced = found.model.reduce(MAX_HZ, &[])?;
     Ok(Own {
-        name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.relative_tolerance()),
+        name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.relative_tolerance_or_tightest()),
         unknowns: found.model.count_unknowns(),
         coordinates: reduced.count_coordinates(),
         set_up_s: median(times),
@@ -117,6 +120,6 @@ pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, 
 
 /// A value of a sweep as [`Curves`] count them: curves are actuator times points plus point.
 pub fn value<T: Arithmetic + Into<f64>>(sweep: &AccelerationSweep<T>, curve: usize, frequency: usize) -> Complex64 {
-    let z = sweep.acceleration_at(frequency, curve / sweep.points, curve % sweep.points);
+    let z = sweep.acceleration_per_newton_at_indices(frequency, curve / sweep.points, curve % sweep.points);
     Complex64::new(z.re.into(), z.im.into())
 }

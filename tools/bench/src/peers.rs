@@ -88,11 +88,13 @@ pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
     let columns = ["method", "mesh", "unknowns", "set-up", "sweep", "timed at", "total", "error"];
     let mut table = Table::new("(c) Side by side: every measurement", &columns);
     table.above.push(format!(
-        "Example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads, {} points. Each method \
-         has one thread. The error is the largest difference from the most accurate answer on any curve, relative to the \
-         peak of the curve. The set-up leads from the scene to matrices and modes. If a method was timed at fewer \
-         frequencies, its sweep time is the median of these times, multiplied by the number of all frequencies. The \
-         frequencies with the largest errors are among them. NumPy {}, SciPy {}.",
+        "The problem is the example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads \
+         and {} points. Each method has one thread. The error is the largest difference from the most accurate answer \
+         on any curve, relative to the peak of the curve. \"Set-up\" is the time from the scene to the matrices and \
+         modes. \"Timed at\" is the number of frequencies at which the sweep was timed. If this number is below that \
+         of all frequencies, the sweep time is the median time of one frequency, multiplied by the number of all \
+         frequencies. The timed frequencies include those with the largest errors. In the rows of `era`, the column \
+         \"mesh\" has the number of coordinates. Versions: NumPy {}, SciPy {}.",
         problem.frequencies_hz.len(),
         problem.points(),
         report.numpy,
@@ -148,9 +150,9 @@ pub fn ratios(report: &Report, own: &Own) -> Table {
     let mut table = Table::new(format!("(c) Side by side: at equal error, {}", own.name), &columns);
     let own_s = own.total_s();
     table.above.push(format!(
-        "{}: {} from scene to result{}, error {}. For the other methods, the table has the mesh and the time that an \
-         error of 0.1 % and this same error need. They are interpolated or extrapolated from the meshes above, along \
-         straight lines in logarithms.",
+        "The row \"{}\" above takes {} from scene to result{}, and has an error of {}. The next table says which mesh \
+         and how much time each other method needs for two errors: 0.1 %, and the error of that row. Mesh and time are \
+         interpolated or extrapolated from the meshes above, along straight lines in logarithms.",
         own.name,
         seconds(own_s),
         own.sweep_s.map_or_else(String::new, |s| format!(" ({} after the modes are known)", seconds(s))),

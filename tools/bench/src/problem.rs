@@ -141,7 +141,7 @@ pub fn curves(
     places: &[(f64, f64)],
 ) -> Result<Curves, Error> {
     let residual = if places.len() <= FEW { places } else { &[] };
-    let reduced = PanelModel::with_fineness(scene, fineness)?.reduce(MAX_HZ, residual)?;
+    let reduced = PanelModel::build_with_fineness(scene, fineness)?.reduce(MAX_HZ, residual)?;
     let (n, loads, count) = (reduced.count_coordinates(), reduced.count_actuators(), frequencies_hz.len());
     let mut shapes = DMatrix::zeros(n, places.len());
     for (mut column, (x, y)) in shapes.column_iter_mut().zip(places) {
@@ -151,7 +151,7 @@ pub fn curves(
     let mut parts = [DMatrix::zeros(count * loads, n), DMatrix::zeros(count * loads, n)];
     for (f, frequency_hz) in frequencies_hz.iter().enumerate() {
         let scale = -(std::f64::consts::TAU * frequency_hz).powi(2);
-        for (load, q) in solver.solve_at_frequency(*frequency_hz)?.iter().enumerate() {
+        for (load, q) in solver.solve_coordinates_per_newton_at(*frequency_hz)?.iter().enumerate() {
             for (i, q) in q.iter().enumerate() {
                 (parts[0][(load * count + f, i)], parts[1][(load * count + f, i)]) = (scale * q.re, scale * q.im);
             }

@@ -8,7 +8,9 @@ use crate::problem::{MAX_HZ, Problem};
 use crate::table::{Table, relative, seconds, three};
 use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::sweep::{AccelerationSweep, SurfaceShapes};
-use era_model::response::{acceleration_curves, compute_curves_with_error_bounds, sweep_with_error_bounds};
+use era_model::response::{
+    compute_acceleration_curves_per_newton, compute_curves_with_error_bounds, sweep_with_error_bounds,
+};
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{Scene, SurfaceKind, equidistant_numbers};
 use num_complex::Complex64;
@@ -44,10 +46,10 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
             let (found, elapsed_s) =
                 timed(|| sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))?;
             proven.push(elapsed_s);
-            bounds.0 = found.bounds.iter().map(|bound| bound.known_limit().unwrap_or(f64::NAN)).fold(0.0, f64::max);
+            bounds.0 = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN)).fold(0.0, f64::max);
             let fineness = found.model.fineness();
             let (one, elapsed_s) = timed(|| -> Result<_, Error> {
-                sweep(problem, &PanelModel::with_fineness(&problem.scene, fineness)?)
+                sweep(problem, &PanelModel::build_with_fineness(&problem.scene, fineness)?)
             })?;
             drop(one);
             alone.push(elapsed_s);
@@ -70,9 +72,11 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
         ]);
     }
     table.above.push(format!(
-        "Loss factor 0.005, {} frequencies from 50 to {MAX_HZ} Hz, {} points, two actuators, single precision. \"Answer \
-         alone\": the time of the mesh that gave the answer, from the scene to all values. \"Levels as they were\": the \
-         sequence of meshes of an earlier version. Medians of {runs} runs.",
+        "The sweep has a loss factor of 0.005, {} frequencies from 50 to {MAX_HZ} Hz, {} points and two actuators, in \
+         single precision. \"Answer alone\" is the time from the scene to all values on one mesh only: the mesh that \
+         gave the answer. \"With its bound\" is the time of all meshes. \"Levels as they were\" is the time of the \
+         sequence of meshes of an earlier version. Each ratio is the time before it divided by the time of the answer \
+         alone. Times are medians of {runs} runs.",
         problem.frequencies_hz.len(),
         problem.points()
     ));
@@ -162,10 +166,11 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
         found.row(what, whose, &mut table);
     }
     table.above.push(format!(
-        "{scenes} random scenes (`host/model/src/scene/random.rs`, seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and \
-         1e-4 in turn. The error is the difference from this program's answer at a hundredth of the tolerance. This \
-         answer has a small bound of its own. A bound counts as below the error only if it is smaller than the error \
-         by more than this small bound. Errors below {ROUNDING:e} are rounding errors and are left out."
+        "There are {scenes} random scenes (`host/model/src/scene/random.rs`, seed {SEED}), computed up to {BAND_HZ} \
+         Hz. The tolerances are 1e-2, 1e-3 and 1e-4 in turn. The error is the difference from this program's more \
+         accurate answer, at a hundredth of the tolerance. The more accurate answer has a small bound of its own. If a \
+         bound is below the error by less than this small bound, it does not count as below the error. Errors below \
+         {ROUNDING:e} are rounding errors and are left out."
     ));
     Ok(table)
 }
@@ -181,7 +186,11 @@ fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mu
         BAND_HZ,
         false,
         |model| {
-            Ok(model.compute_damped_modes(1.3 * BAND_HZ)?.into_iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>())
+            Ok(model
+                .compute_mode_frequencies_and_poles(1.3 * BAND_HZ)?
+                .into_iter()
+                .map(|mode| mode.frequency_hz)
+                .collect::<Vec<_>>())
         },
         |coarse, fine| {
             let pairs = fine.iter().enumerate().take_while(|(_, hz)| **hz <= BAND_HZ);
@@ -197,10 +206,10 @@ fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mu
     all[0].levels += found.steps.len();
     all[1].levels += old.levels;
     for (k, exact_mode) in exact.answer.iter().enumerate().filter(|(_, mode)| mode.frequency_hz > 0.0) {
-        let own = exact.bounds[k].known_limit().unwrap_or(f64::INFINITY);
+        let own = exact.bounds[k].limit_if_known().unwrap_or(f64::INFINITY);
         let error = |hz: f64| (hz / exact_mode.frequency_hz - 1.0).abs();
         if let (Some(mode), Some(bound)) = (found.answer.get(k), found.bounds.get(k)) {
-            all[0].add(bound.known_limit().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
+            all[0].add(bound.limit_if_known().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
         }
         if let (Some(hz), Some(bound)) = (old.answer.get(k), old.bounds.get(k)) {
             all[1].add(*bound, error(*hz), own);
@@ -221,7 +230,7 @@ fn responses_of(
     let found = compute_curves_with_error_bounds(scene, accuracy, at, frequencies)?;
     let exact = compute_curves_with_error_bounds(scene, exactly, at, frequencies)?;
     // What counts as no acceleration, of a force on an edge that does not move.
-    let nothing = NOTHING / scene.surface_mass_kg();
+    let nothing = NOTHING / scene.surface_mass_with_air_kg();
     let difference = |a: &[Complex64], b: &[Complex64]| {
         let peak = b.iter().map(|z| z.norm()).fold(nothing, f64::max);
         a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak
@@ -233,16 +242,20 @@ fn responses_of(
         true,
         |model| {
             let reduced = model.reduce(BAND_HZ, &[at])?;
-            Ok(acceleration_curves(&reduced, &reduced.shape_deflections_at(at.0, at.1), frequencies)?)
+            Ok(compute_acceleration_curves_per_newton(
+                &reduced,
+                &reduced.shape_deflections_at(at.0, at.1),
+                frequencies,
+            )?)
         },
         |coarse, fine| coarse.iter().zip(fine).map(|(coarse, fine)| difference(coarse, fine)).collect(),
     )?;
     all[2].levels += found.steps.len();
     all[3].levels += old.levels;
     for (k, exact_curve) in exact.answer.iter().enumerate() {
-        let Some(own) = exact.bounds[k].known_limit() else { continue };
+        let Some(own) = exact.bounds[k].limit_if_known() else { continue };
         let error = |curve: &[Complex64]| difference(curve, exact_curve);
-        all[2].add(found.bounds[k].known_limit().unwrap_or(f64::INFINITY), error(&found.answer[k]), own);
+        all[2].add(found.bounds[k].limit_if_known().unwrap_or(f64::INFINITY), error(&found.answer[k]), own);
         all[3].add(old.bounds[k], error(&old.answer[k]), own);
     }
     Ok(())

@@ -9,9 +9,9 @@ use crate::process::json;
 use crate::table::{Table, relative, seconds, times};
 use era_model::model::{Accuracy, PanelModel};
 use era_model::scene::{EXAMPLE_PLATE, Scene, equidistant_numbers};
-use era_planner::quick::{QuickPanel, Weakest};
+use era_planner::maps::weakest;
+use era_planner::quick::{QuickPanel, WeakestPlace};
 use era_planner::reach::Measure;
-use era_planner::study::weakest;
 use era_planner::{PlanError, PlanTable, TableOptions};
 use rayon::prelude::*;
 
@@ -70,8 +70,9 @@ fn designs(case: Case, count: u32) -> Result<Vec<Scene>, Error> {
 }
 
 /// The quick look at all designs, in s for each, on the threads of the pool that this runs in.
-fn looked_at(panel: &QuickPanel, scenes: &[Scene]) -> Result<(Vec<Weakest>, f64), Error> {
-    let all = || scenes.par_iter().map(|scene| panel.weakest(scene, Measure::G)).collect::<Result<Vec<_>, _>>();
+fn looked_at(panel: &QuickPanel, scenes: &[Scene]) -> Result<(Vec<WeakestPlace>, f64), Error> {
+    let all =
+        || scenes.par_iter().map(|scene| panel.find_weakest_place(scene, Measure::G)).collect::<Result<Vec<_>, _>>();
     let (found, all_s) = timed(all)?;
     Ok((found, all_s / scenes.len() as f64))
 }
@@ -80,7 +81,9 @@ fn looked_at(panel: &QuickPanel, scenes: &[Scene]) -> Result<(Vec<Weakest>, f64)
 fn thorough(scene: &Scene, options: TableOptions) -> Result<f64, Error> {
     let model = PanelModel::build(scene, Accuracy::BALANCED, options.to_hz)?.reduce(options.to_hz, &[])?;
     let table = PlanTable::build(scene, model, options)?;
-    Ok(weakest::every_touch(&table, Measure::G).ok_or(PlanError::NoFrequencies)?.peak)
+    Ok(weakest::weakest_place_with_setting_per_place_if_frequencies_usable(&table, Measure::G)
+        .ok_or(PlanError::NoFrequencies)?
+        .peak)
 }
 
 fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
@@ -171,7 +174,13 @@ fn growth() -> Result<Table, Error> {
         let (frequencies, points) =
             found.iter().fold((0, 0), |sum, found| (sum.0 + found.frequencies, sum.1 + found.points));
         let mean = |sum: usize| (sum / scenes.len()).to_string();
-        table.row([name.to_owned(), panel.dofs().to_string(), mean(frequencies), mean(points), seconds(each_s)]);
+        table.row([
+            name.to_owned(),
+            panel.count_unknowns().to_string(),
+            mean(frequencies),
+            mean(points),
+            seconds(each_s),
+        ]);
     }
     Ok(table)
 }

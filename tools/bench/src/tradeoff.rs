@@ -106,11 +106,11 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
         points.push(Point { time_s: outcome.elapsed_s, error, bound });
     }
     table.above.push(format!(
-        "Example plate with a loss factor of 0.005: acceleration at {}, {} mm for 1 N at each of two actuators, {} frequencies \
-         from 50 to 1000 Hz, with the bound. \"Time\" is for all meshes of the sequence, from the scene to the answer, in \
-         a separate process. \
-         The error is the difference from the most accurate answer, relative to the peak of the curve. The most accurate \
-         answer has order {} and cells of {} mm; the next lower order differs by {}.",
+        "The scene is the example plate with a loss factor of 0.005. The program computes the acceleration at {}, {} \
+         mm for 1 N at each of two actuators, and the bound, at {} frequencies from 50 to 1000 Hz. \"Time\" is for all \
+         meshes of the sequence, from the scene to the answer, in a separate process. The error is the difference from \
+         the most accurate answer, relative to the peak of the curve. The most accurate answer has elements of order \
+         {} and cells of {} mm. With elements of the next lower order, the answer differs by {}.",
         POINT_M.0 * 1e3,
         POINT_M.1 * 1e3,
         frequencies_hz.len(),
@@ -183,8 +183,9 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
     }
     let names: Vec<_> = references.iter().map(|reference| reference.name).collect();
     table.above.push(format!(
-        "{} panels: {}. \"Time\" is for all panels. Unknowns and memory are the largest values. The references have nine \
-         or ten digits, so errors below {KNOWN_TO:.0e} cannot be measured.",
+        "The {} panels are: {}. \"Time\" is for all panels together. For unknowns and memory, the table has the \
+         largest value of all panels. The references have nine or ten digits, so errors below {KNOWN_TO:.0e} cannot be \
+         measured.",
         names.len(),
         names.join("; ")
     ));

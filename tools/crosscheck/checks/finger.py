@@ -115,7 +115,7 @@ def reach(context, era, own, place, rng):
     try:
         maps = era.json("field", "--reach", "--from", start, "--to", start + BAND_HZ, "--zone", zone)["maps"]
     except ProgramFailed as failure:
-        if "none of the points" not in failure.stderr:
+        if "zone contains no point" not in failure.stderr:
             raise
         return [not_comparable(REACH_LEAST, name, "no point of the map in the zone")]
     there = [k for k, value in enumerate(maps["strongest_g"]) if value is not None]
@@ -128,7 +128,7 @@ def reach(context, era, own, place, rng):
     strongest = maps["strongest_g"][k] * STANDARD_GRAVITY_M_S2
     sure = best_sum(peak * grid.sure_force().max(axis=2), grid.grid_hz)[0]
     most = sum(
-        (peak[:, i] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(grid.grid_hz))).max()
+        (peak[:, i] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(grid.grid_hz), grid.grid_hz)).max()
         for i, actuator in enumerate(scene.actuators)
     )
     if most < 1e-9:

@@ -160,7 +160,7 @@ def tamper(context):
         if context.planted("frames: guard of 200 us") and name == "Prepare":
             drive = content["drives"][0]
             drive["pulse_width_ppm"] = round(1e6 * (1 - 2e-3 * drive["frequency_millihertz"] * 199e-6))
-        if context.planted("frames: effects") and name == "Play":
+        if context.planted("frames: effects") and name == "PlayOnce":
             kind, segment = content["effect"]["segments"][0]
             level = "from" if kind == "Ramp" else "level"
             segment[level] += 1 if segment[level] < 1000 else -1

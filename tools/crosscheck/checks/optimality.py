@@ -153,10 +153,10 @@ class Search:
         total = 0.0
         for i, actuator in enumerate(self.grid.scene.actuators):
             volts = actuator.max_voltage
-            best = (self.peak[:, i] * force_amplitude(actuator, volts, widest_pulse(self.grid.grid_hz))).max()
+            best = (self.peak[:, i] * force_amplitude(actuator, volts, widest_pulse(self.grid.grid_hz), self.grid.grid_hz)).max()
             for k, frequency in enumerate(motion.frequencies):
                 own = np.abs(motion.responses.at([self.place])[k, i, 0])
-                best = max(best, own * force_amplitude(actuator, volts, widest_pulse(frequency)))
+                best = max(best, own * force_amplitude(actuator, volts, widest_pulse(frequency), frequency))
             total += best
         return total
 
@@ -188,7 +188,7 @@ class Search:
         grid, least, found = self.grid, np.inf, ""
         for i, actuator in enumerate(grid.scene.actuators):
             force = wanted / np.maximum(self.peak[:, i], 1e-300)
-            per_volt2 = force_amplitude(actuator, 1.0, grid.widths)
+            per_volt2 = force_amplitude(actuator, 1.0, grid.widths, grid.grid_hz[:, None])
             watts = 2 * capacitance(actuator) * (grid.grid_hz * force)[:, None] / per_volt2
             watts = np.where(force[:, None] <= self.sure[:, i], watts, np.inf)
             k, w = np.unravel_index(watts.argmin(), watts.shape)
@@ -241,7 +241,7 @@ class Search:
                 widths = np.array([drive.pulse_width])
                 if len(motion.scene.actuators) > 2:
                     widths = self.grid.widths[int(round(np.clip(drive.frequency, 40, 400) - 40))]
-                square += sum(harmonic_ratio(widths, n) ** 2 * value for n, value in zip(orders, squares)).min()
+                square += sum(harmonic_ratio(motion.scene.actuators[drive.actuator], widths, drive.frequency, n) ** 2 * value for n, value in zip(orders, squares)).min()
             total += square * drive.force**2
         return total
 

@@ -64,8 +64,9 @@ SOFTENING = 0.05
 # zero, it is off by (h k)^2 / 12 = 2.3 % of half a wave at worst, if a point is on it, and by half that the other way between two; on
 # several half waves, and on the rows of a plate, kinks fall differently.
 MEAN_TOLERANCE, CONTRAST_TOLERANCE = 0.01, 0.05
-# The plan's forces are scaled down in steps of a thousandth until the supply delivers enough: current goes with the force's root.
-SUPPLY_LEFT = 2e-3
+# The plan's forces are scaled down in steps of a thousandth until the supply delivers enough: current goes with the force's root. 4 of
+# 500 uA are left to the board's rounding.
+SUPPLY_LEFT = 2e-3 + 4 / 500
 # A crest of a quiet zone may lie between the points that the program looks at (docs/src/planner.md, "Quiet zones").
 ZONE_TOLERANCE = 0.02
 # A zone is at its limit to the steps in which forces are scaled down.
@@ -246,14 +247,14 @@ def force_law(context, drives):
     """Forces by the contract's law from voltage and pulse width."""
     worst = 0.0
     for drive in drives:
-        expected = force_amplitude(context.scene.actuators[drive.actuator], drive.voltage, drive.pulse_width)
+        expected = force_amplitude(context.scene.actuators[drive.actuator], drive.voltage, drive.pulse_width, drive.frequency)
         worst = max(worst, abs(drive.force - expected) / max(drive.force, expected, 1e-300))
     return Result(FORCE, context.name, worst, 1e-9)
 
 
 def supply(context, motion, plan):
-    """Mean current that charges all electrodes, 2 C V f each, as a part of what the supply delivers. Where that is said to limit the plan it
-    is to be used up."""
+    """Mean current that charges all electrodes, 2 C V f each, and of the bleeders, as a part of what the supply delivers. Where that is said
+    to limit the plan it is to be used up."""
     part = motion.current_a() / SUPPLY_A
     short = max(0.0, 1 - part - SUPPLY_LEFT) if "supply" in (plan["limited_by"] or "") else 0.0
     return Result(CURRENT, context.name, max(part, 1.0) - 1 + short, 1e-9, True, f"{part:.3f} of the supply; {plan['limited_by']}")

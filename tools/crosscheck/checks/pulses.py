@@ -6,7 +6,8 @@ from ..harness import ProgramFailed, Result, not_comparable
 from ..reference import pulses
 from .frames import touch_px
 
-QUANTITIES = ("force of a drive", "harmonics of a plan", "guard of a plan", "pulses as achieved")
+PHASE = "plan: phase of the force"
+QUANTITIES = ("force of a drive", PHASE, "harmonics of a plan", "guard of a plan", "pulses as achieved")
 PLANTS = dict.fromkeys(QUANTITIES, "answer")
 EVERY, FIRST = 6, 1
 # `pulses as achieved` starts a daemon.
@@ -30,12 +31,29 @@ def forces(context, plan):
     worst = 0.0
     for drive in plan["drives"]:
         era = eras[drive["actuator"]]
-        own = pulses.harmonic(drive["frequency_hz"], drive["pulse_width"], 1) * pulses.rest_force(
-            era.electrode_area, era.air_gap, drive["voltage_v"]
-        )
+        rest = pulses.rest_force(era.electrode_area, era.air_gap, drive["voltage_v"])
+        if era.times[0] > 0:
+            own = rest * abs(pulses.coefficient(era.times, drive["frequency_hz"], drive["pulse_width"], 1)) if rest > 0 else 0.0
+            worst = max(worst, abs(drive["force_n"] / own - 1) if own > 0 else drive["force_n"])
+            continue
+        own = pulses.harmonic(drive["frequency_hz"], drive["pulse_width"], 1) * rest
         law = 4 / np.pi * np.sin(np.pi * drive["pulse_width"] / 2) * pulses.rest_force(era.electrode_area, era.air_gap, drive["voltage_v"])
         assert abs(own - law) <= 1e-12 * law, "the contract's law is not the pulses' integral"
         worst = max(worst, abs(drive["force_n"] / own - 1) if own > 0 else drive["force_n"])
+    return worst
+
+
+def phases(context, plan):
+    """Largest difference in rad of `force_phase_rad` from `phase_rad` and the lag of the fundamental of the marched voltage."""
+    eras = {era.id: era for era in context.scene.actuators}
+    worst = 0.0
+    for drive in plan["drives"]:
+        times, width = eras[drive["actuator"]].times, drive["pulse_width"]
+        if context.planted(PHASE) and times[0] > 0:
+            times = (1.02 * times[0], *times[1:])
+        own = np.angle(pulses.coefficient(times, drive["frequency_hz"], width, 1)) if width > 0 else 0.0
+        apart = drive["force_phase_rad"] - drive["phase_rad"] - own
+        worst = max(worst, abs((apart + np.pi) % (2 * np.pi) - np.pi))
     return worst
 
 
@@ -55,7 +73,9 @@ def harmonics(context, plan, point):
         own = panel.accelerance([point], hz)[:, number, 0]
         off = panel.accelerance_error([point], hz)[:, number, 0]
         for n, f, a, e in zip(orders, hz, own, off):
-            force = pulses.rest_force(era.electrode_area, era.air_gap, drive["voltage_v"]) * pulses.harmonic(drive["frequency_hz"], drive["pulse_width"], n)
+            force = pulses.rest_force(era.electrode_area, era.air_gap, drive["voltage_v"]) * abs(
+                pulses.coefficient(era.times, drive["frequency_hz"], drive["pulse_width"], n)
+            )
             total[f] = total.get(f, 0.0) + force * abs(a)
             error[f] = error.get(f, 0.0) + force * e
     return sum(total.values()), sum(error.values())
@@ -103,7 +123,7 @@ def run(context):
     try:
         plan = context.era.json("plan", "--at", f"{point[0] * 1e3!r},{point[1] * 1e3!r}", "--unit", "mm", "--intensity-g", strength)
     except ProgramFailed as failure:
-        return [not_comparable(quantity, name, f"no plan: {failure}") for quantity in QUANTITIES[:3]]
+        return [not_comparable(quantity, name, f"no plan: {failure}") for quantity in QUANTITIES[:4]]
     if context.planted("force of a drive"):
         plan["drives"][0]["voltage_v"] *= 1 + 1e-7
     if context.planted("harmonics of a plan"):
@@ -113,8 +133,11 @@ def run(context):
     where = f"at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm, {strength:.3g} g"
     results = []
     if not plan["drives"] or all(drive["voltage_v"] == 0 for drive in plan["drives"]):
-        return [not_comparable(quantity, name, "nothing is driven") for quantity in QUANTITIES[:3]]
+        return [not_comparable(quantity, name, "nothing is driven") for quantity in QUANTITIES[:4]]
     results.append(Result("force of a drive", name, forces(context, plan), CONSTANT, note=where))
+    if context.planted(PHASE) and all(era.times[0] <= 0 for era in context.scene.actuators):
+        plan["drives"][0]["force_phase_rad"] += 1e-6
+    results.append(Result(PHASE, name, phases(context, plan), CONSTANT, note=where))
     guards = [pulses.guard(drive["frequency_hz"], drive["pulse_width"]) for drive in plan["drives"]]
     results.append(Result("guard of a plan", name, max(0.0, 1 - min(guards) / pulses.GUARD_S), 1e-9, note=where))
     own, error = harmonics(context, plan, point)

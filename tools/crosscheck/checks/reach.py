@@ -62,7 +62,7 @@ def run(context):
     try:
         maps = context.era.json("field", "--reach", *words)["maps"]
     except ProgramFailed as failure:
-        if "none of the points" not in failure.stderr:
+        if "zone contains no point" not in failure.stderr:
             raise
         return [not_comparable(LEAST, name, "no point of the map in the zone")]
     grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine, context.press(), np.arange(start, start + BAND_HZ + 1.0))
@@ -78,7 +78,7 @@ def run(context):
         note = f"at {place[0] * 1e3:.5g},{place[1] * 1e3:.5g} mm"
         sure = best_sum(peak * grid.sure_force().max(axis=2), grid.grid_hz)[0]
         most = sum(
-            (peak[:, i] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(grid.grid_hz))).max()
+            (peak[:, i] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(grid.grid_hz), grid.grid_hz)).max()
             for i, actuator in enumerate(scene.actuators)
         )
         if most < 1e-9:
@@ -109,7 +109,7 @@ def quietest(context, grid, place, peak, rest, printed_db, printed_hz, order, no
             return None
         if costs[k, actuator] <= 0:
             continue
-        drives.append(Drive(actuator, float(frequency), 0.0, 2 / 3, 0.0, peak[k, actuator] / costs[k, actuator]))
+        drives.append(Drive(actuator, float(frequency), 0.0, 2 / 3, 0.0, peak[k, actuator] / costs[k, actuator], 0.0))
     if not drives:
         return None
     _, contrast = Motion(context.panel(400.0).fine, drives, grid.surface).means([place])
@@ -236,7 +236,7 @@ def _every_touch(context, grid, seen, maps, there, said):
     name, results = context.name, []
     per_newton = np.abs(grid.responses.at(seen.points))
     strong = grid.sure_force().max(axis=2)
-    most = np.stack([force_amplitude(era, era.max_voltage, widest_pulse(grid.grid_hz)) for era in context.scene.actuators], axis=1)
+    most = np.stack([force_amplitude(era, era.max_voltage, widest_pulse(grid.grid_hz), grid.grid_hz) for era in context.scene.actuators], axis=1)
     utmost = (per_newton * most[:, :, None]).max(axis=0).sum(axis=0) / STANDARD_GRAVITY_M_S2
     alone = (per_newton * strong[:, :, None]).max(axis=(0, 1)) / STANDARD_GRAVITY_M_S2
     nothing = np.zeros_like(alone)

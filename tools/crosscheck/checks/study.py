@@ -109,7 +109,7 @@ class Strongest:
 
     def __init__(self, model, points):
         self.grid = Grid(model, None, [])
-        volts = [force_amplitude(actuator, VOLTS, self.grid.widths).max(axis=1) for actuator in model.scene.actuators]
+        volts = [force_amplitude(actuator, VOLTS, self.grid.widths, self.grid.grid_hz[:, None]).max(axis=1) for actuator in model.scene.actuators]
         self.force = np.stack(volts, axis=1)
         self.worth = self._worth(points)
 

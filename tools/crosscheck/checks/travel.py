@@ -53,7 +53,7 @@ def drives_of(scene, drives):
 
 def steady_record(system, drives):
     """A record after what softening changes of the steady motion has settled, as far as it does in `SETTLE_S`."""
-    voltages = motion.Voltages(motion.windows(drives, SETTLE_S + RECORD_S + 0.01), len(system.gap))
+    voltages = motion.Voltages(motion.windows(drives, SETTLE_S + RECORD_S + 0.01), len(system.gap), times=system.times)
     settled = motion.integrate(system, voltages, SETTLE_S, STEP_S, start=motion.steady_start(system, drives))
     return motion.integrate(system, voltages, RECORD_S, STEP_S, start=settled.state, begin=settled.time[-1])
 
@@ -82,7 +82,7 @@ def run(context):
         results.append(_agree(context, system, drives, where))
         if context.plant == "integrators agree":
             return results
-    voltages = motion.Voltages(motion.windows(drives, FROM_REST_S + 0.01), len(scene.actuators), motion.RAIL_RISE_V_PER_S)
+    voltages = motion.Voltages(motion.windows(drives, FROM_REST_S + 0.01), len(scene.actuators), motion.RAIL_RISE_V_PER_S, system.times)
     started = motion.integrate(system, voltages, FROM_REST_S, STEP_S)
     if started.pulled_in:
         return results + [Result(QUANTITIES[0], name, np.inf, 1.0, note=f"pulled in, {where}")]
@@ -98,9 +98,9 @@ def run(context):
 
 def _agree(context, system, drives, where):
     """The two integrators of the reference over the first 20 ms, with full rails."""
-    voltages = motion.Voltages(motion.windows(drives, 0.03), len(system.gap))
+    voltages = motion.Voltages(motion.windows(drives, 0.03), len(system.gap), times=system.times)
     wrong = [replace(drive, voltage_v=1.01 * drive.voltage_v) for drive in drives] if context.planted("integrators agree") else drives
-    fast = motion.integrate(system, motion.Voltages(motion.windows(wrong, 0.03), len(system.gap)), 0.02, STEP_S)
+    fast = motion.integrate(system, motion.Voltages(motion.windows(wrong, 0.03), len(system.gap), times=system.times), 0.02, STEP_S)
     plain = motion.integrate_scipy(system, voltages, 0.02, STEP_S)
     size = np.abs(plain.gap_change).max()
     # Second order in the step: (2 pi f 0.1 ms)^2 / 12 of what softening changes, some percent of the motion; that is 5e-3 at
@@ -210,6 +210,6 @@ def _hardest_start(system, drives):
     found = np.zeros(len(system.gap))
     for quarter in range(4):
         turned = [replace(drive, phase_rad=quarter * np.pi / 2) for drive in drives]
-        voltages = motion.Voltages(motion.windows(turned, 0.07), len(system.gap))
+        voltages = motion.Voltages(motion.windows(turned, 0.07), len(system.gap), times=system.times)
         found = np.maximum(found, np.abs(motion.integrate(system, voltages, 0.06, STEP_S).gap_change).max(axis=0) / system.gap)
     return found

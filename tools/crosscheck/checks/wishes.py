@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..harness import Result, not_comparable
-from ..reference.electrostatics import force_amplitude, harmonic_ratio, widest_pulse
+from ..reference.electrostatics import coefficients, force_amplitude, harmonic_ratio, widest_pulse
 from ..reference.perception import STANDARD_GRAVITY_M_S2
 from ..reference.planner import GRID_HZ, Grid, Motion, Responses, drives_of, odd_harmonics
 from ..reference.surface import Surface
@@ -275,12 +275,14 @@ def explained(context, place, peak_g):
         orders = [1, *odd_harmonics(drive.frequency)]
         squares = Responses(panel.fine, np.array(orders) * drive.frequency).integral(points, weights)[:, drive.actuator] * drive.force**2
         fundamental += squares[0]
-        lines += zip(orders[1:], squares[1:])
+        lines += ((scene.actuators[drive.actuator], drive.frequency, n, square) for n, square in zip(orders[1:], squares[1:]))
     for said in explanation["pulse_widths"]:
         width = said["pulse_width"]
-        square = sum(harmonic_ratio(width, n) ** 2 * value for n, value in lines)
+        square = sum(harmonic_ratio(actuator, width, hz, n) ** 2 * value for actuator, hz, n, value in lines)
         own = 10 * np.log10(square / fundamental) if square > 0 else None
-        off = abs(said["force"] - np.sin(np.pi * width / 2)) * 1e6
+        # Of the most that there is at a voltage, 4/pi of an electrode's steady force: the mean over the drives.
+        each = [np.abs(coefficients(scene.actuators[drive.actuator], width, drive.frequency, 1)) * np.pi / 4 for drive in drives]
+        off = abs(said["force"] - np.mean(each)) * 1e6
         # A harmonic that a width drops is rounding.
         if (own is None or own < -200) and (said["harmonics_db"] is None or said["harmonics_db"] < -200):
             own = said["harmonics_db"] = 0.0
@@ -343,7 +345,7 @@ def candidates(context, place, explanation):
             own = contrast[k]
             if abs(own - frequency["contrast_db"]) > off:
                 off, note = abs(own - frequency["contrast_db"]), f"{frequency['frequency_hz']} Hz: {frequency['contrast_db']:.5g} for {own:.5g} dB"
-            most = peak[k, number] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(GRID_HZ[k])) / STANDARD_GRAVITY_M_S2
+            most = peak[k, number] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(GRID_HZ[k]), GRID_HZ[k]) / STANDARD_GRAVITY_M_S2
             sure = peak[k, number] * grid.sure_force()[k, number].max() / STANDARD_GRAVITY_M_S2
             reach = frequency["reach_g"] * (10 if context.planted(REACHES) else 1)
             over = max(reach / max(most, 1e-300) - 1, 1 - reach / max(sure, 1e-300), 0.0)

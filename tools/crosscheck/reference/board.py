@@ -136,7 +136,7 @@ class Board:
                 self.achieved = [achieved(drive) for drive in content["drives"]]
                 self.state = "running" if content["drives"] else "armed"
                 return "DrivesSet" if name == "SetDrives" else "Prepared", {"achieved": self.achieved}
-            case "Play":
+            case "Play" | "PlayOnce":
                 return "Playing", None
             case "Disarm" | "Stop":
                 self.state = "safe"
@@ -156,7 +156,9 @@ class Board:
                 }
             case "Faults":
                 return "Faults", {"latched": None}
-            case "ClearFaults":
+            case "NumberedFault":
+                return "NumberedFault", {"number": 0, "latched": None}
+            case "ClearFaults" | "ClearFault":
                 return "FaultsCleared", None
             case "Telemetry":
                 return "Telemetry", {

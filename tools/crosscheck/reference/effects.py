@@ -10,6 +10,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import qmc
 
+from . import pulses
+
 HIGHEST_HZ = 1000.0
 
 
@@ -41,18 +43,22 @@ def width(level, pulse_width):
 
 
 class Force:
-    """One drive's force over time in N, from its first boundary on; `electrode_n` is one electrode's at full level."""
+    """One drive's force over time in N, from its first boundary on; `electrode_n` is one electrode's at full level, `times` those of
+    electrodes behind resistors, as `Actuator.times`. What such an electrode has left of a window beyond its period is left out."""
 
-    def __init__(self, frequency_hz, pulse_width, electrode_n, levels_):
+    def __init__(self, frequency_hz, pulse_width, electrode_n, levels_, times=(0.0, 0.0, 0.0)):
         self.frequency_hz, self.levels = frequency_hz, levels_
         self.period_s = 1 / frequency_hz
         self.orders = [n for n in range(1, 60, 2) if n == 1 or n * frequency_hz <= HIGHEST_HZ]
-        self.table = np.array([[self._sine(level, pulse_width, n) * electrode_n for n in self.orders] for level in levels_])
+        self.table = np.array([[self._amplitude(level, pulse_width, n, times) * electrode_n for n in self.orders] for level in levels_])
 
-    def _sine(self, level, pulse_width, n):
-        """Coefficient of sin(n 2 pi f t), t from a boundary: A's pulse in the middle of the first half, B's of the second."""
-        sign = 1 if n % 4 == 1 else -1
-        return np.sign(level) * sign * 4 / (n * np.pi) * np.sin(n * np.pi * width(level, pulse_width) / 2)
+    def _amplitude(self, level, pulse_width, n, times):
+        """Complex amplitude of e^(j n 2 pi f t), t from a boundary: A's pulse in the middle of the first half, B's of the second. Rounded, as
+        ramps have a level for every period."""
+        if level == 0:
+            return 0.0
+        own = pulses.coefficient(times, self.frequency_hz, round(float(width(level, pulse_width)), 9), n)
+        return np.sign(level) * own * np.exp(-1j * n * np.pi / 2)
 
     @property
     def end_s(self):
@@ -64,14 +70,14 @@ class Force:
         if index >= len(self.levels):
             return 0.0
         phase = 2 * np.pi * self.frequency_hz * (time - index * self.period_s)
-        return sum(b * np.sin(n * phase) for n, b in zip(self.orders, self.table[index]))
+        return sum((b * np.exp(1j * n * phase)).real for n, b in zip(self.orders, self.table[index]))
 
     def second(self, times):
         """Second derivative of the force."""
         index = np.minimum((times / self.period_s + 1e-9).astype(int), len(self.levels))
         table = np.vstack([self.table, np.zeros(len(self.orders))])[index]
         omega = 2 * np.pi * self.frequency_hz * np.array(self.orders)
-        return -np.sum(table * omega**2 * np.sin(np.outer(times, omega)), axis=1)
+        return -np.sum((table * np.exp(1j * np.outer(times, omega))).real * omega**2, axis=1)
 
 
 def response(system, actuator, force, seconds, step, tolerance=1e-7):

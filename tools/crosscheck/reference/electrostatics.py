@@ -7,6 +7,7 @@ changes its own gap by a positive amount.
 from itertools import product
 
 import numpy as np
+from . import pulses
 from .scene import VACUUM_PERMITTIVITY_F_PER_M
 
 # Least time between one electrode's pulse and the other's (docs/src/safety.md, "guard time").
@@ -18,14 +19,24 @@ TRAVEL_PART = 1 / 3
 SUPPLY_A = 0.5e-3
 
 
-def force_amplitude(actuator, voltage_v, pulse_width, harmonic=1):
+def coefficients(actuator, pulse_width, frequency_hz, harmonic):
+    """`pulses.coefficient` of an actuator's electrodes; widths and frequencies may be arrays that fit each other."""
+    own = np.frompyfunc(lambda width, hz: pulses.coefficient(actuator.times, hz, width, harmonic), 2, 1)
+    return np.asarray(own(pulse_width, frequency_hz), dtype=complex)
+
+
+def force_amplitude(actuator, voltage_v, pulse_width, frequency_hz, harmonic=1):
     """Amplitude in N of an odd harmonic of the force with the mass at rest (contract, "Drive")."""
+    if actuator.times[0] > 0:
+        return actuator.force(voltage_v) * np.abs(coefficients(actuator, pulse_width, frequency_hz, harmonic))
     angle = harmonic * np.pi * pulse_width / 2
     return 4 / (harmonic * np.pi) * actuator.force(voltage_v) * np.abs(np.sin(angle))
 
 
-def harmonic_ratio(pulse_width, harmonic):
+def harmonic_ratio(actuator, pulse_width, frequency_hz, harmonic):
     """Amplitude of an odd harmonic over that of the fundamental."""
+    if actuator.times[0] > 0:
+        return np.abs(coefficients(actuator, pulse_width, frequency_hz, harmonic) / coefficients(actuator, pulse_width, frequency_hz, 1))
     return np.abs(np.sin(harmonic * np.pi * pulse_width / 2) / np.sin(np.pi * pulse_width / 2)) / harmonic
 
 
@@ -61,14 +72,14 @@ class MovingGaps:
     eps0 A / 2 (V_A^2 / (g - x)^2 - V_B^2 / (g + x)^2); what a bias already took from the springs is given back.
     """
 
-    def __init__(self, actuators, frequencies, drive_frequency, drives, gap_change, harmonic_gap_change):
-        """`frequencies`: how many distinct ones. `drive_frequency[i]`: index into them, or None where actuator i is not driven.
+    def __init__(self, actuators, hz, drive_frequency, drives, gap_change, harmonic_gap_change):
+        """`hz`: the distinct frequencies. `drive_frequency[i]`: index into them, or None where actuator i is not driven.
 
         `drives[i]`: (voltage, pulse width, phase). `gap_change` [frequency, loaded, actuator] at the fundamentals;
         `harmonic_gap_change`: {harmonic: the same at that multiple}.
         """
         self.actuators = actuators
-        self.frequencies = frequencies
+        self.hz, self.frequencies = hz, len(hz)
         self.index = drive_frequency
         self.drives = drives
         self.gap_change = gap_change
@@ -84,18 +95,39 @@ class MovingGaps:
         if own is None:
             return None
         _, pulse, phase = self.drives[i]
-        nodes, weights = np.polynomial.legendre.leggauss(8)
-        window = np.pi / 2 * pulse
         others = _lattice(self.frequencies - 1)
         phases, all_weights, signs = [], [], []
         for sign, centre in ((1.0, 0.0), (-1.0, np.pi)):
-            for node, weight in zip(nodes, weights):
-                # The force's fundamental is cos(theta + phase): electrode A is on about theta = -phase.
-                phases.append(np.insert(others, own, centre - phase + window * node, axis=1))
-                all_weights.append(np.full(len(others), weight * window / (2 * np.pi) / len(others)))
+            for angle, weight in self._angles(i):
+                # A window of electrode A has its middle at theta = -phase.
+                phases.append(np.insert(others, own, centre - phase + angle, axis=1))
+                all_weights.append(np.full(len(others), weight / len(others)))
                 signs.append(np.full(len(others), sign))
         turns = np.exp(1j * np.concatenate(phases))
         return turns, np.concatenate(all_weights), np.concatenate(signs)
+
+    def _angles(self, i):
+        """(angle from the middle of A's window, weight of a mean over the period, with the squared voltage over the rail's)."""
+        _, pulse, _ = self.drives[i]
+        times = self.actuators[i].times
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        if times[0] <= 0:
+            window = np.pi / 2 * pulse
+            return [(window * node, weight * window / (2 * np.pi)) for node, weight in zip(nodes, weights)]
+        # Where the voltage rises, where it stays and where it falls: points beyond these pull with less than 1e-8 of it.
+        hz = self.hz[self.index[i]]
+        rise, hold, fall = times
+        width = pulse / hz / 2
+        risen = min(width, 10 * rise)
+        ends = [0.0, 0.25 * risen, risen, width + hold, *(width + hold + min(1 / hz - width - hold, 10 * fall) * part for part in (0.25, 1.0))]
+        begin = pulses.begin_voltage(times, hz, pulse)
+        found = []
+        for left, right in zip(ends, ends[1:]):
+            for node, weight in zip(nodes, weights):
+                time = left + (right - left) * (node + 1) / 2
+                square = pulses.voltage_at(times, hz, pulse, begin, time) ** 2
+                found.append((2 * np.pi * hz * (time - width / 2), weight * (right - left) / 2 * hz * square))
+        return found
 
     def _move_harmonics(self, forces):
         """Takes {(harmonic, actuator): complex amplitude of the force} for the ones that move the gaps: their changes at the
@@ -143,8 +175,9 @@ class MovingGaps:
             if self.index[loaded] is None:
                 continue
             volts, pulse, phase = self.drives[loaded]
-            # Signed: the n-th harmonic of the pulse train is 4/(n pi) sin(n pi w / 2) cos(n theta).
-            force = 4 / (harmonic * np.pi) * self.actuators[loaded].force(volts) * np.sin(harmonic * np.pi * pulse / 2)
+            # Without resistors the n-th harmonic of the pulse train is 4/(n pi) sin(n pi w / 2) cos(n theta).
+            actuator = self.actuators[loaded]
+            force = actuator.force(volts) * pulses.coefficient(actuator.times, self.hz[self.index[loaded]], pulse, harmonic)
             rest[harmonic, loaded] = force * np.exp(1j * harmonic * phase)
         return rest
 

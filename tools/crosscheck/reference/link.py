@@ -107,7 +107,7 @@ def session(serve, x_px, y_px, effects=("click", "buzz"), malformed=True, intens
             if status != 200:
                 raise RuntimeError(f"{effect}: {status} {answer}")
             prepared = board.named("Prepare", since=since)[0][2]["drives"]
-            played = [content for *_, content in board.named("Play", since=since)]
+            played = [content for *_, content in board.named("PlayOnce", since=since)]
             seen.effects[effect] = (answer, prepared, played)
 
         since, status, _ = driven(duration_ms=10_000)

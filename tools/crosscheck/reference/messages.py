@@ -1,4 +1,4 @@
-"""Layout of the messages of protocol version 3.
+"""Layout of the messages of protocol version 4.
 
 docs/src/protocol.md names requests and replies and points to shared/src/protocol for their fields: order and width of the
 fields are the definition of the format, and are stated here a second time, as a schema.
@@ -6,7 +6,7 @@ fields are the definition of the format, and are stated here a second time, as a
 
 from . import frames
 
-VERSION = 3
+VERSION = 4
 
 _DRIVE = {
     "channel": "u8",
@@ -32,6 +32,13 @@ _SEGMENT = (
     ],
 )
 _EFFECT = {"segments": ("list", _SEGMENT), "times": "u16"}
+_WINDOW = {"channel": "u8", "electrode": ("enum", [("A", None), ("B", None)]), "wait_ticks": "u32", "width_ticks": "u32"}
+_SEQUENCE = {
+    "number": "u32",
+    "start_us": "u64",
+    "rail_millivolts": ("array", 2, "u32"),
+    "windows": ("list", _WINDOW),
+}
 
 REQUEST = (
     "enum",
@@ -54,6 +61,10 @@ REQUEST = (
         ("Log", None),
         ("Bootloader", {"key": "u32"}),
         ("Credit", None),
+        ("PlayOnce", {"number": "u32", "channel": "u8", "start_us": "u64", "effect": _EFFECT}),
+        ("PlayWindows", _SEQUENCE),
+        ("NumberedFault", None),
+        ("ClearFault", {"number": "u32"}),
     ],
 )
 
@@ -133,6 +144,8 @@ REPLY = (
         ("Log", {"bytes": "bytes"}),
         ("Bootloader", None),
         ("Credit", _CREDIT),
+        ("WindowsPlaying", {"start_us": "u64"}),
+        ("NumberedFault", {"number": "u32", "latched": ("option", _FAULT)}),
     ],
 )
 

@@ -78,6 +78,7 @@ class System:
         self.area = np.array([era.electrode_area for era in actuators])
         self.gap = np.array([era.air_gap for era in actuators])
         self.bias_stiffness = np.array([era.softening for era in actuators])
+        self.times = [era.times for era in actuators]
         size = len(self.mass)
         inverse = np.linalg.inv(self.mass)
         self.accelerate = np.hstack([-inverse @ self.stiffness, -inverse @ self.damping])
@@ -139,21 +140,73 @@ class System:
         return (states @ self.accelerate.T + forces @ self.push.T) @ self.points.T
 
 
-class Voltages:
-    """Squared voltages on all electrodes: constant between edges but for rails that rise."""
+# Parts of a time constant after which the force between two times is not straight enough, and time constants for which that matters.
+PANEL, PANELS = 0.5, 20
 
-    def __init__(self, windows_, count, rise_v_per_s=None):
+
+class _Charging:
+    """Voltages of electrodes behind resistors, marched from edge to edge: up to the rail while a window lasts, kept for the delay, down
+    after it. Edges are those of windows, the ends of delays, and more where voltages change."""
+
+    def __init__(self, windows_, count, times):
+        edges = []
+        for window in windows_:
+            rise, hold, fall = times[window.actuator]
+            steps = PANEL * np.arange(1, PANELS + 1)
+            inside = window.on + rise * steps
+            edges += [window.on, window.off, window.off + hold, *inside[inside < window.off], *(window.off + hold + fall * steps)]
+        self.edges = np.unique(edges)
+        # An edge that is nearer to the one before than 1e-12 s is the same.
+        self.edges = self.edges[np.concatenate([[True], np.diff(self.edges) > 1e-12])]
+        shape = (len(self.edges) + 1, 2, count)
+        # Where each electrode goes to in an interval, with which time constant, and where it begins.
+        self.target, self.begin = np.zeros(shape), np.zeros(shape)
+        self.constant = np.broadcast_to([fall for _, _, fall in times], shape).copy()
+        for window in windows_:
+            rise, hold, _ = times[window.actuator]
+            first, last, free = np.searchsorted(self.edges, np.array([window.on, window.off, window.off + hold]) - 1e-12) + 1
+            place = 0 if window.sign > 0 else 1
+            self.target[first:last, place, window.actuator] = window.voltage_v
+            self.constant[first:last, place, window.actuator] = rise
+            self.constant[last:free, place, window.actuator] = np.inf
+        for k in range(1, len(self.edges)):
+            self.begin[k + 1] = self._later(k, self.edges[k] - self.edges[k - 1])
+
+    def _later(self, interval, length):
+        target, constant = self.target[interval], self.constant[interval]
+        safe = np.where(constant > 0, constant, 1.0)
+        left = np.where(constant > 0, np.exp(-length / safe), 0.0 if length > 0 else 1.0)
+        return target + (self.begin[interval] - target) * left
+
+    def squares(self, interval, time):
+        """Of electrodes A and of electrodes B."""
+        if interval == 0:
+            return np.zeros(self.begin.shape[2]), np.zeros(self.begin.shape[2])
+        a, b = self._later(interval, max(time - self.edges[interval - 1], 0.0))
+        return a**2, b**2
+
+
+class Voltages:
+    """Squared voltages on all electrodes: without resistors constant between edges but for rails that rise."""
+
+    def __init__(self, windows_, count, rise_v_per_s=None, times=None):
+        """`times`: of every actuator, as `Actuator.times`; None where all electrodes charge at once."""
+        self._rise, self._charging = rise_v_per_s, None
+        if times is not None and any(rise > 0 for rise, _, _ in times):
+            self._charging = _Charging(windows_, count, times)
+            self.edges = self._charging.edges
+            return
         self.edges = np.unique([edge for window in windows_ for edge in (window.on, window.off)])
         self._a = np.zeros((len(self.edges) + 1, count))
         self._b = np.zeros((len(self.edges) + 1, count))
-        self._rise = rise_v_per_s
         for window in windows_:
             first, last = np.searchsorted(self.edges, [window.on, window.off]) + 1
             (self._a if window.sign > 0 else self._b)[first:last, window.actuator] = window.voltage_v**2
 
     def at(self, interval, time):
-        """On the `interval`-th stretch between edges, at a time within it. A rail that rises limits the voltage."""
-        a, b = self._a[interval], self._b[interval]
+        """On the `interval`-th stretch between edges, at a time within it. A rail that rises limits the voltage; electrodes behind
+        resistors follow it within a part of a ms."""
+        a, b = self._charging.squares(interval, time) if self._charging else (self._a[interval], self._b[interval])
         if self._rise is None or time * self._rise > 1e4:
             return a, b
         limit = (self._rise * time) ** 2
@@ -170,7 +223,8 @@ def _harmonics(system, drives):
     for drive in drives:
         electrode = pulses.EPSILON_0 * system.area[drive.actuator] * drive.voltage_v**2 / (2 * system.gap[drive.actuator] ** 2)
         for n in range(1, 10, 2):
-            force = electrode * 4 / (n * np.pi) * np.sin(n * np.pi * drive.pulse_width / 2) * np.exp(1j * n * drive.phase_rad)
+            own = pulses.coefficient(system.times[drive.actuator], drive.frequency_hz, drive.pulse_width, n)
+            force = electrode * own * np.exp(1j * n * drive.phase_rad)
             phasor = system.steady([n * drive.frequency_hz])[0][:, drive.actuator] * force
             yield 2 * np.pi * n * drive.frequency_hz, drive.actuator, force, phasor
 

@@ -9,6 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
+from . import pulses
 from .electrostatics import (
     BREAKDOWN_PART,
     SUPPLY_A,
@@ -31,8 +32,8 @@ GRID_HZ = np.arange(40.0, 401.0)
 # a fifth, without a seventh; and the widest, which leaves this time between the electrodes and is never wider than this.
 DROPPING = np.array([2 / 3, 0.72, 0.8, 6 / 7])
 PLANNED_GUARD_S, WIDEST = 220e-6, 0.96
-# Capacitance of the cable to one electrode; the electrode's own, eps0 A / g, comes on top.
-CABLE_F = 65e-12
+# What the board counts for each electrode, and what its two bleeders take from a rail (docs/src/safety.md, "Known limits", "Supply").
+BOARD_CHARGES_F, RAIL_BLEEDER_OHM = 116e-12, 50e6
 
 
 def odd_harmonics(frequency_hz):
@@ -42,7 +43,8 @@ def odd_harmonics(frequency_hz):
 
 @dataclass(frozen=True)
 class Drive:
-    """One actuator's drive as a plan prints it; `actuator` is an index into the scene's."""
+    """One actuator's drive as a plan prints it; `actuator` is an index into the scene's. `phase` is that of the windows, `force_phase` that
+    of the force's fundamental, which is worked out here and not taken from the plan."""
 
     actuator: int
     frequency: float
@@ -50,13 +52,20 @@ class Drive:
     pulse_width: float
     phase: float
     force: float
+    force_phase: float
 
 
 def drives_of(scene, printed):
     """The drives of a printed plan."""
     index = {actuator.id: i for i, actuator in enumerate(scene.actuators)}
     keys = ("frequency_hz", "voltage_v", "pulse_width", "phase_rad", "force_n")
-    return [Drive(index[drive["actuator"]], *(float(drive[key]) for key in keys)) for drive in printed]
+    found = []
+    for drive in printed:
+        number = index[drive["actuator"]]
+        frequency, voltage, width, phase, force = (float(drive[key]) for key in keys)
+        own = pulses.coefficient(scene.actuators[number].times, frequency, width, 1) if width > 0 else 1.0
+        found.append(Drive(number, frequency, voltage, width, phase, force, phase + float(np.angle(own))))
+    return found
 
 
 class Responses:
@@ -100,7 +109,7 @@ class Motion:
         sums = np.zeros((len(self.frequencies), len(points)), dtype=complex)
         for drive in self.drives:
             k = np.searchsorted(self.frequencies, drive.frequency)
-            sums[k] += per_newton[k, drive.actuator] * drive.force * np.exp(1j * drive.phase)
+            sums[k] += per_newton[k, drive.actuator] * drive.force * np.exp(1j * drive.force_phase)
         return sums
 
     def peaks_g(self, points):
@@ -143,21 +152,22 @@ class Motion:
             if orders:
                 per_newton = Responses(self.model, np.array(orders) * drive.frequency).at(points)[:, drive.actuator]
                 actuator = self.scene.actuators[drive.actuator]
-                forces = np.array([force_amplitude(actuator, drive.voltage, drive.pulse_width, n) for n in orders])
+                forces = np.array([force_amplitude(actuator, drive.voltage, drive.pulse_width, drive.frequency, n) for n in orders])
                 total += (np.abs(per_newton) * forces[:, None]).sum(axis=0)
         return total / STANDARD_GRAVITY_M_S2
 
     def harmonic_lines(self, point):
         """(frequencies in Hz, peaks in g) of the odd harmonics up to 1 kHz at a point. Drives of one frequency have their pulses in
-        step, so that their harmonics' phasors add: the n-th is turned by n times the drive's phase, and its sign is that of the
-        pulse train's n-th coefficient."""
+        step, so that their harmonics' phasors add: the n-th is turned by n times the windows' phase and by that of the pulse train's n-th
+        coefficient."""
         lines = {}
         for drive in self.drives:
             orders = list(odd_harmonics(drive.frequency))
             per_newton = Responses(self.model, np.array(orders) * drive.frequency).at([point])[:, drive.actuator, 0] if orders else []
             for n, accelerance in zip(orders, per_newton):
-                pull = self.scene.actuators[drive.actuator].force(drive.voltage)
-                force = 4 / (n * np.pi) * pull * np.sin(n * np.pi * drive.pulse_width / 2) * np.exp(1j * n * drive.phase)
+                actuator = self.scene.actuators[drive.actuator]
+                own = pulses.coefficient(actuator.times, drive.frequency, drive.pulse_width, n)
+                force = actuator.force(drive.voltage) * own * np.exp(1j * n * drive.phase)
                 key = n * drive.frequency, n
                 lines[key] = lines.get(key, 0) + accelerance * force
         hz = np.array([hz for hz, _ in lines])
@@ -168,7 +178,7 @@ class Motion:
         sums = np.zeros((len(self.frequencies), len(self.scene.actuators)), dtype=complex)
         for drive in self.drives:
             k = np.searchsorted(self.frequencies, drive.frequency)
-            sums[k] += self.responses.gap_change[k, drive.actuator] * drive.force * np.exp(1j * drive.phase)
+            sums[k] += self.responses.gap_change[k, drive.actuator] * drive.force * np.exp(1j * drive.force_phase)
         return np.abs(sums).sum(axis=0)
 
     def softened(self, orders=(3, 5, 7, 9, 11)):
@@ -184,7 +194,7 @@ class Motion:
             index[drive.actuator] = int(np.searchsorted(self.frequencies, drive.frequency))
             electrical[drive.actuator] = (drive.voltage, drive.pulse_width, drive.phase)
         harmonics = {n: Responses(self.model, n * self.frequencies).gap_change for n in orders}
-        gaps = MovingGaps(self.scene.actuators, len(self.frequencies), index, electrical, self.responses.gap_change, harmonics)
+        gaps = MovingGaps(self.scene.actuators, self.frequencies, index, electrical, self.responses.gap_change, harmonics)
         solved = gaps.solve()
         return solved and (solved[0], np.abs(solved[1]).sum(axis=0))
 
@@ -198,8 +208,8 @@ class Motion:
         return np.abs(moved - np.abs(self.phasors([point]))).sum() / STANDARD_GRAVITY_M_S2
 
     def current_a(self):
-        """Mean current of the supply: both electrodes of a drive are charged once a period."""
-        return sum(2 * capacitance(self.scene.actuators[d.actuator]) * d.voltage * d.frequency for d in self.drives)
+        """Mean current of the supply."""
+        return supply_current_a(self.scene.actuators, [(d.actuator, d.voltage, d.frequency) for d in self.drives])
 
     def power_w(self):
         """Electrical power: 2 C V^2 f of every drive."""
@@ -208,7 +218,15 @@ class Motion:
 
 def capacitance(actuator):
     """Of one electrode with its cable, in F."""
-    return VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area / actuator.air_gap + CABLE_F
+    return actuator.capacitance
+
+
+def supply_current_a(actuators, drives):
+    """Mean current of the supply for `drives` (actuator, V, Hz): both electrodes are charged once a period, as what the board counts at
+    least, and the bleeders of each rail in use take their own. Rails feed every other actuator."""
+    charges = sum(2 * max(capacitance(actuators[i]), BOARD_CHARGES_F) * volts * hz for i, volts, hz in drives)
+    rails = [max((volts for i, volts, _ in drives if i % 2 == rail), default=0.0) for rail in range(2)]
+    return charges + sum(rails) / RAIL_BLEEDER_OHM
 
 
 def broken_limits(motion):
@@ -269,9 +287,9 @@ class Grid:
         for k, frequency in enumerate(self.grid_hz):
             for n in odd_harmonics(frequency):
                 at = np.searchsorted(multiples, n * frequency)
-                ratio = harmonic_ratio(self.widths[k], n)
-                squares[k] += means[at][:, None] * ratio[None, :] ** 2
-                travel[k] += np.abs(responses.gap_change[at])[:, None, :] * ratio[None, :, None]
+                ratio = np.stack([harmonic_ratio(actuator, self.widths[k], frequency, n) for actuator in self.scene.actuators])
+                squares[k] += means[at][:, None] * ratio**2
+                travel[k] += np.abs(responses.gap_change[at])[:, None, :] * ratio[:, :, None]
         return squares, travel
 
     def target(self, place):
@@ -297,7 +315,8 @@ class Grid:
             by_travel = (room / np.maximum(margin * count * travel, 1e-300)).min(axis=2)
             # From three on actuators share rails: one may be at the other's voltage.
             hz = self.grid_hz if count <= 2 else np.full(len(self.grid_hz), self.grid_hz.max())
-            by_current = 0.95 * SUPPLY_A / count / (2 * capacitance(actuator) * hz)
+            # Each may have a rail to itself.
+            by_current = 0.95 * SUPPLY_A / count / (2 * max(capacitance(actuator), BOARD_CHARGES_F) * hz + 1 / RAIL_BLEEDER_OHM)
             # The electrodes' mean softening, eps0 A V^2 / g^3, stays far below the spring.
             growth = softening_growth(actuator, sags[i])
             by_pull = np.sqrt(actuator.stiffness / growth / (2 * margin) * actuator.air_gap**3 / (VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area))
@@ -308,7 +327,7 @@ class Grid:
                 for other, sag, reach in list(zip(self.scene.actuators, sags, room))[i % 2 :: 2]
             )
             volts = np.minimum(min(by_rail, by_pull), by_current)
-            most[:, i] = np.minimum(force_amplitude(actuator, volts[:, None], self.widths), by_travel)
+            most[:, i] = np.minimum(force_amplitude(actuator, volts[:, None], self.widths, self.grid_hz[:, None]), by_travel)
         return most
 
 

@@ -4,6 +4,7 @@ middle of A's pulse is where that is 1, and the middle of B's half a period late
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -51,6 +52,81 @@ def harmonic(frequency_hz, pulse_width, order, points=24):
         t = on + (off - on) * (node + 1) / 2
         total += sign * float(np.sum(weight * np.cos(2 * np.pi * order * frequency_hz * t))) * (off - on) / 2
     return abs(2 / period * total)
+
+
+# An electrode's voltage is known when it repeats from period to period to this part of the rail's.
+REPEATS = 1e-13
+# Time constants after which nothing changes any more; then no finer panels are needed.
+SETTLED = 30
+# Parts of a period that a panel is at most: the 25th harmonic turns by 0.4 in it.
+LEAST_PANELS = 64
+
+
+def follow(voltage, target, time_constant, time):
+    """Voltage over the rail's after some time towards a target; time may be an array."""
+    if time_constant <= 0:
+        return np.where(np.asarray(time) > 0, target, voltage)
+    return target + (voltage - target) * np.exp(-np.asarray(time) / time_constant)
+
+
+def begin_voltage(times, frequency_hz, pulse_width):
+    """Voltage over the rail's at the beginning of a window: marched from rest, window by window, until it repeats."""
+    rise, hold, fall = times
+    window = pulse_width / frequency_hz / 2
+    begin, before = 0.0, -1.0
+    while abs(begin - before) > REPEATS:
+        before = begin
+        begin = float(follow(follow(begin, 1.0, rise, window), 0.0, fall, 1 / frequency_hz - window - hold))
+    return begin
+
+
+def voltage_at(times, frequency_hz, pulse_width, begin, time):
+    """Voltage over the rail's at a time, up to a period, from the window's beginning, where it is `begin`: up while the upper switch is
+    on, kept while neither is, down while the lower one is."""
+    rise, hold, fall = times
+    window = pulse_width / frequency_hz / 2
+    if time <= window:
+        return float(follow(begin, 1.0, rise, time))
+    end = float(follow(begin, 1.0, rise, window))
+    return float(follow(end, 0.0, fall, max(0.0, time - window - hold)))
+
+
+@lru_cache(maxsize=4096)
+def electrode(times, frequency_hz, pulse_width):
+    """(time, weight, squared voltage over the rail's) of electrode A at the points of a quadrature over one period; times from the middle of
+    its window."""
+    rise, hold, fall = times
+    period = 1 / frequency_hz
+    window = pulse_width * period / 2
+    pieces = [(window, 1.0, rise), (hold, None, np.inf), (period - window - hold, 0.0, fall)]
+    begin = begin_voltage(times, frequency_hz, pulse_width)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    found, voltage, at = [], begin, -window / 2
+    for length, target, constant in pieces:
+        edges = [0.0]
+        while length > 0 and edges[-1] < length * (1 - 1e-12):
+            step = period / LEAST_PANELS
+            if target is not None and edges[-1] < SETTLED * constant:
+                step = min(step, constant / 2)
+            edges.append(min(edges[-1] + step, length))
+        for left, right in zip(edges, edges[1:]):
+            time = left + (right - left) * (nodes + 1) / 2
+            own = np.full(len(time), voltage) if target is None else follow(voltage, target, constant, time)
+            found.append((at + time, weights * (right - left) / 2, own**2))
+        voltage = voltage if target is None else float(follow(voltage, target, constant, length))
+        at += length
+    return tuple(np.concatenate(column) for column in zip(*found))
+
+
+def coefficient(times, frequency_hz, pulse_width, order):
+    """Complex amplitude of the force's harmonic per N of one electrode's steady force, time from the middle of A's window: Fourier's
+    integral of v_A^2 - v_B^2 over a period, B half a period after A. `times` as `Actuator.times`; without resistors the contract's law."""
+    if times[0] <= 0:
+        return complex(4 / (order * np.pi) * np.sin(order * np.pi * pulse_width / 2))
+    time, weight, square = electrode(tuple(times), float(frequency_hz), float(pulse_width))
+    omega = 2 * np.pi * order * frequency_hz
+    both = np.exp(-1j * omega * time) - np.exp(-1j * omega * (time + 0.5 / frequency_hz))
+    return complex(2 * frequency_hz * np.sum(weight * square * both))
 
 
 def both_on(frequency_hz, pulse_width, phase_rad, seconds=1.0):

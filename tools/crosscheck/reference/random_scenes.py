@@ -90,7 +90,26 @@ class _Maker:
         if not scene["patch"] and self.chance(0.3):
             del surface["thickness_mm"], surface["material"]
             scene["layer"] = self._layers((e, rho, nu), "damping" not in surface)
+        # Again last, so that all else is as it was before.
+        if self.chance(0.3):
+            cable = log_uniform(rng, 20, 300)
+            for actuator in scene["actuator"]:
+                actuator["cable_capacitance_pf"] = cable
+                if not self.symmetric and self.chance(0.5):
+                    cable = log_uniform(rng, 20, 300)
+        if self.chance(0.3):
+            scene["electronics"] = self._electronics(scene["actuator"])
         return {key: value for key, value in scene.items() if value != []}
+
+    def _electronics(self, actuators):
+        """Resistors whose time constants are allowed: up to 0.5 ms, and no shorter than the delay."""
+        own = lambda era: 8.8541878128e-12 * era["electrode_area_mm2"] / era["air_gap_um"] + era.get("cable_capacitance_pf", 81.0) * 1e-12
+        farads = [own(era) for era in actuators]
+        up = min(log_uniform(self.rng, 1e5, 2e6), 0.49e-3 / max(farads))
+        table = {"charging_resistance_ohm": up, "discharging_resistance_ohm": up * log_uniform(self.rng, 0.05, 1.0)}
+        if self.chance(0.6):
+            table["discharging_delay_us"] = min(self.rng.uniform(0.0, 40.0), 0.99e6 * up * min(farads))
+        return table
 
     def _losses(self, scene):
         """Loss factors of supports and elastic edges: tape and rubber have 0.1 to 1. One for all, or one for each."""

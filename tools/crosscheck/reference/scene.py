@@ -113,6 +113,22 @@ class Actuator:
     bias_voltage: float = 0.0
     # Where a stop holds the mass, from its middle, or None.
     stop: float | None = None
+    # Of what hangs on one electrode, its cable and its switches, in F.
+    cable: float = 81e-12
+    # Resistances in ohm through which an electrode charges and discharges, and the time from a window's end until it discharges.
+    charging_ohm: float = 0.0
+    discharging_ohm: float = 0.0
+    delay: float = 0.0
+
+    @property
+    def capacitance(self):
+        """Of one electrode with its cable, in F."""
+        return VACUUM_PERMITTIVITY_F_PER_M * self.electrode_area / self.air_gap + self.cable
+
+    @property
+    def times(self):
+        """(time constant of charging, delay, time constant of discharging) in s."""
+        return self.charging_ohm * self.capacitance, self.delay, self.discharging_ohm * self.capacitance
 
     @property
     def inertial(self):
@@ -217,6 +233,36 @@ class Scene:
         return replace(self, actuators=())
 
 
+class _Table(dict):
+    """A table of a scene file that records which of its keys are read: a key that nobody reads would be compared by no check."""
+
+    def __init__(self, table, path=""):
+        wrap = lambda key, value: _Table(value, f"{path}{key}.") if isinstance(value, dict) else value
+        inner = lambda key, value: [wrap(key, each) for each in value] if isinstance(value, list) else wrap(key, value)
+        super().__init__({key: inner(key, value) for key, value in table.items()})
+        self.path, self.read = path, set()
+
+    def __getitem__(self, key):
+        self.read.add(key)
+        return super().__getitem__(key)
+
+    def get(self, key, default=None):
+        self.read.add(key)
+        return super().get(key, default)
+
+    def items(self):
+        self.read.update(self)
+        return super().items()
+
+    def find_unread(self, ignored):
+        """The paths of the keys that were not read, of this table and those in it."""
+        unread = [self.path + key for key in self if key not in self.read | ignored]
+        for value in self.values():
+            for each in value if isinstance(value, list) else [value]:
+                unread += each.find_unread(ignored) if isinstance(each, _Table) else []
+        return unread
+
+
 def _material(table, base=None):
     take = lambda key, default: float(table.get(key, default))
     if base is None:
@@ -248,8 +294,10 @@ def _finger(table):
 
 
 def parse(text):
-    """The scene of a TOML text."""
-    data = tomllib.loads(text)
+    """The scene of a TOML text. A key that the reference does not know is an error: ValueError."""
+    data = _Table(tomllib.loads(text))
+    if data["version"] != 1:
+        raise ValueError(f"the reference does not know version {data['version']} of scene files")
     surface = data["surface"]
     mm = lambda table, key, default=None: float(table[key] if default is None else table.get(key, default)) * 1e-3
     length, width = (mm(surface, key) for key in ("length_mm", "width_mm"))
@@ -307,6 +355,13 @@ def parse(text):
     keys += ("loss_factor",)
     edges = [Edge(table["side"], table["kind"], *(float(table.get(key, 0.0)) for key in keys)) for table in data.get("edge", [])]
     masses = [PointMass(**place(table), mass=float(table["mass_g"]) * 1e-3) for table in data.get("mass", [])]
+    electronics = data.get("electronics", {})
+    ohm = float(electronics["charging_resistance_ohm"]) if "electronics" in data else 0.0
+    resistors = {
+        "charging_ohm": ohm,
+        "discharging_ohm": float(electronics.get("discharging_resistance_ohm", ohm)),
+        "delay": float(electronics.get("discharging_delay_us", 0.0)) * 1e-6,
+    }
     actuators = [
         Actuator(
             id=table["id"],
@@ -321,11 +376,13 @@ def parse(text):
             max_voltage=float(table["max_voltage_v"]),
             bias_voltage=float(table.get("bias_voltage_v", 0.0)),
             stop=float(table["stop_um"]) * 1e-6 if "stop_um" in table else None,
+            cable=float(table.get("cable_capacitance_pf", 81.0)) * 1e-12,
+            **resistors,
         )
         for table in data.get("actuator", [])
     ]
     air = data.get("air", {})
-    return Scene(
+    scene = Scene(
         name=data["name"],
         kind=surface["kind"],
         length=length,
@@ -346,6 +403,11 @@ def parse(text):
         added_mass=float(air.get("added_mass_kg_per_m2", 0.0)),
         laminate=laminate,
     )
+    # A bar has one dimension; its attachments may still name the other.
+    unread = data.find_unread({"y_mm"} if bar else set())
+    if unread:
+        raise ValueError(f"the reference does not know {', '.join(sorted(set(unread)))}: no check would compare it")
+    return scene
 
 
 def load(path):

@@ -1,10 +1,11 @@
 """The reference's frames, pulses and motion against values known from elsewhere."""
 
 import unittest
+from types import SimpleNamespace
 
 import numpy as np
 
-from ..reference import effects, frames, pulses, rise
+from ..reference import effects, frames, motion, pulses, rise
 
 
 class Frames(unittest.TestCase):
@@ -52,6 +53,42 @@ class Pulses(unittest.TestCase):
         for n in (1, 3, 5, 7):
             self.assertAlmostEqual(pulses.harmonic(150.0, 1.0, n), 4 / (n * np.pi), 12)
         self.assertAlmostEqual(pulses.harmonic(150.0, 2 / 3, 3), 0.0, 12)
+
+    def test_electrodes_behind_resistors(self):
+        # Hardly any resistance is the contract's law.
+        for n in (1, 3, 5):
+            law = 4 / (n * np.pi) * np.sin(n * np.pi * 0.3)
+            self.assertEqual(pulses.coefficient((0.0, 0.0, 0.0), 200.0, 0.6, n), law)
+            self.assertAlmostEqual(abs(pulses.coefficient((1e-9, 0.0, 1e-9), 200.0, 0.6, n) - law), 0.0, 5)
+        # A voltage stepped by Euler's method in 1e-7 s, from rest, over the fourth period.
+        times, hz, width, step = (116e-6, 15e-6, 11.6e-6), 200.0, 2 / 3, 1e-7
+        period = 1 / hz
+        count = round(period / step)
+        voltage, since = 0.0, np.inf
+        squares = np.empty(count)
+        for _ in range(4):
+            for k in range(count):
+                on = (k + 0.5) * step < width * period / 2
+                since = 0.0 if on else since + step
+                before = voltage
+                if on or since > times[1]:
+                    voltage += ((1.0 if on else 0.0) - voltage) * step / (times[0] if on else times[2])
+                squares[k] = (before**2 + voltage**2) / 2
+        force = squares - np.roll(squares, count // 2)
+        middle = (np.arange(count) + 0.5) * step - width * period / 4
+        for n in (1, 3, 5):
+            stepped = 2 * hz * step * np.sum(force * np.exp(-2j * np.pi * n * hz * middle))
+            self.assertLess(abs(pulses.coefficient(times, hz, width, n) - stepped), 2e-3)
+
+    def test_marched_windows_are_the_periodic_voltage(self):
+        era = SimpleNamespace(times=(116e-6, 15e-6, 11.6e-6))
+        drive = motion.Drive(0, 200.0, 1000.0, 2 / 3, 0.4)
+        voltages = motion.Voltages(motion.windows([drive], 0.1), 1, times=[era.times])
+        begin = pulses.begin_voltage(era.times, 200.0, 2 / 3)
+        for time in np.linspace(0.05, 0.055, 40):
+            a, _ = voltages.at(voltages.interval(time), time)
+            since = (time + 0.4 / (2 * np.pi * 200.0) + 2 / 3 / 800.0) % (1 / 200.0)
+            self.assertAlmostEqual(float(a[0]) / 1e6, pulses.voltage_at(era.times, 200.0, 2 / 3, begin, since) ** 2, 9)
 
     def test_never_both(self):
         for phase in (0.0, 1.0, 4.0):

@@ -4,8 +4,10 @@ use era_shared::MAX_CHANNELS;
 use era_shared::board::{Board, BoardInfo};
 use era_shared::limits::{GUARD_NANOSECONDS, MAX_RAIL_MILLIVOLTS};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
+use era_shared::safety::ElectrodePulses;
 use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
-use era_shared::waveform::{IDLE, OutputPair, PulseCheck, TimerModel, TimerPreload, TimerRegisters};
+use era_shared::waveform::{Electrode, IDLE, OutputPair, Pulse, PulseCheck, TimerModel, TimerPreload, TimerRegisters};
+use std::collections::VecDeque;
 
 /// Clock of the timers in MHz.
 const CLOCK_MHZ: u32 = 170;
@@ -50,6 +52,9 @@ struct Timers {
     started_us: u64,
     models: [TimerModel; MAX_CHANNELS],
     checks: [PulseCheck; MAX_CHANNELS],
+    /// Up to when each channel's electrodes were on last, in clocks, and how often they were switched on so far.
+    last_on: [Option<(Electrode, u64)>; MAX_CHANNELS],
+    charges: [u64; MAX_CHANNELS],
 }
 
 /// What a fuzzed device drives.
@@ -68,6 +73,9 @@ pub struct WatchedBoard {
     pub wrong: u8,
     /// What the hardware switched off for, until it is asked.
     pub trip: Option<FaultFinding>,
+    /// What was delivered up to some moments of the last ms, in us and fC, and the charges that are in it.
+    delivered: VecDeque<(u64, u64)>,
+    counted: [u64; MAX_CHANNELS],
 }
 
 impl Default for WatchedBoard {
@@ -91,6 +99,7 @@ impl Default for WatchedBoard {
                 channels: std::iter::repeat_n(limits, MAX_CHANNELS).collect(),
                 fault_before_reset: None,
                 failure: heapless::String::new(),
+                credit_before_reset_ms: None,
             },
             now_us: 0,
             supply: SupplyCommand { enabled: true, ..SupplyCommand::default() },
@@ -99,6 +108,8 @@ impl Default for WatchedBoard {
             refused: 0,
             wrong: 0,
             trip: None,
+            delivered: VecDeque::new(),
+            counted: [0; MAX_CHANNELS],
         }
     }
 }
@@ -106,8 +117,8 @@ impl Default for WatchedBoard {
 impl WatchedBoard {
     /// Whether nothing is energised, nothing is driven, and what was charged is being discharged.
     pub fn is_off(&self) -> bool {
-        let SupplyCommand { enabled, discharge, set_point_millivolts } = self.supply;
-        !enabled && discharge == [true; RAILS] && set_point_millivolts == [0; RAILS] && !self.drives()
+        let SupplyCommand { enabled, discharge, set_point_millivolts, permitted } = self.supply;
+        !enabled && !permitted && discharge == [true; RAILS] && set_point_millivolts == [0; RAILS] && !self.drives()
     }
 
     /// Whether the timers can reach the electrodes.
@@ -121,9 +132,38 @@ impl WatchedBoard {
             return [1_000_000, 0];
         }
         std::array::from_fn(|rail| {
-            let fed = self.supply.enabled && !self.supply.discharge[rail];
+            let fed = self.supply.enabled && self.supply.permitted && !self.supply.discharge[rail];
             if fed { self.supply.set_point_millivolts[rail] } else { 0 }
         })
+    }
+
+    /// What the supply has delivered to bleeders and electrodes since power-on, in fC; to be called at least every ms for the mean.
+    fn note_delivered(&mut self) {
+        self.run();
+        let (last_us, mut delivered) = self.delivered.back().copied().unwrap_or_default();
+        let charges = self.timers.as_ref().map(|timers| timers.charges).unwrap_or_default();
+        let rails = self.rails();
+        for (channel, (now, before)) in charges.into_iter().zip(self.counted).enumerate() {
+            // 116 pF times mV is fC.
+            delivered += now.saturating_sub(before) * 116 * u64::from(rails[channel % RAILS]);
+        }
+        self.counted = charges;
+        // Two bleeders of 100 Mohm each: mV times us over ohm is nC.
+        delivered += rails.iter().map(|rail| u64::from(*rail) / 50 * (self.now_us - last_us)).sum::<u64>();
+        self.delivered.push_back((self.now_us, delivered));
+        while self.delivered.len() > 2 && self.delivered[1].0 + 1_000 <= self.now_us {
+            self.delivered.pop_front();
+        }
+    }
+
+    /// The mean current of the last ms, or since the last look if that is longer, in uA.
+    fn average_microamps(&mut self) -> u32 {
+        self.note_delivered();
+        let (Some((from_us, before)), Some((to_us, after))) = (self.delivered.front(), self.delivered.back()) else {
+            return 0;
+        };
+        // fC in a us is nA.
+        u32::try_from((after - before) / (to_us - from_us).max(1) / 1_000).unwrap_or(u32::MAX)
     }
 
     fn refuses(&self, bit: u8) -> bool {
@@ -134,8 +174,15 @@ impl WatchedBoard {
     fn run(&mut self) {
         let Some(timers) = &mut self.timers else { return };
         let now = (self.now_us - timers.started_us) * u64::from(CLOCK_MHZ);
-        for (model, check) in timers.models.iter_mut().zip(&mut timers.checks) {
-            model.run_until(now, |pulse| check.note_pulse(pulse)).expect("registers that make windows");
+        let counts = timers.last_on.iter_mut().zip(&mut timers.charges);
+        for ((model, check), (last_on, charges)) in timers.models.iter_mut().zip(&mut timers.checks).zip(counts) {
+            let note = |pulse: Pulse| {
+                check.note_pulse(pulse);
+                // A pulse that a look has cut in two is one.
+                *charges += u64::from(*last_on != Some((pulse.electrode, pulse.from)));
+                *last_on = Some((pulse.electrode, pulse.to));
+            };
+            model.run_until(now, note).expect("registers that make windows");
             assert_eq!(check.overlap, 0, "both electrodes on");
             assert!(check.least_guard.is_none_or(|guard| guard >= GUARD_CLOCKS), "guard of {:?}", check.least_guard);
         }
@@ -152,20 +199,26 @@ impl Board for WatchedBoard {
     }
 
     fn switch_outputs_off(&mut self) {
-        self.run();
+        self.note_delivered();
         self.timers = None;
+        self.counted = [0; MAX_CHANNELS];
         self.connected = false;
         self.supply = SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() };
     }
 
-    fn read_sensors(&mut self) -> SensorReadings {
+    fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
+        let average_microamps = self.average_microamps();
         SensorReadings {
             rail_millivolts: self.rails(),
-            average_microamps: if self.wrong & outside::CURRENT != 0 { 5_000 } else { 0 },
+            average_microamps: if self.wrong & outside::CURRENT != 0 { 5_000 } else { average_microamps },
             interlock_closed: self.wrong & outside::INTERLOCK == 0,
             stop_released: self.wrong & outside::STOP == 0,
+            interlock_millivolts: 0,
+            stop_millivolts: 0,
             earth_bonded: self.wrong & outside::EARTH == 0,
+            reference_millivolts: 3_300,
             trip: self.trip.take(),
+            standing_fault: None,
         }
     }
 
@@ -174,9 +227,29 @@ impl Board for WatchedBoard {
         if self.refuses(refuses::TRIPS) { Err((FaultCode::SelfTest, 1)) } else { Ok(()) }
     }
 
+    fn test_over_voltage_inputs(&mut self, charged: [bool; RAILS]) -> Result<(), FaultFinding> {
+        assert!(self.supply.enabled && !self.drives(), "inputs tried while something was driven, or nothing charged");
+        let trips = self.rails().map(|millivolts| millivolts > 25_000);
+        if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_001)) }
+    }
+
+    fn pulse_electrode(&mut self, channel: usize, _electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+        assert!(!self.drives() && !self.supply.enabled, "an electrode tried while something else was live");
+        assert!(self.supply.permitted, "an electrode tried without the permit");
+        assert!(channel < self.info.channels.len(), "an electrode tried that is not there");
+        self.now_us += 2_400;
+        // 6 % less after each of three pulses.
+        Ok(ElectrodePulses { after_first_millivolts: 47_000, after_last_millivolts: 39_000 })
+    }
+
+    fn keep_for_next_start(&mut self, is_live: bool, _credit_ms: [u32; MAX_CHANNELS]) {
+        assert!(is_live || !self.drives(), "the next start would not know that something was driven");
+    }
+
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         let highest = supply.set_point_millivolts.into_iter().max();
         assert!(highest <= Some(MAX_RAIL_MILLIVOLTS), "set to {highest:?} mV");
+        self.note_delivered();
         self.supply = *supply;
     }
 
@@ -190,11 +263,14 @@ impl Board for WatchedBoard {
             started_us: self.now_us,
             models: std::array::from_fn(|_| model.clone()),
             checks: Default::default(),
+            last_on: Default::default(),
+            charges: Default::default(),
         });
         Ok(())
     }
 
     fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+        self.note_delivered();
         assert!(self.timers.is_some() && self.supply.enabled, "electrodes connected without being armed");
         if self.refuses(refuses::CONNECT) {
             return Err(FaultCode::DriveFailed);
@@ -203,7 +279,7 @@ impl Board for WatchedBoard {
         Ok(())
     }
 
-    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
+    fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
         self.run();
         let timers = self.timers.as_mut().expect("timers that run");

@@ -43,6 +43,8 @@ struct Bench {
     ports: [LinkReceiver; LINKS],
     sequence: u16,
     fault: Option<Fault>,
+    /// Faults that were latched so far.
+    fault_number: u32,
     /// When any link last carried anything.
     heard_at_us: u64,
     /// Of the session that was armed last, as the device told it.
@@ -57,10 +59,11 @@ impl Bench {
             ports: std::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8))),
             sequence: 0,
             fault: None,
+            fault_number: 0,
             heard_at_us: 0,
             deadman_ms: DEADMAN_MAX_MS,
         };
-        bench.device.complete_boot(&mut bench.board);
+        bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
         assert!(bench.board.is_off(), "off at the start");
         bench
     }
@@ -101,7 +104,7 @@ impl Bench {
             Step::Trip { code } => self.board.trip = Some((found_by_boards(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
-                    port.discard_partial_frame();
+                    self.device.reopen_link_switching_off_if_armed(&mut self.board, port);
                 }
             }
         }
@@ -120,29 +123,37 @@ impl Bench {
             order.heard || before.is_live() || !state.is_live(),
             "from {before:?} to {state:?} without being asked"
         );
-        let fault = self.latched();
+        let (number, fault) = self.latched();
         // The question is a poll too: silence after a late step may have come to light by it.
         let state = self.device.state();
         assert_eq!(state == SafetyState::Fault, fault.is_some(), "state {state:?} with {fault:?}");
-        let may_clear = order.anything || matches!(order.request, Some(Request::ClearFaults));
+        let may_clear = order.anything
+            || match order.request {
+                Some(Request::ClearFaults) => true,
+                // Only the fault that its sender knows.
+                Some(Request::ClearFault { number }) => number == self.fault_number,
+                _ => false,
+            };
         if let (Some(first), false) = (self.fault, may_clear) {
             let kept = fault.is_some_and(|now| {
                 (now.code, now.detail, now.at_us) == (first.code, first.detail, first.at_us) && now.count >= first.count
             });
-            assert!(kept, "{first:?} became {fault:?}");
+            assert!(kept && number == self.fault_number, "{first:?} became {fault:?}");
         }
-        self.fault = fault;
+        let is_new = fault.is_some() && self.fault.is_none();
+        assert!(number >= self.fault_number + u32::from(is_new), "fault {number} after {}", self.fault_number);
+        (self.fault, self.fault_number) = (fault, number);
     }
 
-    /// Asks for the latched fault on the watcher's link, past the ports.
-    fn latched(&mut self) -> Option<Fault> {
+    /// Asks for the latched fault and its number on the watcher's link, past the ports.
+    fn latched(&mut self) -> (u32, Option<Fault>) {
         let mut body = [0; 8];
-        let body = postcard::to_slice(&Request::Faults, &mut body).expect("one byte");
+        let body = postcard::to_slice(&Request::NumberedFault, &mut body).expect("one byte");
         let frame = Frame { version: CURRENT_VERSION, kind: FrameKind::Request as u8, sequence: 0, body };
         let mut out = [0; MAX_ENCODED];
         let length = self.device.answer_frame(&mut self.board, WATCHER, &frame, &mut out).expect("an answer");
         match decoded(&out[..length]).2 {
-            Reply::Faults { latched } => latched,
+            Reply::NumberedFault { number, latched } => (number, latched),
             other => panic!("{other:?} to a question for faults"),
         }
     }
@@ -218,7 +229,8 @@ impl Bench {
             | (Request::Clock, Reply::Clock { .. })
             | (Request::Details, Reply::Details(_))
             | (Request::Log, Reply::Log { .. })
-            | (Request::Credit, Reply::Credit(_)) => {}
+            | (Request::Credit, Reply::Credit(_))
+            | (Request::NumberedFault, Reply::NumberedFault { .. }) => {}
             (Request::Arm { .. }, Reply::Armed { deadman_ms })
             | (Request::ArmWith { .. }, Reply::ArmedWith { deadman_ms, .. }) => {
                 assert!(state.is_live(), "armed, but {state:?}");
@@ -235,7 +247,11 @@ impl Bench {
                 assert!(state.is_live(), "drives set, but {state:?}");
             }
             (Request::Play { .. }, Reply::Playing) => assert!(state.is_live(), "playing, but {state:?}"),
-            (Request::ClearFaults, Reply::FaultsCleared) => assert_ne!(state, SafetyState::Fault),
+            // What was played already is answered whatever has become of it.
+            (Request::PlayOnce { .. }, Reply::Playing) | (Request::PlayWindows(_), Reply::WindowsPlaying { .. }) => {}
+            (Request::ClearFaults | Request::ClearFault { .. }, Reply::FaultsCleared) => {
+                assert_ne!(state, SafetyState::Fault);
+            }
             (request, reply) => panic!("{reply:?} to {request:?}"),
         }
     }

@@ -4,8 +4,8 @@ use crate::board::outside;
 use crate::decoder::encoded;
 use crate::step::Step;
 use era_shared::link::{FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
-use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request};
-use era_shared::waveform::{Effect, Segment};
+use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request, WindowSequence};
+use era_shared::waveform::{Effect, Electrode, Segment, SequenceWindow};
 
 /// Name of a seed, which is that of its file, and its bytes.
 pub type Seed = (&'static str, Vec<u8>);
@@ -62,6 +62,7 @@ pub fn handle_frame() -> Vec<Seed> {
         ask(0, &Request::Prepare { drives: [drive(0, 200_000), drive(1, 90_000)].into_iter().collect() }),
         ask(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::new_click(3, 2) }),
         ask(0, &Request::Play { channel: 1, start_us: 50_000, effect: every_segment() }),
+        ask(0, &Request::PlayOnce { number: 1, channel: 0, start_us: 0, effect: Effect::new_click(1, 1) }),
         Step::Wait { ms: 200 },
         ask(0, &Request::Play { channel: 0, start_us: 0, effect: every_segment() }),
         ask(0, &set([drive(0, 201_000)])),
@@ -70,6 +71,11 @@ pub fn handle_frame() -> Vec<Seed> {
         ask(0, &Request::Details),
         ask(0, &Request::Log),
         ask(0, &Request::Credit),
+        ask(0, &Request::PlayWindows(windows())),
+        Step::Wait { ms: 200 },
+        ask(0, &Request::PlayWindows(windows())),
+        ask(0, &Request::NumberedFault),
+        ask(0, &Request::ClearFault { number: 0 }),
         ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
         ask(0, &Request::Disarm),
         ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
@@ -107,6 +113,12 @@ pub fn handle_frame() -> Vec<Seed> {
         ask(0, &Request::Arm { deadman_ms: None }),
         Step::Fault { code: 5, detail: 2 },
         Step::Fault { code: 2, detail: 3 },
+        // Of another number, then of its own, twice; and one that is cleared too late to meet its fault.
+        ask(0, &Request::ClearFault { number: 2 }),
+        ask(0, &Request::ClearFault { number: 1 }),
+        ask(0, &Request::ClearFault { number: 1 }),
+        Step::Fault { code: 4, detail: 0 },
+        ask(0, &Request::ClearFault { number: 1 }),
         ask(0, &Request::ClearFaults),
         ARMING,
         Step::Outside { wrong: outside::INTERLOCK },
@@ -231,5 +243,17 @@ fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
         pulse_width_ppm: 500_000,
         phase_microturns: 0,
         voltage_millivolts: 1_000_000,
+    }
+}
+
+/// Two windows on each of two channels.
+fn windows() -> WindowSequence {
+    let window = |channel, electrode| SequenceWindow { channel, electrode, wait_ticks: 2_000, width_ticks: 10_000 };
+    let of = |channel| [window(channel, Electrode::A), window(channel, Electrode::B)];
+    WindowSequence {
+        number: 7,
+        start_us: 0,
+        rail_millivolts: [500_000, 700_000],
+        windows: of(0).into_iter().chain(of(3)).collect(),
     }
 }

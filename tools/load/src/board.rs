@@ -68,19 +68,19 @@ impl Bench {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn without_cable(link: PathBuf) -> Result<Self, Error> {
+    pub fn new_linked_directly_to_board(link: PathBuf) -> Result<Self, Error> {
         let bench = Self { device: start_device()?, link, cable: None };
-        bench.create_link_to(bench.device.port_path())?;
+        bench.create_new_link_to(bench.device.port_path())?;
         Ok(bench)
     }
 
-    fn create_link_to(&self, path: &str) -> Result<(), Error> {
-        std::os::unix::fs::symlink(path, &self.link).map_err(Error::file(&self.link))
+    fn create_new_link_to(&self, path: &str) -> Result<(), Error> {
+        std::os::unix::fs::symlink(path, &self.link).map_err(Error::file_error(&self.link))
     }
 
     /// What the board has seen.
     #[must_use]
-    pub fn control(&self) -> SimControl {
+    pub fn sim_control(&self) -> SimControl {
         self.device.control()
     }
 
@@ -90,7 +90,7 @@ impl Bench {
     /// [`Error::Line`], [`Error::System`].
     pub fn plug_in(&mut self) -> Result<(), Error> {
         let cable = Cable::new(self.device.port_path())?;
-        self.create_link_to(&cable.path)?;
+        self.create_new_link_to(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -101,18 +101,18 @@ impl Bench {
     /// [`Error::System`].
     pub fn unplug(&mut self) -> Result<(), Error> {
         self.cable = None;
-        std::fs::remove_file(&self.link).map_err(Error::file(&self.link))
+        std::fs::remove_file(&self.link).map_err(Error::file_error(&self.link))
     }
 
     /// Lets nothing through in these directions, and everything in the others.
-    pub fn block(&self, directions: &[Direction]) {
+    pub fn set_blocked_directions(&self, directions: &[Direction]) {
         if let Some(cable) = &self.cable {
             cable.lock_disturbance().cut = directions.to_vec();
         }
     }
 
     /// Puts rubbish on the line.
-    pub fn insert_rubbish(&self, rubbish: Rubbish) {
+    pub fn insert_rubbish_into_next_fitting_frame(&self, rubbish: Rubbish) {
         if let Some(cable) = &self.cable {
             cable.lock_disturbance().rubbish = Some(rubbish);
         }
@@ -126,7 +126,7 @@ impl Bench {
 
     /// Takes rubbish back that no frame was long enough for; says whether there was any.
     #[must_use]
-    pub fn withdraw_rubbish(&self) -> bool {
+    pub fn withdraw_pending_rubbish(&self) -> bool {
         self.cable.as_ref().is_some_and(|cable| cable.lock_disturbance().rubbish.take().is_some())
     }
 }
@@ -135,7 +135,7 @@ fn start_device() -> Result<SimDevice, Error> {
     let table = build_plan_table()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID)
-        .map_err(Error::system("no pseudo-terminal"))
+        .map_err(Error::system_error("no pseudo-terminal"))
 }
 
 /// What is planned with for the example plate.
@@ -174,10 +174,12 @@ impl Cable {
         let carry = |direction: Direction, from: TTYPort, to: TTYPort| {
             let disturbance = Arc::clone(&disturbance);
             let carrier = Carrier { direction, at: 0, from, to, disturbance };
-            std::thread::Builder::new().name("cable".into()).spawn(move || carrier.carry_bytes())
+            std::thread::Builder::new()
+                .name("cable".into())
+                .spawn(move || carrier.carry_one_direction_with_disturbances_until_pulled())
         };
-        let down = carry(Direction::ToBoard, host, board).map_err(Error::system("no thread"))?;
-        let up = carry(Direction::ToHost, board_too, host_too).map_err(Error::system("no thread"))?;
+        let down = carry(Direction::ToBoard, host, board).map_err(Error::system_error("no thread"))?;
+        let up = carry(Direction::ToHost, board_too, host_too).map_err(Error::system_error("no thread"))?;
         Ok(Self { path, disturbance, threads: vec![down, up] })
     }
 
@@ -205,7 +207,7 @@ struct Carrier {
 }
 
 impl Carrier {
-    fn carry_bytes(mut self) {
+    fn carry_one_direction_with_disturbances_until_pulled(mut self) {
         let mut buffer = [0_u8; 512];
         loop {
             let read = self.from.read(&mut buffer);
@@ -240,15 +242,23 @@ impl Carrier {
     }
 }
 
-/// The bytes with the rubbish in its place, if that is among them; `at` counts the bytes of the frame that have gone by.
-fn insert_due_rubbish(bytes: &[u8], at: &mut usize, direction: Direction, rubbish: &mut Option<Rubbish>) -> Vec<u8> {
+/// The bytes with the rubbish in its place, if that is among them; `frame_position` counts the bytes of the frame that have gone by.
+fn insert_due_rubbish(
+    bytes: &[u8],
+    frame_position: &mut usize,
+    direction: Direction,
+    rubbish: &mut Option<Rubbish>,
+) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len() + 16);
     for byte in bytes {
-        if rubbish.as_ref().is_some_and(|rubbish| rubbish.direction == direction && rubbish.at == *at && *byte != END) {
+        if rubbish
+            .as_ref()
+            .is_some_and(|rubbish| rubbish.direction == direction && rubbish.at == *frame_position && *byte != END)
+        {
             out.extend(rubbish.take().into_iter().flat_map(|rubbish| rubbish.bytes));
         }
         out.push(*byte);
-        *at = if *byte == END { 0 } else { *at + 1 };
+        *frame_position = if *byte == END { 0 } else { *frame_position + 1 };
     }
     out
 }

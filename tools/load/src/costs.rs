@@ -2,11 +2,11 @@
 
 mod requests;
 
-use crate::daemon::{Daemon, Plan};
+use crate::daemon::{Daemon, DaemonSetup};
 use crate::error::Error;
 use crate::http::{Endpoint, Http};
 use crate::live::Live;
-use crate::times::{Times, format_ms};
+use crate::times::{Times, format_ms_number_or_never};
 use clap::Args;
 use requests::{Case, Sending, list_cases};
 use serde_json::json;
@@ -27,7 +27,7 @@ const LONGEST_STOP_MS: f64 = 10.0;
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// Time for each route, in s
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_number_within_0_001_to_100000)]
     seconds: f64,
     /// The program to start
     #[arg(long, value_name = "FILE", default_value = "target/release/era")]
@@ -35,7 +35,7 @@ pub struct Options {
 }
 
 /// What was measured of one.
-struct Measured {
+struct CaseMeasurement {
     answers: Times,
     /// Answers of each status, in words.
     statuses: String,
@@ -46,9 +46,9 @@ struct Measured {
 ///
 /// # Errors
 /// [`Error::Missed`] if a stop took too long.
-pub fn measure_routes(options: &Options) -> Result<(), Error> {
-    let folder = tempfile::tempdir().map_err(Error::system("no folder"))?;
-    let plan = Plan {
+pub fn measure_route_costs(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system_error("no folder"))?;
+    let plan = DaemonSetup {
         program: options.program.clone(),
         device: "sim".into(),
         socket: folder.path().join("era.sock"),
@@ -65,14 +65,14 @@ pub fn measure_routes(options: &Options) -> Result<(), Error> {
     println!("|---|---|---|---|---|---|");
     let mut missed = Vec::new();
     for case in list_cases() {
-        let measured = measure_case(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
-        let longest = measured.answers.longest_ms().map_or_else(|| "-".into(), format_ms);
+        let measured = measure_case_and_stops_meanwhile(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
+        let longest = measured.answers.longest_ms().map_or_else(|| "-".into(), format_ms_number_or_never);
         println!(
             "| {} | {} | {} | {longest} | {} | {} |",
             case.route,
             case.bound,
             measured.statuses,
-            measured.stops.describe(),
+            measured.stops.describe_median_p99_and_longest(),
             read_peak_memory_mb(&daemon)
         );
         if measured.stops.longest_ms().is_none_or(|longest| longest > LONGEST_STOP_MS) {
@@ -85,16 +85,18 @@ pub fn measure_routes(options: &Options) -> Result<(), Error> {
     Err(Error::Missed(format!("a stop within {LONGEST_STOP_MS} ms beside {}", missed.join(", "))))
 }
 
-fn measure_case(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Error> {
+fn measure_case_and_stops_meanwhile(daemon: &Daemon, case: &Case, time: Duration) -> Result<CaseMeasurement, Error> {
     let until = Instant::now() + time;
     let mut stops = Times::default();
     let asked = std::thread::scope(|threads| {
-        let asking: Vec<_> = (0..CONNECTIONS).map(|_| threads.spawn(|| measure_answers(daemon, case, until))).collect();
+        let asking: Vec<_> = (0..CONNECTIONS)
+            .map(|_| threads.spawn(|| measure_answer_times_and_statuses(daemon, case, until)))
+            .collect();
         let mut http = Http::new(Endpoint::Tcp(daemon.address));
         while Instant::now() < until {
             let begun = Instant::now();
             match http.post("/v1/stop", "") {
-                Ok(answer) if answer.status == 200 => stops.add(begun.elapsed()),
+                Ok(answer) if answer.status == 200 => stops.add_time(begun.elapsed()),
                 _ => stops.add_missing(),
             }
             std::thread::sleep(BETWEEN_STOPS);
@@ -111,11 +113,15 @@ fn measure_case(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured
         .into_iter()
         .map(|(status, count)| if status == 0 { format!("{count} hung up") } else { format!("{count} x {status}") })
         .collect();
-    Ok(Measured { answers, statuses: statuses.join(", "), stops })
+    Ok(CaseMeasurement { answers, statuses: statuses.join(", "), stops })
 }
 
 /// Times of answers, and their statuses; 0 where nobody waited for one.
-fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Times, Vec<u16>), String> {
+fn measure_answer_times_and_statuses(
+    daemon: &Daemon,
+    case: &Case,
+    until: Instant,
+) -> Result<(Times, Vec<u16>), String> {
     let (mut times, mut statuses) = (Times::default(), Vec::new());
     let mut http = Http::new(Endpoint::Tcp(daemon.address));
     let mut live = None;
@@ -144,7 +150,7 @@ fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Time
             }
             _ => match http.send_request(method, path, None, body) {
                 Ok(answer) => {
-                    times.add(begun.elapsed());
+                    times.add_time(begun.elapsed());
                     statuses.push(answer.status);
                 }
                 Err(error) => return Err(format!("{method} {path}: {error}")),

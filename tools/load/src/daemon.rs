@@ -16,7 +16,7 @@ const KEPT_LINES: usize = 40;
 
 /// How a daemon is started.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct DaemonSetup {
     /// The program.
     pub program: PathBuf,
     /// The serial port, or a link to it.
@@ -40,7 +40,7 @@ pub struct Daemon {
 
 /// What a process takes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Usage {
+pub struct MemoryThreadsAndHandles {
     /// Resident memory in kB.
     pub memory_kb: u64,
     /// Threads.
@@ -54,23 +54,23 @@ impl Daemon {
     ///
     /// # Errors
     /// [`Error::System`], [`Error::NoDaemon`].
-    pub fn start(plan: &Plan) -> Result<Self, Error> {
-        let mut command = Command::new(&plan.program);
+    pub fn start(setup: &DaemonSetup) -> Result<Self, Error> {
+        let mut command = Command::new(&setup.program);
         command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
-        if plan.clears_silence {
+        if setup.clears_silence {
             command.arg("--clear-silence");
         }
         // There is no person: the next touch arms a board that was away.
         command.args(["--after-outage", "touch"]);
-        command.arg("--device").arg(&plan.device).arg("--socket").arg(&plan.socket);
-        command.env("ERA_CACHE_DIR", &plan.cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1");
+        command.arg("--device").arg(&setup.device).arg("--socket").arg(&setup.socket);
+        command.env("ERA_CACHE_DIR", &setup.cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1");
         let shown = format!("{command:?}");
         let mut child = command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(Error::system(format!("cannot run {}", plan.program.display())))?;
+            .map_err(Error::system_error(format!("cannot run {}", setup.program.display())))?;
         let log = Arc::new(Mutex::new(Vec::new()));
         let (found, address) = mpsc::channel();
         if let Some(stderr) = child.stderr.take() {
@@ -126,11 +126,11 @@ impl Daemon {
     ///
     /// # Errors
     /// [`Error::System`].
-    pub fn set_paused(&self, held: bool) -> Result<(), Error> {
-        let signal = if held { "-STOP" } else { "-CONT" };
+    pub fn set_paused(&self, is_paused: bool) -> Result<(), Error> {
+        let signal = if is_paused { "-STOP" } else { "-CONT" };
         let status = Command::new("kill").args([signal, &self.process_id().to_string()]).status();
         let failed = "cannot send a signal to the daemon";
-        match status.map_err(Error::system(failed))?.success() {
+        match status.map_err(Error::system_error(failed))?.success() {
             true => Ok(()),
             false => Err(Error::Answer(failed.into())),
         }
@@ -144,8 +144,8 @@ impl Daemon {
 
     /// What it takes now.
     #[must_use]
-    pub fn read_usage(&self) -> Usage {
-        read_usage_of(self.process_id())
+    pub fn read_memory_threads_and_handles(&self) -> MemoryThreadsAndHandles {
+        read_process_memory_threads_and_handles(self.process_id())
     }
 
     /// Waits until it has its device.
@@ -177,14 +177,14 @@ fn parse_address(line: &str) -> Option<SocketAddr> {
     rest.split([',', ' ']).next()?.parse().ok()
 }
 
-fn read_usage_of(id: u32) -> Usage {
-    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+fn read_process_memory_threads_and_handles(process_id: u32) -> MemoryThreadsAndHandles {
+    let status = std::fs::read_to_string(format!("/proc/{process_id}/status")).unwrap_or_default();
     let number = |name: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix(name));
         line.and_then(|rest| rest.split_whitespace().next()).and_then(|word| word.parse().ok()).unwrap_or(0)
     };
-    let handles = std::fs::read_dir(Path::new(&format!("/proc/{id}/fd"))).map_or(0, Iterator::count);
-    Usage { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
+    let handles = std::fs::read_dir(Path::new(&format!("/proc/{process_id}/fd"))).map_or(0, Iterator::count);
+    MemoryThreadsAndHandles { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
 }
 
 /// Ticks of `/proc` in a second: USER_HZ, 100 wherever Linux runs.
@@ -212,14 +212,14 @@ mod tests {
                 shell.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
                 let mut shell = shell.spawn().unwrap();
                 shell.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
-                let found = read_usage_of(shell.id());
+                let found = read_process_memory_threads_and_handles(shell.id());
                 shell.kill().unwrap();
                 shell.wait().unwrap();
                 found
             });
         assert_eq!((found.threads, found.handles), (1, plain.handles + 3));
         assert!((100..100_000).contains(&found.memory_kb), "{found:?}");
-        let own = read_usage_of(std::process::id());
+        let own = read_process_memory_threads_and_handles(std::process::id());
         assert!(own.threads > 1 && own.memory_kb > found.memory_kb, "{own:?}");
     }
 

@@ -41,13 +41,13 @@ pub enum Error {
 
 impl Error {
     /// The system refused `what`.
-    pub fn system(what: impl Into<String>) -> impl FnOnce(io::Error) -> Self {
+    pub fn system_error(what: impl Into<String>) -> impl FnOnce(io::Error) -> Self {
         let what = what.into();
         move |source| Self::System { what, source }
     }
 
     /// Something about the file at `path`.
-    pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        Self::system(path.display().to_string())
+    pub fn file_error(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        Self::system_error(path.display().to_string())
     }
 }

@@ -92,12 +92,19 @@ impl Http {
     ///
     /// # Errors
     /// As the system has it, or [`ErrorKind::InvalidData`]; whether the daemon has heard of the request is not known.
-    pub fn send_request(&mut self, method: &str, path: &str, name: Option<&str>, body: &str) -> io::Result<Answer> {
+    pub fn send_request(
+        &mut self,
+        method: &str,
+        path: &str,
+        request_id: Option<&str>,
+        body: &str,
+    ) -> io::Result<Answer> {
         let result = self.ensure_connected().and_then(|stream| {
-            let name = name.map(|name| format!("X-Request-Id: {name}\r\n")).unwrap_or_default();
+            let request_id = request_id.map(|request_id| format!("X-Request-Id: {request_id}\r\n")).unwrap_or_default();
             let length = body.len();
-            let head =
-                format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\n{name}Content-Type: application/json\r\n");
+            let head = format!(
+                "{method} {path} HTTP/1.1\r\nHost: localhost\r\n{request_id}Content-Type: application/json\r\n"
+            );
             stream.get_mut().write_all(format!("{head}Content-Length: {length}\r\n\r\n{body}").as_bytes())?;
             read_answer(stream)
         });

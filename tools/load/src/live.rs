@@ -12,13 +12,13 @@ use tungstenite::{Message, WebSocket};
 pub struct Live(WebSocket<TcpStream>);
 
 impl Live {
-    /// Opens one that is told what `send` names.
+    /// Opens one that is told what `message_kinds` names.
     ///
     /// # Errors
     /// What went wrong, for people.
-    pub fn open(address: SocketAddr, send: &str) -> Result<Self, String> {
+    pub fn open(address: SocketAddr, message_kinds: &str) -> Result<Self, String> {
         let stream = connect_tcp(address).map_err(|error| error.to_string())?;
-        let (socket, _) = tungstenite::client(format!("ws://{address}/v1/live?send={send}"), stream)
+        let (socket, _) = tungstenite::client(format!("ws://{address}/v1/live?send={message_kinds}"), stream)
             .map_err(|error| error.to_string())?;
         Ok(Self(socket))
     }
@@ -56,9 +56,9 @@ impl Live {
     ///
     /// # Errors
     /// What went wrong, for people.
-    pub fn read_until(&mut self, when: Instant) -> Result<Option<Value>, String> {
+    pub fn read_until(&mut self, until: Instant) -> Result<Option<Value>, String> {
         use std::io::ErrorKind::{TimedOut, WouldBlock};
-        let left = when.saturating_duration_since(Instant::now());
+        let left = until.saturating_duration_since(Instant::now());
         // None at all would mean no end.
         let left = left.max(Duration::from_micros(1));
         self.0.get_ref().set_read_timeout(Some(left)).map_err(|error| error.to_string())?;
@@ -71,13 +71,13 @@ impl Live {
         }
     }
 
-    /// Whether the daemon has ended it, read until nothing comes for `quiet`, but no longer than for `most` messages.
-    pub fn is_ended(&mut self, quiet: Duration, most: usize) -> bool {
+    /// Whether the daemon has ended it, read until nothing comes for `quiet`, but no longer than for `max_messages` messages.
+    pub fn is_closed_by_daemon(&mut self, quiet: Duration, max_messages: usize) -> bool {
         // A socket that cannot be set up is none.
         if self.0.get_ref().set_read_timeout(Some(quiet)).is_err() {
             return true;
         }
-        for _ in 0..most {
+        for _ in 0..max_messages {
             match self.0.read() {
                 Ok(Message::Close(_)) => return true,
                 Ok(_) => {}

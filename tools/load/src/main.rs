@@ -35,7 +35,7 @@ enum Command {
 }
 
 /// A number of times, or of touches a second, that can be waited for.
-fn parse_positive(text: &str) -> Result<f64, String> {
+fn parse_number_within_0_001_to_100000(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
     if (1e-3..=1e5).contains(&number) { Ok(number) } else { Err("must be 0.001 to 100000".into()) }
 }
@@ -43,8 +43,8 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Soak(options) => soak::run_soak(&options),
-        Command::Daemon(options) => pace::measure_pace(&options),
-        Command::Costs(options) => costs::measure_routes(&options),
+        Command::Daemon(options) => pace::measure_touch_latency(&options),
+        Command::Costs(options) => costs::measure_route_costs(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

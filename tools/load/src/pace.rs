@@ -9,27 +9,27 @@ mod over_live;
 mod touches;
 
 use crate::board::Bench;
-use crate::daemon::{Daemon, Plan};
+use crate::daemon::{Daemon, DaemonSetup};
 use crate::error::Error;
 use crate::http::{Endpoint, Http, find_metric};
 use crate::times::Times;
-use aims::Row;
+use aims::LoadRow;
 use clap::Args;
 use echo::Echo;
 use era::device::sim::SimControl;
-use measured::{Measured, measure_round_trips};
+use measured::{TouchStatistics, collect_due_to_end_times_refused_as_missing};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use touches::Touch;
 
-/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::quantile_ms`]), of 200 the second longest, and of
+/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::percentile_counting_missing_as_infinite_ms`]), of 200 the second longest, and of
 /// so many the third, so that two touches that meet one short disturbance do not decide.
 const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
-/// How often a load is put on at most where the machine was disturbed ([`Row::describe_disturbance`]). The last try counts, disturbed or not.
+/// How often a load is put on at most where the machine was disturbed ([`LoadRow::describe_disturbance`]). The last try counts, disturbed or not.
 const TRIES: usize = 3;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
@@ -64,10 +64,10 @@ const PLACES: u32 = 1920 * 8;
 pub struct Options {
     /// Touches a second
     #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = [1.0, 100.0, 1000.0],
-        value_parser = crate::parse_positive)]
+        value_parser = crate::parse_number_within_0_001_to_100000)]
     rates: Vec<f64>,
     /// Time for each, in s
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_number_within_0_001_to_100000)]
     seconds: f64,
     /// The program to start
     #[arg(long, value_name = "FILE", default_value = "target/release/era")]
@@ -86,7 +86,7 @@ struct Pace {
     from: Instant,
     every: Duration,
     until: Instant,
-    /// Number of the first touch's place ([`x_px`]).
+    /// Number of the first touch's place ([`distinct_x_px_of_touch`]).
     first: u32,
 }
 
@@ -105,9 +105,9 @@ impl Pace {
         }
     }
 
-    /// Place of the `k`th touch.
-    fn x_px(&self, k: u32) -> f64 {
-        x_px(self.first.wrapping_add(k))
+    /// Place of the `touch_number`th touch.
+    fn touch_x_px(&self, touch_number: u32) -> f64 {
+        distinct_x_px_of_touch(self.first.wrapping_add(touch_number))
     }
 
     /// Sleeps until a touch is due.
@@ -119,25 +119,25 @@ impl Pace {
         }
     }
 
-    /// When the `k`th is due; `None` if that is beyond the end.
-    fn due_time(&self, k: u32) -> Option<Instant> {
-        Some(self.from + self.every * k).filter(|due| *due < self.until)
+    /// When the `touch_number`th is due; `None` if that is beyond the end.
+    fn due_time_unless_past_end(&self, touch_number: u32) -> Option<Instant> {
+        Some(self.from + self.every * touch_number).filter(|due| *due < self.until)
     }
 }
 
 /// A place of its own for every touch, in eighths of a pixel, which every reader of numbers gets right to the last bit.
-fn x_px(k: u32) -> f64 {
-    f64::from(k.wrapping_mul(7919) % PLACES) / 8.0
+fn distinct_x_px_of_touch(touch_number: u32) -> f64 {
+    f64::from(touch_number.wrapping_mul(7919) % PLACES) / 8.0
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Entry {
+enum Transport {
     Tcp,
     Live,
     Unix,
 }
 
-impl Entry {
+impl Transport {
     const ALL: [Self; 3] = [Self::Tcp, Self::Live, Self::Unix];
 
     const fn name(self) -> &'static str {
@@ -160,12 +160,12 @@ struct Measurement {
 ///
 /// # Errors
 /// [`Error::Missed`] if the daemon does not do what is asked of it, and what keeps that from being measured.
-pub fn measure_pace(options: &Options) -> Result<(), Error> {
-    let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
+pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
     let link = folder.path().join("board");
-    let bench = Bench::without_cable(link.clone())?;
+    let bench = Bench::new_linked_directly_to_board(link.clone())?;
     let socket = folder.path().join("era.sock");
-    let plan = Plan {
+    let plan = DaemonSetup {
         program: options.program.clone(),
         device: link,
         socket: socket.clone(),
@@ -175,7 +175,7 @@ pub fn measure_pace(options: &Options) -> Result<(), Error> {
     let echo = Echo::start(folder.path().join("echo.sock"))?;
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
-    let measurement = Measurement { daemon, socket, control: bench.control(), echo };
+    let measurement = Measurement { daemon, socket, control: bench.sim_control(), echo };
     println!(
         "Times are p50 / p99 / longest from when a touch was due, on {} processors, the simulated board among them",
         count_processors()
@@ -195,13 +195,13 @@ pub fn measure_pace(options: &Options) -> Result<(), Error> {
         "stop to the board"
     );
     let mut rows = Vec::new();
-    for entry in Entry::ALL {
+    for transport in Transport::ALL {
         for rate in &options.rates {
-            rows.push(measure_undisturbed(|| {
-                measurement.measure_row(entry, *rate, options.seconds.max(FEWEST / rate))
+            rows.push(repeat_measurement_until_undisturbed(|| {
+                measurement.measure_load_row(transport, *rate, options.seconds.max(FEWEST / rate))
             })?);
         }
-        measurement.measure_fresh_connections(entry)?;
+        measurement.measure_and_print_touches_on_fresh_connections(transport)?;
     }
     let text = measurement.fetch_metrics()?;
     let ms = |name: &str| find_metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
@@ -216,7 +216,8 @@ pub fn measure_pace(options: &Options) -> Result<(), Error> {
         count("era_device_outages_total"),
         count("era_device_faults_total")
     );
-    let (table, missed) = aims::judge_rows(&rows, measurement.control.self_observations().silence);
+    let (table, missed) =
+        aims::format_aims_and_list_missed(&rows, measurement.control.observations_since_start().silence);
     println!("\n{table}");
     if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join("; "))) }
 }
@@ -226,95 +227,107 @@ fn count_processors() -> usize {
 }
 
 impl Measurement {
-    fn send_touches(&self, entry: Entry, rate: f64, pace: Pace) -> Result<Vec<Touch>, Error> {
-        match entry {
-            Entry::Tcp => Ok(over_http::send_touches(&Endpoint::Tcp(self.daemon.address), pace, rate)),
-            Entry::Unix => Ok(over_http::send_touches(&Endpoint::Unix(self.socket.clone()), pace, rate)),
-            Entry::Live => over_live::send_touches(self.daemon.address, pace).map_err(Error::Answer),
+    fn send_touches(&self, transport: Transport, rate: f64, pace: Pace) -> Result<Vec<Touch>, Error> {
+        match transport {
+            Transport::Tcp => Ok(over_http::send_touches_over_http(&Endpoint::Tcp(self.daemon.address), pace, rate)),
+            Transport::Unix => Ok(over_http::send_touches_over_http(&Endpoint::Unix(self.socket.clone()), pace, rate)),
+            Transport::Live => over_live::send_touches_over_live(self.daemon.address, pace).map_err(Error::Answer),
         }
     }
 
     /// The same load on a server that does nothing.
-    fn measure_echo(&self, entry: Entry, rate: f64, pace: Pace) -> Result<Times, Error> {
-        let touches = match entry {
-            Entry::Tcp => over_http::send_touches(&self.echo.tcp, pace, rate),
-            Entry::Unix => over_http::send_touches(&self.echo.unix, pace, rate),
-            Entry::Live => over_live::send_touches(self.echo.live, pace).map_err(Error::Answer)?,
+    fn measure_echo_round_trips(&self, transport: Transport, rate: f64, pace: Pace) -> Result<Times, Error> {
+        let touches = match transport {
+            Transport::Tcp => over_http::send_touches_over_http(&self.echo.tcp, pace, rate),
+            Transport::Unix => over_http::send_touches_over_http(&self.echo.unix, pace, rate),
+            Transport::Live => over_live::send_touches_over_live(self.echo.live, pace).map_err(Error::Answer)?,
         };
-        Ok(measure_round_trips(&touches))
+        Ok(collect_due_to_end_times_refused_as_missing(&touches))
     }
 
     /// A load, and the same on the echo: beside it where touches are seldom, before it where they are not.
-    fn measure_with_echo(&self, entry: Entry, rate: f64, seconds: f64) -> Result<(Vec<Touch>, Times), Error> {
+    fn measure_touches_and_echo(
+        &self,
+        transport: Transport,
+        rate: f64,
+        seconds: f64,
+    ) -> Result<(Vec<Touch>, Times), Error> {
         if rate > BESIDE {
-            let echo = self.measure_echo(entry, rate, Pace::new(rate, seconds))?;
-            return Ok((self.send_touches(entry, rate, Pace::new(rate, seconds))?, echo));
+            let echo = self.measure_echo_round_trips(transport, rate, Pace::new(rate, seconds))?;
+            return Ok((self.send_touches(transport, rate, Pace::new(rate, seconds))?, echo));
         }
         let pace = Pace::new(rate, seconds);
         let between = Pace::from(pace.from + pace.every / 2, rate, seconds);
         std::thread::scope(|threads| {
-            let echo = threads.spawn(move || self.measure_echo(entry, rate, between));
-            let touches = self.send_touches(entry, rate, pace)?;
+            let echo = threads.spawn(move || self.measure_echo_round_trips(transport, rate, between));
+            let touches = self.send_touches(transport, rate, pace)?;
             let echo = echo.join().map_err(|_| Error::Answer("the load on the echo did not end".into()))?;
             Ok((touches, echo?))
         })
     }
 
-    fn measure_row(&self, entry: Entry, rate: f64, seconds: f64) -> Result<Row, Error> {
+    fn measure_load_row(&self, transport: Transport, rate: f64, seconds: f64) -> Result<LoadRow, Error> {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
         self.control.record_drive_frames(most);
         let (begun, worked_s) = (Instant::now(), self.daemon.processor_time_s());
-        let (touches, echo) = self.measure_with_echo(entry, rate, seconds)?;
+        let (touches, echo) = self.measure_touches_and_echo(transport, rate, seconds)?;
         let worked_s = worked_s.zip(self.daemon.processor_time_s()).map(|(before, after)| after - before);
         let worked = worked_s.map(|worked_s| worked_s / begun.elapsed().as_secs_f64());
-        let measured = Measured::from_touches(&touches, &self.control.take_recorded_frames()).map_err(Error::Answer)?;
+        let measured = TouchStatistics::from_touches(&touches, &self.control.stop_recording_and_take_recorded_frames())
+            .map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
             let pace = Pace::new(rate, seconds);
-            let load = threads.spawn(move || self.send_touches(entry, rate, pace).map(|_| ()));
-            let stops = self.measure_stops(entry, pace.from);
+            let load = threads.spawn(move || self.send_touches(transport, rate, pace).map(|_| ()));
+            let stops = self.measure_stop_times_to_board(transport, pace.from);
             load.join().unwrap_or(Ok(())).and(stops)
         })?;
         println!(
             "{:<18} {rate:>6} {:>6} {:>6} {:>9} {:>7} {:>27} {:>27} {:>27} {:>27} {:>27}",
-            entry.name(),
+            transport.name(),
             measured.sent,
             measured.count_driven(),
             measured.overtaken.len(),
             measured.refused.values().sum::<usize>(),
-            measured.frame.describe(),
-            echo.describe(),
-            measured.answer.describe(),
-            measured.overtaken.describe(),
-            stops.describe()
+            measured.frame.describe_median_p99_and_longest(),
+            echo.describe_median_p99_and_longest(),
+            measured.answer.describe_median_p99_and_longest(),
+            measured.overtaken.describe_median_p99_and_longest(),
+            stops.describe_median_p99_and_longest()
         );
         let busy = worked.map(|worked| format!("the daemon took {:.1} % of a processor", worked * 1e2));
-        for what in measured.describe_missing().into_iter().chain(busy).chain(measured.describe_late(LATE_MS)) {
+        for what in measured
+            .describe_refused_and_unseen_touches()
+            .into_iter()
+            .chain(busy)
+            .chain(measured.list_slowest_touches_over_limit(LATE_MS))
+        {
             println!("  {what}");
         }
-        Ok(Row { entry, rate, measured, stops, echo, tries: 1 })
+        Ok(LoadRow { transport, rate, measured, stops, echo, tries: 1 })
     }
 
     /// Measures touches over connections that are opened when they are due, to the frame's last byte, and prints that.
-    fn measure_fresh_connections(&self, entry: Entry) -> Result<(), Error> {
+    fn measure_and_print_touches_on_fresh_connections(&self, transport: Transport) -> Result<(), Error> {
         let rate = BETWEEN_FRESH.as_secs_f64().recip();
         let mut times = Times::default();
         for first in 0..FRESH {
             std::thread::sleep(BETWEEN_FRESH);
             self.control.record_drive_frames(FRAMES_PER_TOUCH);
             let touches =
-                self.send_touches(entry, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
+                self.send_touches(transport, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
             let measured =
-                Measured::from_touches(&touches, &self.control.take_recorded_frames()).map_err(Error::Answer)?;
-            for what in measured.describe_missing() {
+                TouchStatistics::from_touches(&touches, &self.control.stop_recording_and_take_recorded_frames())
+                    .map_err(Error::Answer)?;
+            for what in measured.describe_refused_and_unseen_touches() {
                 println!("  {what}");
             }
             times.merge(measured.frame);
         }
-        let (count, told) = (times.len(), times.describe());
+        let (count, told) = (times.len(), times.describe_median_p99_and_longest());
         println!(
             "  {count} touches, each over a connection of its own, from before it is opened to the frame's last byte: {told}"
         );
@@ -322,17 +335,17 @@ impl Measurement {
     }
 
     /// Stops the device again and again, over a connection of its own, from when the load does; from when each was due.
-    fn measure_stops(&self, entry: Entry, begun: Instant) -> Result<Times, Error> {
-        let place = match entry {
-            Entry::Unix => Endpoint::Unix(self.socket.clone()),
+    fn measure_stop_times_to_board(&self, transport: Transport, begun: Instant) -> Result<Times, Error> {
+        let place = match transport {
+            Transport::Unix => Endpoint::Unix(self.socket.clone()),
             _ => Endpoint::Tcp(self.daemon.address),
         };
         let (mut times, mut http) = (Times::default(), Http::new(place));
         for number in 1..=STOPS {
             let due = begun + BETWEEN_STOPS * number;
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            let received = || self.control.stop_received_at().filter(|at| *at >= due);
-            let answer = http.post("/v1/stop", "").map_err(Error::system("a stop was not answered"))?;
+            let received = || self.control.last_stop_received_at().filter(|at| *at >= due);
+            let answer = http.post("/v1/stop", "").map_err(Error::system_error("a stop was not answered"))?;
             while received().is_none() && due.elapsed() < STOP {
                 std::thread::sleep(LOOK);
             }
@@ -342,37 +355,37 @@ impl Measurement {
                     answer.status
                 )));
             };
-            times.add(at - due);
+            times.add_time(at - due);
         }
         Ok(times)
     }
 
     fn fetch_metrics(&self) -> Result<String, Error> {
         let answer = Http::new(Endpoint::Tcp(self.daemon.address)).get("/metrics");
-        let answer = answer.map_err(Error::system("no metrics"))?;
+        let answer = answer.map_err(Error::system_error("no metrics"))?;
         Ok(String::from_utf8_lossy(&answer.body).into_owned())
     }
 }
 
 /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
-fn measure_undisturbed(mut measure: impl FnMut() -> Result<Row, Error>) -> Result<Row, Error> {
+fn repeat_measurement_until_undisturbed(mut measure: impl FnMut() -> Result<LoadRow, Error>) -> Result<LoadRow, Error> {
     let mut row = measure()?;
     while let Some(why) = row.describe_disturbance() {
         println!("  {why}");
-        if row.tries >= TRIES || !row.is_whole() {
+        if row.tries >= TRIES || !row.was_every_touch_driven_or_overtaken() {
             break;
         }
         let (stops, tries) = (row.stops, row.tries + 1);
-        row = Row { tries, ..measure()? };
+        row = LoadRow { tries, ..measure()? };
         row.stops.merge(stops);
     }
     Ok(row)
 }
 
 /// The next touch among those of all connections.
-fn take_next_touch(counter: &AtomicU32, pace: Pace) -> Option<(u32, Instant)> {
+fn take_number_and_due_time_of_next_touch(counter: &AtomicU32, pace: Pace) -> Option<(u32, Instant)> {
     let k = counter.fetch_add(1, Ordering::Relaxed);
-    pace.due_time(k).map(|due| (k, due))
+    pace.due_time_unless_past_end(k).map(|due| (k, due))
 }
 
 #[cfg(test)]
@@ -383,7 +396,7 @@ mod tests {
     fn touches_are_due_evenly_until_the_end() {
         let pace = Pace::new(100.0, 0.045);
         let counter = AtomicU32::new(0);
-        let due: Vec<_> = std::iter::from_fn(|| take_next_touch(&counter, pace)).collect();
+        let due: Vec<_> = std::iter::from_fn(|| take_number_and_due_time_of_next_touch(&counter, pace)).collect();
         assert_eq!(due.len(), 5);
         assert_eq!(due[3].1 - pace.from, Duration::from_millis(30));
     }

@@ -17,7 +17,7 @@ pub struct Options {
         trailing_var_arg = true,
         allow_hyphen_values = true,
         required = true,
-        value_name = "model|planner|study|start|daemon|costs ..."
+        value_name = "model|planner|study|feel|start|daemon|costs ..."
     )]
     arguments: Vec<OsString>,
 }
@@ -28,7 +28,7 @@ pub struct Options {
 /// [`Error::Start`], [`Error::Failed`].
 pub fn run_benchmark(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
-        return crate::start::measure_starts(&options.arguments);
+        return crate::start::measure_daemon_starts(&options.arguments);
     }
     if options.arguments.first().is_some_and(|what| what == "daemon" || what == "costs") {
         return crate::load::run_load(&options.arguments);

@@ -78,7 +78,7 @@ impl Budget {
 
 /// What was used of one budget.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct BudgetRow {
     /// As in "flash".
     pub name: &'static str,
     /// As in "bytes".
@@ -89,30 +89,30 @@ pub struct Row {
     pub budget: f64,
 }
 
-impl Row {
+impl BudgetRow {
     /// A row in bytes.
-    pub fn bytes(name: &'static str, used: u32, budget: u32) -> Self {
+    pub fn in_bytes(name: &'static str, used: u32, budget: u32) -> Self {
         Self { name, unit: "bytes", used: f64::from(used), budget: f64::from(budget) }
     }
 
     /// The row of the processor's load with four channels running, in per cent.
-    pub fn cpu(used_percent: f64, budget: &Budget) -> Self {
+    pub fn of_processor_load(used_percent: f64, budget: &Budget) -> Self {
         Self { name: "CPU", unit: "%", used: used_percent, budget: budget.cpu.percent }
     }
 
     /// Whether it is within its budget. What is not a number is not.
-    pub fn holds(&self) -> bool {
+    pub fn is_within_budget(&self) -> bool {
         self.used <= self.budget
     }
 }
 
-impl fmt::Display for Row {
+impl fmt::Display for BudgetRow {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, unit, used, budget } = self;
         let digits = if *unit == "%" { 1 } else { 0 };
         let margin = 100.0 * (budget - used) / budget;
         write!(out, "{name:<8}{used:>9.digits$} of {budget:>8.digits$} {unit:<6}margin {margin:>5.1} %")?;
-        if self.holds() { Ok(()) } else { write!(out, "  OVER THE BUDGET") }
+        if self.is_within_budget() { Ok(()) } else { write!(out, "  OVER THE BUDGET") }
     }
 }
 
@@ -120,11 +120,11 @@ impl fmt::Display for Row {
 ///
 /// # Errors
 /// [`Error::OverBudget`] with the names of those over it.
-pub fn judge_rows(rows: &[Row]) -> Result<(), Error> {
+pub fn print_and_check_rows(rows: &[BudgetRow]) -> Result<(), Error> {
     for row in rows {
         println!("{row}");
     }
-    let over: Vec<&str> = rows.iter().filter(|row| !row.holds()).map(|row| row.name).collect();
+    let over: Vec<&str> = rows.iter().filter(|row| !row.is_within_budget()).map(|row| row.name).collect();
     if over.is_empty() { Ok(()) } else { Err(Error::OverBudget(over.join(", "))) }
 }
 
@@ -134,12 +134,12 @@ mod tests {
 
     #[test]
     fn what_is_over_its_budget_fails_by_name() {
-        let within = Row::bytes("flash", 100, 100);
-        let over = Row::bytes("stack", 101, 100);
-        assert!(judge_rows(std::slice::from_ref(&within)).is_ok());
-        let error = judge_rows(&[within, over]).expect_err("one is over").to_string();
+        let within = BudgetRow::in_bytes("flash", 100, 100);
+        let over = BudgetRow::in_bytes("stack", 101, 100);
+        assert!(print_and_check_rows(std::slice::from_ref(&within)).is_ok());
+        let error = print_and_check_rows(&[within, over]).expect_err("one is over").to_string();
         assert!(error.contains("stack") && !error.contains("flash"), "{error}");
-        assert!(!Row { used: f64::NAN, ..Row::bytes("CPU", 0, 1) }.holds());
+        assert!(!BudgetRow { used: f64::NAN, ..BudgetRow::in_bytes("CPU", 0, 1) }.is_within_budget());
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use crate::error::Error;
 use crate::process::run_command;
 use crate::{
-    crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, python, repository_root, setup, waveforms,
+    crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, mutate, python, repository_root, setup,
+    waveforms,
 };
 use std::path::Path;
 use std::process::Command;
@@ -17,54 +18,55 @@ const FUZZ_S: u64 = 40;
 ///
 /// # Errors
 /// [`Error::Missing`] before anything is run, or the first step that failed.
-pub fn run_tests() -> Result<(), Error> {
-    setup::ensure("cargo xtask test", setup::TEST)?;
+pub fn run_all_tests() -> Result<(), Error> {
+    setup::install_missing_needs("cargo xtask test", setup::TEST)?;
     run_test_steps()
 }
 
 fn run_test_steps() -> Result<(), Error> {
     let root = repository_root()?;
-    run_step("firmware image", || firmware::build_and_report(&firmware::Options::default()))?;
+    run_step("firmware image", || firmware::build_image_and_report(&firmware::Options::default()))?;
     run_step("emulator", || {
         run_command(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
     })?;
     run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
-    run_step("report from the emulated board", emulate::test_emulator)?;
+    run_step("report from the emulated board", emulate::run_emulator_self_test_and_board_report)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.
     run_step("tests", || run_command(cargo_command(&root).args(["test", "--workspace", "--release"])))?;
-    run_step("Python package", python::run_tests)?;
+    run_step("planted mistakes", || mutate::plant_mistakes(&mutate::Options::some(10)))?;
+    run_step("Python package", python::run_package_tests)?;
     run_step("advisories", dependencies::check_advisories_if_present)?;
     run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;
-    run_step("independent reference: random scenes", crosscheck::compare_some_scenes)
+    run_step("independent reference: random scenes", crosscheck::compare_random_scenes)
 }
 
-/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_all_tests()`].
 ///
 /// # Errors
-/// As [`run_tests()`].
-pub fn run_ci() -> Result<(), Error> {
-    setup::ensure("cargo xtask ci", setup::CI)?;
+/// As [`run_all_tests()`].
+pub fn run_ci_checks() -> Result<(), Error> {
+    setup::install_missing_needs("cargo xtask ci", setup::CI)?;
     let root = repository_root()?;
     let firmware = root.join("firmware");
     run_step("formatting", || {
         run_command(cargo_command(&root).args(["fmt", "--all", "--check"]))?;
         run_command(cargo_command(&firmware).args(["fmt", "--check"]))
     })?;
-    run_step("firmware image, budgets", || firmware::build_and_report(&firmware::Options::with_budget()))?;
+    run_step("firmware image, budgets", || firmware::build_image_and_report(&firmware::Options::with_budget()))?;
     run_step("lints", || {
         run_command(cargo_command(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
         image::run_firmware_cargo("clippy", &["--", "-D", "warnings"])
     })?;
-    run_step("circles of imports", house::run_survey)?;
+    run_step("circles of imports", house::survey_crates_failing_on_import_cycles)?;
     run_step("documentation", || {
         run_command(cargo_command(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;
-    run_step("dependencies", dependencies::check_licences)?;
+    run_step("dependencies", dependencies::check_licences_bans_and_sources)?;
     let planted = ["test", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
     run_step("advisories: planted ones are found", || run_command(cargo_command(&root).args(planted)))?;
     run_test_steps()?;
-    run_step("miri", miri::run_miri_if_installed)?;
-    run_step("fuzzing", || fuzz::run_fuzzing(&fuzz::Options::bounded(FUZZ_S)))
+    run_step("miri", miri::run_short_miri_tests_if_installed)?;
+    run_step("fuzzing", || fuzz::run_fuzzing(&fuzz::Options::for_seconds(FUZZ_S)))
 }
 
 fn cargo_command(folder: &Path) -> Command {

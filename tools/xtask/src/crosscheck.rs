@@ -46,7 +46,7 @@ pub struct Options {
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
 pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
-    setup::ensure("cargo xtask crosscheck", setup::CROSSCHECK)?;
+    setup::install_missing_needs("cargo xtask crosscheck", setup::CROSSCHECK)?;
     let numbers =
         [("--scenes", u64::from(options.scenes)), ("--first", options.first.into()), ("--seed", options.seed)];
     let mut arguments: Vec<String> =
@@ -63,7 +63,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
     arguments.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
     let build = ["build", "--release", "--quiet", "-p", "era-host", "--bin", "era"];
     run_command(Command::new("cargo").current_dir(repository_root()?).args(build))?;
-    run_comparison(&arguments)
+    run_scene_comparison(&arguments)
 }
 
 /// The reference's own tests, for `cargo xtask test`.
@@ -71,7 +71,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
 /// # Errors
 /// As [`run_crosscheck`].
 pub fn run_reference_tests() -> Result<(), Error> {
-    run_command(python_command()?.args(OWN_TESTS))
+    run_command(ensure_environment_and_get_reference_python_command()?.args(OWN_TESTS))
 }
 
 /// The first random scenes, all comparisons, for `cargo xtask test`: with the program that its tests have built. To build it for itself would take
@@ -79,23 +79,26 @@ pub fn run_reference_tests() -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`run_crosscheck`].
-pub fn compare_some_scenes() -> Result<(), Error> {
-    run_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
+pub fn compare_random_scenes() -> Result<(), Error> {
+    run_scene_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
 }
 
-fn run_comparison(arguments: &[String]) -> Result<(), Error> {
+fn run_scene_comparison(arguments: &[String]) -> Result<(), Error> {
     let root = repository_root()?;
     run_command(
-        python_command()?.args(["-m", "crosscheck", "--era"]).arg(root.join("target/release/era")).args(arguments),
+        ensure_environment_and_get_reference_python_command()?
+            .args(["-m", "crosscheck", "--era"])
+            .arg(root.join("target/release/era"))
+            .args(arguments),
     )
 }
 
 /// The environment's interpreter, in the repository's root, with one thread per process.
-fn python_command() -> Result<Command, Error> {
+fn ensure_environment_and_get_reference_python_command() -> Result<Command, Error> {
     let root = repository_root()?;
     let requirements = root.join("tools/crosscheck/requirements.txt");
-    let python =
-        python_environment::ensure(&requirements, &root.join("target/crosscheck-venv")).map_err(Error::Python)?;
+    let python = python_environment::ensure_environment(&requirements, &root.join("target/crosscheck-venv"))
+        .map_err(Error::Python)?;
     let mut command = Command::new(python);
     command.current_dir(&root).env("PYTHONPATH", root.join("tools"));
     command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);

@@ -32,24 +32,24 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::NoAdvisories`] if there is none, [`Error::Failed`] if a crate is in it.
-pub fn check_advisories(options: &Options) -> Result<(), Error> {
+pub fn check_advisories_requiring_database(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
-    match options.db.clone().or_else(|| find_database(&root)) {
-        Some(database) => check_against_database(&root, &database),
-        None => Err(Error::NoAdvisories(explain_missing_database())),
+    match options.db.clone().or_else(|| find_advisory_database(&root)) {
+        Some(database) => check_advisories_in_database(&root, &database),
+        None => Err(Error::NoAdvisories(explain_missing_advisory_database())),
     }
 }
 
 /// The same where a database is at hand; otherwise says what is not checked.
 ///
 /// # Errors
-/// As [`check_advisories`], but for a database that is not there.
+/// As [`check_advisories_requiring_database`], but for a database that is not there.
 pub fn check_advisories_if_present() -> Result<(), Error> {
     let root = repository_root()?;
-    if let Some(database) = find_database(&root) {
-        return check_against_database(&root, &database);
+    if let Some(database) = find_advisory_database(&root) {
+        return check_advisories_in_database(&root, &database);
     }
-    println!("{}", explain_missing_database());
+    println!("{}", explain_missing_advisory_database());
     Ok(())
 }
 
@@ -57,29 +57,29 @@ pub fn check_advisories_if_present() -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::Failed`] with the first that is not as `deny.toml` wants it.
-pub fn check_licences() -> Result<(), Error> {
+pub fn check_licences_bans_and_sources() -> Result<(), Error> {
     let root = repository_root()?;
-    ensure_subcommand(&root, "cargo-deny", &["cargo", "deny", "--version"])?;
-    for folder in list_workspaces(&root) {
-        let mut deny = deny_command(&folder, &root.join("deny.toml"));
+    install_crate_if_probe_command_fails(&root, "cargo-deny", &["cargo", "deny", "--version"])?;
+    for folder in list_workspace_folders(&root) {
+        let mut deny = cargo_deny_command(&folder, &root.join("deny.toml"));
         run_command(deny.args(["check", "licenses", "bans", "sources"]))?;
     }
     Ok(())
 }
 
-fn explain_missing_database() -> String {
+fn explain_missing_advisory_database() -> String {
     format!(
         "no database of advisories is at hand, so known vulnerabilities are not looked for; `git clone {ORIGIN} {DATABASE} \
          && cargo xtask advisories` does (--db and {VARIABLE} name a clone elsewhere)"
     )
 }
 
-fn find_database(root: &Path) -> Option<PathBuf> {
+fn find_advisory_database(root: &Path) -> Option<PathBuf> {
     let named = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     named.or_else(|| Some(root.join(DATABASE)).filter(|path| path.exists()))
 }
 
-fn check_against_database(root: &Path, database: &Path) -> Result<(), Error> {
+fn check_advisories_in_database(root: &Path, database: &Path) -> Result<(), Error> {
     let database = database.canonicalize().map_err(file_error("cannot find", database))?;
     let crates = database.join("crates");
     std::fs::read_dir(&crates).map_err(file_error("no database of advisories: cannot read", &crates))?;
@@ -87,12 +87,12 @@ fn check_against_database(root: &Path, database: &Path) -> Result<(), Error> {
     let date =
         capture_output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
     println!("advisories as of {date}, from {}", database.display());
-    ensure_subcommand(root, "cargo-deny", &["cargo", "deny", "--version"])?;
+    install_crate_if_probe_command_fails(root, "cargo-deny", &["cargo", "deny", "--version"])?;
     let config = write_deny_config(root, &database)?;
-    for folder in list_workspaces(root) {
+    for folder in list_workspace_folders(root) {
         // cargo-deny asks cargo for crates of all platforms, which no build has got.
         run_command(Command::new("cargo").current_dir(&folder).args(["fetch", "--locked", "--quiet"]))?;
-        run_command(deny_command(&folder, &config).args(["--offline", "check", "advisories"]))?;
+        run_command(cargo_deny_command(&folder, &config).args(["--offline", "check", "advisories"]))?;
     }
     Ok(())
 }
@@ -123,26 +123,30 @@ fn symlink(_: &Path, _: &Path) -> std::io::Result<()> {
     Err(std::io::Error::new(std::io::ErrorKind::Unsupported, "advisories are checked on Unix"))
 }
 
-fn list_workspaces(root: &Path) -> [PathBuf; 2] {
+fn list_workspace_folders(root: &Path) -> [PathBuf; 2] {
     [root.to_path_buf(), root.join("firmware")]
 }
 
-fn deny_command(folder: &Path, config: &Path) -> Command {
+fn cargo_deny_command(folder: &Path, config: &Path) -> Command {
     let mut command = Command::new("cargo");
     command.current_dir(folder).args(["deny", "--config"]).arg(config);
     command
 }
 
-/// Gets a program of a crate, if `asked`, the command that prints its version, does not find it.
+/// Installs a crate that is a program, if `probe_command`, such as one that prints its version, fails.
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`].
-pub fn ensure_subcommand(root: &Path, name: &str, asked: &[&str]) -> Result<(), Error> {
-    let Some((program, arguments)) = asked.split_first() else { return Ok(()) };
+pub fn install_crate_if_probe_command_fails(
+    root: &Path,
+    crate_name: &str,
+    probe_command: &[&str],
+) -> Result<(), Error> {
+    let Some((program, arguments)) = probe_command.split_first() else { return Ok(()) };
     let mut version = Command::new(program);
     version.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
     if version.status().is_ok_and(|status| status.success()) {
         return Ok(());
     }
-    run_command(Command::new("cargo").current_dir(root).args(["install", name, "--locked", "--quiet"]))
+    run_command(Command::new("cargo").current_dir(root).args(["install", crate_name, "--locked", "--quiet"]))
 }

@@ -14,7 +14,7 @@ const RAM: Range<u32> = 0x2000_0000..0x2002_0000;
 
 /// Bytes taken, and bytes there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Usage {
+pub struct MemoryUsage {
     /// Code, constants and the initial values of variables.
     pub flash: u32,
     /// Size of the flash memory.
@@ -29,7 +29,7 @@ pub struct Usage {
 ///
 /// # Errors
 /// [`Error::File`], or [`Error::Image`] if it is no 32-bit ELF file with something to load into flash.
-pub fn read_usage(path: &Path) -> Result<Usage, Error> {
+pub fn read_memory_usage(path: &Path) -> Result<MemoryUsage, Error> {
     let data =
         fs::read(path).map_err(|source| Error::File { what: "cannot read", path: path.to_path_buf(), source })?;
     let not_an_image = |reason: String| Error::Image { path: path.to_path_buf(), reason };
@@ -52,5 +52,5 @@ pub fn read_usage(path: &Path) -> Result<Usage, Error> {
     if flash == 0 {
         return Err(not_an_image("nothing in it is loaded into flash".to_owned()));
     }
-    Ok(Usage { flash, flash_total: FLASH.end - FLASH.start, ram, ram_total: RAM.end - RAM.start })
+    Ok(MemoryUsage { flash, flash_total: FLASH.end - FLASH.start, ram, ram_total: RAM.end - RAM.start })
 }

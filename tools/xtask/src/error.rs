@@ -135,6 +135,20 @@ pub enum Error {
     /// The report found differences.
     #[error("{0} of the report's steps are not as expected")]
     Report(usize),
+    /// Planted mistakes that no test detects.
+    #[error("no test detects these planted mistakes: {0}")]
+    Mutations(String),
+    /// A run with a planted mistake that says nothing about it.
+    #[error("{0}")]
+    Unjudged(String),
+    /// What detects planted mistakes fails without one.
+    #[error("{what} fail without a planted mistake: {reason}")]
+    NotSound {
+        /// What fails.
+        what: &'static str,
+        /// What it says.
+        reason: String,
+    },
     /// A manifest is not what it should be.
     #[error("{path} is no manifest")]
     Manifest {

@@ -1,9 +1,9 @@
 //! `cargo xtask firmware`: builds the image, says how big it is, and compares that with its budget.
 
-use crate::budget::{self, Budget, Row};
+use crate::budget::{self, Budget, BudgetRow};
 use crate::error::Error;
-use crate::image::build_image;
-use crate::process::has_python;
+use crate::image::build_image_and_return_target_source;
+use crate::process::has_python_with_venv;
 use crate::target::TARGET;
 use crate::{elf, repository_root, stack};
 use std::fs;
@@ -37,32 +37,36 @@ impl Options {
 ///
 /// # Errors
 /// What went wrong in getting the target, building, or reading the image.
-pub fn build_and_report(options: &Options) -> Result<(), Error> {
-    let (image, way) = build_image(options.build_std)?;
+pub fn build_image_and_report(options: &Options) -> Result<(), Error> {
+    let (image, way) = build_image_and_return_target_source(options.build_std)?;
     if options.print_path {
         println!("{}", image.display());
         return Ok(());
     }
-    let usage = elf::read_usage(&image)?;
+    let usage = elf::read_memory_usage(&image)?;
     println!("target  {TARGET} ({})", way.describe());
     println!(
         "flash   {:>7} of {:>7} bytes ({:.1} %)",
         usage.flash,
         usage.flash_total,
-        percent(usage.flash, usage.flash_total)
+        compute_percent(usage.flash, usage.flash_total)
     );
     println!(
         "RAM     {:>7} of {:>7} bytes ({:.1} %), the rest is stack",
         usage.ram,
         usage.ram_total,
-        percent(usage.ram, usage.ram_total)
+        compute_percent(usage.ram, usage.ram_total)
     );
     println!("image   {}", image.display());
-    if options.budget { compare_with_budget(&image, &usage, options.chains) } else { Ok(()) }
+    if options.budget { print_and_check_memory_against_budget(&image, &usage, options.chains) } else { Ok(()) }
 }
 
 /// Prints the image's use of the chip against its budget.
-fn compare_with_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), Error> {
+fn print_and_check_memory_against_budget(
+    image: &Path,
+    usage: &elf::MemoryUsage,
+    shows_chains: bool,
+) -> Result<(), Error> {
     let budget = Budget::read(&repository_root()?)?;
     let data =
         fs::read(image).map_err(|source| Error::File { what: "cannot read", path: image.to_path_buf(), source })?;
@@ -73,17 +77,17 @@ fn compare_with_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result
     };
     let unbounded = |source| Error::Stack { path: image.to_path_buf(), source };
     let program = stack::Program::read(&data).map_err(unbounded)?;
-    let levels = stack::find_worst_case(&program, &rules).map_err(unbounded)?;
+    let levels = stack::find_worst_case_stack_levels(&program, &rules).map_err(unbounded)?;
     println!("stack, at most, each level on top of the one before:");
     for level in &levels {
         println!("  {:>7} bytes  {}", level.bytes, level.name);
-        for (function, bytes) in level.chain.iter().filter(|_| chains) {
+        for (function, bytes) in level.chain.iter().filter(|_| shows_chains) {
             println!("    {bytes:>7}  {function}");
         }
     }
     let stack: u32 = levels.iter().map(|level| level.bytes).sum();
-    if has_python() {
-        let seen = stack::measure_stack_bytes(image, &program, &budget.stack.priorities)?;
+    if has_python_with_venv() {
+        let seen = stack::measure_most_stack_bytes_in_use(image, &program, &budget.stack.priorities)?;
         println!("stack, seen in use on the emulated board: {seen} bytes");
         if seen > stack {
             return Err(unbounded(stack::StackError::BeyondBound { seen, bound: stack }));
@@ -91,13 +95,13 @@ fn compare_with_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result
     } else {
         println!("skipped: stack in use on the emulated board (python3 with venv is not installed)");
     }
-    budget::judge_rows(&[
-        Row::bytes("flash", usage.flash, budget.flash.bytes),
-        Row::bytes("RAM", usage.ram, budget.ram.bytes),
-        Row::bytes("stack", stack, budget.stack.bytes),
+    budget::print_and_check_rows(&[
+        BudgetRow::in_bytes("flash", usage.flash, budget.flash.bytes),
+        BudgetRow::in_bytes("RAM", usage.ram, budget.ram.bytes),
+        BudgetRow::in_bytes("stack", stack, budget.stack.bytes),
     ])
 }
 
-fn percent(part: u32, whole: u32) -> f64 {
+fn compute_percent(part: u32, whole: u32) -> f64 {
     100.0 * f64::from(part) / f64::from(whole)
 }

@@ -48,7 +48,7 @@ pub struct Options {
 
 impl Options {
     /// All targets for `seconds`.
-    pub fn bounded(seconds: u64) -> Self {
+    pub fn for_seconds(seconds: u64) -> Self {
         Self { seconds, target: None, input: None }
     }
 }
@@ -59,7 +59,7 @@ impl Options {
 /// [`Error::Found`] if there is one; what went wrong in building or starting.
 pub fn run_fuzzing(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
-    let programs = build_targets(&root)?;
+    let programs = build_fuzz_targets(&root)?;
     if let (Some(target), Some(input)) = (&options.target, &options.input) {
         return run_command(Command::new(programs.join(target)).arg(input).env("RUST_BACKTRACE", "0"));
     }
@@ -68,18 +68,18 @@ pub fn run_fuzzing(options: &Options) -> Result<(), Error> {
     let runs = TARGETS
         .into_iter()
         .filter(|(name, _)| wanted(name))
-        .map(|(name, longest)| Run::start(&root, &programs, name, longest, options.seconds))
+        .map(|(name, longest)| FuzzRun::start(&root, &programs, name, longest, options.seconds))
         .collect::<Result<Vec<_>, _>>()?;
     println!("fuzz: libFuzzer guided by coverage, {} s, logs in {}", options.seconds, scratch_folder(&root).display());
     // All are waited for before any is judged, so that none is left running.
-    let ended = runs.into_iter().map(Run::finish).collect::<Result<Vec<_>, _>>()?;
+    let ended = runs.into_iter().map(FuzzRun::wait_for_result).collect::<Result<Vec<_>, _>>()?;
     for end in &ended {
         println!("fuzz: {:<12} {:>9} inputs tried, {} edges covered", end.name, end.tried, end.covered);
     }
     println!("fuzz: {:.0} s", started.elapsed().as_secs_f64());
     match ended.into_iter().find(|end| !end.status.success()) {
         None => Ok(()),
-        Some(End { name, log, said, .. }) => Err(Error::Found { target: name, said, log }),
+        Some(FuzzResult { name, log, said, .. }) => Err(Error::Found { target: name, said, log }),
     }
 }
 
@@ -89,7 +89,7 @@ fn scratch_folder(root: &Path) -> PathBuf {
 }
 
 /// Builds all targets and returns the folder that they are in.
-fn build_targets(root: &Path) -> Result<PathBuf, Error> {
+fn build_fuzz_targets(root: &Path) -> Result<PathBuf, Error> {
     let verbose = capture_output(Command::new("rustc").arg("-vV").current_dir(root))?;
     let host = verbose.lines().find_map(|line| line.strip_prefix("host: ")).unwrap_or_default().to_owned();
     let folder = scratch_folder(root);
@@ -106,14 +106,14 @@ fn build_targets(root: &Path) -> Result<PathBuf, Error> {
 }
 
 /// A running engine.
-struct Run {
+struct FuzzRun {
     name: &'static str,
     child: Child,
     log: PathBuf,
 }
 
 /// How an engine ended.
-struct End {
+struct FuzzResult {
     name: &'static str,
     status: ExitStatus,
     log: PathBuf,
@@ -123,12 +123,18 @@ struct End {
     said: String,
 }
 
-impl Run {
-    fn start(root: &Path, programs: &Path, name: &'static str, longest: usize, seconds: u64) -> Result<Self, Error> {
-        let grown = scratch_folder(root).join("corpus").join(name);
-        let kept = root.join("tools/fuzz/corpus").join(name);
-        let found = root.join("tools/fuzz/artifacts").join(name);
-        let log = scratch_folder(root).join(format!("{name}.log"));
+impl FuzzRun {
+    fn start(
+        root: &Path,
+        program_folder: &Path,
+        target: &'static str,
+        longest_input_bytes: usize,
+        seconds: u64,
+    ) -> Result<Self, Error> {
+        let grown = scratch_folder(root).join("corpus").join(target);
+        let kept = root.join("tools/fuzz/corpus").join(target);
+        let found = root.join("tools/fuzz/artifacts").join(target);
+        let log = scratch_folder(root).join(format!("{target}.log"));
         for path in [&grown, &found] {
             fs::create_dir_all(path).map_err(|source| Error::File {
                 what: "cannot make",
@@ -138,12 +144,12 @@ impl Run {
         }
         let file =
             File::create(&log).map_err(|source| Error::File { what: "cannot write", path: log.clone(), source })?;
-        let mut engine = Command::new(programs.join(name));
+        let mut engine = Command::new(program_folder.join(target));
         engine
             // What it finds interesting goes into the first folder; the second is only read.
             .args([&grown, &kept])
             .arg(format!("-max_total_time={seconds}"))
-            .arg(format!("-max_len={longest}"))
+            .arg(format!("-max_len={longest_input_bytes}"))
             .arg(format!("-rss_limit_mb={MEMORY_LIMIT_MIB}"))
             .arg(format!("-timeout={LONGEST_INPUT_S}"))
             .arg(format!("-artifact_prefix={}/", found.display()))
@@ -152,10 +158,10 @@ impl Run {
             .stdout(Stdio::null())
             .stderr(file);
         let child = engine.spawn().map_err(|source| Error::Start { command: format_command(&engine), source })?;
-        Ok(Self { name, child, log })
+        Ok(Self { name: target, child, log })
     }
 
-    fn finish(mut self) -> Result<End, Error> {
+    fn wait_for_result(mut self) -> Result<FuzzResult, Error> {
         let status = self.child.wait().map_err(|source| Error::Start { command: self.name.to_owned(), source })?;
         let bytes = fs::read(&self.log).map_err(|source| Error::File {
             what: "cannot read",
@@ -171,7 +177,7 @@ impl Run {
         let trouble = text.lines().skip_while(|line| !line.contains("panicked at") && !line.contains("ERROR: "));
         let said = trouble.filter(|line| !line.is_empty()).take(8);
         let kept = text.lines().filter(|line| line.contains("Test unit written to"));
-        Ok(End {
+        Ok(FuzzResult {
             name: self.name,
             status,
             tried: last_after("stat::number_of_executed_units:"),

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::process::{format_command, run_command};
 use crate::repository_root;
-use crate::target::{self, TARGET, Way};
+use crate::target::{self, TARGET, TargetSource};
 use serde::Deserialize;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ const IMAGE: &str = "era-firmware";
 ///
 /// # Errors
 /// What went wrong in getting the target or building.
-pub fn build_image(build_std: bool) -> Result<(PathBuf, Way), Error> {
+pub fn build_image_and_return_target_source(build_std: bool) -> Result<(PathBuf, TargetSource), Error> {
     let (mut cargo, way) = firmware_cargo_command("build", build_std)?;
     cargo.args(["--message-format", "json-render-diagnostics"]).stdout(Stdio::piped());
     let mut child = cargo.spawn().map_err(|source| Error::Start { command: format_command(&cargo), source })?;
@@ -44,9 +44,9 @@ pub fn run_firmware_cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Er
     run_command(cargo.args(arguments))
 }
 
-fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command, Way), Error> {
+fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command, TargetSource), Error> {
     let root = repository_root()?;
-    let way = target::ensure_target(&root.join("target/rust-src"), build_std)?;
+    let way = target::ensure_compile_target_available(&root.join("target/rust-src"), build_std)?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
         // From its own folder, so that its own .cargo/config.toml applies.
@@ -54,7 +54,7 @@ fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command,
         .args([subcommand, "--release", "--locked", "--target", TARGET])
         // Two builds of one image must not depend on where the host's own build goes.
         .env_remove("CARGO_TARGET_DIR");
-    if way == Way::BuildStd {
+    if way == TargetSource::BuildStd {
         cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
     }
     Ok((cargo, way))

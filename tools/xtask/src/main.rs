@@ -17,6 +17,7 @@ mod house;
 mod image;
 mod load;
 mod miri;
+mod mutate;
 mod process;
 mod python;
 mod setup;
@@ -55,6 +56,8 @@ enum Command {
     Fuzz(fuzz::Options),
     /// Check the electrodes' waveforms over the whole space of drives, from registers to edges
     Waveforms(waveforms::Options),
+    /// Plant mistakes in the board's code, one after the other, and show which test detects each
+    Mutate(mutate::Options),
     /// Compare what the program prints with an independent reference in Python, on random scenes
     Crosscheck(crosscheck::Options),
     /// Build the Python package, then run its tests, its examples and the check of its types
@@ -73,18 +76,19 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Test => check::run_tests(),
-        Command::Ci => check::run_ci(),
-        Command::Firmware(options) => firmware::build_and_report(&options),
+        Command::Test => check::run_all_tests(),
+        Command::Ci => check::run_ci_checks(),
+        Command::Firmware(options) => firmware::build_image_and_report(&options),
         Command::Bench(options) => bench::run_benchmark(&options),
         Command::Soak(options) => load::run_soak(&options),
         Command::Fuzz(options) => fuzz::run_fuzzing(&options),
         Command::Waveforms(options) => waveforms::check_waveforms(&options),
+        Command::Mutate(options) => mutate::plant_mistakes(&options),
         Command::Crosscheck(options) => crosscheck::run_crosscheck(&options),
         Command::Python => python::check_python_package(),
         Command::Dist(options) => dist::make_release(&options),
-        Command::House => house::run_survey(),
-        Command::Advisories(options) => dependencies::check_advisories(&options),
+        Command::House => house::survey_crates_failing_on_import_cycles(),
+        Command::Advisories(options) => dependencies::check_advisories_requiring_database(&options),
         Command::Miri => miri::run_miri(),
         Command::Emulate(options) => emulate::run_emulator(&options),
     };

@@ -11,7 +11,7 @@ const HINT: &str = "rustup toolchain install nightly --component miri --componen
 
 /// Tests that reach every message and the device logic, in seconds; all of them take the better part of an hour.
 const SHORT: [&[&str]; 2] = [
-    &["--test", "golden_v1", "--test", "golden_v2", "--test", "golden_v3"],
+    &["--test", "golden_v1", "--test", "golden_v2", "--test", "golden_v3", "--test", "golden_v4"],
     &["--test", "device", "--", "--exact", "a_session_from_hello_to_disarm"],
 ];
 
@@ -21,27 +21,27 @@ const SHORT: [&[&str]; 2] = [
 /// # Errors
 /// [`Error::NoMiri`] if there is none, and what the tests end with.
 pub fn run_miri() -> Result<(), Error> {
-    if is_installed() { run_tests(&[]) } else { Err(Error::NoMiri(HINT)) }
+    if is_miri_installed() { run_miri_tests(&[]) } else { Err(Error::NoMiri(HINT)) }
 }
 
 /// Runs a few tests, or says that there is no Miri and goes on.
 ///
 /// # Errors
 /// What the tests end with.
-pub fn run_miri_if_installed() -> Result<(), Error> {
-    if is_installed() {
-        return SHORT.into_iter().try_for_each(run_tests);
+pub fn run_short_miri_tests_if_installed() -> Result<(), Error> {
+    if is_miri_installed() {
+        return SHORT.into_iter().try_for_each(run_miri_tests);
     }
     println!("skipped: miri (not installed; {HINT})");
     Ok(())
 }
 
-fn run_tests(which: &[&str]) -> Result<(), Error> {
+fn run_miri_tests(test_arguments: &[&str]) -> Result<(), Error> {
     let root = repository_root()?;
     run_command(
         Command::new("cargo")
             .args(["+nightly", "miri", "test", "-p", "era-shared"])
-            .args(which)
+            .args(test_arguments)
             .current_dir(&root)
             .env("CARGO_TARGET_DIR", root.join("target/miri"))
             // Property tests look for files with failures of before, which Miri would keep from them.
@@ -52,7 +52,7 @@ fn run_tests(which: &[&str]) -> Result<(), Error> {
 }
 
 /// Whether both components are there: without the sources, Miri would fetch them.
-fn is_installed() -> bool {
+fn is_miri_installed() -> bool {
     let sysroot = Command::new("rustc").args(["+nightly", "--print", "sysroot"]).stderr(Stdio::null()).output();
     let sources = sysroot.is_ok_and(|output| {
         let sysroot = String::from_utf8_lossy(&output.stdout).trim().to_owned();

@@ -35,7 +35,7 @@ pub fn format_command(command: &Command) -> String {
 }
 
 /// Runs a program without showing what it says; if it fails, that is the reason.
-pub fn run_silently(command: &mut Command) -> Result<(), String> {
+pub fn run_command_silently(command: &mut Command) -> Result<(), String> {
     let shown = format_command(command);
     let output = command.output().map_err(|error| format!("`{shown}`: {error}"))?;
     if output.status.success() {
@@ -50,7 +50,7 @@ pub fn run_silently(command: &mut Command) -> Result<(), String> {
 }
 
 /// Whether Python can make an environment of its own: what the emulator and the reference need.
-pub fn has_python() -> bool {
+pub fn has_python_with_venv() -> bool {
     let mut python = Command::new("python3");
     python.args(["-c", "import venv, ensurepip"]).stdout(Stdio::null()).stderr(Stdio::null());
     python.status().is_ok_and(|status| status.success())

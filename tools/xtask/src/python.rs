@@ -16,22 +16,22 @@ const PACKAGE: &str = "host/python";
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::File`], [`Error::Start`], or [`Error::Failed`] with what failed.
 pub fn check_python_package() -> Result<(), Error> {
-    setup::ensure("cargo xtask python", setup::PYTHON)?;
+    setup::install_missing_needs("cargo xtask python", setup::PYTHON)?;
     let root = repository_root()?;
     // Both packages, so that what the wheel needs is compiled with the same features.
     let packages = ["-p", "era-host", "-p", "era-python", "--bin", "era"];
     run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet"]).args(packages))?;
-    run_tests()
+    run_package_tests()
 }
 
 /// The same beside the program of the workspace's tests.
 ///
 /// # Errors
 /// As [`check_python_package`].
-pub fn run_tests() -> Result<(), Error> {
+pub fn run_package_tests() -> Result<(), Error> {
     let root = repository_root()?;
     let folder = root.join(PACKAGE);
-    let python = ensure_environment(&root)?;
+    let python = ensure_package_environment_and_find_interpreter(&root)?;
     let wheel = build_wheel(&root)?;
     let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--force-reinstall"];
     run_command(Command::new(&python).args(install).arg(&wheel))?;
@@ -51,9 +51,9 @@ pub fn run_tests() -> Result<(), Error> {
 }
 
 /// The interpreter of an environment with what the package's build and tests need.
-fn ensure_environment(root: &Path) -> Result<PathBuf, Error> {
+fn ensure_package_environment_and_find_interpreter(root: &Path) -> Result<PathBuf, Error> {
     let requirements = root.join(PACKAGE).join("requirements.txt");
-    python_environment::ensure(&requirements, &root.join("target/python-venv")).map_err(Error::Python)
+    python_environment::ensure_environment(&requirements, &root.join("target/python-venv")).map_err(Error::Python)
 }
 
 /// Builds the wheel and returns its file.
@@ -61,7 +61,7 @@ fn ensure_environment(root: &Path) -> Result<PathBuf, Error> {
 /// # Errors
 /// [`Error::Python`], [`Error::File`], [`Error::Start`], [`Error::Failed`].
 pub fn build_wheel(root: &Path) -> Result<PathBuf, Error> {
-    let python = ensure_environment(root)?;
+    let python = ensure_package_environment_and_find_interpreter(root)?;
     let out = root.join("target/python-wheel");
     // Another version's wheel has another name.
     if out.exists() {

@@ -38,7 +38,7 @@ pub enum Error {
 ///
 /// # Errors
 /// [`Error`].
-pub fn ensure(requirements: &Path, folder: &Path) -> Result<PathBuf, Error> {
+pub fn ensure_environment(requirements: &Path, folder: &Path) -> Result<PathBuf, Error> {
     let file = |path: &Path| {
         let path = path.to_path_buf();
         move |source| Error::File { path, source }
@@ -50,14 +50,16 @@ pub fn ensure(requirements: &Path, folder: &Path) -> Result<PathBuf, Error> {
         return Ok(python);
     }
     eprintln!("making the Python environment {}", folder.display());
-    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(folder))?;
-    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "-r"]).arg(requirements))?;
+    run_command_hiding_standard_output(Command::new("python3").args(["-m", "venv", "--clear"]).arg(folder))?;
+    run_command_hiding_standard_output(
+        Command::new(&python).args(["-m", "pip", "install", "--quiet", "-r"]).arg(requirements),
+    )?;
     // Last, so that an environment that was not finished is made again.
     std::fs::write(&made_of, wanted).map_err(file(&made_of))?;
     Ok(python)
 }
 
-fn run(command: &mut Command) -> Result<(), Error> {
+fn run_command_hiding_standard_output(command: &mut Command) -> Result<(), Error> {
     let command_line = format!("{command:?}");
     let status = command.stdout(Stdio::null()).status();
     let status = status.map_err(|source| Error::Start { command: command_line.clone(), source })?;

@@ -5,7 +5,7 @@
 //! toolchain's components come from rustup, which needs no rights. This is the only list of packages.
 
 use crate::error::Error;
-use crate::process::{has_python, run_silently};
+use crate::process::{has_python_with_venv, run_command_silently};
 use crate::repository_root;
 use crate::target::{self, TARGET};
 use std::fmt::Write;
@@ -70,7 +70,7 @@ impl Need {
                     .into()
             }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
-            Need::Nginx => "nginx, for the test of the manual's reverse proxy".into(),
+            Need::Nginx => "nginx, for the test of the reverse proxy that the manual describes".into(),
             Need::Openssl => "openssl, for certificates in the tests of clients".into(),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
@@ -82,7 +82,7 @@ impl Need {
     }
 
     /// Debian's packages for it; none if it is no matter of packages.
-    fn packages(self) -> &'static [&'static str] {
+    fn debian_packages(self) -> &'static [&'static str] {
         match self {
             Need::Python => &["python3", "python3-venv"],
             Need::Browser => &["chromium"],
@@ -97,7 +97,7 @@ impl Need {
     }
 
     /// What rustup gets it by.
-    fn rustup(self) -> Option<&'static [&'static str]> {
+    fn rustup_arguments(self) -> Option<&'static [&'static str]> {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
@@ -115,7 +115,7 @@ impl Need {
 
 /// How this user may install packages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Rights {
+enum InstallRights {
     /// As root.
     Root,
     /// By a `sudo` that does not ask.
@@ -126,38 +126,38 @@ enum Rights {
 
 /// A machine, as far as the set-up is concerned.
 trait Machine {
-    fn has(&self, need: Need) -> bool;
+    fn is_need_met(&self, need: Need) -> bool;
     fn has_apt(&self) -> bool;
-    fn rights(&self) -> Rights;
+    fn find_install_rights(&self) -> InstallRights;
     /// Installs Debian's packages, or says why not.
-    fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String>;
+    fn install_packages(&self, packages: &[&str], rights: InstallRights) -> Result<(), String>;
     /// Gets what is no matter of packages, or says why not.
-    fn get(&self, need: Need) -> Result<(), String>;
+    fn install_need_without_packages(&self, need: Need) -> Result<(), String>;
 }
 
 /// Gets what `command` needs.
 ///
 /// # Errors
 /// [`Error::Missing`] with all that is missing and how to install it.
-pub fn ensure(command: &str, needs: &[Need]) -> Result<(), Error> {
-    ensure_on(&This, command, needs)
+pub fn install_missing_needs(command: &str, needs: &[Need]) -> Result<(), Error> {
+    install_missing_needs_on_machine(&ThisMachine, command, needs)
 }
 
-fn ensure_on(machine: &impl Machine, command: &str, needs: &[Need]) -> Result<(), Error> {
-    let missing = |needs: &[Need]| needs.iter().copied().filter(|need| !machine.has(*need)).collect::<Vec<_>>();
+fn install_missing_needs_on_machine(machine: &impl Machine, command: &str, needs: &[Need]) -> Result<(), Error> {
+    let missing = |needs: &[Need]| needs.iter().copied().filter(|need| !machine.is_need_met(*need)).collect::<Vec<_>>();
     let first = missing(needs);
-    let packages = packages(&first);
-    let rights = machine.rights();
+    let packages = list_missing_packages(&first);
+    let rights = machine.find_install_rights();
     let mut reasons = Vec::new();
-    if !packages.is_empty() && machine.has_apt() && rights != Rights::None {
+    if !packages.is_empty() && machine.has_apt() && rights != InstallRights::None {
         eprintln!("set-up: installing {}", packages.join(" "));
-        if let Err(reason) = machine.install(&packages, rights) {
+        if let Err(reason) = machine.install_packages(&packages, rights) {
             reasons.push(reason);
         }
     }
     // Tried even if packages stay missing, so that the message has everything.
-    for need in first.iter().copied().filter(|need| need.rustup().is_some()) {
-        if let Err(reason) = machine.get(need) {
+    for need in first.iter().copied().filter(|need| need.rustup_arguments().is_some()) {
+        if let Err(reason) = machine.install_need_without_packages(need) {
             reasons.push(reason);
         }
     }
@@ -166,15 +166,18 @@ fn ensure_on(machine: &impl Machine, command: &str, needs: &[Need]) -> Result<()
     if still.is_empty() {
         return Ok(());
     }
-    Err(Error::Missing { command: command.to_owned(), list: message(&still, &reasons, machine.has_apt(), rights) })
+    Err(Error::Missing {
+        command: command.to_owned(),
+        list: format_missing_needs(&still, &reasons, machine.has_apt(), rights),
+    })
 }
 
-fn packages(missing: &[Need]) -> Vec<&'static str> {
-    missing.iter().flat_map(|need| need.packages()).copied().collect()
+fn list_missing_packages(missing: &[Need]) -> Vec<&'static str> {
+    missing.iter().flat_map(|need| need.debian_packages()).copied().collect()
 }
 
 /// All that is missing, why it could not be had, and the command that installs it.
-fn message(missing: &[Need], reasons: &[String], has_apt: bool, rights: Rights) -> String {
+fn format_missing_needs(missing: &[Need], reasons: &[String], has_apt: bool, rights: InstallRights) -> String {
     let mut text = String::new();
     for need in missing {
         let _ = write!(text, "\n  - {}", need.describe());
@@ -182,13 +185,13 @@ fn message(missing: &[Need], reasons: &[String], has_apt: bool, rights: Rights) 
     for reason in reasons {
         let _ = write!(text, "\n(tried: {reason})");
     }
-    let packages = packages(missing);
+    let packages = list_missing_packages(missing);
     let mut commands = Vec::new();
     if !packages.is_empty() {
-        let sudo = if rights == Rights::Root { "" } else { "sudo " };
+        let sudo = if rights == InstallRights::Root { "" } else { "sudo " };
         commands.push(format!("{sudo}apt-get update && {sudo}apt-get install {}", packages.join(" ")));
     }
-    commands.extend(missing.iter().filter_map(|need| Some(format!("rustup {}", need.rustup()?.join(" ")))));
+    commands.extend(missing.iter().filter_map(|need| Some(format!("rustup {}", need.rustup_arguments()?.join(" ")))));
     let on_debian = if packages.is_empty() || has_apt { "" } else { " on Debian and Ubuntu" };
     let _ = write!(text, "\nThis installs it{on_debian}:\n  {}", commands.join(" && "));
     for (need, variable, what) in
@@ -202,74 +205,83 @@ fn message(missing: &[Need], reasons: &[String], has_apt: bool, rights: Rights) 
 }
 
 /// The machine that this runs on.
-struct This;
+struct ThisMachine;
 
-impl This {
+impl ThisMachine {
     /// Whether a program runs and ends well.
-    fn runs(program: &str, arguments: &[&str]) -> bool {
+    fn runs_successfully(program: &str, arguments: &[&str]) -> bool {
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.status().is_ok_and(|status| status.success())
     }
 }
 
-impl Machine for This {
-    fn has(&self, need: Need) -> bool {
+impl Machine for ThisMachine {
+    fn is_need_met(&self, need: Need) -> bool {
         match need {
-            Need::Python => has_python(),
+            Need::Python => has_python_with_venv(),
             Need::Browser => {
-                std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
+                std::env::var_os(NO_BROWSER).is_some()
+                    || BROWSERS.iter().any(|name| Self::runs_successfully(name, &["--version"]))
             }
-            Need::Nginx => std::env::var_os(NO_NGINX).is_some() || NGINX.iter().any(|name| Self::runs(name, &["-v"])),
-            Need::Openssl => Self::runs("openssl", &["version"]),
-            Need::Cxx => Self::runs("c++", &["--version"]),
-            Need::Systemd => Self::runs("systemd-analyze", &["--version"]),
-            Need::Debootstrap => Self::runs("debootstrap", &["--version"]),
-            Need::Dpkg => Self::runs("dpkg-deb", &["--version"]) && Self::runs("dpkg-shlibdeps", &["--version"]),
-            Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
-            Need::Target => target::is_available(),
+            Need::Nginx => {
+                std::env::var_os(NO_NGINX).is_some() || NGINX.iter().any(|name| Self::runs_successfully(name, &["-v"]))
+            }
+            Need::Openssl => Self::runs_successfully("openssl", &["version"]),
+            Need::Cxx => Self::runs_successfully("c++", &["--version"]),
+            Need::Systemd => Self::runs_successfully("systemd-analyze", &["--version"]),
+            Need::Debootstrap => Self::runs_successfully("debootstrap", &["--version"]),
+            Need::Dpkg => {
+                Self::runs_successfully("dpkg-deb", &["--version"])
+                    && Self::runs_successfully("dpkg-shlibdeps", &["--version"])
+            }
+            Need::Lints => {
+                Self::runs_successfully("cargo", &["fmt", "--version"])
+                    && Self::runs_successfully("cargo", &["clippy", "--version"])
+            }
+            Need::Target => target::is_compile_target_installed_or_buildable(),
         }
     }
 
     fn has_apt(&self) -> bool {
-        Self::runs("apt-get", &["--version"])
+        Self::runs_successfully("apt-get", &["--version"])
     }
 
-    fn rights(&self) -> Rights {
+    fn find_install_rights(&self) -> InstallRights {
         let id = Command::new("id").arg("-u").output();
         if id.is_ok_and(|id| id.stdout.trim_ascii() == b"0") {
-            Rights::Root
-        } else if Self::runs("sudo", &["-n", "true"]) {
-            Rights::Sudo
+            InstallRights::Root
+        } else if Self::runs_successfully("sudo", &["-n", "true"]) {
+            InstallRights::Sudo
         } else {
-            Rights::None
+            InstallRights::None
         }
     }
 
-    fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String> {
+    fn install_packages(&self, packages: &[&str], rights: InstallRights) -> Result<(), String> {
         let apt = |arguments: &[&str]| {
             let mut command = match rights {
-                Rights::Root => Command::new("env"),
-                Rights::Sudo | Rights::None => {
+                InstallRights::Root => Command::new("env"),
+                InstallRights::Sudo | InstallRights::None => {
                     let mut sudo = Command::new("sudo");
                     sudo.args(["-n", "env"]);
                     sudo
                 }
             };
             command.args(["DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq"]).args(arguments).stdin(Stdio::null());
-            run_silently(&mut command)
+            run_command_silently(&mut command)
         };
         apt(&["update"])?;
         apt(&[&["install", "--yes", "--no-install-recommends"], packages].concat())
     }
 
-    fn get(&self, need: Need) -> Result<(), String> {
-        match (need, need.rustup()) {
+    fn install_need_without_packages(&self, need: Need) -> Result<(), String> {
+        match (need, need.rustup_arguments()) {
             (Need::Target, _) => {
                 let scratch = repository_root().map_err(|error| error.to_string())?.join("target/rust-src");
-                target::ensure_target(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
+                target::ensure_compile_target_available(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
             }
-            (_, Some(arguments)) => run_silently(Command::new("rustup").args(arguments)),
+            (_, Some(arguments)) => run_command_silently(Command::new("rustup").args(arguments)),
             (_, None) => Ok(()),
         }
     }
@@ -283,7 +295,7 @@ mod tests {
     /// Has what it was given or got; notes what is done to it.
     struct Fake {
         has: RefCell<Vec<Need>>,
-        rights: Rights,
+        rights: InstallRights,
         has_apt: bool,
         /// Whether mirrors and servers answer.
         online: bool,
@@ -291,37 +303,37 @@ mod tests {
     }
 
     impl Fake {
-        fn new(has: &[Need], rights: Rights) -> Self {
+        fn new(has: &[Need], rights: InstallRights) -> Self {
             Self { has: RefCell::new(has.to_vec()), rights, has_apt: true, online: true, done: RefCell::default() }
         }
 
         fn ensure(&self, needs: &[Need]) -> Result<(), String> {
-            ensure_on(self, "cargo xtask test", needs).map_err(|error| error.to_string())
+            install_missing_needs_on_machine(self, "cargo xtask test", needs).map_err(|error| error.to_string())
         }
     }
 
     impl Machine for Fake {
-        fn has(&self, need: Need) -> bool {
+        fn is_need_met(&self, need: Need) -> bool {
             self.has.borrow().contains(&need)
         }
         fn has_apt(&self) -> bool {
             self.has_apt
         }
-        fn rights(&self) -> Rights {
+        fn find_install_rights(&self) -> InstallRights {
             self.rights
         }
-        fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String> {
+        fn install_packages(&self, packages: &[&str], rights: InstallRights) -> Result<(), String> {
             assert_eq!(rights, self.rights);
             self.done.borrow_mut().push(packages.join(" "));
             if !self.online {
                 return Err("no mirror".into());
             }
             let all = [Need::Python, Need::Browser, Need::Nginx, Need::Openssl, Need::Cxx, Need::Systemd];
-            let got = all.into_iter().filter(|need| need.packages().iter().all(|name| packages.contains(name)));
+            let got = all.into_iter().filter(|need| need.debian_packages().iter().all(|name| packages.contains(name)));
             self.has.borrow_mut().extend(got);
             Ok(())
         }
-        fn get(&self, need: Need) -> Result<(), String> {
+        fn install_need_without_packages(&self, need: Need) -> Result<(), String> {
             self.done.borrow_mut().push(format!("{need:?}"));
             if !self.online {
                 return Err(format!("no server for {need:?}"));
@@ -333,14 +345,14 @@ mod tests {
 
     #[test]
     fn nothing_is_done_where_all_is_there() {
-        let machine = Fake::new(CI, Rights::Root);
+        let machine = Fake::new(CI, InstallRights::Root);
         machine.ensure(CI).unwrap();
         assert!(machine.done.borrow().is_empty());
     }
 
     #[test]
     fn what_is_missing_is_installed_by_whoever_may() {
-        for rights in [Rights::Root, Rights::Sudo] {
+        for rights in [InstallRights::Root, InstallRights::Sudo] {
             let machine = Fake::new(&[Need::Cxx, Need::Lints], rights);
             machine.ensure(CI).unwrap();
             assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium nginx openssl systemd", "Target"]);
@@ -349,7 +361,7 @@ mod tests {
 
     #[test]
     fn whoever_may_not_is_told_everything_at_once() {
-        let machine = Fake { online: false, ..Fake::new(&[], Rights::None) };
+        let machine = Fake { online: false, ..Fake::new(&[], InstallRights::None) };
         let told = machine.ensure(CI).unwrap_err();
         // No package was tried.
         assert_eq!(*machine.done.borrow(), ["Lints", "Target"]);
@@ -370,9 +382,9 @@ mod tests {
             assert!(told.contains(piece), "{piece:?} is not in {told}");
         }
         // What could be had is had, and not named.
-        let machine = Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl], Rights::None);
+        let machine = Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl], InstallRights::None);
         let told = machine.ensure(TEST).unwrap_err();
-        assert!(machine.has(Need::Target) && !told.contains(TARGET) && !told.contains("browser"), "{told}");
+        assert!(machine.is_need_met(Need::Target) && !told.contains(TARGET) && !told.contains("browser"), "{told}");
         assert!(!told.contains("nginx"), "{told}");
     }
 
@@ -380,11 +392,11 @@ mod tests {
     fn an_installation_that_fails_is_told_with_its_reason() {
         let machine = Fake {
             online: false,
-            ..Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl, Need::Target], Rights::Root)
+            ..Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl, Need::Target], InstallRights::Root)
         };
         let told = machine.ensure(TEST).unwrap_err();
         assert!(told.contains("tried: no mirror") && !told.contains("sudo"), "{told}");
-        let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], Rights::Root) };
+        let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], InstallRights::Root) };
         let told = elsewhere.ensure(TEST).unwrap_err();
         assert!(elsewhere.done.borrow().is_empty() && told.contains("on Debian and Ubuntu"), "{told}");
     }
@@ -393,12 +405,16 @@ mod tests {
     fn why_a_program_failed_is_kept() {
         // The message begins with the command, so that the texts are put together by the shell.
         let told =
-            run_silently(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"])).unwrap_err();
-        assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
-        let told =
-            run_silently(Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]))
+            run_command_silently(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"]))
                 .unwrap_err();
+        assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
+        let told = run_command_silently(
+            Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]),
+        )
+        .unwrap_err();
         assert!(told.contains("the cause") && !told.contains("hint"), "{told}");
-        assert!(run_silently(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x"));
+        assert!(
+            run_command_silently(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x")
+        );
     }
 }

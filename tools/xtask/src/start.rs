@@ -29,12 +29,12 @@ struct Options {
     accuracy: String,
 }
 
-/// One start.
-struct Start {
+/// The times from one start of the daemon to its first plan.
+struct FirstPlanTimes {
     /// From the program's first line to its first plan, as it says itself, in ms.
-    own_ms: f64,
+    told_by_daemon_ms: f64,
     /// From asking the system for the process to reading that, in ms.
-    outside_ms: f64,
+    seen_from_outside_ms: f64,
     /// Megabytes in memory and on disk, as the program says.
     sizes: String,
 }
@@ -43,11 +43,11 @@ struct Start {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::File`], [`Error::NoFirstPlan`].
-pub fn measure_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
+pub fn measure_daemon_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
     let options = Options::parse_from(arguments);
     let root = repository_root()?;
     run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-host"]))?;
-    let scenes = if options.scenes.is_empty() { examples(&root)? } else { options.scenes };
+    let scenes = if options.scenes.is_empty() { list_example_scenes(&root)? } else { options.scenes };
     let cache = root.join("target/bench-start");
     println!(
         "From the start of `era serve --accuracy {}` to its first plan in ms, medians of {} (in brackets: seen from outside)",
@@ -60,30 +60,30 @@ pub fn measure_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
             (0..options.runs)
                 .map(|_| {
                     if cold {
-                        empty(&cache)?;
+                        delete_cache(&cache)?;
                     }
-                    start(&root, &scene, &options.accuracy, &cache)
+                    time_first_plan_of_one_start(&root, &scene, &options.accuracy, &cache)
                 })
                 .collect::<Result<Vec<_>, Error>>()
         };
         let (cold, warm) = (starts(true)?, starts(false)?);
         let sizes = warm.last().map(|start| start.sizes.clone()).unwrap_or_default();
-        println!("{name:<20} {:>18} {:>18}   {sizes}", told(&cold), told(&warm));
+        println!("{name:<20} {:>18} {:>18}   {sizes}", format_median_times(&cold), format_median_times(&warm));
     }
-    empty(&cache)
+    delete_cache(&cache)
 }
 
-fn told(starts: &[Start]) -> String {
-    let of = |figure: fn(&Start) -> f64| median(starts.iter().map(figure).collect());
-    format!("{:.0} ({:.0})", of(|start| start.own_ms), of(|start| start.outside_ms))
+fn format_median_times(starts: &[FirstPlanTimes]) -> String {
+    let of = |figure: fn(&FirstPlanTimes) -> f64| compute_median(starts.iter().map(figure).collect());
+    format!("{:.0} ({:.0})", of(|start| start.told_by_daemon_ms), of(|start| start.seen_from_outside_ms))
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+fn compute_median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-fn examples(root: &Path) -> Result<Vec<PathBuf>, Error> {
+fn list_example_scenes(root: &Path) -> Result<Vec<PathBuf>, Error> {
     let directory = root.join("examples/scenes");
     let unreadable = |source| Error::File { what: "cannot read", path: directory.clone(), source };
     let mut scenes = std::fs::read_dir(&directory)
@@ -94,20 +94,29 @@ fn examples(root: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(scenes)
 }
 
-fn empty(cache: &Path) -> Result<(), Error> {
-    match std::fs::remove_dir_all(cache) {
+fn delete_cache(cache_folder: &Path) -> Result<(), Error> {
+    match std::fs::remove_dir_all(cache_folder) {
         Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-            Err(Error::File { what: "cannot delete", path: cache.to_path_buf(), source })
+            Err(Error::File { what: "cannot delete", path: cache_folder.to_path_buf(), source })
         }
         _ => Ok(()),
     }
 }
 
 /// Starts the daemon, waits for its first plan, and ends it.
-fn start(root: &Path, scene: &Path, accuracy: &str, cache: &Path) -> Result<Start, Error> {
+fn time_first_plan_of_one_start(
+    root: &Path,
+    scene: &Path,
+    accuracy: &str,
+    cache_folder: &Path,
+) -> Result<FirstPlanTimes, Error> {
     let mut command = Command::new(root.join("target/release/era"));
     command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", accuracy, "--scene"]).arg(scene);
-    command.env("ERA_CACHE_DIR", cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1").stderr(Stdio::piped());
+    command
+        .env("ERA_CACHE_DIR", cache_folder)
+        .env("ERA_LOG", "warn,era=info")
+        .env("NO_COLOR", "1")
+        .stderr(Stdio::piped());
     let started = Instant::now();
     let mut child = command.spawn().map_err(|source| Error::Start { command: format_command(&command), source })?;
     let mut sizes = String::new();
@@ -120,7 +129,7 @@ fn start(root: &Path, scene: &Path, accuracy: &str, cache: &Path) -> Result<Star
         }
         if let Some((_, rest)) = line.split_once(PLANNED) {
             let number = rest.split(' ').next().and_then(|number| number.parse().ok());
-            planned = number.map(|own_ms| (own_ms, started.elapsed()));
+            planned = number.map(|told_by_daemon_ms| (told_by_daemon_ms, started.elapsed()));
             break;
         }
         said.push(line);
@@ -128,7 +137,7 @@ fn start(root: &Path, scene: &Path, accuracy: &str, cache: &Path) -> Result<Star
     // It may have ended by itself, which `wait` then says.
     let _ = child.kill();
     child.wait().map_err(|source| Error::Start { command: format_command(&command), source })?;
-    let (own_ms, outside) =
+    let (told_by_daemon_ms, outside) =
         planned.ok_or_else(|| Error::NoFirstPlan { command: format_command(&command), said: said.join("\n") })?;
-    Ok(Start { own_ms, outside_ms: outside.as_secs_f64() * 1e3, sizes })
+    Ok(FirstPlanTimes { told_by_daemon_ms, seen_from_outside_ms: outside.as_secs_f64() * 1e3, sizes })
 }

@@ -5,7 +5,7 @@
 //! like a nightly one (`RUSTC_BOOTSTRAP`).
 
 use crate::error::{Error, file_error};
-use crate::process::{capture_output, run_command, run_silently};
+use crate::process::{capture_output, run_command, run_command_silently};
 pub use crate::triple::TARGET;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
 /// How the target was had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum TargetSource {
     /// It is installed as rustup or the distribution put it there.
     Installed,
     /// rustup has just added it.
@@ -27,13 +27,13 @@ pub enum Way {
     BuildStd,
 }
 
-impl Way {
+impl TargetSource {
     /// For a person.
     pub fn describe(self) -> &'static str {
         match self {
-            Way::Installed => "target installed",
-            Way::Rustup => "target added by rustup",
-            Way::BuildStd => "core and alloc built from Debian's rust-src",
+            TargetSource::Installed => "target installed",
+            TargetSource::Rustup => "target added by rustup",
+            TargetSource::BuildStd => "core and alloc built from Debian's rust-src",
         }
     }
 }
@@ -42,35 +42,36 @@ impl Way {
 ///
 /// # Errors
 /// [`Error::NoTarget`] if both ways fail.
-pub fn ensure_target(scratch: &Path, build_std: bool) -> Result<Way, Error> {
-    if !build_std && is_installed()? {
-        return Ok(Way::Installed);
+pub fn ensure_compile_target_available(scratch: &Path, build_std: bool) -> Result<TargetSource, Error> {
+    if !build_std && is_target_installed()? {
+        return Ok(TargetSource::Installed);
     }
     if build_std {
-        return ensure_sources(scratch).map(|()| Way::BuildStd);
+        return ensure_std_sources_in_sysroot(scratch).map(|()| TargetSource::BuildStd);
     }
     eprintln!("firmware: adding the target {TARGET} with rustup");
-    let rustup = match run_silently(Command::new("rustup").args(["target", "add", TARGET])) {
-        Ok(()) if is_installed()? => return Ok(Way::Rustup),
+    let rustup = match run_command_silently(Command::new("rustup").args(["target", "add", TARGET])) {
+        Ok(()) if is_target_installed()? => return Ok(TargetSource::Rustup),
         Ok(()) => "it was added to another toolchain than the one in use".to_owned(),
         Err(reason) => reason,
     };
-    match ensure_sources(scratch) {
-        Ok(()) => Ok(Way::BuildStd),
+    match ensure_std_sources_in_sysroot(scratch) {
+        Ok(()) => Ok(TargetSource::BuildStd),
         Err(source) => Err(Error::NoTarget { rustup, source: Box::new(source) }),
     }
 }
 
 /// Whether the target is installed, or can be built from sources that are there.
-pub fn is_available() -> bool {
-    is_installed().unwrap_or(false) || find_library().is_ok_and(|(_, library)| has_core_sources(&library))
+pub fn is_compile_target_installed_or_buildable() -> bool {
+    is_target_installed().unwrap_or(false)
+        || find_compiler_version_and_std_source_path().is_ok_and(|(_, library)| has_core_sources(&library))
 }
 
 fn rustc_command() -> Command {
     Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
 }
 
-fn is_installed() -> Result<bool, Error> {
+fn is_target_installed() -> Result<bool, Error> {
     let directory = capture_output(rustc_command().args(["--print", "target-libdir", "--target", TARGET]))?;
     Ok(fs::read_dir(directory).is_ok_and(|entries| {
         entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))
@@ -78,7 +79,7 @@ fn is_installed() -> Result<bool, Error> {
 }
 
 /// The compiler's version, and where cargo looks for the sources of its standard library.
-fn find_library() -> Result<(String, PathBuf), Error> {
+fn find_compiler_version_and_std_source_path() -> Result<(String, PathBuf), Error> {
     let verbose = capture_output(rustc_command().arg("-vV"))?;
     let compiler = verbose.lines().find_map(|line| line.strip_prefix("release: ")).unwrap_or("unknown").to_owned();
     let sysroot = PathBuf::from(capture_output(rustc_command().args(["--print", "sysroot"]))?);
@@ -90,8 +91,8 @@ fn has_core_sources(library: &Path) -> bool {
 }
 
 /// Puts the standard library's sources where cargo looks for them.
-fn ensure_sources(scratch: &Path) -> Result<(), Error> {
-    let (compiler, library) = find_library()?;
+fn ensure_std_sources_in_sysroot(scratch: &Path) -> Result<(), Error> {
+    let (compiler, library) = find_compiler_version_and_std_source_path()?;
     if has_core_sources(&library) {
         return Ok(());
     }
@@ -102,7 +103,7 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
         reason: format!("cannot make {}: {source}", parent.display()),
     })?;
     eprintln!("firmware: fetching the sources of the standard library from Debian's {SUITE}");
-    let package = download_sources(scratch, &compiler)?;
+    let package = download_std_source_package(scratch, &compiler)?;
     let unpacked = scratch.join("unpacked");
     run_command(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
     let sources = unpacked.join(format!("usr/src/rustc-{compiler}/library"));
@@ -119,13 +120,13 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
 
 /// Downloads Debian's `rust-src` with an apt configuration of its own, which needs no rights and leaves the machine's
 /// package lists alone.
-fn download_sources(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
+fn download_std_source_package(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
     for directory in ["state/lists/partial", "cache/archives/partial", "package"] {
         let path = scratch.join(directory);
         fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;
     }
     let sources = scratch.join("sources.list");
-    let mirror = find_mirror().ok_or_else(|| Error::NoSources {
+    let mirror = find_debian_mirror().ok_or_else(|| Error::NoSources {
         compiler: compiler.to_owned(),
         reason: "this machine's apt configuration names no Debian mirror".to_owned(),
     })?;
@@ -152,7 +153,7 @@ fn download_sources(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
         command
     };
     let failed = |reason| Error::NoSources { compiler: compiler.to_owned(), reason };
-    run_silently(&mut apt("apt-get", &["update"])).map_err(failed)?;
+    run_command_silently(&mut apt("apt-get", &["update"])).map_err(failed)?;
     // The suite keeps the packages of several compilers; the newest is not the one wanted.
     let listed = capture_output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
     let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
@@ -160,7 +161,7 @@ fn download_sources(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
         let reason = format!("{SUITE} has {}", versions.join(", "));
         return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
     };
-    run_silently(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
+    run_command_silently(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
     let directory = scratch.join("package");
     let entries = fs::read_dir(&directory).map_err(file_error("cannot read", &directory))?;
     entries
@@ -174,7 +175,7 @@ fn download_sources(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
 }
 
 /// The Debian mirror that this machine uses already.
-fn find_mirror() -> Option<String> {
+fn find_debian_mirror() -> Option<String> {
     let listed = capture_output(Command::new("apt-get").args([
         "indextargets",
         "--format",

@@ -49,20 +49,20 @@ impl Accuracy {
 
     /// The relative tolerance; the tightest one where a time limit was given instead.
     #[must_use]
-    pub const fn relative_tolerance(self) -> f64 {
+    pub const fn relative_tolerance_or_tightest(self) -> f64 {
         self.tolerance
     }
 
     /// The tolerance that was asked for; `None` where a time limit was.
     #[must_use]
-    pub fn requested_tolerance(self) -> Option<f64> {
+    pub fn tolerance_unless_time_limit_given(self) -> Option<f64> {
         self.within.is_none().then_some(self.tolerance)
     }
 
     /// Order of the elements that usually meets it, for responses of panels with a damping of 1 %: 7 down to 1e-3, 9
     /// down to 1e-5, 11 below.
     #[must_use]
-    pub fn choose_element_order(self) -> usize {
+    pub fn choose_element_order_for_tolerance(self) -> usize {
         match self.tolerance {
             t if t >= 1e-3 => 7,
             t if t >= 1e-5 => 9,

@@ -10,12 +10,12 @@
 
 use super::ModelError;
 use super::attached::{PointAttachment, actuator_attachments, supports_and_masses};
-use super::enriched::{EdgeSprings, add_singular_function_matrices, integrate_singular_functions};
+use super::enriched::{EdgeSprings, add_singular_function_matrices, area_integrals_of_singular_functions_by_cell};
 use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
 use super::mesh::GridLines;
 use super::sections::{CellSection, RelativeBending};
-use super::shape::{CellMatrices, gauss_legendre_rule};
+use super::shape::{CellMatrices, gauss_legendre_rule_on_unit_interval};
 use super::sparse::{MatrixEntries, SparseSymmetricMatrix, SparseVector};
 use crate::scene::{EdgeKind, Scene, Side};
 use std::sync::Arc;
@@ -90,15 +90,17 @@ pub struct AttachedVectors {
 
 impl AttachedVectors {
     /// What `scene` attaches to the surface of a mesh, which need not have been made for it.
-    pub(super) fn from_scene(grid: &Grid, scene: &Scene) -> Self {
+    pub(super) fn assemble_point_attachments_of_scene(grid: &Grid, scene: &Scene) -> Self {
         let mut parts =
             AttachmentBuilder { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
         for attached in supports_and_masses(scene) {
             parts.add_attached_returning_travel_vector(&attached);
         }
         let without_actuators = parts.attachments.len();
-        let actuators =
-            actuator_attachments(scene).enumerate().map(|(i, attached)| parts.add_actuator(i, &attached)).collect();
+        let actuators = actuator_attachments(scene)
+            .enumerate()
+            .map(|(i, attached)| parts.add_actuator_returning_force_and_travel(i, &attached))
+            .collect();
         let AttachmentBuilder { unknowns, attachments, moving_masses, .. } = parts;
         Self { attachments, without_actuators, actuators, moving_masses, unknowns }
     }
@@ -134,16 +136,16 @@ pub fn assemble_panel_matrices(scene: &Scene, fineness: Fineness) -> Result<Pane
         (grid.transform_matrix_to_unknowns(stiffness), grid.transform_matrix_to_unknowns(mass));
     if grid.y.is_none() {
         let numbers = |cell| unknowns_of_bar_cell(&grid, cell);
-        grid.thin.add_bending_stiffness(
+        grid.thin.add_bending_stiffness_of_thin_cells(
             &mut stiffness,
             &compute_cell_matrices(&grid, &grid.x),
-            |cell| grid.sections.section_of_cell(cell, 0),
+            |cell| grid.sections.section_of_cell_unless_cut_away(cell, 0),
             numbers,
         );
     }
     let edges = assemble_elastic_edges_by_loss_factor(scene, &grid);
     edges.iter().for_each(|(edges, _)| stiffness.add_scaled_entries(edges, 1.0));
-    let attached = AttachedVectors::from_scene(&grid, scene);
+    let attached = AttachedVectors::assemble_point_attachments_of_scene(&grid, scene);
     let n = attached.unknowns;
     for attachment in &attached.attachments {
         stiffness.add_outer_product(&attachment.vector, attachment.stiffness);
@@ -153,7 +155,7 @@ pub fn assemble_panel_matrices(scene: &Scene, fineness: Fineness) -> Result<Pane
         .into_iter()
         .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build_matrix(n)?, loss_factor }))
         .collect::<Result<_, ModelError>>()?;
-    let air = scene.air_stiffness_n_per_m().map(|stiffness| build_sealed_air_spring(&grid, stiffness));
+    let air = scene.sealed_air_stiffness_if_any_n_per_m().map(|stiffness| build_sealed_air_spring(&grid, stiffness));
     Ok(PanelMatrices {
         edges,
         air,
@@ -166,20 +168,24 @@ pub fn assemble_panel_matrices(scene: &Scene, fineness: Fineness) -> Result<Pane
 
 /// Air that resists the mean deflection with `stiffness_n_per_m` in N/m.
 fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
-    let in_x = integrate_functions_of_cells(grid, &grid.x);
-    let in_y = grid.y.as_ref().map_or_else(|| vec![(1.0, vec![1.0])], |y| integrate_functions_of_cells(grid, y));
+    let in_x = cell_lengths_and_integrals_of_their_functions(grid, &grid.x);
+    let in_y = grid
+        .y
+        .as_ref()
+        .map_or_else(|| vec![(1.0, vec![1.0])], |y| cell_lengths_and_integrals_of_their_functions(grid, y));
     let (mut sums, mut size) = (vec![0.0; grid.free], 0.0);
     for (cell_y, (height, own_y)) in in_y.iter().enumerate() {
         for (cell_x, (length, own_x)) in in_x.iter().enumerate() {
-            if grid.sections.section_of_cell(cell_x, cell_y).is_none() {
+            if grid.sections.section_of_cell_unless_cut_away(cell_x, cell_y).is_none() {
                 continue;
             }
             size += length * height;
             for (a, along_x) in own_x.iter().enumerate() {
                 for (b, along_y) in own_y.iter().enumerate() {
-                    if let Some(number) =
-                        grid.unknown_of_function_product(grid.function_index(cell_x, a), grid.function_index(cell_y, b))
-                    {
+                    if let Some(number) = grid.unknown_of_function_product_unless_fixed(
+                        grid.function_index_along_lines(cell_x, a),
+                        grid.function_index_along_lines(cell_y, b),
+                    ) {
                         sums[number] += along_x * along_y;
                     }
                 }
@@ -188,15 +194,18 @@ fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
     }
     if let Some(y) = &grid.y {
         // Exactly: with a mean that is off otherwise on every mesh, spaces that hold each other would not make levels that do.
-        integrate_singular_functions(grid, y).into_iter().for_each(|(number, integral)| sums[number] += integral);
+        area_integrals_of_singular_functions_by_cell(grid, y)
+            .into_iter()
+            .for_each(|(number, integral)| sums[number] += integral);
     }
     let mean = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
     Attachment { vector: grid.transform_row_to_unknowns(mean), stiffness: stiffness_n_per_m, ..Attachment::default() }
 }
 
 /// Each cell's length along lines, and the integrals of its functions over it: exactly, as they are polynomials.
-fn integrate_functions_of_cells(grid: &Grid, lines: &GridLines) -> Vec<(f64, Vec<f64>)> {
-    let (rule, element) = (gauss_legendre_rule(grid.element.element_order()), grid.element_for_lines(lines));
+fn cell_lengths_and_integrals_of_their_functions(grid: &Grid, lines: &GridLines) -> Vec<(f64, Vec<f64>)> {
+    let (rule, element) =
+        (gauss_legendre_rule_on_unit_interval(grid.element.element_order()), grid.element_for_lines(lines));
     let cells = lines.at.windows(2).zip(lines.scale.windows(2)).map(|(at, scale)| {
         let length = at[1] - at[0];
         let mut sums = vec![0.0; element.element_order() + 1];
@@ -240,12 +249,14 @@ fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEnt
     match &grid.y {
         None => {
             for (cell, matrices) in in_x.iter().enumerate() {
-                let Some(CellSection { rigidity, per_area, .. }) = grid.sections.section_of_cell(cell, 0) else {
+                let Some(CellSection { rigidity, per_area, .. }) =
+                    grid.sections.section_of_cell_unless_cut_away(cell, 0)
+                else {
                     continue;
                 };
                 let numbers = unknowns_of_bar_cell(grid, cell);
                 // Thin cells' bending comes over other unknowns.
-                if !grid.thin.contains_cell(cell) {
+                if !grid.thin.is_thin_cell(cell) {
                     add_dense_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
                 }
                 add_dense_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
@@ -255,12 +266,12 @@ fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEnt
             let in_y = compute_cell_matrices(grid, y);
             for (cell_y, my) in in_y.iter().enumerate() {
                 for (cell_x, mx) in in_x.iter().enumerate() {
-                    let Some(section) = grid.sections.section_of_cell(cell_x, cell_y) else { continue };
+                    let Some(section) = grid.sections.section_of_cell_unless_cut_away(cell_x, cell_y) else { continue };
                     let numbers: Vec<_> = (0..n * n)
                         .map(|k| {
-                            grid.unknown_of_function_product(
-                                grid.function_index(cell_x, k / n),
-                                grid.function_index(cell_y, k % n),
+                            grid.unknown_of_function_product_unless_fixed(
+                                grid.function_index_along_lines(cell_x, k / n),
+                                grid.function_index_along_lines(cell_y, k % n),
                             )
                         })
                         .collect();
@@ -276,7 +287,7 @@ fn assemble_surface_stiffness_and_mass(grid: &Grid) -> (MatrixEntries, MatrixEnt
 /// The unknowns of the functions of a bar's cell.
 fn unknowns_of_bar_cell(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
     (0..=grid.element.element_order())
-        .map(|a| grid.unknown_of_function_product(grid.function_index(cell, a), 0))
+        .map(|a| grid.unknown_of_function_product_unless_fixed(grid.function_index_along_lines(cell, a), 0))
         .collect()
 }
 
@@ -328,14 +339,14 @@ fn add_dense_block(entries: &mut MatrixEntries, unknowns: &[Option<usize>], entr
 fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entries: &mut MatrixEntries) {
     let ends_x = matches!(side, Side::Left | Side::Right);
     let (across, along) = if ends_x { (Some(&grid.x), grid.y.as_ref()) } else { (grid.y.as_ref(), Some(&grid.x)) };
-    let here = grid.deflection_function_at_edge(side);
+    let here = grid.index_of_deflection_function_at_edge(side);
     let end = if matches!(side, Side::Left | Side::Top) { 0 } else { across.map_or(0, GridLines::count_cells) };
     let scale = across.map_or(1.0, |lines| lines.scale[end]);
     let number = |across: usize, along: usize| {
         if ends_x {
-            grid.unknown_of_function_product(across, along)
+            grid.unknown_of_function_product_unless_fixed(across, along)
         } else {
-            grid.unknown_of_function_product(along, across)
+            grid.unknown_of_function_product_unless_fixed(along, across)
         }
     };
     for (function, value) in [(here, stiffness), (here + 1, rotational / (scale * scale))] {
@@ -350,8 +361,9 @@ fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotationa
             .enumerate()
             .filter(|(cell, _)| grid.is_edge_cell_present(side, *cell))
         {
-            let numbers: Vec<_> =
-                (0..=grid.element.element_order()).map(|a| number(function, grid.function_index(cell, a))).collect();
+            let numbers: Vec<_> = (0..=grid.element.element_order())
+                .map(|a| number(function, grid.function_index_along_lines(cell, a)))
+                .collect();
             add_dense_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
         }
     }
@@ -383,7 +395,7 @@ struct AttachmentBuilder<'a> {
 
 impl AttachmentBuilder<'_> {
     /// Adds an attachment unless it has no effect: on a clamped point nothing moves.
-    fn keep_if_effective(&mut self, attachment: Attachment) {
+    fn add_attachment_unless_without_effect(&mut self, attachment: Attachment) {
         let Attachment { vector, stiffness, damping, mass, .. } = &attachment;
         if !vector.is_empty() && (*stiffness > 0.0 || *damping > 0.0 || *mass > 0.0) {
             self.attachments.push(attachment);
@@ -394,7 +406,7 @@ impl AttachmentBuilder<'_> {
     fn add_attached_returning_travel_vector(&mut self, attached: &PointAttachment) -> Vec<(usize, f64)> {
         let (x_m, y_m) = attached.at;
         let surface = self.grid.deflection_row_of_attachment(x_m, y_m);
-        self.keep_if_effective(Attachment {
+        self.add_attachment_unless_without_effect(Attachment {
             vector: surface.clone(),
             stiffness: attached.stiffness_n_per_m,
             loss_factor: attached.loss_factor,
@@ -406,8 +418,8 @@ impl AttachmentBuilder<'_> {
         if stiffness > 0.0 {
             let (x_m, y_m) = self.grid.merged_attachment_position_m(x_m, y_m);
             for slope in [DeflectionDerivative::SlopeX, DeflectionDerivative::SlopeY] {
-                let vector = self.grid.deflection_row_at(x_m, y_m, slope);
-                self.keep_if_effective(Attachment {
+                let vector = self.grid.deflection_or_slope_row_at(x_m, y_m, slope);
+                self.add_attachment_unless_without_effect(Attachment {
                     vector,
                     stiffness,
                     loss_factor,
@@ -419,10 +431,14 @@ impl AttachmentBuilder<'_> {
         let Some(carried) = attached.carried else { return surface };
         let own = self.unknowns;
         self.unknowns += 1;
-        self.keep_if_effective(Attachment { vector: vec![(own, 1.0)], mass: carried.mass_kg, ..Attachment::default() });
+        self.add_attachment_unless_without_effect(Attachment {
+            vector: vec![(own, 1.0)],
+            mass: carried.mass_kg,
+            ..Attachment::default()
+        });
         let mut between = surface;
         between.push((own, -1.0));
-        self.keep_if_effective(Attachment {
+        self.add_attachment_unless_without_effect(Attachment {
             vector: between.clone(),
             stiffness: carried.stiffness_n_per_m,
             damping: carried.damping_n_s_per_m,
@@ -432,7 +448,7 @@ impl AttachmentBuilder<'_> {
     }
 
     /// Adds the parts of an ERA; returns its load per newton and the row of its travel.
-    fn add_actuator(&mut self, index: usize, attached: &PointAttachment) -> ActuatorVectors {
+    fn add_actuator_returning_force_and_travel(&mut self, index: usize, attached: &PointAttachment) -> ActuatorVectors {
         if attached.carried.is_some() {
             self.moving_masses.push((self.unknowns, index));
         }

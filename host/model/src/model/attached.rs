@@ -34,8 +34,10 @@ pub(super) struct SuspendedMass {
 
 impl PointAttachment {
     /// What resists a motion of the point in K + shift M, in N/m.
-    pub fn shifted_stiffness_n_per_m(&self, shift: f64) -> f64 {
-        self.stiffness_n_per_m + self.carried.map_or(0.0, |carried| carried.stiffness_n_per_m) + shift * self.mass_kg
+    pub fn stiffness_plus_shift_times_mass_n_per_m(&self, shift_per_s2: f64) -> f64 {
+        self.stiffness_n_per_m
+            + self.carried.map_or(0.0, |carried| carried.stiffness_n_per_m)
+            + shift_per_s2 * self.mass_kg
     }
 }
 

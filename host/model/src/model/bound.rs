@@ -14,7 +14,7 @@ pub enum Bound {
 impl Bound {
     /// The largest possible error; `None` if no bound is known.
     #[must_use]
-    pub fn known_limit(self) -> Option<f64> {
+    pub fn limit_if_known(self) -> Option<f64> {
         match self {
             Bound::AtMost(value) => Some(value),
             Bound::Unknown(_) => None,
@@ -32,11 +32,11 @@ impl Bound {
 
     /// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
     #[must_use]
-    pub fn all_meet_accuracy(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
-        let tolerance = accuracy.requested_tolerance()?;
-        if bounds.iter().filter_map(|bound| bound.known_limit()).any(|bound| bound > tolerance) {
+    pub fn all_meet_tolerance_if_decidable(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
+        let tolerance = accuracy.tolerance_unless_time_limit_given()?;
+        if bounds.iter().filter_map(|bound| bound.limit_if_known()).any(|bound| bound > tolerance) {
             return Some(false);
         }
-        bounds.iter().all(|bound| bound.known_limit().is_some()).then_some(true)
+        bounds.iter().all(|bound| bound.limit_if_known().is_some()).then_some(true)
     }
 }

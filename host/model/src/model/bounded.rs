@@ -12,12 +12,12 @@
 use super::bound::Bound;
 use super::corners::has_singular_corner;
 use super::estimator::{
-    ErrorEstimator, FrequencyRounding, NOT_SETTLED, POINT_MOMENT, RESPONSE_SAFETY, has_rotational_point_spring,
+    ErrorEstimator, FrequencyRounding, NOT_SETTLED, POINT_MOMENT, RESPONSE_SAFETY, has_rotational_point_spring_on_plate,
 };
 use super::fineness::Fineness;
-use super::grid::estimate_unknown_count;
+use super::grid::count_mesh_unknowns_before_edges_and_cutouts;
 use super::panel::{MeshCounts, PanelModel, choose_fineness};
-use super::placement::{has_close_attachments, has_unresolved_singularity};
+use super::placement::{has_attachments_with_overlapping_functions, has_unresolved_singularity};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
 use crate::stop::StopRequest;
@@ -78,7 +78,7 @@ pub trait RefinableQuestion {
     /// What comes back.
     type Answer;
     /// What may go wrong.
-    type Error: From<ModelError>;
+    type Error: From<ModelError> + std::fmt::Display;
 
     /// Answers the question with a model of one level.
     ///
@@ -86,28 +86,28 @@ pub trait RefinableQuestion {
     /// Those of the model, and the question's own.
     fn answer_from_model(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error>;
 
-    /// Asks a level that is there to be compared with only: at least what [`RefinableQuestion::relative_differences`] needs of it.
+    /// Asks a level that is there to be compared with only: at least what [`RefinableQuestion::relative_difference_of_each_part`] needs of it.
     ///
     /// # Errors
     /// As [`RefinableQuestion::answer_from_model`].
-    fn answer_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error> {
+    fn answer_enough_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error> {
         self.answer_from_model(model)
     }
 
     /// Relative differences of the parts of `fine` from those of `coarse`; infinite where they cannot be compared. `coarse` may
-    /// come from [`RefinableQuestion::answer_for_comparison`].
-    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
+    /// come from [`RefinableQuestion::answer_enough_for_comparison`].
+    fn relative_difference_of_each_part(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
 
-    /// How many of the `parts`, the first ones, decide how far is climbed; the others are told with what bound comes of it.
-    fn count_deciding_parts(&self, parts: usize) -> usize {
-        parts
+    /// How many of the `part_count`, the first ones, decide how far is climbed; the others are told with what bound comes of it.
+    fn count_leading_parts_that_decide_refinement(&self, part_count: usize) -> usize {
+        part_count
     }
 
     /// The kind of numbers that the answer consists of.
     fn kind_of_compared_values(&self) -> ComparedValues;
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
-    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64>;
+    fn error_floor_of_each_part(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64>;
 }
 
 /// What is compared from level to level.
@@ -123,12 +123,12 @@ pub enum ComparedValues {
 }
 
 /// Order of the first level whose bound is looked at.
-fn choose_first_element_order(scene: &Scene, accuracy: Accuracy, values: ComparedValues) -> usize {
+fn choose_order_of_first_bounded_level(scene: &Scene, accuracy: Accuracy, values: ComparedValues) -> usize {
     // Loose enough for order 9: of frequencies, and of responses.
     let (frequencies, responses) = (1e-3, 1e-2);
     if accuracy.time_limit().is_some() {
         FIRST_ORDER_WITHIN
-    } else if accuracy.relative_tolerance()
+    } else if accuracy.relative_tolerance_or_tightest()
         >= if values == ComparedValues::Frequencies { frequencies } else { responses }
         || has_singular_corner(scene)
     {
@@ -148,7 +148,7 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
     accuracy: Accuracy,
     max_hz: f64,
 ) -> Result<BoundedAnswer<Q::Answer>, Q::Error> {
-    let first = choose_first_element_order(scene, accuracy, question.kind_of_compared_values());
+    let first = choose_order_of_first_bounded_level(scene, accuracy, question.kind_of_compared_values());
     let mut ladder = Ladder {
         question,
         scene,
@@ -159,25 +159,25 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
         best: None,
         steps: Vec::new(),
     };
-    ladder.start_on_new_mesh(MeshRefinement { order: first, part: 1.0 })?;
+    ladder.solve_and_bound_first_levels_of_new_mesh(MeshRefinement { order: first, part: 1.0 })?;
     let mut rung = MeshRefinement { order: first, part: 1.0 };
-    while let Some(next) = ladder.choose_next_refinement(rung) {
+    while let Some(next) = ladder.choose_next_refinement_unless_done(rung) {
         // Part of a rung may have failed for want of memory or time; what was found before stands.
         let climbed = if next.part < rung.part {
-            ladder.start_on_new_mesh(next)
+            ladder.solve_and_bound_first_levels_of_new_mesh(next)
         } else {
-            ladder.add_level_of_higher_order(next.order, next.part, true)
+            ladder.solve_and_bound_next_level_on_same_mesh(next.order, next.part, true)
         };
         if let Err(error) = climbed {
             if StopRequest::current_request_of_thread().is_stop_requested() {
                 return Err(error);
             }
-            tracing::warn!("a finer level has no answer, the best before it is given");
-            return ladder.into_best_answer().ok_or(error);
+            tracing::warn!(%error, "a finer mesh could not be computed; the answer is the best one of the coarser meshes");
+            return ladder.into_answer_with_smallest_bound().ok_or(error);
         }
         rung = next;
     }
-    ladder.into_best_answer().ok_or_else(|| ModelError::NotConverged { max_hz, vectors: 0 }.into())
+    ladder.into_answer_with_smallest_bound().ok_or_else(|| ModelError::NotConverged { max_hz, vectors: 0 }.into())
 }
 
 /// A level's order, and its cells as a part of the usual ones.
@@ -205,12 +205,12 @@ struct BestLevel {
 
 impl BestLevel {
     /// The largest of the bounds that decide how far the mesh is refined.
-    fn largest_deciding_bound(&self) -> f64 {
-        largest_bound(&self.bounds[..self.deciding])
+    fn largest_bound_that_decides_refinement(&self) -> f64 {
+        largest_bound_or_zero(&self.bounds[..self.deciding])
     }
 
     /// Whether every deciding bound is at most this multiple of its error floor: finer meshes gain no more.
-    fn is_within_factor_of_error_floors(&self, factor: f64) -> bool {
+    fn are_deciding_bounds_within_factor_of_floors(&self, factor: f64) -> bool {
         self.bounds.iter().zip(&self.floors).take(self.deciding).all(|(bound, floor)| *bound <= factor * floor)
     }
 }
@@ -229,12 +229,12 @@ struct Ladder<'a, Q: RefinableQuestion> {
 
 impl<Q: RefinableQuestion> Ladder<'_, Q> {
     /// Solves the first levels of a new mesh, up to the given order.
-    fn start_on_new_mesh(&mut self, refinement: MeshRefinement) -> Result<(), Q::Error> {
+    fn solve_and_bound_first_levels_of_new_mesh(&mut self, refinement: MeshRefinement) -> Result<(), Q::Error> {
         let best = self.best.as_ref().map(|best| best.step);
         self.levels.retain(|level| Some(level.step) == best);
         let fineness = choose_fineness(self.scene, refinement.order, refinement.part, self.max_hz)?;
         let first = self.steps.len();
-        if needs_third_level(self.scene, fineness) {
+        if may_errors_fall_too_slowly_for_two_levels(self.scene, fineness) {
             self.solve_and_record_level(refinement.order - 4, refinement.part, false)?;
         }
         self.solve_and_record_level(refinement.order - 2, refinement.part, false)?;
@@ -244,7 +244,12 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// Solves one more level on the present mesh.
-    fn add_level_of_higher_order(&mut self, order: usize, cell_fraction: f64, is_finest: bool) -> Result<(), Q::Error> {
+    fn solve_and_bound_next_level_on_same_mesh(
+        &mut self,
+        order: usize,
+        cell_fraction: f64,
+        is_finest: bool,
+    ) -> Result<(), Q::Error> {
         let first = self.steps.len().saturating_sub(2);
         self.solve_and_record_level(order, cell_fraction, is_finest)?;
         self.bound_error_of_last_level(first);
@@ -258,11 +263,11 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
         }
         let started = Instant::now();
         let fineness = choose_fineness(self.scene, order, cell_fraction, self.max_hz)?;
-        let model = PanelModel::with_fineness(self.scene, fineness)?;
+        let model = PanelModel::build_with_fineness(self.scene, fineness)?;
         let answer = if is_finest {
             self.question.answer_from_model(&model)?
         } else {
-            self.question.answer_for_comparison(&model)?
+            self.question.answer_enough_for_comparison(&model)?
         };
         let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
         tracing::debug!(
@@ -288,10 +293,12 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     fn bound_error_of_last_level(&mut self, first_level_of_mesh: usize) {
         let mut before = self.levels.iter().rev().filter(|level| level.step >= first_level_of_mesh);
         let (Some(fine), Some(middle)) = (before.next(), before.next()) else { return };
-        let last = self.question.relative_differences(&middle.answer, &fine.answer);
-        let earlier = before.next().map(|coarse| self.question.relative_differences(&coarse.answer, &middle.answer));
+        let last = self.question.relative_difference_of_each_part(&middle.answer, &fine.answer);
+        let earlier =
+            before.next().map(|coarse| self.question.relative_difference_of_each_part(&coarse.answer, &middle.answer));
         let estimator = ErrorEstimator::new(self.scene, &fine.model);
-        let floors = self.question.error_floors(&fine.answer, FrequencyRounding::new(self.scene, &fine.model));
+        let floors =
+            self.question.error_floor_of_each_part(&fine.answer, FrequencyRounding::new(self.scene, &fine.model));
         // The level before may have had fewer parts to compare.
         let before = |k: usize| earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
         let differences: Vec<(Option<f64>, f64)> =
@@ -299,28 +306,30 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
         let responses = |estimate: &dyn Fn(Option<f64>, f64) -> f64| -> Vec<f64> {
             differences.iter().map(|(before, last)| RESPONSE_SAFETY * estimate(*before, *last)).collect()
         };
-        let deciding = self.question.count_deciding_parts(differences.len());
+        let deciding = self.question.count_leading_parts_that_decide_refinement(differences.len());
         let estimates = match self.question.kind_of_compared_values() {
             ComparedValues::Frequencies => {
                 let (modes, others) = differences.split_at(deciding);
-                let others = others.iter().map(|(before, last)| estimator.estimate_error_bound(*before, *last));
+                let others =
+                    others.iter().map(|(before, last)| estimator.estimate_frequency_error_bound(*before, *last));
                 estimator.estimate_mode_error_bounds(modes).into_iter().chain(others).collect()
             }
-            ComparedValues::Curves => responses(&|before, last| estimator.estimate_curve_error_bound(before, last)),
+            ComparedValues::Curves => {
+                responses(&|before, last| estimator.estimate_curve_error_bound_without_safety_factor(before, last))
+            }
             ComparedValues::FewResponses => {
                 responses(&|before, last| estimator.estimate_few_responses_error_bound(before, last))
             }
         };
         let bounds: Vec<f64> = estimates.iter().zip(&floors).map(|(estimate, floor)| estimate + floor).collect();
-        let (step, found) = (fine.step, largest_bound(&bounds[..deciding]));
+        let (step, found) = (fine.step, largest_bound_or_zero(&bounds[..deciding]));
         if let Some(step) = self.steps.get_mut(step) {
             step.bound = found;
         }
-        if self
-            .best
-            .as_ref()
-            .is_none_or(|best| found <= best.largest_deciding_bound() || !best.largest_deciding_bound().is_finite())
-        {
+        if self.best.as_ref().is_none_or(|best| {
+            found <= best.largest_bound_that_decides_refinement()
+                || !best.largest_bound_that_decides_refinement().is_finite()
+        }) {
             self.best = Some(BestLevel { step, bounds, floors, deciding });
         }
         let best = self.best.as_ref().map(|best| best.step);
@@ -329,16 +338,16 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// The next rung; `None` where the answer is good enough, or nothing better can be had.
-    fn choose_next_refinement(&self, current: MeshRefinement) -> Option<MeshRefinement> {
+    fn choose_next_refinement_unless_done(&self, current: MeshRefinement) -> Option<MeshRefinement> {
         let best = self.best.as_ref()?;
         let last = self.steps.last()?.bound;
         // Nothing to gain where rounding is all that is left, or has begun to grow.
-        let is_rounding = best.is_within_factor_of_error_floors(2.0)
-            || (last > GETTING_WORSE * best.largest_deciding_bound()
-                && best.is_within_factor_of_error_floors(NEAR_FLOOR));
-        if best.largest_deciding_bound() <= self.accuracy.relative_tolerance()
+        let is_rounding = best.are_deciding_bounds_within_factor_of_floors(2.0)
+            || (last > GETTING_WORSE * best.largest_bound_that_decides_refinement()
+                && best.are_deciding_bounds_within_factor_of_floors(NEAR_FLOOR));
+        if best.largest_bound_that_decides_refinement() <= self.accuracy.relative_tolerance_or_tightest()
             || is_rounding
-            || has_rotational_point_spring(self.scene)
+            || has_rotational_point_spring_on_plate(self.scene)
         {
             return None;
         }
@@ -348,8 +357,12 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
             MeshRefinement { order: FIRST_ORDER_TIGHT, part: current.part * SMALLER }
         };
         let finer = choose_fineness(self.scene, next.order, next.part, self.max_hz).ok()?;
-        let unknowns = estimate_unknown_count(self.scene, finer);
-        let most = if best.largest_deciding_bound().is_finite() { MOST_UNKNOWNS } else { MOST_UNKNOWNS_UNSETTLED };
+        let unknowns = count_mesh_unknowns_before_edges_and_cutouts(self.scene, finer);
+        let most = if best.largest_bound_that_decides_refinement().is_finite() {
+            MOST_UNKNOWNS
+        } else {
+            MOST_UNKNOWNS_UNSETTLED
+        };
         (unknowns <= most && self.has_time_for_level(unknowns, next.part < current.part)).then_some(next)
     }
 
@@ -368,12 +381,12 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// The answer with the smallest bound; `None` if no level has been solved.
-    fn into_best_answer(mut self) -> Option<BoundedAnswer<Q::Answer>> {
+    fn into_answer_with_smallest_bound(mut self) -> Option<BoundedAnswer<Q::Answer>> {
         let best = self.best?;
         let at = self.levels.iter().position(|level| level.step == best.step)?;
         let AnsweredLevel { model, answer, .. } = self.levels.swap_remove(at);
         let bound = |bound: f64| match bound {
-            _ if has_rotational_point_spring(self.scene) => Bound::Unknown(POINT_MOMENT),
+            _ if has_rotational_point_spring_on_plate(self.scene) => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
         };
@@ -382,11 +395,13 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
 }
 
 /// The largest of some bounds; 0 without any.
-fn largest_bound(bounds: &[f64]) -> f64 {
+fn largest_bound_or_zero(bounds: &[f64]) -> f64 {
     bounds.iter().copied().fold(0.0, f64::max)
 }
 
 /// Whether errors may fall so slowly that two levels do not show it: a third is asked.
-fn needs_third_level(scene: &Scene, fineness: Fineness) -> bool {
-    has_singular_corner(scene) || has_unresolved_singularity(scene, fineness) || has_close_attachments(scene, fineness)
+fn may_errors_fall_too_slowly_for_two_levels(scene: &Scene, fineness: Fineness) -> bool {
+    has_singular_corner(scene)
+        || has_unresolved_singularity(scene, fineness)
+        || has_attachments_with_overlapping_functions(scene, fineness)
 }

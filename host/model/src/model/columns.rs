@@ -46,7 +46,7 @@ impl BasisColumns {
         for first in (0..vectors.ncols()).step_by(LANES) {
             let lanes = interleave_columns(vectors, first);
             let mut sums = vec![[0.0; LANES]; self.len()];
-            Arch::new().dispatch(AddInner(&self.values, &lanes, &mut sums));
+            Arch::new().dispatch(InnerProducts(&self.values, &lanes, &mut sums));
             for (mut column, lane) in out.columns_range_mut(first..).column_iter_mut().zip(0..LANES) {
                 column.iter_mut().zip(&sums).for_each(|(out, sum)| *out = sum[lane]);
             }
@@ -81,11 +81,11 @@ fn interleave_columns(vectors: &DMatrix<f64>, first_column: usize) -> Vec<Lanes>
     out
 }
 
-kernel!(AddInner<'a>(values: &'a [f64], vectors: &'a [Lanes], out: &'a mut [Lanes]) -> () = add_inner_products);
+kernel!(InnerProducts<'a>(values: &'a [f64], vectors: &'a [Lanes], out: &'a mut [Lanes]) -> () = compute_inner_products_into);
 
-/// `out[c]` += the sum over places of `values[c]` times `vectors`.
+/// Sets `out[c]` to the sum over places of `values[c]` times `vectors`.
 #[inline(always)]
-fn add_inner_products(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
+fn compute_inner_products_into(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
     let rows = vectors.len().max(1);
     for (columns, out) in values.chunks(TOGETHER * rows).zip(out.chunks_mut(TOGETHER)) {
         let mut sums = [[0.0; LANES]; TOGETHER];

@@ -12,7 +12,7 @@
 //! corner of 90 degrees no root is below 1. A corner of a patch is a wedge of two materials: between 1, where they are
 //! alike, and 0.54, where one is rigid (kappa = 1 above, with the sign of clamped edges).
 
-use super::edges::{find_edge_kind, needs_fine_cells_at_elastic_corner};
+use super::edges::{edge_kind_unless_free, needs_fine_cells_at_elastic_corner};
 use crate::scene::{EdgeKind, LayoutVertex, Scene, Side, SurfaceKind, SurfaceLayer, SurfaceLayout};
 
 /// What is at a corner.
@@ -52,7 +52,7 @@ fn classify_corner(vertex: &LayoutVertex, (length, width): (f64, f64)) -> Option
         vertex.around.iter().enumerate().filter_map(|(k, part)| part.map(|layer| (k, layer))).collect();
     let (first, layer) = *solid.first()?;
     if solid.iter().any(|(_, other)| *other != layer) {
-        return (!vertex.has_straight_border()).then_some(CornerKind::Patch);
+        return (!vertex.has_no_turning_or_ending_border()).then_some(CornerKind::Patch);
     }
     let (x, y) = vertex.at;
     match solid.len() {
@@ -84,12 +84,12 @@ const MOST_LAYERS_PATCH: usize = 1;
 
 /// Cells that shrink towards a corner, of at most `most_layers`: 0 where moments are bounded, other than between a clamped and a
 /// free edge, at the end of an edge on stiff springs, where a border turns inwards and at patches.
-pub fn count_cell_layers_towards_corner(scene: &Scene, corner: &PlateCorner, most_layers: usize) -> usize {
+pub fn count_graded_cell_layers_towards_corner(scene: &Scene, corner: &PlateCorner, most_layers: usize) -> usize {
     match corner.kind {
         CornerKind::Reentrant => most_layers.min(MOST_LAYERS_REENTRANT),
         CornerKind::Patch => most_layers.min(MOST_LAYERS_PATCH),
         CornerKind::Convex(sides) => {
-            let kinds = sides.map(|side| side.and_then(|side| find_edge_kind(scene, side)));
+            let kinds = sides.map(|side| side.and_then(|side| edge_kind_unless_free(scene, side)));
             let is_clamped = |kind: &Option<EdgeKind>| matches!(kind, Some(EdgeKind::Clamped));
             // Springs along an edge change nothing about what is singular, but may be nearly so.
             let is_free = |kind: &Option<EdgeKind>| matches!(kind, None | Some(EdgeKind::Elastic { .. }));
@@ -109,5 +109,5 @@ pub fn has_singular_corner(scene: &Scene) -> bool {
     scene.surface.kind == SurfaceKind::Plate
         && find_plate_corners(&scene.layout())
             .iter()
-            .any(|corner| count_cell_layers_towards_corner(scene, corner, 1) > 0)
+            .any(|corner| count_graded_cell_layers_towards_corner(scene, corner, 1) > 0)
 }

@@ -99,7 +99,7 @@ impl BarePanel {
     /// As [`PanelModel::build`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
         let bare = copy_without_attachments(scene);
-        let (order, part) = match (scene.surface.kind, accuracy.relative_tolerance()) {
+        let (order, part) = match (scene.surface.kind, accuracy.relative_tolerance_or_tightest()) {
             // A point force's third derivative jumps inside a cell: small ones, which cost a bar next to nothing.
             (SurfaceKind::Bar, _) => (11, 0.34),
             (SurfaceKind::Plate, 1e-2..) => (9, 1.0),
@@ -112,15 +112,15 @@ impl BarePanel {
     /// The same with elements of one's own choice.
     ///
     /// # Errors
-    /// As [`PanelModel::with_fineness`].
+    /// As [`PanelModel::build_with_fineness`].
     pub fn new(scene: &Scene, fineness: Fineness, max_hz: f64) -> Result<Self, ModelError> {
         let bare = copy_without_attachments(scene);
-        let model = PanelModel::with_fineness(&bare, fineness)?;
+        let model = PanelModel::build_with_fineness(&bare, fineness)?;
         let order = fineness.order.saturating_sub(LOWER).max(3);
-        let lower = PanelModel::with_fineness(&bare, Fineness { order, ..fineness })?;
+        let lower = PanelModel::build_with_fineness(&bare, Fineness { order, ..fineness })?;
         let modes = model.compute_modes_for_reduction(max_hz)?;
         let mass_modes = model.shift_invert_operator().mass.multiply_columns(&modes.vectors);
-        let along_edges = model.find_unbalanced_loads(&modes, max_hz);
+        let along_edges = model.find_loads_left_unbalanced_by_damping(&modes, max_hz);
         Ok(Self {
             scene: bare,
             model,
@@ -154,26 +154,26 @@ impl BarePanel {
     pub fn couple_to_design(&self, scene: &Scene) -> Result<ReducedModel, ModelError> {
         self.check_same_bare_panel(scene)?;
         let grid = self.model.grid();
-        let mut attached = AttachedVectors::from_scene(grid, scene);
+        let mut attached = AttachedVectors::assemble_point_attachments_of_scene(grid, scene);
         let free = self.count_unknowns();
         let basis = ResidualBasis::new(
-            self.collect_load_shapes(&attached.attachments, free),
+            self.collect_distinct_load_shapes_of_attachments_and_edges(&attached.attachments, free),
             self.model.spectral_shift_rad2_per_s2(),
         );
-        let local = self.compute_local_motions(&attached, scene, &basis.loads);
+        let local = self.compute_local_modes_missed_by_mesh(&attached, scene, &basis.loads);
         let (modes, residual, carried) = (self.count_modes(), basis.sums.ncols(), attached.unknowns - free);
         let size = modes + residual + carried + local.ncols();
         // What elements miss where a force acts: an unknown of its own at each place.
         for vector in attached.all_vectors_mut() {
-            let own = find_load_of_vector(&basis.loads, vector, free);
+            let own = find_load_index_of_vector(&basis.loads, vector, free);
             vector.extend(own.map(|k| (free + carried + k, 1.0)));
         }
         attached.unknowns += basis.loads.len();
         let along = |vector: &SparseVector| {
             let mut out = DVector::zeros(size);
-            if let Some(load) = find_load_of_vector(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
+            if let Some(load) = find_load_index_of_vector(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
                 out.rows_mut(0, modes).copy_from(&load.modes);
-                out.rows_mut(modes, residual).copy_from(&basis.residual_shape_deflections_at(load));
+                out.rows_mut(modes, residual).copy_from(&basis.residual_shape_deflections_at_load(load));
             }
             for (unknown, value) in vector.iter().filter(|(unknown, _)| *unknown >= free) {
                 let row = unknown - free;
@@ -194,11 +194,14 @@ impl BarePanel {
         }
         stiffness.view_mut((modes, modes), (residual, residual)).copy_from(&basis.stiffness);
         for k in modes + residual + carried..size {
-            stiffness[(k, k)] = self.local_motion_squared_frequency();
+            stiffness[(k, k)] = self.squared_frequency_of_local_motions_rad2_per_s2();
         }
         for attachment in &mut attached.attachments {
             let shape = along(&attachment.vector);
-            let most = RIGID / self.static_flexibility_at_load(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
+            let most = RIGID
+                / self
+                    .static_flexibility_at_surface_load_or_zero(&attachment.vector, free, &basis)
+                    .max(f64::MIN_POSITIVE);
             // For its losses too, which are a part of the energy in it.
             attachment.stiffness = attachment.stiffness.min(most);
             stiffness.ger(attachment.stiffness, &shape, &shape, 1.0);
@@ -223,8 +226,8 @@ impl BarePanel {
             &all,
         );
         let mut model = ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid));
-        for (point_m, load) in points_with_load_indices(grid, scene, &basis.loads, free) {
-            model.add_local_motion(point_m, local.row(load).transpose());
+        for (point_m, load) in list_attachment_points_with_load_indices(grid, scene, &basis.loads, free) {
+            model.add_deflection_missed_by_mesh_at_point(point_m, local.row(load).transpose());
         }
         Ok(model)
     }
@@ -249,28 +252,32 @@ impl BarePanel {
     }
 
     /// Squared frequency in rad^2/s^2 that the local motions get: far above all that is asked for.
-    fn local_motion_squared_frequency(&self) -> f64 {
+    fn squared_frequency_of_local_motions_rad2_per_s2(&self) -> f64 {
         (LOCAL * std::f64::consts::TAU * self.max_hz).powi(2)
     }
 
     /// What the mesh misses of the deflection that forces at the loads' places make there, as mass-normalised motions of
-    /// [`Self::local_motion_squared_frequency`]: loads x motions.
-    fn compute_local_motions(
+    /// [`Self::squared_frequency_of_local_motions_rad2_per_s2`]: loads x motions.
+    fn compute_local_modes_missed_by_mesh(
         &self,
         attached: &AttachedVectors,
         scene: &Scene,
         loads: &[Arc<LoadShapes>],
     ) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(loads.len(), 0);
-        let Some(missing) = self.estimate_missing_flexibility(attached, scene, loads) else { return nothing };
-        let Some(eigen) = DenseEigenpairs::from_symmetric_matrix(&(0.5 * (&missing + missing.transpose()))) else {
+        let Some(missing) = self.estimate_flexibility_missed_by_mesh_unless_bar(attached, scene, loads) else {
+            return nothing;
+        };
+        let Some(eigen) =
+            DenseEigenpairs::from_symmetric_matrix_if_converged(&(0.5 * (&missing + missing.transpose())))
+        else {
             return nothing;
         };
         let most = eigen.values.amax();
         let kept: Vec<usize> = (0..loads.len()).filter(|k| eigen.values[*k] > DEPENDENT * most).collect();
         let mut motions = eigen.vectors.select_columns(&kept);
         for (mut column, k) in motions.column_iter_mut().zip(&kept) {
-            column.scale_mut((eigen.values[*k] * self.local_motion_squared_frequency()).sqrt());
+            column.scale_mut((eigen.values[*k] * self.squared_frequency_of_local_motions_rad2_per_s2()).sqrt());
         }
         motions
     }
@@ -278,21 +285,22 @@ impl BarePanel {
     /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
     /// the elements; `None` on a bar, whose elements miss too little to be told in a
     /// response.
-    fn estimate_missing_flexibility(
+    fn estimate_flexibility_missed_by_mesh_unless_bar(
         &self,
         attached: &AttachedVectors,
         scene: &Scene,
         load_shapes: &[Arc<LoadShapes>],
     ) -> Option<DMatrix<f64>> {
         let (n, free, lower_free) = (load_shapes.len(), self.count_unknowns(), self.lower.count_unknowns());
-        let part = self.extrapolation_factor().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
-        let lower = AttachedVectors::from_scene(self.lower.grid(), scene);
+        let part =
+            self.extrapolation_factor_unless_single_mesh().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
+        let lower = AttachedVectors::assemble_point_attachments_of_scene(self.lower.grid(), scene);
         if lower.attachments.len() != attached.attachments.len() {
             return None;
         }
         let mut loads = DMatrix::zeros(lower_free, n);
         for (own, below) in attached.attachments.iter().zip(&lower.attachments).filter(|(own, _)| !own.is_slope) {
-            if let Some(k) = find_load_of_vector(load_shapes, &own.vector, free) {
+            if let Some(k) = find_load_index_of_vector(load_shapes, &own.vector, free) {
                 loads.column_mut(k).fill(0.0);
                 let on_surface = below.vector.iter().filter(|(unknown, _)| *unknown < lower_free);
                 on_surface.for_each(|(unknown, value)| loads[(*unknown, k)] = *value);
@@ -302,7 +310,8 @@ impl BarePanel {
         Some(DMatrix::from_fn(n, n, |i, j| {
             let is_known = loads.column(i).amax() > 0.0 && loads.column(j).amax() > 0.0;
             if is_known {
-                part * (self.static_deflection_between_loads(&load_shapes[i], &load_shapes[j]) - below[(i, j)])
+                part * (self.static_deflection_at_one_load_under_other(&load_shapes[i], &load_shapes[j])
+                    - below[(i, j)])
             } else {
                 0.0
             }
@@ -311,7 +320,7 @@ impl BarePanel {
 
     /// What the finer mesh misses of a point force's deflection, over the difference between the meshes; `None` if there is one mesh only.
     #[expect(clippy::cast_precision_loss, reason = "orders of elements")]
-    fn extrapolation_factor(&self) -> Option<f64> {
+    fn extrapolation_factor_unless_single_mesh(&self) -> Option<f64> {
         if self.lower.element_order() >= self.model.element_order() {
             return None;
         }
@@ -322,35 +331,44 @@ impl BarePanel {
     }
 
     /// Deflection at one load's place for the other, of the bare panel with its shift, static.
-    fn static_deflection_between_loads(&self, one: &LoadShapes, other: &LoadShapes) -> f64 {
+    fn static_deflection_at_one_load_under_other(&self, at_load: &LoadShapes, under_load: &LoadShapes) -> f64 {
         let shift = self.model.spectral_shift_rad2_per_s2();
-        let modes = one.modes.iter().zip(other.modes.iter()).zip(&self.modes.lambda);
+        let modes = at_load.modes.iter().zip(under_load.modes.iter()).zip(&self.modes.lambda);
         modes.map(|((a, b), lambda)| a * b / (lambda + shift)).sum::<f64>()
-            + multiply_row_with_column(&one.load, &other.shapes, 0)
+            + multiply_row_with_column(&at_load.load, &under_load.shapes, 0)
     }
 
     /// Static deflection per newton of the bare, shifted panel at a load; 0 for a vector that is not on the surface.
-    fn static_flexibility_at_load(&self, vector: &SparseVector, free: usize, basis: &ResidualBasis) -> f64 {
-        find_load_of_vector(&basis.loads, vector, free)
-            .map_or(0.0, |k| self.static_deflection_between_loads(&basis.loads[k], &basis.loads[k]))
+    fn static_flexibility_at_surface_load_or_zero(
+        &self,
+        vector: &SparseVector,
+        free: usize,
+        basis: &ResidualBasis,
+    ) -> f64 {
+        find_load_index_of_vector(&basis.loads, vector, free)
+            .map_or(0.0, |k| self.static_deflection_at_one_load_under_other(&basis.loads[k], &basis.loads[k]))
     }
 
     /// The shapes of everything that pushes the surface, each load once: those of attachments first.
-    fn collect_load_shapes(&self, attachments: &[Attachment], free: usize) -> Vec<Arc<LoadShapes>> {
+    fn collect_distinct_load_shapes_of_attachments_and_edges(
+        &self,
+        attachments: &[Attachment],
+        free: usize,
+    ) -> Vec<Arc<LoadShapes>> {
         let mut out: Vec<Arc<LoadShapes>> = Vec::new();
         let on_surface = |attachment: &Attachment| -> SparseVector {
             attachment.vector.iter().copied().filter(|(unknown, _)| *unknown < free).collect()
         };
         for load in attachments.iter().map(on_surface).chain(self.along_edges.iter().cloned()) {
             if !load.is_empty() && out.iter().all(|other| other.load != load) {
-                out.push(self.cached_shapes_of_load(load));
+                out.push(self.get_or_compute_shapes_of_load(load));
             }
         }
         out
     }
 
     /// Modal and residual shapes of a load: kept ones, or newly computed ones.
-    fn cached_shapes_of_load(&self, load: SparseVector) -> Arc<LoadShapes> {
+    fn get_or_compute_shapes_of_load(&self, load: SparseVector) -> Arc<LoadShapes> {
         let key: LoadKey = load.iter().map(|(unknown, value)| (*unknown, value.to_bits())).collect();
         if let Some(known) = self.points.lock().unwrap_or_else(PoisonError::into_inner).get(&key) {
             return Arc::clone(known);
@@ -403,7 +421,7 @@ impl ResidualBasis {
         }
         let scale = DVector::from_fn(n, |i, _| 1.0 / mass[(i, i)].max(f64::MIN_POSITIVE).sqrt());
         let scaled = |matrix: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] * scale[i] * scale[j]);
-        let Some(eigen) = DenseEigenpairs::from_symmetric_matrix(&scaled(&mass)).filter(|_| n > 0) else {
+        let Some(eigen) = DenseEigenpairs::from_symmetric_matrix_if_converged(&scaled(&mass)).filter(|_| n > 0) else {
             return Self { loads, sums: DMatrix::zeros(n, 0), stiffness: DMatrix::zeros(0, 0) };
         };
         let kept: Vec<usize> = (0..n).filter(|k| eigen.values[*k] > DEPENDENT).collect();
@@ -417,7 +435,7 @@ impl ResidualBasis {
     }
 
     /// Deflections of the residual shapes where a load acts.
-    fn residual_shape_deflections_at(&self, load: &LoadShapes) -> DVector<f64> {
+    fn residual_shape_deflections_at_load(&self, load: &LoadShapes) -> DVector<f64> {
         let each = self
             .loads
             .iter()
@@ -427,7 +445,7 @@ impl ResidualBasis {
 }
 
 /// The points of the surface (m) at which something is attached, each once, with the index of the load there.
-fn points_with_load_indices(
+fn list_attachment_points_with_load_indices(
     grid: &Grid,
     scene: &Scene,
     loads: &[Arc<LoadShapes>],
@@ -435,14 +453,14 @@ fn points_with_load_indices(
 ) -> Vec<((f64, f64), usize)> {
     let mut points: Vec<((f64, f64), usize)> = Vec::new();
     for PointAttachment { at: (x_m, y_m), .. } in supports_and_masses(scene).chain(actuator_attachments(scene)) {
-        let load = find_load_of_vector(loads, &grid.deflection_row_of_attachment(x_m, y_m), free);
+        let load = find_load_index_of_vector(loads, &grid.deflection_row_of_attachment(x_m, y_m), free);
         points.extend(load.map(|load| ((x_m, y_m), load)).filter(|found| !points.contains(found)));
     }
     points
 }
 
 /// Index of the load that pushes the surface like this vector; `None` if there is no such load.
-fn find_load_of_vector(loads: &[Arc<LoadShapes>], vector: &SparseVector, free: usize) -> Option<usize> {
+fn find_load_index_of_vector(loads: &[Arc<LoadShapes>], vector: &SparseVector, free: usize) -> Option<usize> {
     let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
     loads.iter().position(|load| load.load.iter().eq(on_surface()))
 }
@@ -458,7 +476,7 @@ fn solve_generalised_eigenproblem(
     let matrix = lower.solve_lower_triangular(&half.transpose()).ok_or_else(|| failed("its mass"))?;
     let matrix = 0.5 * (&matrix + matrix.transpose());
     let DenseEigenpairs { values, vectors } =
-        DenseEigenpairs::from_symmetric_matrix(&matrix).ok_or_else(|| failed("its modes"))?;
+        DenseEigenpairs::from_symmetric_matrix_if_converged(&matrix).ok_or_else(|| failed("its modes"))?;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
     let vectors = lower.tr_solve_lower_triangular(&vectors.select_columns(&order)).ok_or_else(|| failed("its mass"))?;

@@ -22,17 +22,17 @@ const HELD: f64 = 1e-10;
 /// With eta K_s + K_springs in place of a loss of everything, and with springs of another loss than the surface's, modes are coupled through the springs' forces (and with a loss of
 /// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
 /// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
-pub(super) fn find_unbalanced_loads(
+pub(super) fn find_loads_left_unbalanced_by_damping(
     scene: &Scene,
     assembled: &PanelMatrices,
     modes: &Modes,
     max_hz: f64,
 ) -> Vec<SparseVector> {
-    let own = SurfaceLosses::from_proportional_damping(scene.surface.damping).unwrap_or_default();
+    let own = SurfaceLosses::from_damping_unless_modal_ratio(scene.surface.damping).unwrap_or_default();
     let omega = std::f64::consts::TAU * max_hz;
-    let rigid = omega * omega * scene.surface_mass_kg() / HELD;
+    let rigid = omega * omega * scene.surface_mass_with_air_kg() / HELD;
     let couples = |part: &&Attachment| {
-        let by_stiffness = own.differs_from_spring_loss(part.loss_factor) && part.stiffness > 0.0;
+        let by_stiffness = own.differs_from_spring_loss_factor(part.loss_factor) && part.stiffness > 0.0;
         let damps = part.damping > 0.0 || by_stiffness || own.alpha > 0.0 && part.mass > 0.0;
         damps && part.stiffness < rigid
     };
@@ -40,7 +40,7 @@ pub(super) fn find_unbalanced_loads(
     let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
     // Where no mode is that slow there are no amplitudes either.
     let edges = assembled.edges.iter().filter(|_| !modes.lambda.is_empty());
-    for edges in edges.filter(|edges| own.differs_from_spring_loss(edges.loss_factor)) {
+    for edges in edges.filter(|edges| own.differs_from_spring_loss_factor(edges.loss_factor)) {
         // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
         let mut forces = edges.stiffness.multiply_columns(&modes.vectors);
         for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {
@@ -54,7 +54,9 @@ pub(super) fn find_unbalanced_loads(
             |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
     }
-    loads.extend(assembled.air.iter().filter(|_| own.differs_from_spring_loss(0.0)).map(|air| air.vector.clone()));
+    loads.extend(
+        assembled.air.iter().filter(|_| own.differs_from_spring_loss_factor(0.0)).map(|air| air.vector.clone()),
+    );
     loads
 }
 
@@ -71,7 +73,7 @@ struct SurfaceLosses {
 
 impl SurfaceLosses {
     /// The losses of a surface's damping that is a multiple of its own matrices; `None` for a ratio of modes.
-    fn from_proportional_damping(surface: SurfaceDamping) -> Option<Self> {
+    fn from_damping_unless_modal_ratio(surface: SurfaceDamping) -> Option<Self> {
         match surface {
             SurfaceDamping::None => Some(Self::default()),
             SurfaceDamping::LossFactor(eta) => Some(Self { eta, ..Self::default() }),
@@ -81,7 +83,7 @@ impl SurfaceLosses {
     }
 
     /// Whether springs with this loss factor lose another part of their energy than the surface does.
-    fn differs_from_spring_loss(self, loss_factor: f64) -> bool {
+    fn differs_from_spring_loss_factor(self, loss_factor: f64) -> bool {
         self.beta > 0.0 || self.eta.total_cmp(&loss_factor).is_ne()
     }
 }
@@ -135,7 +137,8 @@ impl DampingMatrices {
             }
         }
         if let SurfaceDamping::ModalRatio(ratio) = surface {
-            damping.viscous += compute_modal_ratio_damping(ratio, lambda, vectors, attached.actuator_attachments());
+            damping.viscous +=
+                compute_modal_ratio_damping_without_actuators(ratio, lambda, vectors, attached.actuator_attachments());
         }
         damping
     }
@@ -154,7 +157,7 @@ pub(super) fn factor_edge_stiffness_into_shapes(
     let n = lambda.len();
     let own = vectors.rows(0, edges.dimension()).into_owned();
     let over = own.tr_mul(&edges.multiply_columns(&own));
-    let Some(between) = median_of_positive(lambda) else { return Vec::new() };
+    let Some(between) = median_of_positive_if_any(lambda) else { return Vec::new() };
     let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
     let eigen =
         SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| 0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])));
@@ -163,7 +166,7 @@ pub(super) fn factor_edge_stiffness_into_shapes(
 }
 
 /// The median of the positive ones among squared frequencies.
-fn median_of_positive(lambda: &[f64]) -> Option<f64> {
+fn median_of_positive_if_any(lambda: &[f64]) -> Option<f64> {
     let mut positive: Vec<f64> = lambda.iter().copied().filter(|lambda| *lambda > 0.0).collect();
     positive.sort_by(f64::total_cmp);
     positive.get(positive.len() / 2).copied()
@@ -204,7 +207,7 @@ impl StructuredDamping {
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Option<Self> {
-        let own = SurfaceLosses::from_proportional_damping(surface)?;
+        let own = SurfaceLosses::from_damping_unless_modal_ratio(surface)?;
         let SurfaceLosses { eta, alpha, beta } = own;
         let couplings = attachments.iter().chain(air).map(
             |Attachment { vector, stiffness, loss_factor, damping, mass, .. }| DampingCoupling {
@@ -213,10 +216,11 @@ impl StructuredDamping {
                 structural: (loss_factor - eta) * stiffness,
             },
         );
-        let of_edges = edges.iter().filter(|edges| own.differs_from_spring_loss(edges.loss_factor)).flat_map(|edges| {
-            let shapes = factor_edge_stiffness_into_shapes(&edges.stiffness, lambda, vectors).into_iter();
-            shapes.map(|shape| DampingCoupling { shape, viscous: -beta, structural: edges.loss_factor - eta })
-        });
+        let of_edges =
+            edges.iter().filter(|edges| own.differs_from_spring_loss_factor(edges.loss_factor)).flat_map(|edges| {
+                let shapes = factor_edge_stiffness_into_shapes(&edges.stiffness, lambda, vectors).into_iter();
+                shapes.map(|shape| DampingCoupling { shape, viscous: -beta, structural: edges.loss_factor - eta })
+            });
         let couplings = couplings.chain(of_edges);
         let lambda = DVector::from_column_slice(lambda);
         Some(Self {
@@ -237,12 +241,12 @@ impl StructuredDamping {
                 .map(|coupling| DampingCoupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
                 .collect(),
         }
-        .merge_similar_couplings()
+        .merge_couplings_of_equal_coefficients()
     }
 
     /// With couplings that are alike replaced by fewer: Z B B' = Z (U S) (U S)' for B = U S V', without the columns that
     /// are nothing, as when the springs of a panel's corners are asked about one parity of its modes.
-    fn merge_similar_couplings(self) -> Self {
+    fn merge_couplings_of_equal_coefficients(self) -> Self {
         let mut couplings: Vec<DampingCoupling> = Vec::new();
         let mut left = self.couplings;
         while let Some(first) = left.first() {
@@ -282,7 +286,7 @@ impl StructuredDamping {
 /// On each such mode it is 2 zeta omega, so that with one zeta for all it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
 /// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
 /// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
-fn compute_modal_ratio_damping(
+fn compute_modal_ratio_damping_without_actuators(
     ratio: ModalRatio,
     lambda: &[f64],
     vectors: &DMatrix<f64>,
@@ -313,7 +317,7 @@ fn weighted_geometric_mean_of_matrices(
     weight: impl Fn(f64) -> f64,
 ) -> DMatrix<f64> {
     let n = a.nrows();
-    let Some(between) = median_of_positive(largest_diagonal) else { return DMatrix::zeros(n, n) };
+    let Some(between) = median_of_positive_if_any(largest_diagonal) else { return DMatrix::zeros(n, n) };
     let scale: Vec<f64> = largest_diagonal.iter().map(|lambda| (lambda + between).sqrt()).collect();
     let scaled = |value: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))

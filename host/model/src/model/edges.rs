@@ -8,7 +8,7 @@ use super::sections::WaveRigidities;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
 
 /// How an edge is held.
-pub fn find_edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
+pub fn edge_kind_unless_free(scene: &Scene, side: Side) -> Option<EdgeKind> {
     scene.edges.iter().find(|edge| edge.side == side).map(|edge| edge.kind)
 }
 
@@ -46,7 +46,7 @@ impl EdgeStiffnessScale {
     }
 
     /// How far springs of this stiffness give way, relative: b / L, and on a bar EI / (k L^3).
-    fn relative_edge_deflection(&self, stiffness: f64) -> f64 {
+    fn relative_edge_deflection_for_softest_rigidity(&self, stiffness: f64) -> f64 {
         self.relative_edge_deflection_for_rigidity(self.rigidity, stiffness)
     }
 
@@ -57,22 +57,22 @@ impl EdgeStiffnessScale {
     }
 
     /// Stiffness above which springs along an edge are replaced by a support.
-    fn stiffness_limit_of_rigid_edge(&self) -> f64 {
+    fn stiffness_above_which_edge_is_rigid(&self) -> f64 {
         let part = if self.is_plate { RIGID.powi(3) } else { RIGID_SLOPE };
         self.rigidity / (part * self.length.powi(3))
     }
 
     /// Stiffness above which rotational springs along an edge are replaced by a clamped edge.
-    fn rotational_stiffness_limit_of_rigid_edge(&self) -> f64 {
+    fn rotational_stiffness_above_which_edge_is_rigid(&self) -> f64 {
         self.rigidity / (RIGID_SLOPE * self.length)
     }
 }
 
 /// The scene with pinned and clamped edges in place of elastic edges that are as good as rigid.
-pub fn replace_rigid_springs_with_supports(scene: &Scene) -> Scene {
+pub fn replace_rigid_edge_springs_with_supports(scene: &Scene) -> Scene {
     let scale = EdgeStiffnessScale::from_scene(scene);
     let (rigid, rigid_slope) =
-        (scale.stiffness_limit_of_rigid_edge(), scale.rotational_stiffness_limit_of_rigid_edge());
+        (scale.stiffness_above_which_edge_is_rigid(), scale.rotational_stiffness_above_which_edge_is_rigid());
     let mut ideal = scene.clone();
     for edge in &mut ideal.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind {
@@ -91,13 +91,16 @@ pub fn replace_rigid_springs_with_supports(scene: &Scene) -> Scene {
 }
 
 /// Relative error of a frequency because stiff springs along edges were replaced by supports.
-pub fn frequency_error_of_rigid_edges(scene: &Scene) -> f64 {
+pub fn relative_frequency_error_of_replaced_edge_springs(scene: &Scene) -> f64 {
     let scale = EdgeStiffnessScale::from_scene(scene);
     let part = |kind: &EdgeKind| -> f64 {
         let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = *kind else { return 0.0 };
-        let slope =
-            if rotational_stiffness > scale.rotational_stiffness_limit_of_rigid_edge() { RIGID_SLOPE } else { 0.0 };
-        if stiffness <= scale.stiffness_limit_of_rigid_edge() {
+        let slope = if rotational_stiffness > scale.rotational_stiffness_above_which_edge_is_rigid() {
+            RIGID_SLOPE
+        } else {
+            0.0
+        };
+        if stiffness <= scale.stiffness_above_which_edge_is_rigid() {
             return slope;
         }
         let part = scale.relative_edge_deflection_for_rigidity(scale.stiffest, stiffness);
@@ -109,13 +112,15 @@ pub fn frequency_error_of_rigid_edges(scene: &Scene) -> f64 {
 /// Whether the force at a corner between two sides is borne by springs over a length that cells have to shrink for.
 pub fn needs_fine_cells_at_elastic_corner(scene: &Scene, sides: [Option<Side>; 2]) -> bool {
     let scale = EdgeStiffnessScale::from_scene(scene);
-    let kinds = sides.map(|side| side.and_then(|side| find_edge_kind(scene, side)));
+    let kinds = sides.map(|side| side.and_then(|side| edge_kind_unless_free(scene, side)));
     // A support beside it bears the force by itself.
     if kinds.iter().any(|kind| matches!(kind, Some(EdgeKind::Pinned | EdgeKind::Clamped))) {
         return false;
     }
     kinds.iter().flatten().any(|kind| match kind {
-        EdgeKind::Elastic { stiffness, .. } => *stiffness > 0.0 && scale.relative_edge_deflection(*stiffness) < THIN,
+        EdgeKind::Elastic { stiffness, .. } => {
+            *stiffness > 0.0 && scale.relative_edge_deflection_for_softest_rigidity(*stiffness) < THIN
+        }
         EdgeKind::Pinned | EdgeKind::Clamped => false,
     })
 }

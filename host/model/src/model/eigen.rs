@@ -49,7 +49,7 @@ pub struct ShiftInvertOperator<'a> {
 ///
 /// # Errors
 /// [`ModelError::NotConverged`].
-pub fn compute_modes_up_to(
+pub fn extend_known_modes_up_to(
     operator: ShiftInvertOperator<'_>,
     known: &Modes,
     lambda_max: f64,
@@ -62,7 +62,7 @@ pub fn compute_modes_up_to(
     }
     let start = operator.factor.solve_for_columns(&operator.mass.multiply_columns(&pseudo_random_start_block(n)));
     let nothing = DMatrix::zeros(0, start.ncols());
-    let mut block = space.orthonormalise_block(start, &nothing);
+    let mut block = space.orthonormalise_block_against_found_space(start, &nothing);
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
     let stop = StopRequest::current_request_of_thread();
@@ -74,14 +74,14 @@ pub fn compute_modes_up_to(
         let size = space.vectors.len();
         let ended = next.vectors.ncols() == 0 || size >= most;
         if ended || size >= next_check {
-            let eigen = DenseEigenpairs::from_symmetric_matrix(&space.projected)
+            let eigen = DenseEigenpairs::from_symmetric_matrix_if_converged(&space.projected)
                 .ok_or_else(|| ModelError::Factorisation { reason: "projected eigenproblem".to_owned() })?;
             // Twice as many vectors as modes is the least that was seen to do; a check costs as much as dozens of them.
             let found = eigen.values.iter().filter(|theta| **theta >= theta_min).count();
             next_check = (size + (size / 8).max(2 * BLOCK)).max(2 * found + 2 * BLOCK);
             // In all of the space nothing is left to converge to.
             let is_whole = next.vectors.ncols() == 0 || size >= n - known.lambda.len();
-            if ended && is_whole || are_eigenvalues_converged(&eigen, &next.coupling, theta_min) {
+            if ended && is_whole || are_ritz_values_converged_down_to(&eigen, &next.coupling, theta_min) {
                 return Ok(space.extract_modes_up_to(&eigen, known, lambda_max));
             }
             if ended {
@@ -109,7 +109,7 @@ fn pseudo_random_start_block(row_count: usize) -> DMatrix<f64> {
 
 /// Whether every Ritz value down to `theta_min` is settled, and there is one below it: nothing is missing in between.
 #[expect(clippy::cast_precision_loss, reason = "a few thousand vectors at most")]
-fn are_eigenvalues_converged(eigen: &DenseEigenpairs, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
+fn are_ritz_values_converged_down_to(eigen: &DenseEigenpairs, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
     let size = eigen.values.len();
     let tail = coupling.ncols();
     // The dense eigenproblem is right to the rounding of its largest value: the residual of a small one gets no smaller than that.
@@ -137,7 +137,7 @@ pub(super) struct DenseEigenpairs {
 
 impl DenseEigenpairs {
     /// Decomposes a symmetric matrix; `None` if the iteration does not end.
-    pub fn from_symmetric_matrix(matrix: &DMatrix<f64>) -> Option<Self> {
+    pub fn from_symmetric_matrix_if_converged(matrix: &DMatrix<f64>) -> Option<Self> {
         let n = matrix.nrows();
         if n == 0 {
             return Some(Self { values: DVector::zeros(0), vectors: DMatrix::zeros(0, 0) });
@@ -216,11 +216,11 @@ impl<'a> LanczosSpace<'a> {
             }
         }
         self.projected = projected;
-        self.orthonormalise_block(image, &column)
+        self.orthonormalise_block_against_found_space(image, &column)
     }
 
     /// The part of `block` that is M-orthogonal to everything so far, made orthonormal; `inner` is what it has of the space.
-    fn orthonormalise_block(&self, block: DMatrix<f64>, inner: &DMatrix<f64>) -> LanczosBlock {
+    fn orthonormalise_block_against_found_space(&self, block: DMatrix<f64>, inner: &DMatrix<f64>) -> LanczosBlock {
         let mass = self.operator.mass.multiply_columns(&block);
         let lengths =
             (0..block.ncols()).map(|j| block.column(j).dot(&mass.column(j)).max(0.0).sqrt()).collect::<Vec<_>>();
@@ -228,21 +228,25 @@ impl<'a> LanczosSpace<'a> {
         self.vectors.subtract_combinations_from(&mut rest, inner);
         self.subtract_known_modes(&mut rest);
         // Once more for what rounding of the long vectors has left in the short ones.
-        self.subtract_known_space(&mut rest);
-        let (first, kept) = self.orthonormalise_within_block(&rest, &lengths);
+        self.subtract_known_modes_and_found_space(&mut rest);
+        let (first, kept) = self.orthonormalise_within_block_and_least_kept_fraction(&rest, &lengths);
         if kept >= KEPT {
             return first;
         }
         let mut rest = first.vectors;
-        self.subtract_known_space(&mut rest);
-        let (again, _) = self.orthonormalise_within_block(&rest, &vec![1.0; rest.ncols()]);
+        self.subtract_known_modes_and_found_space(&mut rest);
+        let (again, _) = self.orthonormalise_within_block_and_least_kept_fraction(&rest, &vec![1.0; rest.ncols()]);
         let coupling = &again.coupling * &first.coupling;
         LanczosBlock { coupling, ..again }
     }
 
     /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left; and the least
     /// part that one keeps beside the others.
-    fn orthonormalise_within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> (LanczosBlock, f64) {
+    fn orthonormalise_within_block_and_least_kept_fraction(
+        &self,
+        vectors: &DMatrix<f64>,
+        lengths: &[f64],
+    ) -> (LanczosBlock, f64) {
         let (rows, width) = vectors.shape();
         let mass = self.operator.mass.multiply_columns(vectors);
         let none = || DMatrix::zeros(rows, 0);
@@ -270,7 +274,7 @@ impl<'a> LanczosSpace<'a> {
     }
 
     /// Takes out of `vectors` what lies in the space found so far or is known.
-    fn subtract_known_space(&self, vectors: &mut DMatrix<f64>) {
+    fn subtract_known_modes_and_found_space(&self, vectors: &mut DMatrix<f64>) {
         self.subtract_known_modes(vectors);
         self.vectors.subtract_combinations_from(vectors, &self.mass_vectors.inner_products_with(vectors));
     }
@@ -324,10 +328,11 @@ mod tests {
         let shift = 3.0;
         let mut shifted = k.clone();
         shifted.add_scaled_entries(&m, shift);
-        let (mass, factor) = (m.build_matrix(2).unwrap(), shifted.build_matrix(2).unwrap().factorise().unwrap());
+        let (mass, factor) =
+            (m.build_matrix(2).unwrap(), shifted.build_matrix(2).unwrap().factorise_and_check().unwrap());
         let none = Modes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
-        let found =
-            compute_modes_up_to(ShiftInvertOperator { factor: &factor, mass: &mass, shift }, &none, 100.0).unwrap();
+        let found = extend_known_modes_up_to(ShiftInvertOperator { factor: &factor, mass: &mass, shift }, &none, 100.0)
+            .unwrap();
         assert!((found.lambda[0] - 2.0).abs() < 1e-12 && (found.lambda[1] - 4.0).abs() < 1e-12, "{:?}", found.lambda);
         for (j, sign) in [(0, 1.0), (1, -1.0)] {
             let shape = found.vectors.column(j);

@@ -7,7 +7,7 @@
 use super::grid::Grid;
 use super::mesh::GridLines;
 use super::sections::{CellSection, RelativeBending};
-use super::shape::gauss_legendre_rule;
+use super::shape::gauss_legendre_rule_on_unit_interval;
 use super::singular::{FunctionJet, SingularFunction};
 use super::sparse::MatrixEntries;
 use crate::kernel;
@@ -46,17 +46,21 @@ struct EnrichedCell<'a> {
 }
 
 /// All cells that singular functions reach, cut up for integration.
-fn find_enriched_cells<'a>(grid: &'a Grid, y: &'a GridLines) -> impl Iterator<Item = EnrichedCell<'a>> {
+fn cells_reached_by_singular_functions_cut_for_integration<'a>(
+    grid: &'a Grid,
+    y: &'a GridLines,
+) -> impl Iterator<Item = EnrichedCell<'a>> {
     let cells = (0..y.count_cells()).flat_map(|cell_y| (0..grid.x.count_cells()).map(move |cell_x| [cell_x, cell_y]));
     cells.filter_map(|at| {
         let [cell_x, cell_y] = at;
         let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
-        let active: Vec<(usize, &SingularFunction)> = grid.singular_functions_in_rectangle(bounds).collect();
-        let section = grid.sections.section_of_cell(cell_x, cell_y).filter(|_| !active.is_empty())?;
+        let active: Vec<(usize, &SingularFunction)> =
+            grid.unknowns_and_singular_functions_reaching_into_rectangle(bounds).collect();
+        let section = grid.sections.section_of_cell_unless_cut_away(cell_x, cell_y).filter(|_| !active.is_empty())?;
         let parts = cut_cell_into_rectangles(
             bounds,
             &collect_singular_centres(&active),
-            &collect_function_ends(&active),
+            &collect_function_ends_along_x_and_y(&active),
             longer_side(bounds),
         );
         Some(EnrichedCell { at, bounds, section, active, parts })
@@ -64,13 +68,14 @@ fn find_enriched_cells<'a>(grid: &'a Grid, y: &'a GridLines) -> impl Iterator<It
 }
 
 /// The integral of every singular function of `grid` over the surface that is there in m^2 (functions have no unit), with its number.
-pub(super) fn integrate_singular_functions(grid: &Grid, y: &GridLines) -> Vec<(usize, f64)> {
+pub(super) fn area_integrals_of_singular_functions_by_cell(grid: &Grid, y: &GridLines) -> Vec<(usize, f64)> {
     let rules = GaussRules::new(grid.element.element_order() + 1 + EXTRA_POINTS);
     let mut integrals = Vec::new();
-    for EnrichedCell { bounds, active, parts, .. } in find_enriched_cells(grid, y) {
+    for EnrichedCell { bounds, active, parts, .. } in cells_reached_by_singular_functions_cut_for_integration(grid, y) {
         for (number, f) in active {
             let over_part = |part: &QuadratureRectangle| {
-                let (rule, [left, right, top, bottom]) = (rules.rule_for_rectangle(part, bounds), part.bounds);
+                let (rule, [left, right, top, bottom]) =
+                    (rules.choose_gauss_rule_for_rectangle(part, bounds), part.bounds);
                 let row = |y_m: f64| -> f64 {
                     rule.iter()
                         .map(|(at, weight)| weight * f.evaluate_jet_at(left + at * (right - left), y_m).value)
@@ -94,30 +99,35 @@ pub(super) fn add_singular_function_matrices(
 ) {
     let n = grid.element.element_order() + 1;
     let rules = GaussRules::new(n + EXTRA_POINTS);
-    for EnrichedCell { at: [cell_x, cell_y], bounds, section, active, parts } in find_enriched_cells(grid, y) {
+    for EnrichedCell { at: [cell_x, cell_y], bounds, section, active, parts } in
+        cells_reached_by_singular_functions_cut_for_integration(grid, y)
+    {
         let mut block = EnrichedCellIntegrals::new(n, active.len());
         for part in parts {
-            let rule = rules.rule_for_rectangle(&part, bounds);
+            let rule = rules.choose_gauss_rule_for_rectangle(&part, bounds);
             let part = part.bounds;
             let x = DirectionQuadrature::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
             let y = DirectionQuadrature::new(grid, y, cell_y, [part[2], part[3]], rule);
-            block.add_quadrature_rectangle(&x, &y, &active, section.bending);
+            block.add_integrals_over_rectangle(&x, &y, &active, section.bending);
         }
         let numbers: Vec<_> = (0..n * n)
             .map(|k| {
-                grid.unknown_of_function_product(grid.function_index(cell_x, k / n), grid.function_index(cell_y, k % n))
+                grid.unknown_of_function_product_unless_fixed(
+                    grid.function_index_along_lines(cell_x, k / n),
+                    grid.function_index_along_lines(cell_y, k % n),
+                )
             })
             .collect();
         for (e, (number, _)) in active.iter().enumerate() {
             for (k, other) in numbers.iter().enumerate() {
                 if let Some(other) = other {
                     let [bend, inertia] = block.with_cell[e * n * n + k];
-                    add_symmetric_entries(stiffness, *number, *other, section.rigidity * bend);
-                    add_symmetric_entries(mass, *number, *other, section.per_area * inertia);
+                    add_value_at_entry_and_transpose(stiffness, *number, *other, section.rigidity * bend);
+                    add_value_at_entry_and_transpose(mass, *number, *other, section.per_area * inertia);
                 }
             }
             for (f, (other, _)) in active.iter().enumerate() {
-                let [bend, inertia] = block.integrals_of_function_pair(e, f);
+                let [bend, inertia] = block.bending_and_inertia_integrals_of_pair(e, f);
                 stiffness.add_entry(*number, *other, section.rigidity * bend);
                 mass.add_entry(*number, *other, section.per_area * inertia);
             }
@@ -126,14 +136,14 @@ pub(super) fn add_singular_function_matrices(
 }
 
 /// Adds a value at (row, column) and at (column, row).
-fn add_symmetric_entries(entries: &mut MatrixEntries, row: usize, column: usize, value: f64) {
+fn add_value_at_entry_and_transpose(entries: &mut MatrixEntries, row: usize, column: usize, value: f64) {
     entries.add_entry(row, column, value);
     entries.add_entry(column, row, value);
 }
 
 /// The longer side of a rectangle.
-fn longer_side(r: Rectangle) -> f64 {
-    (r[1] - r[0]).max(r[3] - r[2])
+fn longer_side(rectangle: Rectangle) -> f64 {
+    (rectangle[1] - rectangle[0]).max(rectangle[3] - rectangle[2])
 }
 
 /// Gauss rules by the number of their points.
@@ -143,7 +153,11 @@ impl GaussRules {
     fn new(most: usize) -> Self {
         Self(
             (0..=most)
-                .map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss_legendre_rule(points) })
+                .map(
+                    |points| {
+                        if points < LEAST_POINTS { Vec::new() } else { gauss_legendre_rule_on_unit_interval(points) }
+                    },
+                )
                 .collect(),
         )
     }
@@ -155,7 +169,7 @@ impl GaussRules {
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    fn rule_for_rectangle(&self, part: &QuadratureRectangle, cell: Rectangle) -> &[(f64, f64)] {
+    fn choose_gauss_rule_for_rectangle(&self, part: &QuadratureRectangle, cell: Rectangle) -> &[(f64, f64)] {
         let own = longer_side(part.bounds);
         let cuts = (part.cut_from / own).log(4.0).max(0.0);
         let most = self.0.len() - 1;
@@ -219,14 +233,14 @@ impl EnrichedCellIntegrals {
     }
 
     /// The integrals of two singular functions: bending over rigidity, inertia over mass per area.
-    fn integrals_of_function_pair(&self, e: usize, f: usize) -> [f64; 2] {
+    fn bending_and_inertia_integrals_of_pair(&self, first_function: usize, second_function: usize) -> [f64; 2] {
         let count = self.among[0].len().isqrt();
         // Only one half is summed.
-        let at = e.max(f) * count + e.min(f);
+        let at = first_function.max(second_function) * count + first_function.min(second_function);
         [self.among[0][at], self.among[1][at]]
     }
 
-    fn add_quadrature_rectangle(
+    fn add_integrals_over_rectangle(
         &mut self,
         x: &DirectionQuadrature,
         y: &DirectionQuadrature,
@@ -246,7 +260,8 @@ impl EnrichedCellIntegrals {
                 for (e, (_, f)) in active.iter().enumerate() {
                     let FunctionJet { value: own, xx, yy, xy, .. } = f.evaluate_jet_at(*x_m, *y_m);
                     (jets.value[e], jets.xx[e], jets.yy[e], jets.xy[e]) = (own, xx, yy, xy);
-                    let [bend_x, bend_y, twist] = bending.bending_moments(xx, yy, xy).map(|moment| weight * moment);
+                    let [bend_x, bend_y, twist] =
+                        bending.relative_bending_moments(xx, yy, xy).map(|moment| weight * moment);
                     let inertia = weight * own;
                     for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
                         sum[0] += second[a] * bend_x;
@@ -268,15 +283,20 @@ impl EnrichedCellIntegrals {
     }
 }
 
-kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, bending: RelativeBending, sums: &'a mut [Vec<f64>; 2]) -> () = add_mutual_integrals);
+kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, bending: RelativeBending, sums: &'a mut [Vec<f64>; 2]) -> () = add_pair_integrals_at_point);
 
 /// Adds a point to the lower half of the functions' integrals among themselves: with hundreds of functions' rectangles times
 /// their squared number, most of the work.
 #[inline(always)]
-fn add_mutual_integrals(jets: &Jets, weight: f64, bending: RelativeBending, [bend, inertia]: &mut [Vec<f64>; 2]) {
+fn add_pair_integrals_at_point(
+    jets: &Jets,
+    weight: f64,
+    bending: RelativeBending,
+    [bend, inertia]: &mut [Vec<f64>; 2],
+) {
     let count = jets.value.len();
     for e in 0..count {
-        let moments = bending.bending_moments(jets.xx[e], jets.yy[e], jets.xy[e]);
+        let moments = bending.relative_bending_moments(jets.xx[e], jets.yy[e], jets.xy[e]);
         let [along_x, along_y, twist] = moments.map(|moment| weight * moment);
         let own = weight * jets.value[e];
         let (row, others) = (e * count..e * count + e + 1, ..=e);
@@ -311,7 +331,7 @@ fn collect_singular_centres(active: &[(usize, &SingularFunction)]) -> Vec<Singul
 
 /// Where functions end along x and along y. That is on lines of the mesh, unless cells shrink towards an attachment beside a patch:
 /// its own lines move those between. The second derivative jumps there.
-fn collect_function_ends(active: &[(usize, &SingularFunction)]) -> [Vec<f64>; 2] {
+fn collect_function_ends_along_x_and_y(active: &[(usize, &SingularFunction)]) -> [Vec<f64>; 2] {
     let along = |reach: &dyn Fn(&SingularFunction) -> [f64; 2]| active.iter().flat_map(|(_, f)| reach(f)).collect();
     [along(&|f| [f.x.from, f.x.to]), along(&|f| [f.y.from, f.y.to])]
 }
@@ -430,17 +450,17 @@ impl EdgeSprings<'_> {
     ) {
         let grid = self.grid;
         let n = grid.element.element_order() + 1;
-        let rule = gauss_legendre_rule(n + EXTRA_POINTS);
+        let rule = gauss_legendre_rule_on_unit_interval(n + EXTRA_POINTS);
         for cell in (0..self.lines.count_cells()).filter(|cell| is_there(*cell)) {
             let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
             let [x, y] = self.bounds_of_edge_stretch([from, to]);
             let active: Vec<(usize, &SingularFunction)> =
-                grid.singular_functions_in_rectangle([x[0], x[1], y[0], y[1]]).collect();
+                grid.unknowns_and_singular_functions_reaching_into_rectangle([x[0], x[1], y[0], y[1]]).collect();
             if active.is_empty() {
                 continue;
             }
             // A rectangle without height: the same cuts, by the distance from the line.
-            let (centres, ends) = (collect_singular_centres(&active), collect_function_ends(&active));
+            let (centres, ends) = (collect_singular_centres(&active), collect_function_ends_along_x_and_y(&active));
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
             for QuadratureRectangle { bounds: part, .. } in
                 cut_cell_into_rectangles(bounds, &centres, &ends, longer_side(bounds))
@@ -494,12 +514,12 @@ impl EdgeSprings<'_> {
             .collect();
         for ((e, _), (value, slope)) in active.iter().zip(&jets) {
             for (a, function) in functions.iter().enumerate() {
-                let along = self.grid.function_index(cell, a);
+                let along = self.grid.function_index_along_lines(cell, a);
                 if let Some(other) = number(0, along) {
-                    add_symmetric_entries(entries, *e, other, weight * self.stiffness * value * function);
+                    add_value_at_entry_and_transpose(entries, *e, other, weight * self.stiffness * value * function);
                 }
                 if let Some(other) = number(1, along) {
-                    add_symmetric_entries(
+                    add_value_at_entry_and_transpose(
                         entries,
                         *e,
                         other,
@@ -523,7 +543,7 @@ mod tests {
     /// (log 2 + pi/2 - 3) / 2.
     #[test]
     fn rectangles_integrate_a_logarithm() {
-        let rule = gauss_legendre_rule(12);
+        let rule = gauss_legendre_rule_on_unit_interval(12);
         let integral = |bounds: Rectangle, at: (f64, f64)| {
             let mut sum = 0.0;
             let centre = SingularCentre { at, finest: f64::INFINITY };

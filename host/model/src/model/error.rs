@@ -7,7 +7,7 @@ pub enum ModelError {
     #[error(
         "waves at {max_hz} Hz are {wavelength_mm:.2} mm long on this surface and would need {unknowns} unknowns, more than \
          the {limit} allowed: ask for a lower frequency or a looser accuracy{}",
-        if *is_short { "; waves hardly longer than the surface is thick: is youngs_modulus_pa right, which is in Pa?" } else { "" }
+        if *is_short { "; such waves are hardly longer than the surface is thick: check that youngs_modulus_pa is right and in Pa" } else { "" }
     )]
     TooFine {
         /// Highest frequency asked for.
@@ -23,8 +23,8 @@ pub enum ModelError {
     },
     /// More modes than are computed in a time worth waiting for.
     #[error(
-        "up to {max_hz:.0} Hz, which an answer needs, the surface has some {modes} modes, more than the {limit} allowed: ask \
-         for a lower frequency"
+        "the answer needs all modes up to {max_hz:.0} Hz, but the surface has about {modes} of them, and at most {limit} are \
+         allowed: ask for a lower frequency"
     )]
     TooManyModes {
         /// Frequency up to which they are needed.
@@ -35,19 +35,19 @@ pub enum ModelError {
         limit: usize,
     },
     /// A frequency that is no frequency.
-    #[error("{what}: {value} Hz is not in the allowed range {min} to {max} Hz")]
+    #[error("{what} is {value} Hz, but must be above {min} Hz and at most {max} Hz")]
     Frequency {
         /// Which one.
         what: &'static str,
         /// As given.
         value: f64,
-        /// Least allowed.
+        /// Limit below, itself not allowed.
         min: f64,
         /// Most allowed.
         max: f64,
     },
     /// A tolerance that is no tolerance.
-    #[error("tolerance: {value} is not in the allowed range {min} to {max}")]
+    #[error("tolerance is {value:?}, but must be {min:?} to {max:?}")]
     Tolerance {
         /// As given.
         value: f64,
@@ -57,22 +57,27 @@ pub enum ModelError {
         max: f64,
     },
     /// The matrices could not be factored, or the factors do not solve them.
-    #[error("the panel's matrices could not be factored ({reason}): are its numbers physically possible?")]
+    #[error(
+        "the panel's matrices could not be factored ({reason}): check that the numbers of the scene are physically possible"
+    )]
     Factorisation {
         /// What was seen.
         reason: String,
     },
     /// A design of another panel.
-    #[error("[{part}] is not that of the panel that was solved: only supports, masses and actuators may differ")]
+    #[error(
+        "[{part}] is not the same as in the scene that the model was computed for: only supports, masses and actuators may \
+         differ"
+    )]
     OtherPanel {
         /// What differs, as scene files name it.
         part: &'static str,
     },
     /// Whoever asked no longer waits.
-    #[error("stopped before the end")]
+    #[error("the computation was stopped before its end")]
     Stopped,
     /// The eigenvalue iteration did not settle.
-    #[error("the modes up to {max_hz} Hz did not converge with {vectors} vectors")]
+    #[error("the computation of the modes up to {max_hz} Hz did not converge with {vectors} vectors")]
     NotConverged {
         /// Highest frequency wanted.
         max_hz: f64,

@@ -15,7 +15,7 @@ use super::attached::all_point_attachments;
 use super::bound::Bound;
 use super::corners::has_singular_corner;
 use super::panel::PanelModel;
-use super::placement::{has_close_attachments, has_unresolved_singularity};
+use super::placement::{has_attachments_with_overlapping_functions, has_unresolved_singularity};
 use super::sections::WaveRigidities;
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 
@@ -66,8 +66,8 @@ const ROUNDING_PER_ASPECT: f64 = 1e-15;
 const ROUNDING_PER_ASPECT_AT_POINTS: f64 = 2e-13;
 
 /// Why no bound exists for plates with rotational point springs.
-pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its slope there is not bounded by its energy), so that a \
-    rotational spring at a point has no limit that a finer mesh would approach";
+pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its slope there is not bounded by its energy), so the \
+    effect of a rotational spring at a point does not converge on finer meshes";
 /// Why there is none where the levels do not agree.
 pub(super) const NOT_SETTLED: &str =
     "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
@@ -80,7 +80,7 @@ const SLOWER: f64 = 6.0;
 const SETTLED: f64 = 1e-3;
 
 /// Whether a rotational spring acts on a point of a plate: frequencies then have no limit.
-pub(super) fn has_rotational_point_spring(scene: &Scene) -> bool {
+pub(super) fn has_rotational_point_spring_on_plate(scene: &Scene) -> bool {
     scene.surface.kind == SurfaceKind::Plate
         && all_point_attachments(scene).any(|attached| attached.turning_n_m_per_rad > 0.0)
 }
@@ -108,21 +108,21 @@ impl FrequencyRounding {
             if model.count_mesh_parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
         Self {
             regular: ROUNDING,
-            thin: per_aspect * model.mesh_aspect_ratio().powi(3),
+            thin: per_aspect * model.longer_side_over_least_cell().powi(3),
             bending_hz,
-            unresolved: model.unresolved_frequency_error(),
+            unresolved: model.relative_frequency_error_independent_of_mesh(),
         }
     }
 
     /// Relative error of a frequency by rounding and by what no mesh resolves. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
     #[must_use]
-    pub fn relative_error_at(&self, frequency_hz: f64) -> f64 {
+    pub fn relative_frequency_error_beyond_mesh_at(&self, frequency_hz: f64) -> f64 {
         self.unresolved + self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
     }
 
     /// Relative error of the frequencies of modes that bend the panel.
     #[must_use]
-    pub fn relative_error_of_bending_modes(&self) -> f64 {
+    pub fn relative_frequency_error_beyond_mesh_of_bending_modes(&self) -> f64 {
         self.unresolved + self.regular + self.thin
     }
 }
@@ -155,7 +155,7 @@ impl ErrorEstimator {
         // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
         let singular = has_unresolved_singularity(scene, model.fineness());
         let has_points = model.count_mesh_parts().point_functions > 0;
-        let has_close_points = has_close_attachments(scene, model.fineness());
+        let has_close_points = has_attachments_with_overlapping_functions(scene, model.fineness());
         let power = if has_points && has_close_points {
             LEAST_POWER_AT_CLOSE_POINTS
         } else if singular {
@@ -177,18 +177,18 @@ impl ErrorEstimator {
             least_ratio_of_few: if singular { LEAST_RATIO_IN_STEPS } else { 0.0 },
             least_ratio_of_curves: if has_close_points { LEAST_RATIO_AT_CLOSE_POINTS } else { 0.0 },
             may_stall: has_close_points,
-            rounding: FrequencyRounding::new(scene, model).relative_error_of_bending_modes(),
-            has_point_moment: has_rotational_point_spring(scene),
+            rounding: FrequencyRounding::new(scene, model).relative_frequency_error_beyond_mesh_of_bending_modes(),
+            has_point_moment: has_rotational_point_spring_on_plate(scene),
         }
     }
 
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
-    pub(super) fn estimate_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+    pub(super) fn estimate_frequency_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
         self.estimate_bound_for_power(
             self.power,
             previous_difference,
-            raise_to_least_believed_difference(
+            raise_last_difference_to_least_plausible(
                 if self.modes_in_steps { LEAST_RATIO_IN_STEPS } else { 0.0 },
                 previous_difference,
                 last_difference,
@@ -199,7 +199,7 @@ impl ErrorEstimator {
     /// Error bounds of all modes, each from its previous and its last difference.
     pub(super) fn estimate_mode_error_bounds(&self, differences: &[(Option<f64>, f64)]) -> Vec<f64> {
         let own: Vec<f64> =
-            differences.iter().map(|(before, last)| self.estimate_error_bound(*before, *last)).collect();
+            differences.iter().map(|(before, last)| self.estimate_frequency_error_bound(*before, *last)).collect();
         let worst = own.iter().copied().filter(|own| own.is_finite()).fold(0.0, f64::max);
         let least = if self.modes_in_steps { LEAST_OF_WORST * worst } else { 0.0 };
         // A rigid motion's is nothing.
@@ -207,11 +207,15 @@ impl ErrorEstimator {
     }
 
     /// Error bound of curves of responses, without [`RESPONSE_SAFETY`].
-    pub(super) fn estimate_curve_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+    pub(super) fn estimate_curve_error_bound_without_safety_factor(
+        &self,
+        previous_difference: Option<f64>,
+        last_difference: f64,
+    ) -> f64 {
         self.estimate_bound_for_power(
             self.response_power,
             previous_difference,
-            raise_to_least_believed_difference(self.least_ratio_of_curves, previous_difference, last_difference),
+            raise_last_difference_to_least_plausible(self.least_ratio_of_curves, previous_difference, last_difference),
         )
     }
 
@@ -224,7 +228,7 @@ impl ErrorEstimator {
         self.estimate_bound_for_power(
             self.response_power,
             previous_difference,
-            raise_to_least_believed_difference(self.least_ratio_of_few, previous_difference, last_difference),
+            raise_last_difference_to_least_plausible(self.least_ratio_of_few, previous_difference, last_difference),
         )
     }
 
@@ -252,19 +256,19 @@ impl ErrorEstimator {
         } else {
             ratio
         };
-        SAFETY * last_difference * self.remaining_error_over_difference(power).max(ratio / (1.0 - ratio))
+        SAFETY * last_difference * self.remaining_error_over_last_difference(power).max(ratio / (1.0 - ratio))
     }
 
     /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
     #[expect(clippy::cast_precision_loss, reason = "orders are small")]
-    fn remaining_error_over_difference(&self, power: f64) -> f64 {
+    fn remaining_error_over_last_difference(&self, power: f64) -> f64 {
         let p = self.order as f64;
         1.0 / ((p / (p - 2.0)).powf(power) - 1.0)
     }
 
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
-    pub fn response_error_bound(&self, previous_difference: f64, last_difference: f64) -> Bound {
+    pub fn response_bound_from_relative_differences(&self, previous_difference: f64, last_difference: f64) -> Bound {
         match RESPONSE_SAFETY * self.estimate_few_responses_error_bound(Some(previous_difference), last_difference)
             + SHARPEST * self.rounding
         {
@@ -281,13 +285,13 @@ impl ErrorEstimator {
     /// Where they no longer shrink, by rounding beside heavy masses or at points near to each other, the larger one counts as the last: what is left is
     /// settled to that, and may be wrong by as much as errors fall no faster from there.
     #[must_use]
-    pub fn steady_deflection_error_bound(&self, before: f64, last: f64) -> Bound {
-        let (before, last) = (SLOWER * before, SLOWER * last);
-        let is_stalled = last > self.largest_ratio * before;
-        let largest = before.max(last);
-        match self.response_error_bound(before, last) {
+    pub fn steady_deflection_bound_from_differences(&self, previous_difference: f64, last_difference: f64) -> Bound {
+        let (previous_difference, last_difference) = (SLOWER * previous_difference, SLOWER * last_difference);
+        let is_stalled = last_difference > self.largest_ratio * previous_difference;
+        let largest = previous_difference.max(last_difference);
+        match self.response_bound_from_relative_differences(previous_difference, last_difference) {
             _ if is_stalled && !self.has_point_moment && largest <= SETTLED => {
-                self.response_error_bound(largest / self.largest_ratio, largest)
+                self.response_bound_from_relative_differences(largest / self.largest_ratio, largest)
             }
             Bound::Unknown(NOT_SETTLED) => Bound::Unknown(NOT_SETTLED_AT_REST),
             bound => bound,
@@ -296,7 +300,11 @@ impl ErrorEstimator {
 }
 
 /// The last difference, or what is believed at least of it after the one before.
-fn raise_to_least_believed_difference(least_ratio: f64, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+fn raise_last_difference_to_least_plausible(
+    least_ratio: f64,
+    previous_difference: Option<f64>,
+    last_difference: f64,
+) -> f64 {
     let previous_difference = previous_difference.filter(|previous_difference| previous_difference.is_finite());
     let least = previous_difference.map_or(0.0, |previous_difference| least_ratio * previous_difference.min(SMALL));
     if last_difference < least { least } else { last_difference }
@@ -333,7 +341,7 @@ mod tests {
         // Errors q^p: the ratio of differences over two orders is q^2.
         for q in [0.01_f64, 0.2, 0.5, 0.8] {
             let error = |p: i32| q.powi(p);
-            let bound = of(9, true).estimate_error_bound(Some(error(5) - error(7)), error(7) - error(9));
+            let bound = of(9, true).estimate_frequency_error_bound(Some(error(5) - error(7)), error(7) - error(9));
             assert!(bound >= error(9), "{q}");
         }
         // Errors p^-k, without and with the level before.
@@ -341,7 +349,7 @@ mod tests {
             let error = |p: f64| p.powi(-k);
             let last = error(7.0) - error(9.0);
             for before in [None, Some(error(5.0) - error(7.0))] {
-                let bound = of(9, true).estimate_error_bound(before, last);
+                let bound = of(9, true).estimate_frequency_error_bound(before, last);
                 assert!(bound >= error(9.0) && bound < 20.0 * error(9.0), "{k}: {bound:e} {:e}", error(9.0));
             }
         }
@@ -354,7 +362,7 @@ mod tests {
         let in_steps =
             ErrorEstimator { modes_in_steps: true, least_ratio_of_few: LEAST_RATIO_IN_STEPS, ..of(9, false) };
         assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert!(in_steps.estimate_frequency_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
         assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), f64::NAN).is_infinite());
     }
 
@@ -374,23 +382,24 @@ mod tests {
     #[test]
     fn small_differences_bound_what_stands_still() {
         for may_stall in [false, true] {
-            let at_rest = |before, last| of(9, may_stall).steady_deflection_error_bound(before, last).known_limit();
+            let at_rest =
+                |before, last| of(9, may_stall).steady_deflection_bound_from_differences(before, last).limit_if_known();
             let [shrinking, stalled, growing] =
                 [(2e-7, 2e-8), (2e-7, 2e-7), (2e-8, 2e-7)].map(|(before, last)| at_rest(before, last).unwrap());
             assert!(shrinking < stalled && stalled <= growing, "{shrinking:e} {stalled:e} {growing:e}");
             assert!(growing > 10.0 * 2e-7 && growing < 1e-4, "{growing:e}");
             assert!(at_rest(1e-2, 9e-2).is_none(), "{may_stall}");
         }
-        let reason = of(9, true).steady_deflection_error_bound(1e-2, 9e-2).reason_if_unknown().unwrap();
+        let reason = of(9, true).steady_deflection_bound_from_differences(1e-2, 9e-2).reason_if_unknown().unwrap();
         assert!(!reason.contains("frequency"), "{reason}");
     }
 
     #[test]
     fn what_does_not_shrink_or_is_not_small_has_no_bound() {
-        assert_eq!(of(9, true).estimate_error_bound(Some(1e-3), 2e-3), f64::INFINITY);
-        assert!(of(9, false).estimate_error_bound(Some(1e-3), 2e-3) > 2e-3);
-        assert_eq!(of(9, true).estimate_error_bound(None, 0.5), f64::INFINITY);
-        assert_eq!(of(9, true).estimate_error_bound(None, f64::NAN), f64::INFINITY);
-        assert_eq!(of(9, true).estimate_error_bound(Some(1e-3), f64::INFINITY), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_frequency_error_bound(Some(1e-3), 2e-3), f64::INFINITY);
+        assert!(of(9, false).estimate_frequency_error_bound(Some(1e-3), 2e-3) > 2e-3);
+        assert_eq!(of(9, true).estimate_frequency_error_bound(None, 0.5), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_frequency_error_bound(None, f64::NAN), f64::INFINITY);
+        assert_eq!(of(9, true).estimate_frequency_error_bound(Some(1e-3), f64::INFINITY), f64::INFINITY);
     }
 }

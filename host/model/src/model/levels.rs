@@ -3,7 +3,7 @@
 use super::bounded::RefinementLevel;
 use super::estimator::ErrorEstimator;
 use super::fineness::Fineness;
-use super::grid::estimate_unknown_count;
+use super::grid::count_mesh_unknowns_before_edges_and_cutouts;
 use super::panel::{PanelModel, choose_fineness};
 use super::sections::CellSection;
 use super::{Accuracy, ModelError, ReducedModel};
@@ -42,14 +42,21 @@ impl ReducedLevels {
     /// # Errors
     /// As [`super::bounded::answer_with_error_bounds()`], if the mesh would be too fine.
     #[expect(clippy::cast_precision_loss, reason = "about")]
-    pub fn estimate_unknown_count(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
-        Ok(estimate_unknown_count(scene, Self::choose_meshes(scene, accuracy, max_hz)?[0]) as f64)
+    pub fn estimate_unknown_count_of_finest_level(
+        scene: &Scene,
+        accuracy: Accuracy,
+        max_hz: f64,
+    ) -> Result<f64, ModelError> {
+        Ok(count_mesh_unknowns_before_edges_and_cutouts(
+            scene,
+            Self::choose_three_meshes_finest_first(scene, accuracy, max_hz)?[0],
+        ) as f64)
     }
 
     /// About how many modes a model for frequencies up to `max_hz` keeps, before anything is built: by Weyl's law, which counts those of a plate
     /// as its area times the square of the wave number over 4 pi, and those of a bar as its length times the wave number over pi.
     #[must_use]
-    pub fn estimate_mode_count(scene: &Scene, max_hz: f64) -> f64 {
+    pub fn estimate_kept_mode_count(scene: &Scene, max_hz: f64) -> f64 {
         let omega = TAU * KEPT_MODES * max_hz;
         let of_layer = |(extent, layer): (f64, SurfaceLayer)| {
             let section = CellSection::from_layer(scene.surface.kind, &layer);
@@ -57,7 +64,7 @@ impl ReducedLevels {
             let square = omega * (section.per_area / section.rigidity).sqrt();
             extent * if scene.surface.kind == SurfaceKind::Bar { square.sqrt() / PI } else { square / (4.0 * PI) }
         };
-        scene.layout().areas_with_layers().map(of_layer).sum()
+        scene.layout().areas_or_bar_lengths_with_layers().map(of_layer).sum()
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
@@ -65,7 +72,7 @@ impl ReducedLevels {
     /// # Errors
     /// As [`super::bounded::answer_with_error_bounds()`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        Self::build_on_meshes(scene, Self::choose_meshes(scene, accuracy, max_hz)?, max_hz)
+        Self::build_on_meshes(scene, Self::choose_three_meshes_finest_first(scene, accuracy, max_hz)?, max_hz)
     }
 
     /// The meshes for frequencies up to `max_hz`, finest first: of higher order than a first try, as nobody climbs from here, and
@@ -73,14 +80,23 @@ impl ReducedLevels {
     ///
     /// # Errors
     /// As [`super::bounded::answer_with_error_bounds()`].
-    pub(super) fn choose_meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+    pub(super) fn choose_three_meshes_finest_first(
+        scene: &Scene,
+        accuracy: Accuracy,
+        max_hz: f64,
+    ) -> Result<[Fineness; 3], ModelError> {
         let part = if scene.cutouts.is_empty() { 1.0 } else { BESIDE_CUTOUTS };
         let more = if scene.surface.kind == SurfaceKind::Bar { MORE_ON_BARS } else { MORE };
-        Self::choose_meshes_of_order(scene, accuracy.choose_element_order() + more, part, max_hz)
+        Self::choose_meshes_of_three_orders_two_apart(
+            scene,
+            accuracy.choose_element_order_for_tolerance() + more,
+            part,
+            max_hz,
+        )
     }
 
     /// The meshes of an order and of the orders 2 and 4 below it, finest first.
-    fn choose_meshes_of_order(
+    fn choose_meshes_of_three_orders_two_apart(
         scene: &Scene,
         order: usize,
         cell_fraction: f64,
@@ -94,20 +110,20 @@ impl ReducedLevels {
     ///
     /// # Errors
     /// As [`super::bounded::answer_with_error_bounds()`].
-    pub fn build_with_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
-        Self::build_on_meshes(scene, Self::choose_meshes_of_order(scene, order, 1.0, max_hz)?, max_hz)
+    pub fn build_with_order_and_two_lower(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
+        Self::build_on_meshes(scene, Self::choose_meshes_of_three_orders_two_apart(scene, order, 1.0, max_hz)?, max_hz)
     }
 
     /// The finest level alone, with what makes a bound of its differences to others.
     ///
     /// # Errors
     /// As [`super::bounded::answer_with_error_bounds()`].
-    pub(super) fn build_finest(
+    pub(super) fn build_finest_level_with_error_estimator(
         scene: &Scene,
         fineness: Fineness,
         max_hz: f64,
     ) -> Result<(ErrorEstimator, ReducedModel), ModelError> {
-        let model = PanelModel::with_fineness(scene, fineness)?;
+        let model = PanelModel::build_with_fineness(scene, fineness)?;
         let reduced = model.reduce(max_hz, &[])?;
         Ok((ErrorEstimator::new(scene, &model), reduced))
     }
@@ -120,7 +136,7 @@ impl ReducedLevels {
                 return Err(ModelError::Stopped);
             }
             let started = Instant::now();
-            let model = PanelModel::with_fineness(scene, fineness)?;
+            let model = PanelModel::build_with_fineness(scene, fineness)?;
             let reduced = model.reduce(max_hz, &[])?;
             let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
             steps.push(RefinementLevel {

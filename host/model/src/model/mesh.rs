@@ -46,7 +46,7 @@ impl GridLines {
         let mut at = vec![0.0];
         for pair in stops.windows(2) {
             if let [from, to] = pair {
-                add_lines_between(&mut at, *from, *to, cell);
+                add_graded_lines_between(&mut at, *from, *to, cell);
             }
         }
         let scale = (0..at.len())
@@ -78,7 +78,7 @@ impl GridLines {
 
     /// The cell that contains a position, and where it is in the cell, 0 to 1.
     #[must_use]
-    pub fn locate_cell(&self, position_m: f64) -> (usize, f64) {
+    pub fn find_cell_index_and_fraction_within(&self, position_m: f64) -> (usize, f64) {
         let cell =
             self.at.partition_point(|at| *at <= position_m).saturating_sub(1).min(self.count_cells().saturating_sub(1));
         let (from, to) = (self.at[cell], self.at[cell + 1]);
@@ -94,7 +94,7 @@ impl GridLines {
     clippy::cast_precision_loss,
     reason = "a positive count, bounded by the caller"
 )]
-fn add_lines_between(positions_m: &mut Vec<f64>, from: RequiredLine, to: RequiredLine, largest_cell_m: f64) {
+fn add_graded_lines_between(positions_m: &mut Vec<f64>, from: RequiredLine, to: RequiredLine, largest_cell_m: f64) {
     let length = to.at - from.at;
     let mut cells = ((length / largest_cell_m - 1e-9).ceil() as usize).max(1);
     let both = from.width < length && to.width < length;
@@ -154,10 +154,10 @@ mod tests {
     #[test]
     fn places_are_located() {
         let lines = GridLines::new(1.0, 0.25, &[]);
-        assert_eq!(lines.locate_cell(0.0), (0, 0.0));
-        assert_eq!(lines.locate_cell(1.0), (3, 1.0));
-        assert_eq!(lines.locate_cell(0.25), (1, 0.0));
-        let (cell, place) = lines.locate_cell(0.6);
+        assert_eq!(lines.find_cell_index_and_fraction_within(0.0), (0, 0.0));
+        assert_eq!(lines.find_cell_index_and_fraction_within(1.0), (3, 1.0));
+        assert_eq!(lines.find_cell_index_and_fraction_within(0.25), (1, 0.0));
+        let (cell, place) = lines.find_cell_index_and_fraction_within(0.6);
         assert!(cell == 2 && (place - 0.4).abs() < 1e-12);
     }
 }

@@ -26,10 +26,10 @@ pub(super) struct CloseAttachmentPair {
 }
 
 /// All pairs of attachments that are apart by more than nothing and by at most `most_m`.
-pub(super) fn find_close_attachment_pairs(scene: &Scene, most_m: f64) -> Vec<CloseAttachmentPair> {
+pub(super) fn find_noncoincident_attachment_pairs_within(scene: &Scene, most_m: f64) -> Vec<CloseAttachmentPair> {
     let shift = choose_spectral_shift_rad2_per_s2(scene);
     let all: Vec<((f64, f64), f64)> =
-        all_point_attachments(scene).map(|own| (own.at, own.shifted_stiffness_n_per_m(shift))).collect();
+        all_point_attachments(scene).map(|own| (own.at, own.stiffness_plus_shift_times_mass_n_per_m(shift))).collect();
     let mut out = Vec::new();
     for (k, (at, held)) in all.iter().enumerate() {
         for (other_at, other) in &all[k + 1..] {
@@ -60,7 +60,7 @@ pub(super) fn merge_attachments_into_places(scene: &Scene) -> Vec<AttachmentPlac
     let shift = choose_spectral_shift_rad2_per_s2(scene);
     let place = |attached: PointAttachment| AttachmentPlace {
         at: attached.at,
-        held: attached.shifted_stiffness_n_per_m(shift),
+        held: attached.stiffness_plus_shift_times_mass_n_per_m(shift),
     };
     let mut all: Vec<AttachmentPlace> = all_point_attachments(scene).map(place).collect();
     all.sort_by(|a, b| b.held.total_cmp(&a.held));
@@ -110,7 +110,7 @@ impl PlaceClusters {
     }
 
     /// Adds a place; returns the nearest earlier one of its cluster, `None` if no place is near.
-    pub(super) fn add_place_and_find_nearest(&mut self, at: (f64, f64)) -> Option<NearestPlace> {
+    pub(super) fn add_place_and_find_nearest_earlier_in_cluster(&mut self, at: (f64, f64)) -> Option<NearestPlace> {
         let of_cluster = |(_, (_, first)): &(usize, &((f64, f64), usize))| {
             distance_between_points(self.members[*first].0, at) <= NEAR * self.unit
         };
@@ -136,14 +136,14 @@ mod tests {
     #[test]
     fn a_place_belongs_to_the_nearest_of_its_cluster() {
         let mut clusters = PlaceClusters::new(1.0);
-        assert_eq!(clusters.add_place_and_find_nearest((0.0, 0.0)), None);
-        assert_eq!(clusters.add_place_and_find_nearest((0.5, 0.0)), None, "far");
-        let beside = clusters.add_place_and_find_nearest((0.01, 0.0)).unwrap();
+        assert_eq!(clusters.add_place_and_find_nearest_earlier_in_cluster((0.0, 0.0)), None);
+        assert_eq!(clusters.add_place_and_find_nearest_earlier_in_cluster((0.5, 0.0)), None, "far");
+        let beside = clusters.add_place_and_find_nearest_earlier_in_cluster((0.01, 0.0)).unwrap();
         assert_eq!((beside.first, beside.nearest), (0, 0));
-        let beside = clusters.add_place_and_find_nearest((0.01, 0.001)).unwrap();
+        let beside = clusters.add_place_and_find_nearest_earlier_in_cluster((0.01, 0.001)).unwrap();
         assert_eq!((beside.first, beside.nearest), (0, 2));
         assert!((beside.ratio - 0.001).abs() < 1e-15);
         // Within reach of a member, but not of the first: clusters do not grow along a chain.
-        assert_eq!(clusters.add_place_and_find_nearest((0.025, 0.0)), None);
+        assert_eq!(clusters.add_place_and_find_nearest_earlier_in_cluster((0.025, 0.0)), None);
     }
 }

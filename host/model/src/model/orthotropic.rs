@@ -28,7 +28,7 @@ pub enum PlateMedium {
 
 impl PlateMedium {
     /// The medium that a plate of these rigidities is.
-    pub fn from_bending(bending: RelativeBending) -> Self {
+    pub fn isotropic_or_orthotropic_from_bending(bending: RelativeBending) -> Self {
         if bending.is_isotropic() { Self::Isotropic(bending.poisson) } else { Self::Orthotropic(bending) }
     }
 
@@ -104,8 +104,8 @@ impl EdgeWaves {
     }
 
     /// The amplitude of a force's wave, with signs as of s^2 log s: 2 l_2 / (l_1^2 - l_2^2), and with 1 and 2 exchanged.
-    fn incident_wave_amplitude(&self, j: usize) -> Complex64 {
-        let (own, other) = (self.roots[j], self.roots[1 - j]);
+    fn incident_wave_amplitude(&self, wave_index: usize) -> Complex64 {
+        let (own, other) = (self.roots[wave_index], self.roots[1 - wave_index]);
         2.0 * other / (own * own - other * other)
     }
 
@@ -179,7 +179,10 @@ mod tests {
     #[test]
     fn forces_are_smooth_beside_their_point() {
         for bending in PLATES {
-            let f = function(PlateMedium::from_bending(bending).sources_of_inner_point_force((0.1, 0.2), Side::Left));
+            let f = function(
+                PlateMedium::isotropic_or_orthotropic_from_bending(bending)
+                    .sources_of_inner_point_force((0.1, 0.2), Side::Left),
+            );
             let h = 1e-5;
             for (x, y) in [(0.1, 0.6), (0.1, -0.3), (0.4, 0.2), (-0.2, 0.5)] {
                 let (before, after, here) =
@@ -200,7 +203,10 @@ mod tests {
     #[test]
     fn forces_are_of_one() {
         for bending in &PLATES[..2] {
-            let f = function(PlateMedium::from_bending(*bending).sources_of_inner_point_force((0.0, 0.0), Side::Left));
+            let f = function(
+                PlateMedium::isotropic_or_orthotropic_from_bending(*bending)
+                    .sources_of_inner_point_force((0.0, 0.0), Side::Left),
+            );
             let both = bending.poisson + 0.5 * bending.twist;
             let h = 1e-4;
             let shear = |x: f64, y: f64| {
@@ -235,7 +241,7 @@ mod tests {
     #[test]
     fn half_planes_have_their_edges() {
         for bending in &PLATES[..2] {
-            let medium = PlateMedium::from_bending(*bending);
+            let medium = PlateMedium::isotropic_or_orthotropic_from_bending(*bending);
             for (side, flip) in [(Side::Left, 1.0), (Side::Right, -1.0), (Side::Top, 1.0), (Side::Bottom, -1.0)] {
                 let across_x = matches!(side, Side::Left | Side::Right);
                 let place = |n: f64, t: f64| if across_x { (flip * n, t) } else { (t, flip * n) };

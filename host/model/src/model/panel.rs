@@ -2,7 +2,7 @@
 
 use super::assembly::{PanelMatrices, assemble_panel_matrices};
 use super::damping::{DampingMatrices, DistributedSprings};
-use super::eigen::{Modes, ShiftInvertOperator, compute_modes_up_to};
+use super::eigen::{Modes, ShiftInvertOperator, extend_known_modes_up_to};
 use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
 use super::poles::{Pole, compute_poles_of_modes};
@@ -137,20 +137,23 @@ impl PanelModel {
     /// # Errors
     /// [`ModelError`]: a frequency out of range, a mesh that would be too fine, or matrices that cannot be factored.
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        Self::with_fineness(scene, choose_fineness(scene, accuracy.choose_element_order(), 1.0, max_hz)?)
+        Self::build_with_fineness(
+            scene,
+            choose_fineness(scene, accuracy.choose_element_order_for_tolerance(), 1.0, max_hz)?,
+        )
     }
 
     /// Meshes the scene with cells and elements of the given fineness.
     ///
     /// # Errors
     /// As [`PanelModel::build`].
-    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
-        let unresolved = super::edges::frequency_error_of_rigid_edges(scene);
-        let scene = super::edges::replace_rigid_springs_with_supports(scene);
+    pub fn build_with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
+        let unresolved = super::edges::relative_frequency_error_of_replaced_edge_springs(scene);
+        let scene = super::edges::replace_rigid_edge_springs_with_supports(scene);
         let assembled = assemble_panel_matrices(&scene, fineness)?;
         let shift = choose_spectral_shift_rad2_per_s2(&scene);
         let factor = factor_shifted_stiffness(&assembled, shift)?;
-        let (slow, straight) = compute_slow_modes(&scene, &assembled, shift)?;
+        let (slow, straight) = compute_slow_modes_and_largest_rigid_eigenvalue(&scene, &assembled, shift)?;
         Ok(Self { unresolved, scene, assembled, factor, shift, slow, straight, fineness })
     }
 
@@ -176,8 +179,8 @@ impl PanelModel {
     /// corner or at a patch, strips that are modelled as bars around points; and for edges on springs that are all but rigid. 0
     /// where there is nothing of the kind.
     #[must_use]
-    pub fn unresolved_frequency_error(&self) -> f64 {
-        self.unresolved + super::placement::frequency_error_at_attachments(&self.scene, self.fineness)
+    pub fn relative_frequency_error_independent_of_mesh(&self) -> f64 {
+        self.unresolved + super::placement::relative_frequency_error_at_attachments(&self.scene, self.fineness)
     }
 
     /// The mesh.
@@ -194,18 +197,18 @@ impl PanelModel {
 
     /// The panel's longer side over the mesh's least cell; a strip's width does not count, whose functions are made for it.
     #[must_use]
-    pub fn mesh_aspect_ratio(&self) -> f64 {
+    pub fn longer_side_over_least_cell(&self) -> f64 {
         let grid = &self.assembled.grid;
         let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
         let lengths = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0]).enumerate());
         // A bar's thin cells show no rounding.
         let least =
-            lengths.filter(|(cell, _)| grid.y.is_some() || !grid.thin.contains_cell(*cell)).map(|(_, length)| length);
+            lengths.filter(|(cell, _)| grid.y.is_some() || !grid.thin.is_thin_cell(*cell)).map(|(_, length)| length);
         let least = least.fold(f64::INFINITY, f64::min);
-        let (length, width) = grid.length_and_width_m();
+        let (length, width) = grid.length_and_width_or_1_m();
         let aspect = (if grid.y.is_some() { length.max(width) } else { length }) / least;
         // Functions of point forces that end after some widths of a strip do not meet those of the other cells.
-        let is_narrow = super::placement::narrow_strip_width_in_cells(&self.scene, self.fineness).is_some();
+        let is_narrow = super::placement::width_in_cells_if_plain_narrow_strip(&self.scene, self.fineness).is_some();
         if is_narrow { (aspect * IN_STRIPS).max(1.0) } else { aspect }
     }
 
@@ -213,7 +216,7 @@ impl PanelModel {
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
-    pub fn compute_damped_modes(&self, max_hz: f64) -> Result<Vec<PanelMode>, ModelError> {
+    pub fn compute_mode_frequencies_and_poles(&self, max_hz: f64) -> Result<Vec<PanelMode>, ModelError> {
         let found = self.compute_undamped_modes(max_hz)?;
         let poles = self.compute_poles_of_modes(&found, max_hz)?;
         let attached = found.vectors.column_iter().map(|shape| -> f64 {
@@ -257,10 +260,12 @@ impl PanelModel {
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(self.find_unbalanced_loads(&found, max_hz))
-            .chain(self.loads_of_modal_damping())
+            .chain(self.find_loads_left_unbalanced_by_damping(&found, max_hz))
+            .chain(self.actuator_loads_if_damping_is_modal())
             .chain(
-                points.iter().map(|(x, y)| self.assembled.grid.deflection_row_at(*x, *y, DeflectionDerivative::Value)),
+                points
+                    .iter()
+                    .map(|(x, y)| self.assembled.grid.deflection_or_slope_row_at(*x, *y, DeflectionDerivative::Value)),
             )
             .collect();
         let (lambda, vectors) =
@@ -285,8 +290,11 @@ impl PanelModel {
     #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
     fn compute_poles_of_modes(&self, modes: &Modes, max_hz: f64) -> Result<Vec<Pole>, ModelError> {
         let failed = || ModelError::Factorisation { reason: "poles of the damped modes".to_owned() };
-        let loads: Vec<_> =
-            self.find_unbalanced_loads(modes, max_hz).into_iter().chain(self.loads_of_modal_damping()).collect();
+        let loads: Vec<_> = self
+            .find_loads_left_unbalanced_by_damping(modes, max_hz)
+            .into_iter()
+            .chain(self.actuator_loads_if_damping_is_modal())
+            .collect();
         let count = modes.lambda.len();
         if loads.is_empty() {
             return compute_poles_of_modes(
@@ -312,15 +320,15 @@ impl PanelModel {
     }
 
     /// The loads whose shapes modal damping needs: those of the ERAs, where damping is a ratio of the modes without them.
-    fn loads_of_modal_damping(&self) -> impl Iterator<Item = SparseVector> {
+    fn actuator_loads_if_damping_is_modal(&self) -> impl Iterator<Item = SparseVector> {
         let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
         let of_actuators = self.assembled.attached.actuator_attachments().iter();
         of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
     }
 
     /// Loads that dashpots and the surface's losses leave unbalanced.
-    pub(super) fn find_unbalanced_loads(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
-        super::damping::find_unbalanced_loads(&self.scene, &self.assembled, modes, max_hz)
+    pub(super) fn find_loads_left_unbalanced_by_damping(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+        super::damping::find_loads_left_unbalanced_by_damping(&self.scene, &self.assembled, modes, max_hz)
     }
 
     /// The mesh.
@@ -350,7 +358,7 @@ impl PanelModel {
         if expected > MOST_MODES {
             return Err(ModelError::TooManyModes { max_hz, modes: expected as usize, limit: MOST_MODES as usize });
         }
-        compute_modes_up_to(self.shift_invert_operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
+        extend_known_modes_up_to(self.shift_invert_operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
     /// The scene's damping over mass-normalised `vectors` of the squared frequencies `lambda`.
@@ -370,7 +378,7 @@ fn factor_shifted_stiffness(assembled: &PanelMatrices, shift: f64) -> Result<Cho
     let mut entries = MatrixEntries::default();
     entries.add_scaled_entries(&assembled.stiffness.to_entries(), 1.0);
     entries.add_scaled_entries(&assembled.mass.to_entries(), shift);
-    let factor = entries.build_matrix(assembled.count_unknowns())?.factorise()?;
+    let factor = entries.build_matrix(assembled.count_unknowns())?.factorise_and_check()?;
     Ok(match &assembled.air {
         None => factor,
         Some(air) => factor.add_rank_one_spring(assembled.count_unknowns(), &air.vector, air.stiffness),
@@ -379,7 +387,11 @@ fn factor_shifted_stiffness(assembled: &PanelMatrices, shift: f64) -> Result<Cho
 
 /// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
 /// masses or on soft springs, by a second factorisation with a shift of their own size.
-fn compute_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift: f64) -> Result<(Modes, f64), ModelError> {
+fn compute_slow_modes_and_largest_rigid_eigenvalue(
+    scene: &Scene,
+    assembled: &PanelMatrices,
+    shift: f64,
+) -> Result<(Modes, f64), ModelError> {
     let RigidModes { known, slow } = find_rigid_and_slow_modes(scene, assembled, shift);
     let straight = known.lambda.iter().copied().fold(-1.0, f64::max);
     let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok((known, straight)) };
@@ -388,7 +400,7 @@ fn compute_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift: f64) -> R
     let factor = factor_shifted_stiffness(assembled, own)?;
     let fastest = slow.iter().copied().fold(0.0, f64::max);
     Ok((
-        compute_modes_up_to(
+        extend_known_modes_up_to(
             ShiftInvertOperator { factor: &factor, mass: &assembled.mass, shift: own },
             &known,
             fastest,
@@ -424,7 +436,7 @@ pub fn has_many_modes_below(scene: &Scene, max_hz: f64) -> bool {
 /// Largest cells in which functions of point forces do not crowd. They reach over a cell or so, and each pair that meets is integrated
 /// over all that it shares: 66 dashpots around a panel of four cells were 2300 pairs and 12 s, of 40 cells a tenth of both.
 #[expect(clippy::cast_precision_loss, reason = "a count of lines in a file")]
-fn largest_uncrowded_cell_m(scene: &Scene) -> f64 {
+fn largest_cell_without_crowded_point_forces_m(scene: &Scene) -> f64 {
     let points = super::placement::attachment_positions_m(scene).count();
     if scene.surface.kind == SurfaceKind::Bar || points <= MANY_POINTS {
         return f64::INFINITY;
@@ -457,8 +469,10 @@ pub(super) fn choose_fineness(
     let wavelength = std::f64::consts::TAU * (WaveRigidities::from_scene(scene).least / (omega * omega)).powf(0.25);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let longest = if is_bar { length } else { length.max(width) };
-    let cell_m =
-        cell_fraction * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL).min(largest_uncrowded_cell_m(scene));
+    let cell_m = cell_fraction
+        * (longest / LEAST_CELLS)
+            .min(wavelength * WAVES_PER_CELL)
+            .min(largest_cell_without_crowded_point_forces_m(scene));
     let functions = |side: f64| (side / cell_m).ceil().max(1.0) * (order as f64 - 1.0) + 2.0;
     let unknowns = functions(length) * if is_bar { 1.0 } else { functions(width) };
     if unknowns > MOST_UNKNOWNS as f64 {

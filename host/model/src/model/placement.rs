@@ -2,11 +2,11 @@
 //! singular corners, and the functions of point forces with the images that borders add.
 
 use super::attached::all_point_attachments;
-use super::corners::{CornerKind, PlateCorner, count_cell_layers_towards_corner, find_plate_corners};
+use super::corners::{CornerKind, PlateCorner, count_graded_cell_layers_towards_corner, find_plate_corners};
 use super::fineness::Fineness;
 use super::mesh::{GridLines, MERGE, RequiredLine};
 use super::neighbours::{
-    CloseAttachmentPair, NEAR, PlaceClusters, distance_between_points, find_close_attachment_pairs,
+    CloseAttachmentPair, NEAR, PlaceClusters, distance_between_points, find_noncoincident_attachment_pairs_within,
     merge_attachments_into_places,
 };
 use super::orthotropic::PlateMedium;
@@ -41,7 +41,7 @@ const BAR_LIKE: f64 = 1.0 / 300.0;
 const GIVES_WAY: f64 = 100.0;
 
 /// Width of a narrow strip of one layer, in regular cells; `None` for other surfaces.
-pub(super) fn narrow_strip_width_in_cells(scene: &Scene, fineness: Fineness) -> Option<f64> {
+pub(super) fn width_in_cells_if_plain_narrow_strip(scene: &Scene, fineness: Fineness) -> Option<f64> {
     let part = scene.surface.length_m.min(scene.surface.width_m) / fineness.cell_m;
     let is_plain = scene.surface.kind == SurfaceKind::Plate && scene.patches.is_empty() && scene.cutouts.is_empty();
     (is_plain && part < NARROW).then_some(part)
@@ -50,14 +50,14 @@ pub(super) fn narrow_strip_width_in_cells(scene: &Scene, fineness: Fineness) -> 
 /// Width of the cells around attachments, in m, which their functions are measured in: the regular ones', but on narrow
 /// strips.
 pub(super) fn cell_size_at_attachments_m(scene: &Scene, fineness: Fineness) -> f64 {
-    narrow_strip_width_in_cells(scene, fineness).map_or(1.0, |part| STRIP_CELL * part) * fineness.cell_m
+    width_in_cells_if_plain_narrow_strip(scene, fineness).map_or(1.0, |part| STRIP_CELL * part) * fineness.cell_m
 }
 
 /// Lines along x and y that cells shrink towards on narrow strips: at attachments, one for those that share a cell.
 fn required_lines_on_narrow_strip(scene: &Scene, fineness: Fineness) -> [Vec<RequiredLine>; 2] {
     let cell = cell_size_at_attachments_m(scene, fineness);
     let mut lines = [Vec::new(), Vec::new()];
-    if let Some(part) = narrow_strip_width_in_cells(scene, fineness) {
+    if let Some(part) = width_in_cells_if_plain_narrow_strip(scene, fineness) {
         let width = if part < BAR_LIKE { f64::INFINITY } else { cell };
         let along_x = scene.surface.length_m > scene.surface.width_m;
         let own: &mut Vec<RequiredLine> = &mut lines[usize::from(!along_x)];
@@ -93,17 +93,18 @@ pub(super) fn required_grid_lines(scene: &Scene, layout: &SurfaceLayout, finenes
     let width = |layers: usize| fineness.cell_m / 4.0_f64.powi(i32::try_from(layers).unwrap_or(i32::MAX));
     let all = find_plate_corners(layout);
     let at_corners =
-        all.iter().map(|corner| (corner.at, count_cell_layers_towards_corner(scene, corner, fineness.layers)));
+        all.iter().map(|corner| (corner.at, count_graded_cell_layers_towards_corner(scene, corner, fineness.layers)));
     let at_corners = at_corners.filter(|(_, layers)| *layers > 0).map(|(at, layers)| (at, width(layers)));
     let least = width(fineness.layers.min(MOST_LAYERS));
-    let beside_patches = attachment_positions_m(scene)
-        .filter_map(|at| Some((at, distance_to_blocking_border_m(scene, layout, &all, fineness, at)?.max(least))));
+    let beside_patches = attachment_positions_m(scene).filter_map(|at| {
+        Some((at, distance_to_other_material_if_too_near_m(scene, layout, &all, fineness, at)?.max(least)))
+    });
     // No strip thinner than the cells are to be: rounding in K grows with the cube of its aspect.
     let beside_patches = beside_patches.map(|(at, width)| {
         (
             (
-                snap_to_border_within(layout.border_lines_x_m(), at.0, width),
-                snap_to_border_within(layout.border_lines_y_m(), at.1, width),
+                snap_to_nearest_line_within(layout.border_lines_x_m(), at.0, width),
+                snap_to_nearest_line_within(layout.border_lines_y_m(), at.1, width),
             ),
             width,
         )
@@ -120,14 +121,14 @@ pub(super) fn required_grid_lines(scene: &Scene, layout: &SurfaceLayout, finenes
 }
 
 /// The nearest border if it is within a distance, or the position itself.
-fn snap_to_border_within(lines: &[f64], position_m: f64, distance_m: f64) -> f64 {
+fn snap_to_nearest_line_within(lines: &[f64], position_m: f64, distance_m: f64) -> f64 {
     let nearest = lines.iter().copied().min_by(|a, b| (a - position_m).abs().total_cmp(&(b - position_m).abs()));
     nearest.filter(|line| (line - position_m).abs() <= distance_m).unwrap_or(position_m)
 }
 
 /// Distance of an attachment from a patch, or a cut-out's corner, that is too near for its function to reach over; `None`
 /// where it is not.
-fn distance_to_blocking_border_m(
+fn distance_to_other_material_if_too_near_m(
     scene: &Scene,
     layout: &SurfaceLayout,
     corners: &[PlateCorner],
@@ -146,8 +147,8 @@ fn distance_to_blocking_border_m(
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let wanted =
         [(at.0 - reach).max(0.0), (at.0 + reach).min(length), (at.1 - reach).max(0.0), (at.1 + reach).min(width)];
-    let clear = ClearRectangle::find_largest_clear(scene, layout, at, wanted)
-        .map_or(0.0, |around| around.distance_to_other_material_m());
+    let clear = ClearRectangle::find_rectangle_farthest_from_other_material(scene, layout, at, wanted)
+        .map_or(0.0, |around| around.distance_from_point_to_other_material_or_infinity_m());
     (clear < NEAR_BORDER * fineness.cell_m).then_some(clear)
 }
 
@@ -176,7 +177,7 @@ pub fn has_unresolved_singularity(scene: &Scene, fineness: Fineness) -> bool {
 
 /// Whether two attachments of a plate are so near to each other, and not at one place, that their functions overlap in a cell.
 #[must_use]
-pub fn has_close_attachments(scene: &Scene, fineness: Fineness) -> bool {
+pub fn has_attachments_with_overlapping_functions(scene: &Scene, fineness: Fineness) -> bool {
     if scene.surface.kind == SurfaceKind::Bar {
         return false;
     }
@@ -194,16 +195,17 @@ pub fn has_close_attachments(scene: &Scene, fineness: Fineness) -> bool {
 /// of about k d^2 against the plate's rigidity D, and the elements approach that with the logarithm of their size only; all of
 /// it may be missing, up to 1. And on strips like bars what the points give way. 0 where there is neither.
 #[must_use]
-pub fn frequency_error_at_attachments(scene: &Scene, fineness: Fineness) -> f64 {
+pub fn relative_frequency_error_at_attachments(scene: &Scene, fineness: Fineness) -> f64 {
     if scene.surface.kind == SurfaceKind::Bar {
-        return frequency_error_of_merged_attachments(scene, fineness);
+        return relative_frequency_error_of_merged_attachments(scene, fineness);
     }
-    frequency_error_of_merged_attachments(scene, fineness) + frequency_error_of_close_places(scene, fineness)
+    relative_frequency_error_of_merged_attachments(scene, fineness)
+        + relative_frequency_error_of_close_places_or_narrow_strip(scene, fineness)
 }
 
 /// What a frequency may be wrong by for attachments that count as at one place and are not: each is off by their distance, which is to the wave as the
 /// change of a deflection to itself, and together they hold no slope.
-fn frequency_error_of_merged_attachments(scene: &Scene, fineness: Fineness) -> f64 {
+fn relative_frequency_error_of_merged_attachments(scene: &Scene, fineness: Fineness) -> f64 {
     let (longest, waves) = (scene.surface.length_m.max(scene.surface.width_m), WaveRigidities::from_scene(scene));
     let lever = match scene.surface.kind {
         SurfaceKind::Plate => 1.0,
@@ -213,17 +215,17 @@ fn frequency_error_of_merged_attachments(scene: &Scene, fineness: Fineness) -> f
         let held = pair.held * pair.distance_m * pair.distance_m * lever / waves.softest;
         OFF_PLACE * pair.distance_m / fineness.cell_m + held / (1.0 + held)
     };
-    find_close_attachment_pairs(scene, MERGE * longest).into_iter().map(of_pair).sum()
+    find_noncoincident_attachment_pairs_within(scene, MERGE * longest).into_iter().map(of_pair).sum()
 }
 
 /// Relative error of a frequency for places of a plate that are near to each other.
-fn frequency_error_of_close_places(scene: &Scene, fineness: Fineness) -> f64 {
+fn relative_frequency_error_of_close_places_or_narrow_strip(scene: &Scene, fineness: Fineness) -> f64 {
     let layout = scene.layout();
     let spaces = ClearSpaces::new(scene, &layout, fineness);
     let places = merge_attachments_into_places(scene);
     if spaces.is_bar_like {
         let (part, waves) =
-            (narrow_strip_width_in_cells(scene, fineness).unwrap_or(0.0), WaveRigidities::from_scene(scene));
+            (width_in_cells_if_plain_narrow_strip(scene, fineness).unwrap_or(0.0), WaveRigidities::from_scene(scene));
         // What gives way at a point may be softer than what bends along the strip.
         let softer = waves.stiffest / waves.softest;
         return if places.is_empty() { 0.0 } else { GIVES_WAY * softer * part.powi(3) };
@@ -236,8 +238,8 @@ fn frequency_error_of_close_places(scene: &Scene, fineness: Fineness) -> f64 {
         for other in &places[k + 1..] {
             let distance = distance_between_points(place.at, other.at);
             if distance <= near
-                && (spaces.find_clear_rectangle_around(place.at).is_none()
-                    || spaces.find_clear_rectangle_around(other.at).is_none())
+                && (spaces.find_clear_rectangle_if_place_has_function(place.at).is_none()
+                    || spaces.find_clear_rectangle_if_place_has_function(other.at).is_none())
             {
                 let part = other.held * distance * distance / rigidity;
                 worst = worst.max(part / (1.0 + part));
@@ -268,26 +270,33 @@ impl<'a> ClearSpaces<'a> {
         let [in_x, in_y] = required_lines_on_narrow_strip(scene, fineness);
         let x = regular(scene.surface.length_m, layout.border_lines_x_m(), in_x);
         let y = regular(scene.surface.width_m, layout.border_lines_y_m(), in_y);
-        let is_bar_like = narrow_strip_width_in_cells(scene, fineness).is_some_and(|part| part < BAR_LIKE);
+        let is_bar_like = width_in_cells_if_plain_narrow_strip(scene, fineness).is_some_and(|part| part < BAR_LIKE);
         Self { scene, layout, lines: [x, y], cell_m: cell_size_at_attachments_m(scene, fineness), is_bar_like }
     }
 
     /// The clear rectangle around a place; `None` where it has no function.
-    fn find_clear_rectangle_around(&self, at: (f64, f64)) -> Option<ClearRectangle> {
+    fn find_clear_rectangle_if_place_has_function(&self, at: (f64, f64)) -> Option<ClearRectangle> {
         if self.is_bar_like {
             return None;
         }
         let least = LEAST_REACH * self.cell_m;
-        let [[left, right], [top, bottom]] =
-            [find_wanted_reach(&self.lines[0], at.0, least), find_wanted_reach(&self.lines[1], at.1, least)];
-        let around = ClearRectangle::find_largest_clear(self.scene, self.layout, at, [left, right, top, bottom])?;
-        if around.distance_to_other_material_m() < NARROWEST * self.cell_m {
+        let [[left, right], [top, bottom]] = [
+            range_from_line_below_to_line_above_m(&self.lines[0], at.0, least),
+            range_from_line_below_to_line_above_m(&self.lines[1], at.1, least),
+        ];
+        let around = ClearRectangle::find_rectangle_farthest_from_other_material(
+            self.scene,
+            self.layout,
+            at,
+            [left, right, top, bottom],
+        )?;
+        if around.distance_from_point_to_other_material_or_infinity_m() < NARROWEST * self.cell_m {
             return None;
         }
         let touched: Vec<Side> = SIDES.into_iter().filter(|side| around.distance_to_side_m(*side) == 0.0).collect();
         match touched.as_slice() {
             [] => Some(around),
-            [side] if around.border_at_side(*side) == BorderKind::Free => Some(around),
+            [side] if around.border_kind_at_side(*side) == BorderKind::Free => Some(around),
             // A corner, where a force only twists, or an edge that does not move.
             _ => None,
         }
@@ -296,7 +305,7 @@ impl<'a> ClearSpaces<'a> {
 
 /// The functions of all attachments, one set for each place: of a cluster's first place its own, of the others the difference
 /// quotient of theirs and their neighbour's, which ends where the first one's does.
-pub(super) fn build_singular_functions(
+pub(super) fn build_singular_functions_of_attachments(
     scene: &Scene,
     layout: &SurfaceLayout,
     fineness: Fineness,
@@ -308,10 +317,10 @@ pub(super) fn build_singular_functions(
     // Of each function: the space around its place, and the sources of a force there.
     let mut alone: Vec<(ClearRectangle, Vec<SingularSource>)> = Vec::new();
     for place in merge_attachments_into_places(scene) {
-        let Some(own) = spaces.find_clear_rectangle_around(place.at) else { continue };
-        let function = match clusters.add_place_and_find_nearest(place.at) {
+        let Some(own) = spaces.find_clear_rectangle_if_place_has_function(place.at) else { continue };
+        let function = match clusters.add_place_and_find_nearest_earlier_in_cluster(place.at) {
             None => {
-                let near = BorderImages::from_clear_rectangle(&own, NEAR_BORDER * cell_m);
+                let near = MirroredSides::choose_sides_to_mirror(&own, NEAR_BORDER * cell_m);
                 let [x, y] = own.choose_function_reach(|side| near.is_satisfied_by_images(side));
                 let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
                 let sources = near.build_force_and_image_sources(&own, scale);
@@ -321,7 +330,7 @@ pub(super) fn build_singular_functions(
             Some(beside) => {
                 let first = &functions[beside.first];
                 let around = ClearRectangle { at: own.at, ..alone[beside.first].0 };
-                let near = BorderImages::from_clear_rectangle(&alone[beside.first].0, NEAR_BORDER * cell_m);
+                let near = MirroredSides::choose_sides_to_mirror(&alone[beside.first].0, NEAR_BORDER * cell_m);
                 let sources = near.build_force_and_image_sources(&around, first.scale);
                 let other = alone[beside.nearest].1.iter().map(|source| source.scale_by(-1.0 / beside.ratio));
                 let difference =
@@ -336,7 +345,7 @@ pub(super) fn build_singular_functions(
 }
 
 /// From the first line at least `least_reach_m` below `position_m` to the first one at least that much above it, or to the borders.
-fn find_wanted_reach(lines: &GridLines, position_m: f64, least_reach_m: f64) -> [f64; 2] {
+fn range_from_line_below_to_line_above_m(lines: &GridLines, position_m: f64, least_reach_m: f64) -> [f64; 2] {
     let (first, last) = (lines.at[0], lines.at[lines.count_cells()]);
     let inner = lines.at.get(1..lines.count_cells()).unwrap_or_default();
     let below = inner.iter().rev().copied().find(|line| position_m - line >= least_reach_m);
@@ -345,22 +354,22 @@ fn find_wanted_reach(lines: &GridLines, position_m: f64, least_reach_m: f64) -> 
 }
 
 /// The borders near a point force that its function answers to by mirror images, as half-planes' solutions do.
-struct BorderImages {
+struct MirroredSides {
     free: Vec<Side>,
     pinned: Vec<Side>,
     clamped: Option<Side>,
 }
 
-impl BorderImages {
-    fn from_clear_rectangle(around: &ClearRectangle, near: f64) -> Self {
+impl MirroredSides {
+    fn choose_sides_to_mirror(around: &ClearRectangle, near_m: f64) -> Self {
         let mut close = SIDES.to_vec();
-        close.retain(|side| around.distance_to_side_m(*side) < near);
+        close.retain(|side| around.distance_to_side_m(*side) < near_m);
         close.sort_by(|a, b| around.distance_to_side_m(*a).total_cmp(&around.distance_to_side_m(*b)));
         // Mirror images about a clamped edge answer to no other edge.
-        let clamped = close.iter().copied().find(|side| around.border_at_side(*side) == BorderKind::Clamped);
+        let clamped = close.iter().copied().find(|side| around.border_kind_at_side(*side) == BorderKind::Clamped);
         let others = |border: BorderKind| -> Vec<Side> {
             let sides = close.iter().copied().filter(|_| clamped.is_none());
-            sides.filter(|side| around.border_at_side(*side) == border).collect()
+            sides.filter(|side| around.border_kind_at_side(*side) == border).collect()
         };
         // Two mirrors that face each other have images without end: the farther one is left to blending.
         let mut pinned = others(BorderKind::Pinned);
@@ -376,7 +385,9 @@ impl BorderImages {
     }
 
     fn build_force_and_image_sources(&self, around: &ClearRectangle, scale: f64) -> Vec<SingularSource> {
-        let medium = PlateMedium::from_bending(CellSection::from_layer(SurfaceKind::Plate, &around.layer).bending);
+        let medium = PlateMedium::isotropic_or_orthotropic_from_bending(
+            CellSection::from_layer(SurfaceKind::Plate, &around.layer).bending,
+        );
         let inside = SingularSource::from_inner_point_force(around.at);
         let image = |side: Side| {
             (

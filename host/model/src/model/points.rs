@@ -94,12 +94,12 @@ impl StiffPointUnknowns {
     }
 
     /// A change of unknowns that replaces some without holding any point.
-    pub(super) const fn from_replacements(replaced: BTreeMap<usize, SparseVector>) -> Self {
+    pub(super) const fn from_replacements_without_held_points(replaced: BTreeMap<usize, SparseVector>) -> Self {
         Self { held: Vec::new(), unknowns: Vec::new(), replaced }
     }
 
     /// The deflection at a place over the unknowns, if it is one of these: its own, or its neighbours' and the differences.
-    pub(super) fn deflection_row_at(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
+    pub(super) fn deflection_row_if_stiff_point_at(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
         let mut point = self.held.iter().position(|held| held.at == (x_m, y_m))?;
         let mut out = Vec::new();
         while let Some((other, ratio)) = self.held[point].beside {
@@ -116,7 +116,7 @@ impl StiffPointUnknowns {
     }
 
     /// Each one's unknown with the value that it has where the deflection is linear: c at (0, 0), and slopes cx and cy.
-    pub(super) fn values_for_linear_deflection(
+    pub(super) fn unknowns_and_values_for_linear_deflection(
         &self,
         c: f64,
         slope_x: f64,
@@ -136,7 +136,7 @@ impl StiffPointUnknowns {
     }
 
     /// Transforms a row over the old unknowns to one over the new ones.
-    pub(super) fn transform_row(&self, row: SparseVector) -> SparseVector {
+    pub(super) fn transform_row_to_new_unknowns(&self, row: SparseVector) -> SparseVector {
         if row.iter().all(|(index, _)| !self.replaced.contains_key(index)) {
             return row;
         }
@@ -153,7 +153,7 @@ impl StiffPointUnknowns {
     }
 
     /// Transforms a matrix over the old unknowns to one over the new ones.
-    pub(super) fn transform_matrix(&self, entries: MatrixEntries) -> MatrixEntries {
+    pub(super) fn transform_matrix_to_new_unknowns(&self, entries: MatrixEntries) -> MatrixEntries {
         if self.replaced.is_empty() {
             return entries;
         }
@@ -201,8 +201,10 @@ mod tests {
         let places = [(0.1, 0.2), (0.3, 0.4)].map(make_stiff_point_without_neighbour);
         let points = StiffPointUnknowns::new(&places, &rows, |index| index == 2);
         for (row, held) in rows.iter().zip(places) {
-            let [(unknown, 1.0)] = points.deflection_row_at(held.at.0, held.at.1).unwrap()[..] else { panic!("alone") };
-            let new = points.transform_row(row.clone());
+            let [(unknown, 1.0)] = points.deflection_row_if_stiff_point_at(held.at.0, held.at.1).unwrap()[..] else {
+                panic!("alone")
+            };
+            let new = points.transform_row_to_new_unknowns(row.clone());
             for (index, value) in new {
                 assert!((value - if index == unknown { 1.0 } else { 0.0 }).abs() < 1e-15, "{index} {value}");
             }
@@ -216,10 +218,12 @@ mod tests {
         }
         let new = [0.3, -0.7, 0.2, 1.1];
         let old: Vec<f64> = (0..4)
-            .map(|i| points.transform_row(vec![(i, 1.0)]).iter().map(|(j, value)| value * new[*j]).sum())
+            .map(|i| {
+                points.transform_row_to_new_unknowns(vec![(i, 1.0)]).iter().map(|(j, value)| value * new[*j]).sum()
+            })
             .collect();
         let form = |entries: &MatrixEntries, u: &[f64]| entries.iter().map(|(i, j, a)| u[i] * a * u[j]).sum::<f64>();
-        let transformed = points.transform_matrix(matrix.clone());
+        let transformed = points.transform_matrix_to_new_unknowns(matrix.clone());
         assert!((form(&matrix, &old) - form(&transformed, &new)).abs() < 1e-12);
     }
 
@@ -231,8 +235,11 @@ mod tests {
             &rows,
             |_| true,
         );
-        assert!(points.deflection_row_at(0.1, 0.0).is_some() && points.deflection_row_at(0.2, 0.0).is_none());
-        assert!(points.deflection_row_at(0.3, 0.0).is_none());
+        assert!(
+            points.deflection_row_if_stiff_point_at(0.1, 0.0).is_some()
+                && points.deflection_row_if_stiff_point_at(0.2, 0.0).is_none()
+        );
+        assert!(points.deflection_row_if_stiff_point_at(0.3, 0.0).is_none());
     }
 
     /// A neighbour's deflection is that of the first and a part of the difference.
@@ -244,17 +251,21 @@ mod tests {
             [make_stiff_point_without_neighbour((0.1, 0.0)), StiffPoint { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
         let points = StiffPointUnknowns::new(&places, &rows, |_| true);
         for (row, held) in [first, second].into_iter().zip(places) {
-            let mut expected = points.deflection_row_at(held.at.0, held.at.1).unwrap();
+            let mut expected = points.deflection_row_if_stiff_point_at(held.at.0, held.at.1).unwrap();
             expected.sort_by_key(|(index, _)| *index);
-            let found =
-                points.transform_row(row).into_iter().filter(|(_, value)| value.abs() > 1e-12).collect::<Vec<_>>();
+            let found = points
+                .transform_row_to_new_unknowns(row)
+                .into_iter()
+                .filter(|(_, value)| value.abs() > 1e-12)
+                .collect::<Vec<_>>();
             assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
             for ((i, found), (j, expected)) in found.into_iter().zip(expected) {
                 assert!(i == j && (found - expected).abs() < 1e-12);
             }
         }
         // A slope of 2 along x.
-        let slopes: Vec<f64> = points.values_for_linear_deflection(0.0, 2.0, 0.0).map(|(_, value)| value).collect();
+        let slopes: Vec<f64> =
+            points.unknowns_and_values_for_linear_deflection(0.0, 2.0, 0.0).map(|(_, value)| value).collect();
         assert!((slopes[0] - 0.2).abs() < 1e-15 && (slopes[1] - 2.0).abs() < 1e-10, "{slopes:?}");
     }
 

@@ -112,13 +112,13 @@ impl Pole {
 
     /// The pole without its faster eigenvalue, which was not found: the slower one is left.
     #[must_use]
-    pub const fn without_faster(self) -> Self {
+    pub const fn without_faster_eigenvalue(self) -> Self {
         Self { slower: self.slower, ..Self::UNKNOWN }
     }
 
     /// Whether the motion decays before it oscillates.
     #[must_use]
-    pub fn decays_before_oscillating(&self) -> bool {
+    pub fn is_overdamped_or_nearly(&self) -> bool {
         self.slower.is_some() || -self.s.re > DIES_OUT * self.s.norm()
     }
 
@@ -130,14 +130,14 @@ impl Pole {
 
     /// s in 1/s of the one that swings, or of the two that do not, the faster one first; without those that were not found.
     #[must_use]
-    pub fn eigenvalues(&self) -> Vec<Complex64> {
+    pub fn eigenvalues_without_conjugates(&self) -> Vec<Complex64> {
         [Some(self.s).filter(|s| !s.is_nan()), self.slower].into_iter().flatten().collect()
     }
 
     /// How far it is from another, relative: of s, or of what two have in common. Infinite where one of them is not known, or not from all
     /// coordinates.
     #[must_use]
-    pub fn relative_distance_to(&self, other: &Self) -> f64 {
+    pub fn relative_distance_or_infinity_to(&self, other: &Self) -> f64 {
         if !(self.is_known() && other.is_known() && self.is_whole && other.is_whole) {
             return f64::INFINITY;
         }
@@ -151,17 +151,29 @@ impl Pole {
         }
     }
 
-    /// The pole of a mode by itself: s^2 + c s + lambda + j loss = 0, in rad^2/s^2 and 1/s.
+    /// The pole of a mode by itself, with the viscous damping c, the squared frequency lambda and the structural damping d: s^2 + c s + lambda + j d
+    /// = 0.
     #[must_use]
-    pub fn from_uncoupled_mode(squared_frequency: f64, viscous: f64, loss: f64) -> Self {
-        if squared_frequency == 0.0 {
+    pub fn from_uncoupled_mode(
+        squared_frequency_rad2_per_s2: f64,
+        viscous_per_s: f64,
+        structural_rad2_per_s2: f64,
+    ) -> Self {
+        if squared_frequency_rad2_per_s2 == 0.0 {
             return Self::FREE;
         }
-        let root = (Complex64::new(0.25 * viscous * viscous - squared_frequency, -loss)).sqrt();
-        let (plus, minus) = (-0.5 * viscous + root, -0.5 * viscous - root);
+        let root = (Complex64::new(
+            0.25 * viscous_per_s * viscous_per_s - squared_frequency_rad2_per_s2,
+            -structural_rad2_per_s2,
+        ))
+        .sqrt();
+        let (plus, minus) = (-0.5 * viscous_per_s + root, -0.5 * viscous_per_s - root);
         // The slower one without cancellation.
-        let slower = Complex64::new(squared_frequency, loss) / minus;
-        if 0.25 * viscous * viscous > squared_frequency && is_numerically_real(minus) && is_numerically_real(slower) {
+        let slower = Complex64::new(squared_frequency_rad2_per_s2, structural_rad2_per_s2) / minus;
+        if 0.25 * viscous_per_s * viscous_per_s > squared_frequency_rad2_per_s2
+            && is_numerically_real(minus)
+            && is_numerically_real(slower)
+        {
             return Self::from_real_eigenvalue_pair(minus, slower);
         }
         Self::from_oscillating_eigenvalue(if plus.im >= minus.im { plus } else { minus })
@@ -208,7 +220,7 @@ pub fn compute_poles_of_modes(
         );
         let is_whole = kept.len() == n;
         let told = |pole: Pole| Pole { is_whole: pole.is_whole && is_whole, is_coupled: pole != Pole::FREE, ..pole };
-        found.extend(system.follow_poles_to_full_damping()?.into_iter().map(told));
+        found.extend(system.follow_poles_to_full_damping_if_solvable()?.into_iter().map(told));
     }
     Some(found)
 }
@@ -235,7 +247,7 @@ struct ViscousDamping {
 
 impl ViscousDamping {
     /// The value of x' C x.
-    fn evaluate_quadratic_form(&self, x: &DVector<Complex64>) -> Complex64 {
+    fn evaluate_unconjugated_quadratic_form(&self, x: &DVector<Complex64>) -> Complex64 {
         let own: Complex64 = x.iter().zip(&self.diagonal).map(|(x, c)| x * x * *c).sum();
         let couplings = self.couplings.iter().filter(|coupling| coupling.viscous != 0.0);
         let along = |coupling: &DampingCoupling| x.iter().zip(&coupling.shape).map(|(x, b)| x * *b).sum::<Complex64>();
@@ -286,7 +298,7 @@ impl PoleTracker {
     }
 
     /// All eigenvalues with a part `damping_fraction` of the damping; without loss factors those below the real axis are left out.
-    fn solve_with_damping_fraction(&self, damping_fraction: f64) -> Option<PoleStates> {
+    fn solve_eigenvalues_with_damping_fraction(&self, damping_fraction: f64) -> Option<PoleStates> {
         let found = if self.is_lossy {
             let matrix = self.build_shift_inverted_state_matrix(damping_fraction, |stiffness, loss| {
                 Complex64::new(stiffness, damping_fraction * loss)
@@ -368,7 +380,7 @@ impl PoleTracker {
     }
 
     /// States of the undamped modes that are followed; among equal modes the mixtures that damping keeps apart.
-    fn undamped_states(&self) -> PoleStates {
+    fn build_undamped_states_of_followed_modes(&self) -> PoleStates {
         let n = self.lambda.len();
         let omega: Vec<f64> = self.lambda.iter().map(|own| own.sqrt()).collect();
         let mut mixtures = DMatrix::<f64>::identity(n, n);
@@ -405,11 +417,11 @@ impl PoleTracker {
     }
 
     /// Follows the modes' poles while damping grows from none to all; `None` if an eigenproblem has no solution.
-    fn follow_poles_to_full_damping(&self) -> Option<Vec<Pole>> {
-        let mut known = self.undamped_states();
+    fn follow_poles_to_full_damping_if_solvable(&self) -> Option<Vec<Pole>> {
+        let mut known = self.build_undamped_states_of_followed_modes();
         let (mut t, mut next) = (0.0, 1.0);
         for _ in 0..MOST_STEPS {
-            let all = self.solve_with_damping_fraction(next)?;
+            let all = self.solve_eigenvalues_with_damping_fraction(next)?;
             let (chosen, is_clear) = self.match_states_to_previous(&known, &all);
             let is_short = next <= LEAST || t > 0.0 && next <= GROWTH.0 * t;
             if !is_clear && !is_short {
@@ -471,7 +483,7 @@ impl PoleTracker {
                 out.push(if lambda > 0.0 { Pole::UNKNOWN } else { Pole::FREE });
                 continue;
             };
-            let s = self.refine_eigenvalue(all.s[at], &all.states.column(at).into_owned());
+            let s = self.refine_eigenvalue_by_one_newton_step(all.s[at], &all.states.column(at).into_owned());
             let slower = is_numerically_real(s)
                 .then(|| {
                     let is_slower = |j: &usize| all.is_slower[*j] || (all.s[*j] - s).norm() < NEARLY_ONE * s.norm();
@@ -486,7 +498,7 @@ impl PoleTracker {
                     taken[other] = true;
                     Pole::from_real_eigenvalue_pair(
                         s,
-                        self.refine_eigenvalue(all.s[other], &all.states.column(other).into_owned()),
+                        self.refine_eigenvalue_by_one_newton_step(all.s[other], &all.states.column(other).into_owned()),
                     )
                 }
                 None => Pole::from_oscillating_eigenvalue(s),
@@ -496,15 +508,17 @@ impl PoleTracker {
     }
 
     /// A step of Newton's method on x' (s^2 + s C + K) x = 0, x the eigenvalue's own shape: exact to the square of what that is wrong by.
-    fn refine_eigenvalue(&self, s: Complex64, state: &DVector<Complex64>) -> Complex64 {
+    fn refine_eigenvalue_by_one_newton_step(&self, s: Complex64, state: &DVector<Complex64>) -> Complex64 {
         let n = self.lambda.len();
         let x = DVector::from_fn(n, |i, _| state[i] / self.scale[i]);
         let times = |matrix: &DMatrix<f64>| -> Complex64 {
             (0..n).map(|j| x[j] * (0..n).map(|i| x[i] * matrix[(i, j)]).sum::<Complex64>()).sum()
         };
         let mass: Complex64 = x.iter().map(|x| x * x).sum();
-        let viscous =
-            self.viscous_parts.as_ref().map_or_else(|| times(&self.viscous), |parts| parts.evaluate_quadratic_form(&x));
+        let viscous = self
+            .viscous_parts
+            .as_ref()
+            .map_or_else(|| times(&self.viscous), |parts| parts.evaluate_unconjugated_quadratic_form(&x));
         let elastic: Complex64 = x.iter().zip(&self.lambda).map(|(x, lambda)| x * x * *lambda).sum();
         let elastic = elastic + Complex64::I * if self.is_lossy { times(&self.structural) } else { Complex64::ZERO };
         let step = (s * s * mass + s * viscous + elastic) / (2.0 * s * mass + viscous);

@@ -31,16 +31,16 @@ impl ModesUpTo {
     }
 
     /// Whether a pole is far above all modes that are known: what it is depends on every finer mesh, unless it is that of a mode by itself.
-    fn is_pole_unresolved(&self, pole: &Pole) -> bool {
+    fn is_coupled_pole_far_above_limit(&self, pole: &Pole) -> bool {
         pole.is_coupled && pole.s.norm() > TAU * RESOLVED * self.0
     }
 
     /// Whether a pole is one of the mesh: on a motion that dies out before it swings, and fast, levels do not agree. Beside a dashpot at a point there is less
     /// mass the finer the mesh, and no limit.
     fn is_pole_mesh_dependent(&self, mode: &PanelMode, frequency: Bound) -> bool {
-        let is_told = mode.pole_bound.known_limit().is_some() || frequency.known_limit().is_none();
-        let is_left_out = !mode.pole.is_whole && !self.is_pole_unresolved(&mode.pole);
-        !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.decays_before_oscillating()
+        let is_told = mode.pole_bound.limit_if_known().is_some() || frequency.limit_if_known().is_none();
+        let is_left_out = !mode.pole.is_whole && !self.is_coupled_pole_far_above_limit(&mode.pole);
+        !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.is_overdamped_or_nearly()
     }
 }
 
@@ -49,12 +49,12 @@ impl RefinableQuestion for ModesUpTo {
     type Error = ModelError;
 
     fn answer_from_model(&self, model: &PanelModel) -> Result<Vec<PanelMode>, ModelError> {
-        model.compute_damped_modes(FURTHER * self.0)
+        model.compute_mode_frequencies_and_poles(FURTHER * self.0)
     }
 
     /// For each mode of the fine level up to the frequency: relative for an elastic one, 0 for a rigid one, whose
     /// frequency is exact. Then the same for its pole.
-    fn relative_differences(&self, coarse: &Vec<PanelMode>, fine: &Vec<PanelMode>) -> Vec<f64> {
+    fn relative_difference_of_each_part(&self, coarse: &Vec<PanelMode>, fine: &Vec<PanelMode>) -> Vec<f64> {
         let listed = self.modes_within_limit(fine);
         let of_frequency = |(k, fine): (usize, &PanelMode)| match coarse.get(k) {
             _ if fine.frequency_hz == 0.0 => 0.0,
@@ -65,17 +65,18 @@ impl RefinableQuestion for ModesUpTo {
             if fine.frequency_hz == 0.0 {
                 return 0.0;
             }
-            if !fine.pole.is_known() || self.is_pole_unresolved(&fine.pole) {
+            if !fine.pole.is_known() || self.is_coupled_pole_far_above_limit(&fine.pole) {
                 return f64::INFINITY;
             }
             let is_near = |coarse: &&PanelMode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
-            let distances = coarse.iter().filter(is_near).map(|coarse| fine.pole.relative_distance_to(&coarse.pole));
+            let distances =
+                coarse.iter().filter(is_near).map(|coarse| fine.pole.relative_distance_or_infinity_to(&coarse.pole));
             POLE_SAFETY * distances.fold(f64::INFINITY, f64::min)
         };
         listed.iter().enumerate().map(of_frequency).chain(listed.iter().map(of_pole)).collect()
     }
 
-    fn count_deciding_parts(&self, parts: usize) -> usize {
+    fn count_leading_parts_that_decide_refinement(&self, parts: usize) -> usize {
         parts / 2
     }
 
@@ -83,11 +84,11 @@ impl RefinableQuestion for ModesUpTo {
         ComparedValues::Frequencies
     }
 
-    fn error_floors(&self, fine: &Vec<PanelMode>, rounding: FrequencyRounding) -> Vec<f64> {
+    fn error_floor_of_each_part(&self, fine: &Vec<PanelMode>, rounding: FrequencyRounding) -> Vec<f64> {
         let floor = |mode: &PanelMode| match mode {
             _ if mode.frequency_hz == 0.0 => 0.0,
             _ if mode.straight => STRAIGHT,
-            _ => rounding.relative_error_at(mode.unloaded_hz),
+            _ => rounding.relative_frequency_error_beyond_mesh_at(mode.unloaded_hz),
         };
         let listed = self.modes_within_limit(fine);
         listed.iter().chain(listed).map(floor).collect()
@@ -96,7 +97,7 @@ impl RefinableQuestion for ModesUpTo {
 
 /// All modes up to `max_hz`, with a bound for each: relative to its frequency, for a rigid motion absolute in Hz (and 0). What is asked for is an accuracy of
 /// frequencies; the poles are told with what bound comes of it, without those of which a finer mesh would say anything else
-/// ([`Pole::without_faster`]).
+/// ([`Pole::without_faster_eigenvalue`]).
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored.
@@ -112,7 +113,7 @@ pub fn compute_modes_with_error_bounds(
     for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
         mode.pole_bound = bound;
         if question.is_pole_mesh_dependent(mode, *frequency) {
-            mode.pole = mode.pole.without_faster();
+            mode.pole = mode.pole.without_faster_eigenvalue();
             mode.damping_ratio = mode.pole.damping_ratio;
         }
     }

@@ -83,7 +83,7 @@ impl ReducedModel {
     }
 
     /// Adds a deflection (length n) of a point of the surface (m) to what the mesh's functions have there.
-    pub(super) fn add_local_motion(&mut self, point_m: (f64, f64), deflections: DVector<f64>) {
+    pub(super) fn add_deflection_missed_by_mesh_at_point(&mut self, point_m: (f64, f64), deflections: DVector<f64>) {
         self.local.push(LocalMotion { point_m, deflections });
     }
 
@@ -123,7 +123,7 @@ impl ReducedModel {
 
     /// Size of its matrices in bytes.
     #[must_use]
-    pub fn size_in_bytes(&self) -> usize {
+    pub fn size_of_matrices_in_bytes(&self) -> usize {
         let matrices = [&self.structural, &self.viscous, &self.force, &self.travel, &*self.shapes];
         size_of::<f64>() * (self.lambda.len() + matrices.iter().map(|matrix| matrix.len()).sum::<usize>())
     }
@@ -151,7 +151,7 @@ impl ReducedModel {
 
     fn add_shape_deflections_at(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
         let n = self.count_coordinates();
-        for (unknown, value) in self.grid.deflection_row_at(x_m, y_m, DeflectionDerivative::Value) {
+        for (unknown, value) in self.grid.deflection_or_slope_row_at(x_m, y_m, DeflectionDerivative::Value) {
             let shapes = &self.shapes.as_slice()[unknown * n..(unknown + 1) * n];
             for (out, shape) in out.iter_mut().zip(shapes) {
                 *out += value * shape;
@@ -166,13 +166,17 @@ impl ReducedModel {
 
     /// Row whose product with the coordinates is an actuator's travel.
     #[must_use]
-    pub fn actuator_travel_row(&self, actuator: usize) -> DVector<f64> {
+    pub fn actuator_mass_travel_row(&self, actuator: usize) -> DVector<f64> {
         self.travel.row(actuator).transpose()
     }
 
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.
     #[must_use]
-    pub fn actuator_travel(&self, actuator: usize, coordinates: &DVector<Complex64>) -> Complex64 {
+    pub fn actuator_mass_travel_against_electrodes(
+        &self,
+        actuator: usize,
+        coordinates: &DVector<Complex64>,
+    ) -> Complex64 {
         self.travel.row(actuator).iter().zip(coordinates.iter()).map(|(row, q)| q * *row).sum()
     }
 }
@@ -207,7 +211,7 @@ pub(super) fn build_reduction_basis(
     }
     // All three change together from here on, so that no product with K is needed.
     let mut mass_y = operator.mass.multiply_columns(&y);
-    let kept = mass_orthonormalise_columns(&mut y, [&mut mass_y, &mut f]);
+    let kept = mass_orthonormalise_columns_and_list_kept(&mut y, [&mut mass_y, &mut f]);
     if kept.is_empty() {
         // No load, or only such as push against what cannot move.
         return (modes.lambda.clone(), modes.vectors.clone());
@@ -263,7 +267,7 @@ fn drop_dependent_loads(loads: &DMatrix<f64>) -> DMatrix<f64> {
 ///
 /// On the columns themselves: from their products alone, lengths are known to the root of the rounding, which is a hundredth of
 /// the least that is kept.
-fn mass_orthonormalise_columns(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
+fn mass_orthonormalise_columns_and_list_kept(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::new();
     for j in 0..y.ncols() {
         let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();

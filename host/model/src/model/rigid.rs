@@ -54,7 +54,7 @@ pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift
         SurfaceKind::Bar => 2,
     };
     let holds = collect_holding_springs(scene, assembled);
-    let allowed = find_motions_hard_edges_allow(&holds, dimensions);
+    let allowed = basis_of_rigid_motions_hard_edges_allow(&holds, dimensions);
     let moving = &assembled.attached.moving_masses;
     let columns = allowed.ncols() + moving.len();
     let nothing = || Modes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.count_unknowns(), 0) };
@@ -95,12 +95,14 @@ pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift
     }
     let free = columns - numerical_rank(&directions);
 
-    let straight = STAYS_STRAIGHT * shift * scene.surface_mass_kg();
+    let straight = STAYS_STRAIGHT * shift * scene.surface_mass_with_air_kg();
     let mut known = nothing();
     let mut slow = Vec::new();
-    for (lambda, motion) in compute_staged_eigenpairs(&(roots * &to_orthonormal), free) {
+    for (lambda, motion) in compute_eigenpairs_of_squared_roots_in_stages(&(roots * &to_orthonormal), free) {
         let motion = &to_orthonormal * motion;
-        if lambda <= straight * motion.norm_squared() && mean_stiffness_held_against(&held_by, &motion) <= straight {
+        if lambda <= straight * motion.norm_squared()
+            && energy_weighted_mean_stiffness_against_motion(&held_by, &motion) <= straight
+        {
             let at = known.lambda.len();
             known.lambda.push(lambda);
             known.vectors = known.vectors.resize_horizontally(at + 1, 0.0);
@@ -115,7 +117,7 @@ pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift
 /// Stiffness of what a motion works against, the mean weighted by energy: sum of (k d)^2 over sum of k d^2. With forces k d a surface of
 /// rigidity that makes k_b lowers the eigenvalue by this over k_b. Three springs that are nearly in a line hold a slow motion, each with little
 /// travel and all of its stiffness.
-fn mean_stiffness_held_against(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> f64 {
+fn energy_weighted_mean_stiffness_against_motion(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> f64 {
     let (mut forces, mut energy) = (0.0, 0.0);
     for (along, stiffness) in held_by {
         let travel = along.dot(motion);
@@ -130,7 +132,7 @@ fn mean_stiffness_held_against(held_by: &[(DVector<f64>, f64)], motion: &DVector
 
 /// Eigenvalues and vectors of roots' roots, ascending, of which `zero_count` are known to be zero. Stage by stage from the
 /// stiffest down, each on the space that the stiffer ones leave: every eigenvalue keeps its own digits.
-fn compute_staged_eigenpairs(roots: &DMatrix<f64>, zero_count: usize) -> Vec<(f64, DVector<f64>)> {
+fn compute_eigenpairs_of_squared_roots_in_stages(roots: &DMatrix<f64>, zero_count: usize) -> Vec<(f64, DVector<f64>)> {
     let mut rest = DMatrix::identity(roots.ncols(), roots.ncols());
     let mut pairs = Vec::with_capacity(roots.ncols());
     while rest.ncols() > zero_count {
@@ -211,7 +213,7 @@ fn collect_holding_springs(scene: &Scene, assembled: &PanelMatrices) -> Vec<Hold
 }
 
 /// Orthonormal basis of the motions (c, cx L, cy W) that hard edges allow.
-fn find_motions_hard_edges_allow(holds: &[HoldingSpring], dimensions: usize) -> DMatrix<f64> {
+fn basis_of_rigid_motions_hard_edges_allow(holds: &[HoldingSpring], dimensions: usize) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(dimensions, dimensions);
     for hold in holds.iter().filter(|hold| hold.hard && hold.stiffness > 0.0) {
         let vector = DVector::from_iterator(dimensions, hold.vector.iter().copied().take(dimensions));
@@ -233,7 +235,7 @@ fn numerical_rank(gram: &DMatrix<f64>) -> usize {
 /// The allowed motions over all unknowns: the surface, and the moving masses that ride on it.
 fn expand_rigid_motions_to_unknowns(assembled: &PanelMatrices, allowed: &DMatrix<f64>) -> DMatrix<f64> {
     let grid = &assembled.grid;
-    let (length, width) = grid.length_and_width_m();
+    let (length, width) = grid.length_and_width_or_1_m();
     let mut out = DMatrix::zeros(assembled.count_unknowns(), allowed.ncols());
     for (motion, mut column) in allowed.column_iter().zip(out.column_iter_mut()) {
         let (c, cx) = (motion[0], motion[1] / length);

@@ -37,9 +37,9 @@ impl RelativeBending {
     }
 
     /// Rigidities relative to one of them.
-    fn from_rigidities_over(rigidity: f64, rigidities: &PlateRigidities) -> Self {
+    fn from_rigidities_divided_by(divisor: f64, rigidities: &PlateRigidities) -> Self {
         let PlateRigidities { d11, d12, d22, d66 } = rigidities;
-        Self { x: d11 / rigidity, y: d22 / rigidity, poisson: d12 / rigidity, twist: 4.0 * d66 / rigidity }
+        Self { x: d11 / divisor, y: d22 / divisor, poisson: d12 / divisor, twist: 4.0 * d66 / divisor }
     }
 
     /// Whether the plate is isotropic.
@@ -50,7 +50,7 @@ impl RelativeBending {
 
     /// Bending moments of curvatures: about one axis, about the other, and twice the twisting moment.
     #[inline(always)]
-    pub fn bending_moments(&self, curvature_x: f64, curvature_y: f64, twist_curvature: f64) -> [f64; 3] {
+    pub fn relative_bending_moments(&self, curvature_x: f64, curvature_y: f64, twist_curvature: f64) -> [f64; 3] {
         [
             self.x * curvature_x + self.poisson * curvature_y,
             self.y * curvature_y + self.poisson * curvature_x,
@@ -58,13 +58,13 @@ impl RelativeBending {
         ]
     }
 
-    fn to_rigidities(self) -> PlateRigidities {
+    fn to_relative_rigidities(self) -> PlateRigidities {
         PlateRigidities { d11: self.x, d12: self.poisson, d22: self.y, d66: 0.25 * self.twist }
     }
 
     /// The rigidity of the isotropic plate with as many modes: by Weyl's law a plate's count goes with the mean of 1 over its square root.
-    fn mean_modal_rigidity(&self) -> f64 {
-        let rigidities = self.to_rigidities();
+    fn relative_rigidity_of_isotropic_plate_with_as_many_modes(&self) -> f64 {
+        let rigidities = self.to_relative_rigidities();
         let part = |k: u32| {
             let angle = std::f64::consts::FRAC_PI_2 * (f64::from(k) + 0.5) / f64::from(DIRECTIONS);
             1.0 / rigidities.rigidity_in_direction(angle.cos().powi(2)).sqrt()
@@ -82,11 +82,12 @@ impl CellSection {
     pub fn from_layer(kind: SurfaceKind, layer: &SurfaceLayer) -> Self {
         let nu = layer.material.poisson_ratio;
         let slab = layer.material.youngs_modulus_pa * layer.thickness_m.powi(3) / 12.0;
-        let per_area = layer.mass_per_area_kg_m2();
+        let per_area = layer.mass_per_area_with_air_kg_m2();
         match kind {
             SurfaceKind::Plate => {
                 let rigidity = slab / (1.0 - nu * nu);
-                let bending = layer.orthotropic.as_ref().map(|of| RelativeBending::from_rigidities_over(rigidity, of));
+                let bending =
+                    layer.orthotropic.as_ref().map(|of| RelativeBending::from_rigidities_divided_by(rigidity, of));
                 Self { rigidity, per_area, bending: bending.unwrap_or(RelativeBending::from_poisson_ratio(nu)) }
             }
             SurfaceKind::Bar => Self {
@@ -98,12 +99,13 @@ impl CellSection {
     }
 
     /// The least rigidity against waves in any direction, the mean, and the largest.
-    fn wave_rigidity_range(&self) -> [f64; 3] {
+    fn least_mean_and_largest_bending_rigidity(&self) -> [f64; 3] {
         if self.bending.is_isotropic() {
             return [self.rigidity; 3];
         }
-        let [least, largest] = self.bending.to_rigidities().least_and_largest_rigidity();
-        [least, self.bending.mean_modal_rigidity(), largest].map(|part| part * self.rigidity)
+        let [least, largest] = self.bending.to_relative_rigidities().least_and_largest_rigidity();
+        [least, self.bending.relative_rigidity_of_isotropic_plate_with_as_many_modes(), largest]
+            .map(|part| part * self.rigidity)
     }
 }
 
@@ -123,14 +125,17 @@ impl CellSections {
         let in_x = middles(x);
         let mut of = Vec::new();
         for y in y.map_or_else(|| vec![0.0], middles) {
-            of.extend(in_x.iter().map(|x| layout.layer_at(*x, y).map(|layer| CellSection::from_layer(kind, &layer))));
+            of.extend(
+                in_x.iter()
+                    .map(|x| layout.layer_at_unless_cut_out(*x, y).map(|layer| CellSection::from_layer(kind, &layer))),
+            );
         }
         Self { columns: in_x.len(), has_cutouts: of.contains(&None), of }
     }
 
     /// The section of a cell; `None` if it is cut away.
     #[must_use]
-    pub fn section_of_cell(&self, cell_x: usize, cell_y: usize) -> Option<CellSection> {
+    pub fn section_of_cell_unless_cut_away(&self, cell_x: usize, cell_y: usize) -> Option<CellSection> {
         self.of.get(cell_y * self.columns + cell_x).copied().flatten()
     }
 
@@ -164,10 +169,10 @@ impl WaveRigidities {
         let kind = scene.surface.kind;
         let layout = scene.layout();
         let all: Vec<(f64, f64, [f64; 3])> = layout
-            .areas_with_layers()
+            .areas_or_bar_lengths_with_layers()
             .map(|(size, layer)| {
                 let section = CellSection::from_layer(kind, &layer);
-                (size, section.per_area, section.wave_rigidity_range())
+                (size, section.per_area, section.least_mean_and_largest_bending_rigidity())
             })
             .collect();
         let least = all.iter().map(|(_, mass, [least, ..])| least / mass).fold(f64::INFINITY, f64::min);

@@ -59,7 +59,7 @@ impl CellElement {
     /// The same functions of a cell that has no neighbours and whose ends are free: 1 and 2 t - 1 in place of value and slope at
     /// the left end, and two that vanish at both ends in place of those at the right one.
     #[must_use]
-    pub fn new_straight(order: usize) -> Self {
+    pub fn new_straight_for_single_cell(order: usize) -> Self {
         Self::from_order_and_cubics(order, CubicForm::Straight)
     }
 
@@ -69,7 +69,7 @@ impl CellElement {
         let zero = || DMatrix::zeros(n, n);
         let mut unit = CellMatrices { mass: zero(), slope: zero(), bend: zero(), mixed: zero() };
         // p + 1 points integrate degree 2 p + 1; the products have 2 p.
-        for (at, weight) in gauss_legendre_rule(n) {
+        for (at, weight) in gauss_legendre_rule_on_unit_interval(n) {
             let [value, first, second] = evaluate_shape_functions(order, cubics, at);
             for i in 0..n {
                 for j in 0..n {
@@ -97,7 +97,8 @@ impl CellElement {
     /// The matrices of a cell of length `cell_length` whose end slopes are stored times `scale[0]` and `scale[1]`.
     #[must_use]
     pub fn cell_matrices(&self, cell_length: f64, scale: [f64; 2]) -> CellMatrices {
-        let to_unit: Vec<f64> = (0..=self.order).map(|i| self.unit_cell_factor(i, cell_length, scale)).collect();
+        let to_unit: Vec<f64> =
+            (0..=self.order).map(|i| self.coefficient_in_unit_cell(i, cell_length, scale)).collect();
         let make = |table: &DMatrix<f64>, factor: f64| {
             DMatrix::from_fn(table.nrows(), table.ncols(), |i, j| table[(i, j)] * factor * to_unit[i] * to_unit[j])
         };
@@ -118,14 +119,14 @@ impl CellElement {
             derivative
                 .iter_mut()
                 .enumerate()
-                .for_each(|(i, value)| *value *= per_length * self.unit_cell_factor(i, cell_length, scale));
+                .for_each(|(i, value)| *value *= per_length * self.coefficient_in_unit_cell(i, cell_length, scale));
             per_length /= cell_length;
         }
         all
     }
 
     /// A function's coefficient in the unit cell for one of the real cell: slopes are stored times `scale`, there times h.
-    fn unit_cell_factor(&self, function: usize, cell_length: f64, scale: [f64; 2]) -> f64 {
+    fn coefficient_in_unit_cell(&self, function: usize, cell_length: f64, scale: [f64; 2]) -> f64 {
         match (self.cubics, function) {
             (CubicForm::Ends, 1) => cell_length / scale[0],
             (CubicForm::Ends, 3) => cell_length / scale[1],
@@ -186,7 +187,7 @@ fn evaluate_legendre_polynomials(highest_order: usize, x: f64) -> Vec<f64> {
 }
 
 /// Gauss-Legendre points and weights on 0..=1, by Newton's iteration from Tricomi's estimate.
-pub fn gauss_legendre_rule(point_count: usize) -> Vec<(f64, f64)> {
+pub fn gauss_legendre_rule_on_unit_interval(point_count: usize) -> Vec<(f64, f64)> {
     (0..point_count)
         .map(|i| {
             let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (point_count as f64 + 0.5)).cos();

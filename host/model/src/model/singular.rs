@@ -93,7 +93,7 @@ impl FunctionReach {
     }
 
     /// The blending polynomial and its first two derivatives.
-    fn evaluate_blending_polynomial(&self, coordinate: f64) -> [f64; 3] {
+    fn blending_value_and_derivatives_at(&self, coordinate: f64) -> [f64; 3] {
         let away = coordinate - self.centre;
         let (length, end, sign) = if away >= 0.0 {
             (self.to - self.centre, self.at_to, 1.0)
@@ -208,7 +208,7 @@ impl SingularFunction {
     /// The function at a point (m), derivatives per metre. At its centre the second derivatives, which are unbounded, are 0.
     #[must_use]
     pub fn evaluate_jet_at(&self, x_m: f64, y_m: f64) -> FunctionJet {
-        let (bx, by) = (self.x.evaluate_blending_polynomial(x_m), self.y.evaluate_blending_polynomial(y_m));
+        let (bx, by) = (self.x.blending_value_and_derivatives_at(x_m), self.y.blending_value_and_derivatives_at(y_m));
         if bx == [0.0; 3] || by == [0.0; 3] {
             return FunctionJet::default();
         }
@@ -261,7 +261,7 @@ impl SingularSource {
             Side::Bottom => (-y, x),
         };
         let [value, dn, dt, dnn, dnt, dtt] = match &self.terms {
-            SingularTerms::Round(parts) => evaluate_isotropic_terms(parts, n, t),
+            SingularTerms::Round(parts) => sum_isotropic_terms_and_derivatives(parts, n, t),
             SingularTerms::Wave(wave) => wave.evaluate_wave_and_derivatives(n, t),
         };
         match self.side {
@@ -274,7 +274,7 @@ impl SingularSource {
 }
 
 /// The functions of [`SingularTerms::Round`]: value, w_n, w_t, w_nn, w_nt, w_tt; not at their centre.
-fn evaluate_isotropic_terms(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
+fn sum_isotropic_terms_and_derivatives(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
     let square = n * n + t * t;
     let [round, edge, slope, turned, single, straight, constant] = *parts;
     let log = 0.5 * square.ln();

@@ -18,7 +18,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImplausibleStore {
     /// A size that does not go with the others.
-    #[error("{what}: {found} instead of {expected}")]
+    #[error("its data for {what} have the size {found}, but must have the size {expected}")]
     Size {
         /// Of what.
         what: &'static str,
@@ -28,10 +28,10 @@ pub enum ImplausibleStore {
         expected: usize,
     },
     /// A number that is infinite or none at all.
-    #[error("{0}: a number is not finite")]
+    #[error("its data for {0} contain an impossible number (infinite, not a number, or negative)")]
     NotFinite(&'static str),
     /// Something else that does not follow from the scene.
-    #[error("{0} differs from what the scene gives")]
+    #[error("its data for {0} do not agree with the scene")]
     Differs(&'static str),
 }
 
@@ -39,7 +39,7 @@ pub enum ImplausibleStore {
 ///
 /// # Errors
 /// [`ImplausibleStore::Size`].
-pub fn expect_size(what: &'static str, found: usize, expected: usize) -> Result<(), ImplausibleStore> {
+pub fn check_stored_size(what: &'static str, found: usize, expected: usize) -> Result<(), ImplausibleStore> {
     if found == expected { Ok(()) } else { Err(ImplausibleStore::Size { what, found, expected }) }
 }
 
@@ -67,8 +67,8 @@ impl StoredMatrix {
         rows: usize,
         columns: usize,
     ) -> Result<DMatrix<f64>, ImplausibleStore> {
-        expect_size(what, self.rows, rows)?;
-        let values = check_finite_numbers(what, self.values, rows.saturating_mul(columns))?;
+        check_stored_size(what, self.rows, rows)?;
+        let values = check_count_and_finiteness(what, self.values, rows.saturating_mul(columns))?;
         Ok(DMatrix::from_vec(rows, columns, values))
     }
 }
@@ -77,8 +77,12 @@ impl StoredMatrix {
 ///
 /// # Errors
 /// [`ImplausibleStore`], naming `what`.
-pub fn check_finite_numbers(what: &'static str, values: Vec<f64>, count: usize) -> Result<Vec<f64>, ImplausibleStore> {
-    expect_size(what, values.len(), count)?;
+pub fn check_count_and_finiteness(
+    what: &'static str,
+    values: Vec<f64>,
+    count: usize,
+) -> Result<Vec<f64>, ImplausibleStore> {
+    check_stored_size(what, values.len(), count)?;
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(ImplausibleStore::NotFinite(what)) }
 }
 
@@ -97,7 +101,7 @@ pub fn restore_complex_vector(
     pairs: &[[f64; 2]],
     count: usize,
 ) -> Result<DVector<Complex64>, ImplausibleStore> {
-    expect_size(what, pairs.len(), count)?;
+    check_stored_size(what, pairs.len(), count)?;
     if !pairs.iter().flatten().all(|value| value.is_finite()) {
         return Err(ImplausibleStore::NotFinite(what));
     }
@@ -133,10 +137,10 @@ impl StoredDamping {
     }
 
     fn restore_damping(self, n: usize) -> Result<StructuredDamping, ImplausibleStore> {
-        let vector = |values| Ok(DVector::from_vec(check_finite_numbers("damping", values, n)?));
+        let vector = |values| Ok(DVector::from_vec(check_count_and_finiteness("damping", values, n)?));
         let coupling = |coupling: StoredCoupling| {
             let StoredCoupling { shape, viscous, structural } = coupling;
-            check_finite_numbers("coupling", vec![viscous, structural], 2)?;
+            check_count_and_finiteness("coupling", vec![viscous, structural], 2)?;
             Ok(DampingCoupling { shape: vector(shape)?, viscous, structural })
         };
         Ok(StructuredDamping {
@@ -181,7 +185,7 @@ impl StoredModel {
             return Err(ImplausibleStore::Size { what: "unknowns", found: step.dofs, expected: grid.free });
         }
         Ok(ReducedModel {
-            lambda: DVector::from_vec(check_finite_numbers("squared frequencies", self.lambda, n)?),
+            lambda: DVector::from_vec(check_count_and_finiteness("squared frequencies", self.lambda, n)?),
             structural: self.structural.restore_matrix("hysteretic damping", n, n)?,
             viscous: self.viscous.restore_matrix("viscous damping", n, n)?,
             structured: self.structured.map(|damping| damping.restore_damping(n)).transpose()?,
@@ -215,20 +219,20 @@ impl StoredLevels {
     ///
     /// # Errors
     /// [`ImplausibleStore`], if they cannot be that.
-    pub fn restore_levels(
+    pub fn restore_coarser_and_build_finest_levels(
         self,
         scene: &Scene,
         accuracy: Accuracy,
         max_hz: f64,
     ) -> Result<ReducedLevels, ImplausibleStore> {
-        expect_size("levels", self.steps.len(), self.coarser.len() + 1)?;
-        let meshes =
-            ReducedLevels::choose_meshes(scene, accuracy, max_hz).map_err(|_| ImplausibleStore::Differs("mesh"))?;
+        check_stored_size("levels", self.steps.len(), self.coarser.len() + 1)?;
+        let meshes = ReducedLevels::choose_three_meshes_finest_first(scene, accuracy, max_hz)
+            .map_err(|_| ImplausibleStore::Differs("mesh"))?;
         if self.steps.iter().rev().zip(meshes).any(|(step, mesh)| step.fineness != mesh) {
             return Err(ImplausibleStore::Differs("mesh"));
         }
-        let (estimator, fine) =
-            ReducedLevels::build_finest(scene, meshes[0], max_hz).map_err(|_| ImplausibleStore::Differs("model"))?;
+        let (estimator, fine) = ReducedLevels::build_finest_level_with_error_estimator(scene, meshes[0], max_hz)
+            .map_err(|_| ImplausibleStore::Differs("model"))?;
         let [middle, coarse] = self.coarser;
         let coarser = [middle.restore_model(scene, &self.steps[1])?, coarse.restore_model(scene, &self.steps[0])?];
         Ok(ReducedLevels { fine, coarser, estimator, steps: self.steps })

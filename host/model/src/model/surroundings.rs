@@ -1,6 +1,6 @@
 //! The clear space around an attachment: a rectangle of one material, as far as its point force's function may reach.
 
-use super::edges::find_edge_kind;
+use super::edges::edge_kind_unless_free;
 use super::mesh::MERGE;
 use super::singular::{FunctionEnd, FunctionReach};
 use crate::scene::{EdgeKind, Scene, Side, SurfaceLayer, SurfaceLayout};
@@ -52,8 +52,16 @@ fn side_index(side: Side) -> usize {
 impl ClearRectangle {
     /// The rectangle within `wanted` (left, right, top, bottom) whose nearest [`BorderKind::Other`] is farthest; `None` for a
     /// point on such a border or on a corner.
-    pub fn find_largest_clear(scene: &Scene, layout: &SurfaceLayout, at: (f64, f64), wanted: [f64; 4]) -> Option<Self> {
-        let at = (snap_to_line(layout.border_lines_x_m(), at.0), snap_to_line(layout.border_lines_y_m(), at.1));
+    pub fn find_rectangle_farthest_from_other_material(
+        scene: &Scene,
+        layout: &SurfaceLayout,
+        at: (f64, f64),
+        wanted: [f64; 4],
+    ) -> Option<Self> {
+        let at = (
+            snap_to_line_within_merging_distance(layout.border_lines_x_m(), at.0),
+            snap_to_line_within_merging_distance(layout.border_lines_y_m(), at.1),
+        );
         let ends = [
             list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[0]),
             list_candidate_ends(layout.border_lines_x_m(), at.0, wanted[1]),
@@ -66,8 +74,14 @@ impl ClearRectangle {
                 for top in &ends[2] {
                     for bottom in ends[3].iter().filter(|bottom| *bottom > top) {
                         let ends = [*left, *right, *top, *bottom];
-                        let Some(found) = Self::try_from_ends(scene, layout, at, ends, wanted) else { continue };
-                        let (clear, area) = (found.distance_to_other_material_m(), (right - left) * (bottom - top));
+                        let Some(found) = Self::from_ends_if_function_can_end_there(scene, layout, at, ends, wanted)
+                        else {
+                            continue;
+                        };
+                        let (clear, area) = (
+                            found.distance_from_point_to_other_material_or_infinity_m(),
+                            (right - left) * (bottom - top),
+                        );
                         if best.as_ref().is_none_or(|best| (clear, area) > (best.0, best.1)) {
                             best = Some((clear, area, found));
                         }
@@ -80,7 +94,7 @@ impl ClearRectangle {
 
     /// The rectangle with these ends, if it has one layer and a function can end there.
     #[expect(clippy::float_cmp, reason = "ends are the very numbers that were wanted")]
-    fn try_from_ends(
+    fn from_ends_if_function_can_end_there(
         scene: &Scene,
         layout: &SurfaceLayout,
         at: (f64, f64),
@@ -100,7 +114,7 @@ impl ClearRectangle {
         let mut found = Self { at, ends, borders: [BorderKind::None; 4], layer };
         for (k, side) in SIDES.into_iter().enumerate() {
             found.borders[k] = if ends[k] == limits[k] {
-                match find_edge_kind(scene, side) {
+                match edge_kind_unless_free(scene, side) {
                     None | Some(EdgeKind::Elastic { .. }) => BorderKind::Free,
                     Some(EdgeKind::Pinned) => BorderKind::Pinned,
                     Some(EdgeKind::Clamped) => BorderKind::Clamped,
@@ -139,20 +153,20 @@ impl ClearRectangle {
     }
 
     /// The kind of border at a side.
-    pub fn border_at_side(&self, side: Side) -> BorderKind {
+    pub fn border_kind_at_side(&self, side: Side) -> BorderKind {
         self.borders[side_index(side)]
     }
 
     /// Distance of the nearest border of another part, infinite if there is none.
-    pub fn distance_to_other_material_m(&self) -> f64 {
-        let others = SIDES.into_iter().filter(|side| self.border_at_side(*side) == BorderKind::Other);
+    pub fn distance_from_point_to_other_material_or_infinity_m(&self) -> f64 {
+        let others = SIDES.into_iter().filter(|side| self.border_kind_at_side(*side) == BorderKind::Other);
         others.map(|side| self.distance_to_side_m(side)).fold(f64::INFINITY, f64::min)
     }
 
     /// Where a function lives that ends as the borders ask for, other than at the borders that it answers to by itself.
-    pub fn choose_function_reach(&self, is_answered: impl Fn(Side) -> bool) -> [FunctionReach; 2] {
-        let end = |side: Side| match self.border_at_side(side) {
-            _ if is_answered(side) => FunctionEnd::Open,
+    pub fn choose_function_reach(&self, is_satisfied_by_images: impl Fn(Side) -> bool) -> [FunctionReach; 2] {
+        let end = |side: Side| match self.border_kind_at_side(side) {
+            _ if is_satisfied_by_images(side) => FunctionEnd::Open,
             BorderKind::Free => FunctionEnd::Open,
             BorderKind::Pinned => FunctionEnd::Pinned,
             BorderKind::None | BorderKind::Other | BorderKind::Clamped => FunctionEnd::Flat,
@@ -169,16 +183,16 @@ impl ClearRectangle {
 }
 
 /// The line that a position is as good as on, or the position itself.
-fn snap_to_line(lines: &[f64], position: f64) -> f64 {
+fn snap_to_line_within_merging_distance(lines: &[f64], position: f64) -> f64 {
     let merged = MERGE * lines[lines.len() - 1];
     lines.iter().copied().find(|line| (line - position).abs() <= merged).unwrap_or(position)
 }
 
 /// Where a rectangle may end between a point and a wanted end: there, or at the borders on the way.
-fn list_candidate_ends(lines: &[f64], position: f64, wanted: f64) -> Vec<f64> {
-    let (low, high) = (position.min(wanted), position.max(wanted));
+fn list_candidate_ends(lines: &[f64], position: f64, wanted_end: f64) -> Vec<f64> {
+    let (low, high) = (position.min(wanted_end), position.max(wanted_end));
     let mut between: Vec<f64> = lines.iter().copied().filter(|line| *line >= low && *line <= high).collect();
-    between.push(wanted);
+    between.push(wanted_end);
     between.sort_by(|a, b| (a - position).abs().total_cmp(&(b - position).abs()));
     between.dedup();
     between.truncate(MOST_BORDERS + 1);

@@ -40,7 +40,7 @@ type LineUnknowns = [Option<usize>; 2];
 impl ThinCells {
     /// The thin cells between lines `at`, whose slopes are stored times `scale`, on a mesh with cells of `cell_m`; with the change of
     /// unknowns that they need. `numbers` are the unknowns at each line.
-    pub(super) fn find_with_unknown_change(
+    pub(super) fn find_thin_cells_and_change_of_unknowns(
         at: &[f64],
         scale: &[f64],
         cell_m: f64,
@@ -79,21 +79,21 @@ impl ThinCells {
             thin.cells.push(ThinCell { cell, from_right, factors });
             thin.relative.extend([value, slope]);
         }
-        (thin, StiffPointUnknowns::from_replacements(replaced))
+        (thin, StiffPointUnknowns::from_replacements_without_held_points(replaced))
     }
 
     /// Whether a cell is thin.
-    pub(super) fn contains_cell(&self, cell: usize) -> bool {
+    pub(super) fn is_thin_cell(&self, cell: usize) -> bool {
         self.cells.iter().any(|thin| thin.cell == cell)
     }
 
     /// The relative unknowns, which are 0 where the bar moves without bending.
-    pub(super) fn relative_unknowns(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn unknowns_relative_to_other_end(&self) -> impl Iterator<Item = usize> {
         self.relative.iter().copied()
     }
 
     /// Adds the cells' bending, over the new unknowns. `numbers` are those of a cell's functions.
-    pub(super) fn add_bending_stiffness(
+    pub(super) fn add_bending_stiffness_of_thin_cells(
         &self,
         stiffness: &mut MatrixEntries,
         matrices: &[CellMatrices],

@@ -11,17 +11,19 @@ const SHEAR: f64 = 0.02;
 #[must_use]
 pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     let mut doubts = Vec::new();
-    let thickest = scene.layout().areas_with_layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
-    let slenderness = thickest / shortest_bending_span_m(scene);
+    let thickest =
+        scene.layout().areas_or_bar_lengths_with_layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
+    let slenderness = thickest / length_of_shortest_side_that_bends_m(scene);
     if slenderness > THIN {
         doubts.push(format!(
-            "thickness is {slenderness:.3} of the side that bends: thin-plate theory is too stiff by some percent there"
+            "the surface's thickness is {slenderness:.3} of the length of the shortest side that bends, but thin-plate theory holds up to 0.033: \
+             the computed panel is some percent too stiff"
         ));
     }
     let too_high = relative_frequency_excess_of_thin_theory(scene, max_hz);
     if too_high > SHEAR {
         doubts.push(format!(
-            "at {max_hz} Hz waves are so short against the thickness that frequencies come out some {:.0} % too high: \
+            "at {max_hz} Hz the bending waves are so short compared with the thickness that computed frequencies are about {:.0} % too high: \
              thin-plate theory leaves out shear and rotary inertia",
             100.0 * too_high
         ));
@@ -32,7 +34,7 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
 /// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
 /// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
 /// those there is [`relative_frequency_excess_of_thin_theory`]; it is a bar, however it is called.
-fn shortest_bending_span_m(scene: &Scene) -> f64 {
+fn length_of_shortest_side_that_bends_m(scene: &Scene) -> f64 {
     let surface = &scene.surface;
     let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
     match surface.kind {
@@ -58,7 +60,7 @@ fn relative_frequency_excess_of_thin_theory(scene: &Scene, max_hz: f64) -> f64 {
     };
     // k^4 = 12 rho w^2 / (E h^2), a plate's less by 1 - nu^2.
     let omega = std::f64::consts::TAU * max_hz;
-    if let Some(laminate) = surface.laminate() {
+    if let Some(laminate) = surface.laminate_if_layered() {
         let least = match surface.kind {
             SurfaceKind::Plate => laminate.rigidities.least_and_largest_rigidity()[0],
             SurfaceKind::Bar => laminate.rigidities.d11,
@@ -92,10 +94,10 @@ mod tests {
             strip("plate", 40.0, 300.0, ""),
             strip("plate", 300.0, 40.0, &edge("left", "clamped")),
         ] {
-            assert_eq!(shortest_bending_span_m(&scene), 0.3, "{scene:?}");
+            assert_eq!(length_of_shortest_side_that_bends_m(&scene), 0.3, "{scene:?}");
         }
-        assert_eq!(shortest_bending_span_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
-        assert_eq!(shortest_bending_span_m(&strip("plate", 40.0, 30.0, "")), 0.04);
-        assert_eq!(shortest_bending_span_m(&strip("bar", 40.0, 30.0, "")), 0.04);
+        assert_eq!(length_of_shortest_side_that_bends_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
+        assert_eq!(length_of_shortest_side_that_bends_m(&strip("plate", 40.0, 30.0, "")), 0.04);
+        assert_eq!(length_of_shortest_side_that_bends_m(&strip("bar", 40.0, 30.0, "")), 0.04);
     }
 }

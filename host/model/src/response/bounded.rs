@@ -1,7 +1,7 @@
 //! Response curves with a bound on their error.
 
 use super::sweep::{AccelerationSweep, Arithmetic, SurfaceShapes};
-use super::{ResponseError, acceleration_curves};
+use super::{ResponseError, compute_acceleration_curves_per_newton};
 use crate::model::bounded::{ComparedValues, RefinableQuestion, answer_with_error_bounds};
 use crate::model::estimator::{FrequencyRounding, SHARPEST};
 use crate::model::{Accuracy, BoundedAnswer, ModelError, PanelModel};
@@ -86,12 +86,13 @@ impl RefinableQuestion for PointCurvesQuestion {
         let shape = reduced.shape_deflections_at(self.at.0, self.at.1);
         // One beside those asked for may be an undamped resonance.
         let (asked, all) = (&self.frequencies_hz[..self.asked], &self.frequencies_hz);
-        Ok(acceleration_curves(&reduced, &shape, all).or_else(|_| acceleration_curves(&reduced, &shape, asked))?)
+        Ok(compute_acceleration_curves_per_newton(&reduced, &shape, all)
+            .or_else(|_| compute_acceleration_curves_per_newton(&reduced, &shape, asked))?)
     }
 
     /// For each actuator, relative to the largest magnitude on its curve; beside the frequencies asked for, to half of what is
     /// there if that is more.
-    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+    fn relative_difference_of_each_part(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
         let nothing = self.nothing;
         let relative = |(coarse, fine): (&Vec<Complex64>, &Vec<Complex64>)| {
             let peak = fine.iter().take(self.asked).map(|z| z.norm()).fold(nothing, f64::max);
@@ -108,8 +109,8 @@ impl RefinableQuestion for PointCurvesQuestion {
         if self.asked < FEW { ComparedValues::FewResponses } else { ComparedValues::Curves }
     }
 
-    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
-        vec![SHARPEST * rounding.relative_error_of_bending_modes(); fine.len()]
+    fn error_floor_of_each_part(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
+        vec![SHARPEST * rounding.relative_frequency_error_beyond_mesh_of_bending_modes(); fine.len()]
     }
 }
 
@@ -136,7 +137,7 @@ impl<T: Arithmetic + Into<f64>> SurfaceSweepQuestion<'_, T> {
 }
 
 /// Indices of `count` lines that are evenly spread, both ends among them and mirror images of each other.
-fn choose_mirrored_indices(count: usize, fraction: f64) -> Vec<usize> {
+fn choose_evenly_spread_mirrored_line_indices(count: usize, fraction: f64) -> Vec<usize> {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -166,14 +167,14 @@ impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T
     }
 
     /// At the points that are compared only.
-    fn answer_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+    fn answer_enough_for_comparison(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
         let of = |all: &[f64], which: &[usize]| which.iter().map(|k| all[*k]).collect::<Vec<_>>();
         self.sweep_model_on_grid(model, &of(self.x_m, &self.compared[0]), &of(self.y_m, &self.compared[1]))
     }
 
     /// For each actuator, the largest over the points compared of the difference relative to the largest magnitude on the
     /// point's curve.
-    fn relative_differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+    fn relative_difference_of_each_part(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
         let (coarse_at, fine_at) = (self.indices_of_compared_points(coarse), self.indices_of_compared_points(fine));
         let is_all = fine_at.len() == self.x_m.len() * self.y_m.len();
         let safety = if is_all { 1.0 } else { BETWEEN_POINTS };
@@ -201,8 +202,11 @@ impl<T: Arithmetic + Into<f64>> RefinableQuestion for SurfaceSweepQuestion<'_, T
         if compared < FEW { ComparedValues::FewResponses } else { ComparedValues::Curves }
     }
 
-    fn error_floors(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
-        vec![SHARPEST * rounding.relative_error_of_bending_modes() + ARITHMETIC * T::ROUNDING; fine.actuators]
+    fn error_floor_of_each_part(&self, fine: &Self::Answer, rounding: FrequencyRounding) -> Vec<f64> {
+        vec![
+            SHARPEST * rounding.relative_frequency_error_beyond_mesh_of_bending_modes() + ARITHMETIC * T::ROUNDING;
+            fine.actuators
+        ]
     }
 }
 
@@ -220,14 +224,18 @@ pub fn sweep_with_error_bounds<T: Arithmetic + Into<f64>>(
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
     // There are residual shapes of the actuators but not of every point: what the modes leave out falls with the sixth power
     // of how far they reach, not the eighth, and for tolerances below 1e-3 that is what is missing.
-    let tolerance = if accuracy.time_limit().is_some() { WITHIN_TIME } else { accuracy.relative_tolerance() };
+    let tolerance =
+        if accuracy.time_limit().is_some() { WITHIN_TIME } else { accuracy.relative_tolerance_or_tightest() };
     let modes_hz = max_hz * (RESIDUALS_DO / tolerance).powf(1.0 / 6.0).max(1.0);
     #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let part = {
         let values = (x_m.len() * y_m.len() * frequencies_hz.len() * scene.actuators.len()).max(1) as f64;
         (COMPARED as f64 / values).sqrt().min(1.0)
     };
-    let compared = [choose_mirrored_indices(x_m.len(), part), choose_mirrored_indices(y_m.len(), part)];
+    let compared = [
+        choose_evenly_spread_mirrored_line_indices(x_m.len(), part),
+        choose_evenly_spread_mirrored_line_indices(y_m.len(), part),
+    ];
     let question = SurfaceSweepQuestion {
         scene,
         nothing: negligible_acceleration_m_per_s2(scene),
@@ -243,7 +251,7 @@ pub fn sweep_with_error_bounds<T: Arithmetic + Into<f64>>(
 
 /// Acceleration in m/s^2 that counts as none: a millionth of that of the whole surface under 1 N.
 fn negligible_acceleration_m_per_s2(scene: &Scene) -> f64 {
-    NOTHING / scene.surface_mass_kg()
+    NOTHING / scene.surface_mass_with_air_kg()
 }
 
 /// Acceleration in m/s^2 at `at` (m) for 1 N at each actuator alone, `answer[actuator][frequency]`, and for each actuator a
@@ -277,13 +285,13 @@ pub fn compute_curves_with_error_bounds(
 
 #[cfg(test)]
 mod tests {
-    use super::choose_mirrored_indices;
+    use super::choose_evenly_spread_mirrored_line_indices;
 
     #[test]
     fn a_lattice_has_both_ends_and_is_its_own_mirror_image() {
         for count in [1, 2, 9, 10, 33, 49, 50, 201] {
             for part in [0.01, 0.2, 0.5, 1.0] {
-                let at = choose_mirrored_indices(count, part);
+                let at = choose_evenly_spread_mirrored_line_indices(count, part);
                 assert_eq!((at[0], at[at.len() - 1]), (0, count - 1), "{count} {part}");
                 assert!(at.windows(2).all(|pair| pair[0] < pair[1]), "{at:?}");
                 assert!(at.iter().eq(at.iter().rev().map(|k| count - 1 - k).collect::<Vec<_>>().iter()), "{at:?}");

@@ -51,10 +51,10 @@ impl<'a> CoordinateSolver<'a> {
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`].
-    pub fn solve_at_frequency(&self, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
+    pub fn solve_coordinates_per_newton_at(&self, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
         let (n, p) = (self.model.count_coordinates(), self.model.count_actuators());
         let (mut re, mut im) = (vec![0.0; n * p], vec![0.0; n * p]);
-        self.solve_into(frequency_hz, &mut re, &mut im)?;
+        self.solve_coordinates_per_newton_into(frequency_hz, &mut re, &mut im)?;
         let entry = |at: usize| Complex64::new(re[at], im[at]);
         Ok((0..p).map(|actuator| DVector::from_fn(n, |i, _| entry(actuator * n + i))).collect())
     }
@@ -63,10 +63,15 @@ impl<'a> CoordinateSolver<'a> {
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`].
-    pub(super) fn solve_into(&self, frequency_hz: f64, re: &mut [f64], im: &mut [f64]) -> Result<(), ResponseError> {
+    pub(super) fn solve_coordinates_per_newton_into(
+        &self,
+        frequency_hz: f64,
+        re: &mut [f64],
+        im: &mut [f64],
+    ) -> Result<(), ResponseError> {
         let omega = std::f64::consts::TAU * frequency_hz;
         if let Some(low_rank) = &self.low_rank
-            && low_rank.try_solve_into(self.model, omega, re, im).is_some()
+            && low_rank.solve_by_woodbury_into_if_possible(self.model, omega, re, im).is_some()
         {
             return Ok(());
         }
@@ -81,11 +86,11 @@ impl<'a> CoordinateSolver<'a> {
 ///
 /// # Errors
 /// [`ResponseError::Unbounded`].
-pub fn solve_coordinates_at_frequency(
+pub fn solve_coordinates_per_newton_at_frequency(
     model: &ReducedModel,
     frequency_hz: f64,
 ) -> Result<Vec<DVector<Complex64>>, ResponseError> {
-    CoordinateSolver::new(model).solve_at_frequency(frequency_hz)
+    CoordinateSolver::new(model).solve_coordinates_per_newton_at(frequency_hz)
 }
 
 impl<'a> LowRankSolver<'a> {
@@ -102,7 +107,13 @@ impl<'a> LowRankSolver<'a> {
     }
 
     /// Solves by Woodbury's formula; `None` where the full matrix has to be used.
-    fn try_solve_into(&self, model: &ReducedModel, omega: f64, re: &mut [f64], im: &mut [f64]) -> Option<()> {
+    fn solve_by_woodbury_into_if_possible(
+        &self,
+        model: &ReducedModel,
+        omega: f64,
+        re: &mut [f64],
+        im: &mut [f64],
+    ) -> Option<()> {
         let (n, r, p) = (model.count_coordinates(), self.rank, model.count_actuators());
         // D^-1, in the first column of the result for now.
         let mut inverse = vec![Complex64::ZERO; n];
@@ -139,7 +150,7 @@ impl<'a> LowRankSolver<'a> {
                 equations.set_coefficient(k, r + j, entry.re, entry.im);
             }
         }
-        equations.solve_by_elimination().filter(|pivot| *pivot >= TOO_SMALL)?;
+        equations.solve_and_return_least_pivot_unless_singular().filter(|pivot| *pivot >= TOO_SMALL)?;
         for j in 0..p {
             let (re, im) = (&mut re[j * n..(j + 1) * n], &mut im[j * n..(j + 1) * n]);
             re.copy_from_slice(model.force.column(j).as_slice());
@@ -198,7 +209,7 @@ fn solve_with_full_matrix(model: &ReducedModel, frequency_hz: f64) -> Result<DMa
         for (at, entry) in force.iter().enumerate() {
             equations.set_coefficient(at % n, n + at / n, entry.re, entry.im);
         }
-        let least = equations.solve_by_elimination();
+        let least = equations.solve_and_return_least_pivot_unless_singular();
         let (solved, pivot) = (least.is_some(), least.unwrap_or(0.0));
         for (at, out) in solution.iter_mut().enumerate() {
             let (re, im) = equations.solved_unknown(at % n, at / n);

@@ -34,16 +34,16 @@ impl ComplexEquations {
 
     /// Solves them, with row pivoting; the right sides become the solutions. The least modulus of a pivot, or `None` where one
     /// is zero or no number.
-    pub(super) fn solve_by_elimination(&mut self) -> Option<f64> {
+    pub(super) fn solve_and_return_least_pivot_unless_singular(&mut self) -> Option<f64> {
         // With the vector instructions that the machine has.
         Arch::new().dispatch(Eliminate(self))
     }
 }
 
-kernel!(Eliminate<'a>(equations: &'a mut ComplexEquations) -> Option<f64> = eliminate_and_find_least_pivot);
+kernel!(Eliminate<'a>(equations: &'a mut ComplexEquations) -> Option<f64> = solve_equations_returning_least_pivot);
 
 #[inline(always)]
-fn eliminate_and_find_least_pivot(equations: &mut ComplexEquations) -> Option<f64> {
+fn solve_equations_returning_least_pivot(equations: &mut ComplexEquations) -> Option<f64> {
     let ComplexEquations { n, width, re, im } = equations;
     let (n, width) = (*n, *width);
     let mut least = f64::INFINITY;
@@ -124,7 +124,7 @@ mod tests {
             let expected = lu.solve(&right).unwrap();
             // Pivots depend on their order, their product does not: the least is at most their geometric mean.
             let mean = lu.determinant().norm().powf(1.0 / n as f64);
-            let least = equations.solve_by_elimination().unwrap();
+            let least = equations.solve_and_return_least_pivot_unless_singular().unwrap();
             assert!(
                 least > 0.0 && least < mean * (1.0 + 1e-9) && (n > 1 || least > mean * (1.0 - 1e-9)),
                 "{least} {mean}"
@@ -138,7 +138,7 @@ mod tests {
         }
         let mut diagonal = ComplexEquations::new(3, 1);
         [3.0, 0.25, 2.0].into_iter().enumerate().for_each(|(i, value)| diagonal.set_coefficient(i, i, 0.0, value));
-        assert_eq!(diagonal.solve_by_elimination(), Some(0.25));
-        assert!(ComplexEquations::new(3, 1).solve_by_elimination().is_none());
+        assert_eq!(diagonal.solve_and_return_least_pivot_unless_singular(), Some(0.25));
+        assert!(ComplexEquations::new(3, 1).solve_and_return_least_pivot_unless_singular().is_none());
     }
 }

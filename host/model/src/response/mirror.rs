@@ -55,7 +55,11 @@ pub fn find_mirror_symmetries(
         let middle = sides[axis] / 2.0;
         let mut places = scene.actuators.iter().map(|actuator| if axis == 0 { actuator.x_m } else { actuator.y_m });
         MirrorSymmetry {
-            odd: if is_symmetric { find_shape_parities(model, sides, axis, shape_tolerance) } else { None },
+            odd: if is_symmetric {
+                flag_odd_shapes_unless_any_mixed(model, sides, axis, shape_tolerance)
+            } else {
+                None
+            },
             is_driven_evenly: places.all(|at| (at - middle).abs() <= PLACE * sides[axis]),
         }
     })
@@ -84,18 +88,20 @@ fn is_scene_mirrored(scene: &Scene, axis: usize) -> bool {
     let support = |of: &Support| Support { x_m: 0.0, y_m: 0.0, ..*of };
     let actuator = |of: &Actuator| Actuator { x_m: 0.0, y_m: 0.0, id: String::new(), ..of.clone() };
     scene.layout().is_mirror_symmetric(axis)
-        && have_mirror_images(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
-        && have_mirror_images(&scene.supports, |a, b| {
+        && has_each_item_own_image(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
+        && has_each_item_own_image(&scene.supports, |a, b| {
             is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && support(a) == support(b)
         })
-        && have_mirror_images(&scene.masses, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && a.mass_kg == b.mass_kg)
-        && have_mirror_images(&scene.actuators, |a, b| {
+        && has_each_item_own_image(&scene.masses, |a, b| {
+            is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && a.mass_kg == b.mass_kg
+        })
+        && has_each_item_own_image(&scene.actuators, |a, b| {
             is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && actuator(a) == actuator(b)
         })
 }
 
 /// Whether each item has one of its own that is its image.
-fn have_mirror_images<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool {
+fn has_each_item_own_image<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool {
     let mut left: Vec<&T> = items.iter().collect();
     items.iter().all(|item| {
         let found = left.iter().position(|other| is_image(item, other));
@@ -104,7 +110,12 @@ fn have_mirror_images<T>(items: &[T], is_image: impl Fn(&T, &T) -> bool) -> bool
 }
 
 /// Whether each shape is odd; `None` if one is neither even nor odd.
-fn find_shape_parities(model: &ReducedModel, sides: [f64; 2], axis: usize, shape_tolerance: f64) -> Option<Vec<bool>> {
+fn flag_odd_shapes_unless_any_mixed(
+    model: &ReducedModel,
+    sides: [f64; 2],
+    axis: usize,
+    shape_tolerance: f64,
+) -> Option<Vec<bool>> {
     let n = model.count_coordinates();
     let (mut even, mut odd, mut largest) = (vec![0.0_f64; n], vec![0.0_f64; n], vec![0.0_f64; n]);
     for sample in 0..SAMPLES {

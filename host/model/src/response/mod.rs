@@ -16,8 +16,8 @@ pub mod sweep;
 pub use bounded::{
     CurveError, MOST_SWEEP_VALUES, SINGLE_DOES, compute_curves_with_error_bounds, sweep_with_error_bounds,
 };
-pub use coordinates::{CoordinateSolver, solve_coordinates_at_frequency};
-pub use peak::{SineComponent, compute_peak_of_sines};
+pub use coordinates::{CoordinateSolver, solve_coordinates_per_newton_at_frequency};
+pub use peak::{SineComponent, peak_of_sines_merging_equal_frequencies};
 
 /// Why there is no response.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum ResponseError {
     /// Undamped and at a resonance: the response grows without bound (thesis, after equation 15).
     #[error(
         "at {frequency_hz} Hz the panel is at the resonance of an undamped mode ({resonance_hz} Hz) and its response is \
-         unbounded: give the scene some damping (surface.damping.loss_factor, say) or leave that frequency out"
+         unbounded: give the scene some damping (such as surface.damping.loss_factor), or leave this frequency out"
     )]
     Unbounded {
         /// The frequency asked for.
@@ -47,7 +47,7 @@ impl ResponseError {
 ///
 /// # Errors
 /// [`ResponseError::Unbounded`] at the first frequency that has no answer.
-pub fn acceleration_curves(
+pub fn compute_acceleration_curves_per_newton(
     model: &ReducedModel,
     shape: &DVector<f64>,
     frequencies_hz: &[f64],
@@ -59,9 +59,9 @@ pub fn acceleration_curves(
             // At rest: a constant force accelerates nothing that is held, and a free panel's w^2 q is taken from its limit.
             let minus_omega_squared = -(std::f64::consts::TAU * frequency_hz).powi(2);
             if *frequency_hz == 0.0 {
-                return Ok(rigid_acceleration_per_newton(model, shape));
+                return Ok(acceleration_per_newton_at_zero_frequency(model, shape));
             }
-            let coordinates = solver.solve_at_frequency(*frequency_hz)?;
+            let coordinates = solver.solve_coordinates_per_newton_at(*frequency_hz)?;
             Ok(coordinates.iter().map(|q| multiply_shape_with_coordinates(shape, q) * minus_omega_squared).collect())
         })
         .collect::<Result<_, _>>()?;
@@ -69,7 +69,7 @@ pub fn acceleration_curves(
 }
 
 /// The acceleration as the frequency goes to zero: that of the rigid motions, F / m and what turns with it.
-fn rigid_acceleration_per_newton(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Complex64> {
+fn acceleration_per_newton_at_zero_frequency(model: &ReducedModel, shape: &DVector<f64>) -> Vec<Complex64> {
     (0..model.count_actuators())
         .map(|actuator| {
             let rigid =

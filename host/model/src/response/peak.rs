@@ -19,7 +19,7 @@ pub struct SineComponent {
 /// before the modulus is taken. Equation 23 as printed takes each modulus by itself and then overstates what two
 /// actuators at one frequency do, up to hiding a dead zone.
 #[must_use]
-pub fn compute_peak_of_sines(components: &[SineComponent]) -> f64 {
+pub fn peak_of_sines_merging_equal_frequencies(components: &[SineComponent]) -> f64 {
     let mut groups: Vec<SineComponent> = Vec::with_capacity(components.len());
     for component in components {
         let same = |group: &&mut SineComponent| {
@@ -40,8 +40,8 @@ mod tests {
     #[test]
     fn equal_frequencies_cancel_and_distinct_ones_add() {
         let at = |frequency_hz: f64, re: f64| SineComponent { frequency_hz, phasor: Complex64::from(re) };
-        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(100.0, -1.0)]), 0.0);
-        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(120.0, -1.0)]), 2.0);
-        assert_eq!(compute_peak_of_sines(&[at(100.0, 1.0), at(120.0, 0.5), at(100.0, 2.0)]), 3.5);
+        assert_eq!(peak_of_sines_merging_equal_frequencies(&[at(100.0, 1.0), at(100.0, -1.0)]), 0.0);
+        assert_eq!(peak_of_sines_merging_equal_frequencies(&[at(100.0, 1.0), at(120.0, -1.0)]), 2.0);
+        assert_eq!(peak_of_sines_merging_equal_frequencies(&[at(100.0, 1.0), at(120.0, 0.5), at(100.0, 2.0)]), 3.5);
     }
 }

@@ -66,7 +66,7 @@ impl<T: Copy> AccelerationSweep<T> {
     /// # Panics
     /// If an index is out of range.
     #[must_use]
-    pub fn acceleration_at(&self, frequency: usize, actuator: usize, point: usize) -> Complex<T> {
+    pub fn acceleration_per_newton_at_indices(&self, frequency: usize, actuator: usize, point: usize) -> Complex<T> {
         let place = (frequency * self.actuators + actuator) * self.points + point;
         Complex::new(self.re[place], self.im[place])
     }
@@ -75,7 +75,7 @@ impl<T: Copy> AccelerationSweep<T> {
 impl<T: Arithmetic + Into<f64>> AccelerationSweep<T> {
     /// Acceleration for a frequency, an actuator and a point, in double precision.
     pub(super) fn acceleration_as_f64(&self, frequency: usize, actuator: usize, point: usize) -> Complex64 {
-        let z = self.acceleration_at(frequency, actuator, point);
+        let z = self.acceleration_per_newton_at_indices(frequency, actuator, point);
         Complex64::new(z.re.into(), z.im.into())
     }
 
@@ -147,7 +147,7 @@ impl<T: Arithmetic> SurfaceShapes<T> {
 
     /// Multiplications and additions of the products for one frequency and actuator.
     #[must_use]
-    pub fn count_operations_per_curve(&self) -> usize {
+    pub fn count_operations_per_frequency_and_actuator(&self) -> usize {
         4 * self.part[0] * self.part[1] * self.model.count_coordinates()
     }
 
@@ -170,10 +170,10 @@ impl<T: Arithmetic> SurfaceShapes<T> {
         let (blocks, length) = (frequencies_hz.chunks(per_block), per_block * p * points);
         for ((block, re), im) in blocks.zip(out.re.chunks_mut(length)).zip(out.im.chunks_mut(length)) {
             for (k, frequency_hz) in block.iter().enumerate() {
-                solver.solve_into(*frequency_hz, &mut coordinates.0, &mut coordinates.1)?;
+                solver.solve_coordinates_per_newton_into(*frequency_hz, &mut coordinates.0, &mut coordinates.1)?;
                 let scale = -(std::f64::consts::TAU * frequency_hz).powi(2);
-                work.put_coordinates(self, 2 * p * k, &coordinates.0, n, scale);
-                work.put_coordinates(self, 2 * p * k + p, &coordinates.1, n, scale);
+                work.put_scaled_vectors_into_columns(self, 2 * p * k, &coordinates.0, n, scale);
+                work.put_scaled_vectors_into_columns(self, 2 * p * k + p, &coordinates.1, n, scale);
             }
             let columns = 2 * p * block.len();
             work.multiply_shapes_with_coordinates(self, columns);
@@ -210,11 +210,19 @@ impl<T: Arithmetic> SweepBuffers<T> {
         }
     }
 
-    /// Puts p vectors of n coordinates into the columns from `first` on.
-    fn put_coordinates(&mut self, shapes: &SurfaceShapes<T>, first: usize, values: &[f64], n: usize, scale: f64) {
+    /// Puts `vectors`, which follow each other and have `vector_length` coordinates each, times `scale` into the columns from `first_column` on.
+    fn put_scaled_vectors_into_columns(
+        &mut self,
+        shapes: &SurfaceShapes<T>,
+        first_column: usize,
+        vectors: &[f64],
+        vector_length: usize,
+        scale: f64,
+    ) {
         for (parity, own) in shapes.parities.iter().zip(&mut self.coordinates) {
-            for (j, values) in values.chunks_exact(n).enumerate() {
-                for (out, value) in own.column_mut(first + j).iter_mut().zip(&values[parity.coordinates.clone()]) {
+            for (j, vector) in vectors.chunks_exact(vector_length).enumerate() {
+                for (out, value) in own.column_mut(first_column + j).iter_mut().zip(&vector[parity.coordinates.clone()])
+                {
                     *out = T::rounded_from_f64(value * scale);
                 }
             }

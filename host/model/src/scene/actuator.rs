@@ -1,9 +1,12 @@
 //! ERAs, and what voltage does to their springs.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Permittivity of vacuum in F/m (CODATA 2018); air differs by 0.06 %.
 pub const EPS0: f64 = 8.854_187_812_8e-12;
+/// Capacitance in F that a scene's actuators have beside each electrode if it names none: with the 35 pF of the default electrode the
+/// 116 pF that the board's drive stage is designed for (cable 65 pF, switches 10 pF, transformer of the gate 6 pF).
+pub const DEFAULT_CABLE_CAPACITANCE_F: f64 = 81e-12;
 
 /// How an ERA is mounted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -14,6 +17,25 @@ pub enum Mount {
     Inertial,
     /// Between base and surface: the mass rides on the surface, force on the surface alone.
     Grounded,
+}
+
+/// How fast an electrode follows its switches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChargingTimes {
+    /// Time constant in s with which it rises to its rail's voltage while its window lasts; 0: at once, and the others are of no account.
+    pub rise_s: f64,
+    /// From the end of a window until it begins to fall, in s.
+    pub hold_s: f64,
+    /// Time constant in s with which it then falls; 0: at once.
+    pub fall_s: f64,
+}
+
+impl ChargingTimes {
+    /// Whether the electrode follows its switches at once.
+    #[must_use]
+    pub fn is_instant(&self) -> bool {
+        self.rise_s <= 0.0
+    }
 }
 
 /// An ERA.
@@ -45,6 +67,10 @@ pub struct Actuator {
     pub stop_m: Option<f64>,
     /// Root mean square of the voltage that is on one electrode or the other, in V; what its springs are softened by.
     pub bias_voltage_v: f64,
+    /// Capacitance of what hangs on each electrode, its cable and its switches, in F.
+    pub cable_capacitance_f: f64,
+    /// How its electrodes charge and discharge.
+    pub charging: ChargingTimes,
 }
 
 impl Actuator {
@@ -56,6 +82,12 @@ impl Actuator {
     #[must_use]
     pub fn softening_n_per_m(&self) -> f64 {
         EPS0 * self.electrode_area_m2 * self.bias_voltage_v.powi(2) / self.air_gap_m.powi(3)
+    }
+
+    /// Capacitance of one electrode with its cable and its switches in F, the mass at rest.
+    #[must_use]
+    pub fn capacitance_of_electrode_with_cable_f(&self) -> f64 {
+        EPS0 * self.electrode_area_m2 / self.air_gap_m + self.cable_capacitance_f
     }
 
     /// Stiffness between its mass and its electrodes in N/m: that of its springs less the electrodes' softening.
@@ -91,10 +123,18 @@ mod tests {
             max_voltage_v: 2000.0,
             stop_m: None,
             bias_voltage_v: 1700.0,
+            cable_capacitance_f: DEFAULT_CABLE_CAPACITANCE_F,
+            charging: ChargingTimes::default(),
         };
         // 2 F / g with F = 0.1 N at 1.7 kV: 400 N/m, 8 % of its springs.
         assert!((era.softening_n_per_m() - 400.0).abs() < 4.0, "{}", era.softening_n_per_m());
         assert_eq!(era.effective_stiffness_n_per_m(), 5000.0 - era.softening_n_per_m());
+        // The board counts 116 pF.
+        assert!(
+            (era.capacitance_of_electrode_with_cable_f() - 116e-12).abs() < 1e-12,
+            "{}",
+            era.capacitance_of_electrode_with_cable_f()
+        );
         let at_pull_in = Actuator { bias_voltage_v: era.pull_in_voltage_v(), ..era };
         assert!(at_pull_in.effective_stiffness_n_per_m().abs() < 1e-9);
     }

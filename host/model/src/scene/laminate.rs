@@ -85,10 +85,10 @@ pub struct PlateRigidities {
 
 impl PlateRigidities {
     /// Adds a ply's stiffness against bending and against twist, times a factor.
-    fn add_weighted(&mut self, both: &Matrix2<f64>, twist: f64, factor: f64) {
-        self.d11 += factor * both[(0, 0)];
-        self.d12 += factor * 0.5 * (both[(0, 1)] + both[(1, 0)]);
-        self.d22 += factor * both[(1, 1)];
+    fn add_weighted_stiffness(&mut self, stiffness_along_axes: &Matrix2<f64>, twist: f64, factor: f64) {
+        self.d11 += factor * stiffness_along_axes[(0, 0)];
+        self.d12 += factor * 0.5 * (stiffness_along_axes[(0, 1)] + stiffness_along_axes[(1, 0)]);
+        self.d22 += factor * stiffness_along_axes[(1, 1)];
         self.d66 += factor * twist;
     }
 
@@ -165,9 +165,9 @@ impl Laminate {
         for stack in plies.chunk_by(|_, above| !above.slips) {
             let stack = BondedStack::new(kind, stack);
             stack.add_bending_rigidities(&mut rigidities, &mut lost);
-            turning += stack.moment_of_inertia_kg();
+            turning += stack.rotary_inertia_per_area_kg();
             for (axis, sum) in shear.iter_mut().enumerate() {
-                *sum += stack.shear_flexibility_integral(axis);
+                *sum += stack.integrate_squared_shear_flow_over_modulus(axis);
             }
         }
         let along = [rigidities.d11, rigidities.d22];
@@ -233,13 +233,13 @@ impl<'a> BondedStack<'a> {
             let (about, turned) = (Matrix2::identity() * *z + shift, t.powi(3) / 12.0);
             let both = about.transpose() * q * about * t + q * turned;
             let own = ply.elastic.g_pa * (t * (z + twist).powi(2) + turned);
-            rigidities.add_weighted(&both, own, 1.0);
-            lost.add_weighted(&both, own, ply.loss_factor);
+            rigidities.add_weighted_stiffness(&both, own, 1.0);
+            lost.add_weighted_stiffness(&both, own, ply.loss_factor);
         }
     }
 
     /// Moment of inertia per area about the stack's neutral plane, about: its centre of mass.
-    fn moment_of_inertia_kg(&self) -> f64 {
+    fn rotary_inertia_per_area_kg(&self) -> f64 {
         let mass = |ply: &Ply| ply.density_kg_m3 * ply.thickness_m;
         let total: f64 = self.plies.iter().map(|(_, ply)| mass(ply)).sum();
         let centre = self.plies.iter().map(|(z, ply)| mass(ply) * z).sum::<f64>() / total;
@@ -249,7 +249,7 @@ impl<'a> BondedStack<'a> {
 
     /// The integral of g^2 / G over the thickness, where a bending moment that changes along `axis` shears with g: the integral of E (z - z0) from
     /// below, E the stiffness along the axis and z0 its neutral plane. Over the squared rigidity it is what shear gives way: 6/5 over G h of one layer.
-    fn shear_flexibility_integral(&self, axis: usize) -> f64 {
+    fn integrate_squared_shear_flow_over_modulus(&self, axis: usize) -> f64 {
         let along = |ply: &Ply| ply.elastic.plane_stiffness_pa(self.kind)[(axis, axis)];
         let sum = |power: i32| -> f64 {
             self.plies.iter().map(|(z, ply)| along(ply) * ply.thickness_m * z.powi(power)).sum()
@@ -272,14 +272,14 @@ impl<'a> BondedStack<'a> {
 impl Surface {
     /// What the surface's layers are together; `None` where it has none.
     #[must_use]
-    pub fn laminate(&self) -> Option<Laminate> {
+    pub fn laminate_if_layered(&self) -> Option<Laminate> {
         (!self.layers.is_empty()).then(|| Laminate::from_plies(self.kind, &self.layers))
     }
 
     /// The rigidities that no [`Material`] has: of layers that are stiffer along one axis than along the other.
     #[must_use]
-    pub(super) fn orthotropic_rigidities(&self) -> Option<PlateRigidities> {
-        let rigidities = self.laminate().filter(|_| self.kind == SurfaceKind::Plate)?.rigidities;
+    pub(super) fn rigidities_if_layered_plate_is_anisotropic(&self) -> Option<PlateRigidities> {
+        let rigidities = self.laminate_if_layered().filter(|_| self.kind == SurfaceKind::Plate)?.rigidities;
         (!rigidities.is_isotropic()).then_some(rigidities)
     }
 }

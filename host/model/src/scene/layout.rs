@@ -23,7 +23,7 @@ pub struct SurfaceLayer {
 impl SurfaceLayer {
     /// Mass per area in kg/m^2, air that moves with it included.
     #[must_use]
-    pub fn mass_per_area_kg_m2(&self) -> f64 {
+    pub fn mass_per_area_with_air_kg_m2(&self) -> f64 {
         self.mass_per_area_without_air_kg_m2() + self.added_kg_m2
     }
 
@@ -59,14 +59,14 @@ pub struct LayoutVertex {
 impl LayoutVertex {
     /// Whether two parts meet here in nothing but this point.
     #[must_use]
-    pub fn is_pinch(&self) -> bool {
+    pub fn is_pinch_point(&self) -> bool {
         let [a, b, c, d] = self.around.map(|part| part.is_some());
         a == d && b == c && a != b
     }
 
     /// Whether no border turns or ends here.
     #[must_use]
-    pub fn has_straight_border(&self) -> bool {
+    pub fn has_no_turning_or_ending_border(&self) -> bool {
         let [a, b, c, d] = self.around;
         a == b && c == d || a == c && b == d
     }
@@ -80,7 +80,7 @@ impl SurfaceLayout {
             thickness_m: surface.thickness_m,
             width_m: surface.width_m,
             material: surface.material,
-            orthotropic: surface.orthotropic_rigidities(),
+            orthotropic: surface.rigidities_if_layered_plate_is_anisotropic(),
             added_kg_m2: surface.added_mass_kg_per_m2,
         };
         let along = |side: f64, spans: &mut dyn Iterator<Item = [f64; 2]>| {
@@ -148,9 +148,9 @@ impl SurfaceLayout {
     }
 
     /// The layer of the rectangle in a column and a row; `None` if it is cut away or beyond the surface.
-    fn layer_in_rectangle(&self, i: usize, j: usize) -> Option<SurfaceLayer> {
+    fn layer_in_rectangle(&self, column: usize, row: usize) -> Option<SurfaceLayer> {
         let columns = self.x_m.len() - 1;
-        if i < columns { self.parts.get(j * columns + i).copied().flatten() } else { None }
+        if column < columns { self.parts.get(row * columns + column).copied().flatten() } else { None }
     }
 
     /// Borders across x in m, the surface's own first and last.
@@ -186,7 +186,7 @@ impl SurfaceLayout {
     }
 
     /// All kinds that there are, each with its area in m^2 (a bar's length in m), one entry for each rectangle.
-    pub fn areas_with_layers(&self) -> impl Iterator<Item = (f64, SurfaceLayer)> {
+    pub fn areas_or_bar_lengths_with_layers(&self) -> impl Iterator<Item = (f64, SurfaceLayer)> {
         let columns = self.x_m.len() - 1;
         self.parts.iter().enumerate().filter_map(move |(k, part)| {
             let (i, j) = (k % columns, k / columns);
@@ -197,8 +197,8 @@ impl SurfaceLayout {
 
     /// Mass in kg of what is there and of the air that moves with it.
     #[must_use]
-    pub fn mass_kg(&self) -> f64 {
-        self.sum_over_surface(SurfaceLayer::mass_per_area_kg_m2)
+    pub fn mass_with_air_kg(&self) -> f64 {
+        self.sum_over_surface(SurfaceLayer::mass_per_area_with_air_kg_m2)
     }
 
     /// Mass in kg of what is there, without air.
@@ -210,12 +210,12 @@ impl SurfaceLayout {
     /// The sum over the surface of a quantity per area.
     fn sum_over_surface(&self, per_area: impl Fn(&SurfaceLayer) -> f64) -> f64 {
         let width = |layer: &SurfaceLayer| if self.is_bar { layer.width_m } else { 1.0 };
-        self.areas_with_layers().map(|(size, layer)| size * width(&layer) * per_area(&layer)).sum()
+        self.areas_or_bar_lengths_with_layers().map(|(size, layer)| size * width(&layer) * per_area(&layer)).sum()
     }
 
     /// The layer at a point; on a border that of any side that exists, `None` in a cut-out.
     #[must_use]
-    pub fn layer_at(&self, x_m: f64, y_m: f64) -> Option<SurfaceLayer> {
+    pub fn layer_at_unless_cut_out(&self, x_m: f64, y_m: f64) -> Option<SurfaceLayer> {
         let beside = |lines: &[f64], at: f64| -> [usize; 2] {
             let merged = SAME_PLACE * lines[lines.len() - 1];
             let before = lines.partition_point(|line| *line <= at - merged).saturating_sub(1);
@@ -312,8 +312,8 @@ impl Scene {
 
     /// Mass of the surface in kg with the air that moves along, without what is attached to it.
     #[must_use]
-    pub fn surface_mass_kg(&self) -> f64 {
-        self.layout().mass_kg()
+    pub fn surface_mass_with_air_kg(&self) -> f64 {
+        self.layout().mass_with_air_kg()
     }
 
     /// Mass of the surface in kg as it is weighed: without the air that moves along, and without what is attached to it.
@@ -326,15 +326,15 @@ impl Scene {
     #[must_use]
     pub fn surface_area_m2(&self) -> f64 {
         match self.surface.kind {
-            SurfaceKind::Plate => self.layout().areas_with_layers().map(|(area, _)| area).sum(),
+            SurfaceKind::Plate => self.layout().areas_or_bar_lengths_with_layers().map(|(area, _)| area).sum(),
             SurfaceKind::Bar => self.surface.length_m * self.surface.width_m,
         }
     }
 
     /// The number of the cut-out that a point lies strictly inside of, counted from 1; `None` where there is surface.
     #[must_use]
-    pub fn cutout_number_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
-        if self.cutouts.is_empty() || self.layout().layer_at(x_m, y_m).is_some() {
+    pub fn cutout_number_counted_from_1_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        if self.cutouts.is_empty() || self.layout().layer_at_unless_cut_out(x_m, y_m).is_some() {
             return None;
         }
         let distance = |span: [f64; 2], at: f64| (span[0] - at).max(at - span[1]);
@@ -394,11 +394,13 @@ mod tests {
             (layout.border_lines_x_m(), layout.border_lines_y_m()),
             (&[0.0, 0.5, 2.5, 3.0][..], &[0.0, 0.5, 1.5, 2.0][..])
         );
-        assert_eq!(layout.layer_at(0.1, 0.1).unwrap().thickness_m, 2e-3);
-        assert_eq!(layout.layer_at(1.0, 1.0).unwrap().thickness_m, 1e-3);
-        assert!(layout.layer_at(2.7, 0.2).is_none() && layout.layer_at(2.5, 0.2).is_some());
+        assert_eq!(layout.layer_at_unless_cut_out(0.1, 0.1).unwrap().thickness_m, 2e-3);
+        assert_eq!(layout.layer_at_unless_cut_out(1.0, 1.0).unwrap().thickness_m, 1e-3);
+        assert!(
+            layout.layer_at_unless_cut_out(2.7, 0.2).is_none() && layout.layer_at_unless_cut_out(2.5, 0.2).is_some()
+        );
         let mass = 2500.0 * (2e-3 * (6.0 - 2.0 - 0.25) + 1e-3 * 2.0);
-        assert!((layout.mass_kg() / mass - 1.0).abs() < 1e-12);
+        assert!((layout.mass_with_air_kg() / mass - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -416,6 +418,6 @@ mod tests {
         assert_eq!(build_layout(&[], &[(0.0, 0.0, 3.0, 2.0)]).count_connected_pieces(), 0);
         let diagonal = build_layout(&[], &[(0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 2.0, 1.0)]);
         assert_eq!(diagonal.count_connected_pieces(), 2);
-        assert!(diagonal.border_vertices().any(|vertex| vertex.is_pinch()));
+        assert!(diagonal.border_vertices().any(|vertex| vertex.is_pinch_point()));
     }
 }

@@ -5,6 +5,7 @@
 
 mod actuator;
 mod air;
+mod electronics;
 mod finger;
 mod laminate;
 mod layers;
@@ -20,14 +21,14 @@ mod rectangles;
 mod scaled;
 mod screen;
 
-pub use actuator::{Actuator, EPS0, Mount};
+pub use actuator::{Actuator, ChargingTimes, DEFAULT_CABLE_CAPACITANCE_F, EPS0, Mount};
 pub use air::BULK_MODULUS_PA;
 pub use finger::Finger;
 pub use laminate::{Laminate, PlateRigidities, Ply, PlyElasticity};
 pub use layout::{LayoutVertex, SAME_PLACE, SurfaceLayer, SurfaceLayout};
 pub use modal_ratio::ModalRatio;
 pub use patch::{Cutout, Patch};
-pub use place::{PlaceError, ROUNDING, SurfacePoint, check_coordinate_along_side, equidistant_numbers};
+pub use place::{PlaceError, ROUNDING, SurfacePoint, check_and_snap_coordinate_along_side, equidistant_numbers};
 pub use read::{FileMistake, SceneError};
 pub use screen::{PixelError, Screen, ScreenError};
 

@@ -1,5 +1,6 @@
 //! The scene file's keys and what they may be.
 
+use super::electronics::Electronics;
 use super::laminate::{Laminate, Ply};
 use super::layers::{read_layered_thickness_m, read_layers};
 use super::layout::SurfaceLayout;
@@ -11,8 +12,8 @@ use super::ranges::{
 use super::read::{self, AllowedNumbers, MistakeReport, SceneError, TomlSection};
 use super::rectangles::{read_cutouts, read_patches};
 use super::{
-    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side,
-    Support, Surface, SurfaceDamping, SurfaceKind,
+    Actuator, ChargingTimes, DEFAULT_CABLE_CAPACITANCE_F, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass,
+    Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
 };
 
 /// The version of scene files that is read.
@@ -41,6 +42,8 @@ const SEALED_DEPTH_MM: AllowedNumbers = AllowedNumbers::Within(0.01, MAX_SIDE_MM
 const ADDED_MASS: AllowedNumbers = AllowedNumbers::Within(0.0, 1000.0);
 /// Electrodes up to a square metre.
 const AREA_MM2: AllowedNumbers = AllowedNumbers::Within(1e-6, 1e6);
+/// Cable and switches of an electrode: ten nF are 100 m of coaxial cable.
+const CABLE_PF: AllowedNumbers = AllowedNumbers::Within(0.0, 10_000.0);
 /// A stop nearer to a mass's middle leaves it no room.
 const LEAST_STOP_UM: f64 = 0.1;
 /// Most pixels along a side.
@@ -51,7 +54,7 @@ pub(super) fn parse_scene_text(source: &str, text: &str) -> Result<Scene, SceneE
     let document = read::parse_toml_document(source, text)?;
     let report = MistakeReport::new(text);
     let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
-    let scene = read_whole_scene(&file);
+    let scene = read_all_tables_unless_surface_missing(&file);
     file.report_unknown_keys();
     report.into_result(source)?;
     // Every part that is missing has been reported.
@@ -59,12 +62,13 @@ pub(super) fn parse_scene_text(source: &str, text: &str) -> Result<Scene, SceneE
 }
 
 /// Reads all tables; `None` if the surface is missing, which has been reported then.
-fn read_whole_scene(file: &TomlSection<'_, '_>) -> Option<Scene> {
-    file.read_number("version", AllowedNumbers::Within(VERSION, VERSION));
-    let name = file.read_text("name");
+fn read_all_tables_unless_surface_missing(file: &TomlSection<'_, '_>) -> Option<Scene> {
+    file.read_required_number_or_nan("version", AllowedNumbers::Within(VERSION, VERSION));
+    let name = file.read_required_text("name");
     let plies = file.read_tables("layer");
     let mut surface = file.read_required_table("surface").map(|section| read_surface(section, plies));
-    let (sealed_depth_m, added_mass) = file.read_table("air").map_or((None, 0.0), read_sealed_depth_and_added_mass);
+    let (sealed_depth_m, added_mass) =
+        file.read_table_if_given("air").map_or((None, 0.0), read_sealed_depth_and_added_mass);
     if let Some(surface) = &mut surface {
         surface.added_mass_kg_per_m2 = added_mass;
     }
@@ -75,13 +79,17 @@ fn read_whole_scene(file: &TomlSection<'_, '_>) -> Option<Scene> {
     let cutouts = read_cutouts(file.read_tables("cutout"), surface.as_ref(), &size);
     size.left =
         surface.as_ref().filter(|_| !cutouts.is_empty()).map(|surface| SurfaceLayout::new(surface, &[], &cutouts));
-    let screen = read_screen(file.read_table("screen"), &size);
+    let screen = read_screen(file.read_table_if_given("screen"), &size);
     let supports = file.read_tables("support").into_iter().map(|section| read_support(section, &size)).collect();
     let edges = read_edges(file.read_tables("edge"), &size);
     let masses = file.read_tables("mass").into_iter().map(|section| read_mass(section, &size)).collect();
-    let actuators = read_actuators(file.read_tables("actuator"), &size);
-    let press_n = file.read_table("press").map_or(DEFAULT_PRESS_N, read_press_force_n);
-    let finger = file.read_table("finger").map(read_finger);
+    let electronics = file.read_table_if_given("electronics").map(Electronics::read);
+    let actuators = read_actuators(file.read_tables("actuator"), &size, electronics.as_ref());
+    if let Some(electronics) = electronics {
+        electronics.report_unknown_keys();
+    }
+    let press_n = file.read_table_if_given("press").map_or(DEFAULT_PRESS_N, read_press_force_n);
+    let finger = file.read_table_if_given("finger").map(read_finger);
     let surface = surface?;
     Some(Scene {
         name,
@@ -101,14 +109,18 @@ fn read_whole_scene(file: &TomlSection<'_, '_>) -> Option<Scene> {
 
 fn read_surface(section: TomlSection<'_, '_>, plies: Vec<TomlSection<'_, '_>>) -> Surface {
     let kind = section
-        .read_word("kind", &[("plate", SurfaceKind::Plate), ("bar", SurfaceKind::Bar)])
+        .read_required_word("kind", &[("plate", SurfaceKind::Plate), ("bar", SurfaceKind::Bar)])
         .unwrap_or(SurfaceKind::Plate);
-    let side = |key| section.read_number(key, AllowedNumbers::Within(1.0, MAX_SIDE_MM)) / 1e3;
+    let side = |key| section.read_required_number_or_nan(key, AllowedNumbers::Within(1.0, MAX_SIDE_MM)) / 1e3;
     let (length_m, width_m) = (side("length_mm"), side("width_mm"));
     let layers = read_layers(plies, kind);
-    let own_damping = section.read_table("damping").map_or(SurfaceDamping::None, read_surface_damping);
+    let own_damping = section.read_table_if_given("damping").map_or(SurfaceDamping::None, read_surface_damping);
     let (thickness_m, material, damping) = if layers.is_empty() {
-        (section.read_number("thickness_mm", THICKNESS_MM) / 1e3, read_material(&section, kind), own_damping)
+        (
+            section.read_required_number_or_nan("thickness_mm", THICKNESS_MM) / 1e3,
+            read_material(&section, kind),
+            own_damping,
+        )
     } else {
         let laminate = Laminate::from_plies(kind, &layers);
         let damping = choose_layered_surface_damping(&section, &layers, laminate.loss_factor, own_damping);
@@ -122,12 +134,12 @@ fn read_material(surface: &TomlSection<'_, '_>, kind: SurfaceKind) -> Material {
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
     surface.read_required_table("material").map_or(nothing, |table| {
         let material = Material {
-            youngs_modulus_pa: table.read_number("youngs_modulus_pa", YOUNGS_MODULUS_PA),
+            youngs_modulus_pa: table.read_required_number_or_nan("youngs_modulus_pa", YOUNGS_MODULUS_PA),
             poisson_ratio: match kind {
-                SurfaceKind::Plate => table.read_number("poisson_ratio", POISSON_RATIO),
-                SurfaceKind::Bar => table.read_number_or("poisson_ratio", 0.0, POISSON_RATIO),
+                SurfaceKind::Plate => table.read_required_number_or_nan("poisson_ratio", POISSON_RATIO),
+                SurfaceKind::Bar => table.read_optional_number_or_nan("poisson_ratio", 0.0, POISSON_RATIO),
             },
-            density_kg_m3: table.read_number("density_kg_m3", DENSITY_KG_M3),
+            density_kg_m3: table.read_required_number_or_nan("density_kg_m3", DENSITY_KG_M3),
         };
         table.report_unknown_keys();
         material
@@ -139,16 +151,17 @@ fn choose_layered_surface_damping(
     surface: &TomlSection<'_, '_>,
     plies: &[Ply],
     loss_factor: f64,
-    own: SurfaceDamping,
+    damping_of_surface_itself: SurfaceDamping,
 ) -> SurfaceDamping {
     if plies.iter().all(|ply| ply.loss_factor == 0.0) {
-        return own;
+        return damping_of_surface_itself;
     }
-    if own != SurfaceDamping::None {
+    if damping_of_surface_itself != SurfaceDamping::None {
         let text = String::from(
-            "surface.damping and loss_factor of a [[layer]] are given, but at most one of them is allowed: the layers' are the surface's",
+            "surface.damping and loss_factor of a [[layer]] are both given, but only one of them is allowed, because each \
+             sets the damping of the surface: leave out [surface.damping], or loss_factor in every [[layer]]",
         );
-        surface.mistake_report().add_mistake_at(&surface.byte_range_of_value("damping"), text);
+        surface.mistake_report().add_mistake_at(&surface.byte_range_of_value_or_section("damping"), text);
     }
     SurfaceDamping::LossFactor(loss_factor)
 }
@@ -159,17 +172,18 @@ fn read_surface_damping(section: TomlSection<'_, '_>) -> SurfaceDamping {
         section.has_key("modal_ratio"),
         section.has_key("rayleigh_alpha") | section.has_key("rayleigh_beta"),
     ];
-    let loss_factor = section.read_number_or("loss_factor", 0.0, LOSS_FACTOR);
+    let loss_factor = section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR);
     let modal_ratio = read_modal_ratio(&section);
-    let alpha = section.read_number_or("rayleigh_alpha", 0.0, AllowedNumbers::Within(0.0, 1e6));
-    let beta = section.read_number_or("rayleigh_beta", 0.0, AllowedNumbers::Within(0.0, 1.0));
+    let alpha = section.read_optional_number_or_nan("rayleigh_alpha", 0.0, AllowedNumbers::Within(0.0, 1e6));
+    let beta = section.read_optional_number_or_nan("rayleigh_beta", 0.0, AllowedNumbers::Within(0.0, 1.0));
     // A kind that is there but zero is as good as not there.
     let chosen = [loss_factor != 0.0, modal_ratio != ModalRatio::from_single_ratio(0.0), alpha != 0.0 || beta != 0.0];
     if chosen.iter().filter(|chosen| **chosen).count() > 1 {
         let kinds = ["loss_factor", "modal_ratio", "rayleigh_alpha/rayleigh_beta"];
         let given: Vec<_> = kinds.into_iter().zip(has).filter(|(_, has)| *has).map(|(kind, _)| kind).collect();
-        let place =
-            given.last().map_or(0..0, |kind| section.byte_range_of_value(kind.split('/').next().unwrap_or(kind)));
+        let place = given
+            .last()
+            .map_or(0..0, |kind| section.byte_range_of_value_or_section(kind.split('/').next().unwrap_or(kind)));
         let text = format!(
             "{}: {} are given, but at most one kind of damping is allowed",
             section.path_in_messages(),
@@ -190,12 +204,13 @@ fn read_surface_damping(section: TomlSection<'_, '_>) -> SurfaceDamping {
 fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
     const KEY: &str = "modal_ratio";
     if !section.is_value_a_list(KEY) {
-        return ModalRatio::from_single_ratio(section.read_number_or(KEY, 0.0, MODAL_RATIO));
+        return ModalRatio::from_single_ratio(section.read_optional_number_or_nan(KEY, 0.0, MODAL_RATIO));
     }
-    let pairs = section.read_number_pairs(KEY, MODE_HZ, MODAL_RATIO);
-    pairs.as_deref().and_then(ModalRatio::from_table).unwrap_or_else(|| {
+    let pairs = section.number_pairs_if_all_allowed_without_report(KEY, MODE_HZ, MODAL_RATIO);
+    pairs.as_deref().and_then(ModalRatio::from_table_if_ascending).unwrap_or_else(|| {
         let wanted = format!(
-            "a number {MODAL_RATIO}, or 1 to {MOST_POINTS} pairs of a frequency in Hz {MODE_HZ}, each higher than the one before, and such a number"
+            "a number {MODAL_RATIO}, or 1 to {MOST_POINTS} pairs [frequency in Hz {MODE_HZ}, number {MODAL_RATIO}], in the \
+             order of rising frequency"
         );
         section.report_wrong_list(KEY, &wanted);
         ModalRatio::from_single_ratio(0.0)
@@ -214,15 +229,15 @@ fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Scre
     };
     let Some(section) = section else { return whole };
     let mut screen = Screen {
-        width_px: section.read_count("width_px", MAX_PIXELS),
-        height_px: section.read_count("height_px", MAX_PIXELS),
+        width_px: section.read_required_positive_count_or_1("width_px", MAX_PIXELS),
+        height_px: section.read_required_positive_count_or_1("height_px", MAX_PIXELS),
         ..whole
     };
     let area =
         [section.has_key("x_mm"), section.has_key("y_mm"), section.has_key("width_mm"), section.has_key("height_mm")];
     if area.contains(&true) {
         let part = |key, side_m: f64, default_m: f64, allowed| {
-            section.read_number_or(key, default_m * 1e3, allowed) / 1e3 + 0.0 * side_m
+            section.read_optional_number_or_nan(key, default_m * 1e3, allowed) / 1e3 + 0.0 * side_m
         };
         screen.x_m = part("x_mm", size.length_m, 0.0, allowed_mm_along_side(size.length_m));
         screen.y_m = part("y_mm", size.width_m, 0.0, allowed_mm_along_side(size.width_m));
@@ -235,12 +250,12 @@ fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Scre
             let end = start + *extent;
             if end > side * (1.0 + ROUNDING) {
                 let text = format!(
-                    "{} makes the active area end at {} mm, but must keep it within the surface's {} mm",
+                    "{} makes the active area end at {} mm, but the surface ends at {} mm",
                     section.key_with_path(key),
                     end * 1e3,
                     side * 1e3
                 );
-                section.mistake_report().add_mistake_at(&section.byte_range_of_value(key), text);
+                section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(key), text);
             } else if *extent <= 0.0 {
                 let text = format!(
                     "{} is {}, but must be below {} to leave an active area",
@@ -248,7 +263,7 @@ fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Scre
                     start * 1e3,
                     side * 1e3
                 );
-                section.mistake_report().add_mistake_at(&section.byte_range_of_value(start_key), text);
+                section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(start_key), text);
             } else {
                 *extent = trim_extent_to_side(start, *extent, side);
             }
@@ -278,10 +293,14 @@ fn read_support(section: TomlSection<'_, '_>, size: &SurfaceSize) -> Support {
     let support = Support {
         x_m,
         y_m,
-        stiffness_n_per_m: section.read_number("stiffness_n_per_m", STIFFNESS),
-        damping_n_s_per_m: section.read_number_or("damping_n_s_per_m", 0.0, DAMPING),
-        rotational_stiffness_n_m_per_rad: section.read_number_or("rotational_stiffness_n_m_per_rad", 0.0, STIFFNESS),
-        loss_factor: section.read_number_or("loss_factor", 0.0, LOSS_FACTOR),
+        stiffness_n_per_m: section.read_required_number_or_nan("stiffness_n_per_m", STIFFNESS),
+        damping_n_s_per_m: section.read_optional_number_or_nan("damping_n_s_per_m", 0.0, DAMPING),
+        rotational_stiffness_n_m_per_rad: section.read_optional_number_or_nan(
+            "rotational_stiffness_n_m_per_rad",
+            0.0,
+            STIFFNESS,
+        ),
+        loss_factor: section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR),
     };
     section.report_unknown_keys();
     support
@@ -296,8 +315,8 @@ fn read_edges(sections: Vec<TomlSection<'_, '_>>, size: &SurfaceSize) -> Vec<Edg
     };
     let mut edges: Vec<Edge> = Vec::new();
     for section in sections {
-        let side = section.read_word("side", sides);
-        let word = section.read_word("kind", &[("pinned", 0), ("clamped", 1), ("elastic", 2)]);
+        let side = section.read_required_word("side", sides);
+        let word = section.read_required_word("kind", &[("pinned", 0), ("clamped", 1), ("elastic", 2)]);
         let kind = match word {
             Some(0) => Some(EdgeKind::Pinned),
             Some(1) => Some(EdgeKind::Clamped),
@@ -307,13 +326,19 @@ fn read_edges(sections: Vec<TomlSection<'_, '_>>, size: &SurfaceSize) -> Vec<Edg
         if let (Some(side), Some(kind)) = (side, kind) {
             if edges.iter().any(|edge| edge.side == side) {
                 section.mistake_report().add_mistake_at(
-                    &section.byte_range_of_value("side"),
-                    format!("{}: this side has an edge already", section.key_with_path("side")),
+                    &section.byte_range_of_value_or_section("side"),
+                    format!(
+                        "{}: an earlier [[edge]] has this side already, but a side may have one [[edge]] only",
+                        section.key_with_path("side")
+                    ),
                 );
             }
-            if !size.is_side_left(side) {
-                let text = format!("{}: [[cutout]] has taken this side away", section.key_with_path("side"));
-                section.mistake_report().add_mistake_at(&section.byte_range_of_value("side"), text);
+            if !size.do_cutouts_leave_part_of_side(side) {
+                let text = format!(
+                    "{}: the cut-outs leave nothing of this side, so the side cannot be held",
+                    section.key_with_path("side")
+                );
+                section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("side"), text);
             }
             edges.push(Edge { side, kind });
         }
@@ -329,83 +354,100 @@ fn read_elastic_edge(section: &TomlSection<'_, '_>, kind: SurfaceKind) -> EdgeKi
         SurfaceKind::Bar => ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad"),
     };
     EdgeKind::Elastic {
-        stiffness: section.read_number_or(stiffness, 0.0, STIFFNESS),
-        rotational_stiffness: section.read_number_or(rotational, 0.0, STIFFNESS),
-        loss_factor: section.read_number_or("loss_factor", 0.0, LOSS_FACTOR),
+        stiffness: section.read_optional_number_or_nan(stiffness, 0.0, STIFFNESS),
+        rotational_stiffness: section.read_optional_number_or_nan(rotational, 0.0, STIFFNESS),
+        loss_factor: section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR),
     }
 }
 
 fn read_mass(section: TomlSection<'_, '_>, size: &SurfaceSize) -> Mass {
     let (x_m, y_m) = size.read_position_m(&section);
-    let mass = Mass { x_m, y_m, mass_kg: section.read_number("mass_g", MASS_G) / 1e3 };
+    let mass = Mass { x_m, y_m, mass_kg: section.read_required_number_or_nan("mass_g", MASS_G) / 1e3 };
     section.report_unknown_keys();
     mass
 }
 
 fn read_press_force_n(section: TomlSection<'_, '_>) -> f64 {
-    let force_n = section.read_number_or("force_n", DEFAULT_PRESS_N, AllowedNumbers::Within(0.0, MOST_PRESS_N));
+    let force_n =
+        section.read_optional_number_or_nan("force_n", DEFAULT_PRESS_N, AllowedNumbers::Within(0.0, MOST_PRESS_N));
     section.report_unknown_keys();
     force_n
 }
 
 /// Depth of the sealed cavity in m, if there is one, and mass that moves with the surface in kg/m^2.
 fn read_sealed_depth_and_added_mass(section: TomlSection<'_, '_>) -> (Option<f64>, f64) {
-    let depth_m =
-        section.has_key("sealed_depth_mm").then(|| section.read_number("sealed_depth_mm", SEALED_DEPTH_MM) / 1e3);
-    let added_mass = section.read_number_or("added_mass_kg_per_m2", 0.0, ADDED_MASS);
+    let depth_m = section
+        .has_key("sealed_depth_mm")
+        .then(|| section.read_required_number_or_nan("sealed_depth_mm", SEALED_DEPTH_MM) / 1e3);
+    let added_mass = section.read_optional_number_or_nan("added_mass_kg_per_m2", 0.0, ADDED_MASS);
     section.report_unknown_keys();
     (depth_m, added_mass)
 }
 
 fn read_finger(section: TomlSection<'_, '_>) -> Finger {
     let finger = Finger {
-        mass_kg: section.read_number_or("mass_g", 0.0, FINGER_MASS_G) / 1e3,
-        damping_n_s_per_m: section.read_number_or("damping_n_s_per_m", 0.0, FINGER_DAMPING),
-        stiffness_n_per_m: section.read_number_or("stiffness_n_per_m", 0.0, FINGER_STIFFNESS),
+        mass_kg: section.read_optional_number_or_nan("mass_g", 0.0, FINGER_MASS_G) / 1e3,
+        damping_n_s_per_m: section.read_optional_number_or_nan("damping_n_s_per_m", 0.0, FINGER_DAMPING),
+        stiffness_n_per_m: section.read_optional_number_or_nan("stiffness_n_per_m", 0.0, FINGER_STIFFNESS),
     };
     section.report_unknown_keys();
     finger
 }
 
-fn read_actuators(sections: Vec<TomlSection<'_, '_>>, size: &SurfaceSize) -> Vec<Actuator> {
+fn read_actuators(
+    sections: Vec<TomlSection<'_, '_>>,
+    size: &SurfaceSize,
+    electronics: Option<&Electronics<'_, '_>>,
+) -> Vec<Actuator> {
     let mut actuators: Vec<Actuator> = Vec::new();
     for section in sections {
-        let mount = section.read_word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)]);
+        let mount =
+            section.read_required_word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)]);
         // A grounded ERA without a mass is a spring with a force; an inertial one has nothing to push off from.
         let moving_mass =
             if mount == Some(Mount::Inertial) { AllowedNumbers::Within(1e-9, MOST_MASS_G) } else { MASS_G };
-        let id = section.read_text("id");
+        let id = section.read_required_text("id");
         let (x_m, y_m) = size.read_position_m(&section);
-        let max_voltage_v = section.read_number("max_voltage_v", AllowedNumbers::Within(1.0, 10_000.0));
-        let air_gap_um = section.read_number("air_gap_um", AllowedNumbers::Within(1.0, 1e5));
+        let max_voltage_v = section.read_required_number_or_nan("max_voltage_v", AllowedNumbers::Within(1.0, 10_000.0));
+        let air_gap_um = section.read_required_number_or_nan("air_gap_um", AllowedNumbers::Within(1.0, 1e5));
         let stop = AllowedNumbers::Within(LEAST_STOP_UM, if air_gap_um.is_nan() { f64::MAX } else { air_gap_um });
-        let stop_um = section.has_key("stop_um").then(|| section.read_number("stop_um", stop));
+        let stop_um = section.has_key("stop_um").then(|| section.read_required_number_or_nan("stop_um", stop));
         let bias = AllowedNumbers::Within(0.0, if max_voltage_v.is_nan() { f64::MAX } else { max_voltage_v });
-        let actuator = Actuator {
+        let mut actuator = Actuator {
             id,
             x_m,
             y_m,
             mount: mount.unwrap_or(Mount::Grounded),
-            moving_mass_kg: section.read_number("moving_mass_g", moving_mass) / 1e3,
-            stiffness_n_per_m: section.read_number("stiffness_n_per_m", STIFFNESS),
-            damping_n_s_per_m: section.read_number_or("damping_n_s_per_m", 0.0, DAMPING),
-            housing_mass_kg: section.read_number_or("housing_mass_g", 0.0, MASS_G) / 1e3,
-            electrode_area_m2: section.read_number("electrode_area_mm2", AREA_MM2) / 1e6,
+            moving_mass_kg: section.read_required_number_or_nan("moving_mass_g", moving_mass) / 1e3,
+            stiffness_n_per_m: section.read_required_number_or_nan("stiffness_n_per_m", STIFFNESS),
+            damping_n_s_per_m: section.read_optional_number_or_nan("damping_n_s_per_m", 0.0, DAMPING),
+            housing_mass_kg: section.read_optional_number_or_nan("housing_mass_g", 0.0, MASS_G) / 1e3,
+            electrode_area_m2: section.read_required_number_or_nan("electrode_area_mm2", AREA_MM2) / 1e6,
             air_gap_m: air_gap_um / 1e6,
             max_voltage_v,
             stop_m: stop_um.map(|um| um / 1e6),
-            bias_voltage_v: section.read_number_or("bias_voltage_v", 0.0, bias),
+            bias_voltage_v: section.read_optional_number_or_nan("bias_voltage_v", 0.0, bias),
+            cable_capacitance_f: section.read_optional_number_or_nan(
+                "cable_capacitance_pf",
+                DEFAULT_CABLE_CAPACITANCE_F * 1e12,
+                CABLE_PF,
+            ) * 1e-12,
+            charging: ChargingTimes::default(),
         };
+        if let Some(electronics) = electronics {
+            let capacitance_f = actuator.capacitance_of_electrode_with_cable_f();
+            actuator.charging = electronics.charging_times(&section, &actuator.id, capacitance_f);
+        }
         if actuator.bias_voltage_v > 0.0 && actuator.effective_stiffness_n_per_m() <= 0.0 {
             let text = format!(
-                "{} is {}, but must be below {:.1} V, where the electrodes pull the mass in (its springs of {} N/m are \
-                 softened to nothing)",
+                "{} is {}, but must be below {:.1} V: at this voltage the electrodes cancel the stiffness of the springs \
+                 ({} N/m) and pull the mass onto an electrode",
                 section.key_with_path("bias_voltage_v"),
                 actuator.bias_voltage_v,
                 actuator.pull_in_voltage_v(),
                 actuator.stiffness_n_per_m
             );
-            section.mistake_report().add_mistake_at(&section.byte_range_of_value("bias_voltage_v"), text);
+            section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("bias_voltage_v"), text);
         }
         if !actuator.id.is_empty() && actuators.iter().any(|other| other.id == actuator.id) {
             let text = format!(
@@ -413,7 +455,7 @@ fn read_actuators(sections: Vec<TomlSection<'_, '_>>, size: &SurfaceSize) -> Vec
                 section.key_with_path("id"),
                 actuator.id
             );
-            section.mistake_report().add_mistake_at(&section.byte_range_of_value("id"), text);
+            section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("id"), text);
         }
         actuators.push(actuator);
         section.report_unknown_keys();

@@ -9,7 +9,7 @@ use super::{Scene, Surface, SurfaceKind};
 /// and a nanometre on a panel of 1 m.
 pub const ROUNDING: f64 = 1e-9;
 
-/// A place on the surface's rectangle in m, edges included: made by [`Surface::surface_point_on_rectangle`] and [`Scene::surface_point_at`] alone. On a bar it
+/// A place on the surface's rectangle in m, edges included: made by [`Surface::surface_point_on_rectangle_even_in_cutout`] and [`Scene::surface_point_at`] alone. On a bar it
 /// is on the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -41,7 +41,7 @@ impl SurfacePoint {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PlaceError {
     /// Beyond an edge.
-    #[error("{field} {value} is not in the allowed range 0 to {max}")]
+    #[error("{field} is {value}, but must be 0 to {max}")]
     Outside {
         /// `x_mm` or `y_mm`.
         field: &'static str,
@@ -51,7 +51,9 @@ pub enum PlaceError {
         max: f64,
     },
     /// In a cut-out.
-    #[error("x_mm, y_mm: ({x_mm}, {y_mm}) lies in cutout[{cutout}] of the scene, where there is no surface")]
+    #[error(
+        "the point with x_mm = {x_mm} and y_mm = {y_mm} lies in cutout[{cutout}] of the scene, where there is no surface"
+    )]
     Cutout {
         /// In mm.
         x_mm: f64,
@@ -72,7 +74,7 @@ pub(super) fn metres_to_rounded_mm(length_m: f64) -> f64 {
 ///
 /// # Errors
 /// [`PlaceError::Outside`] beyond an edge, and for what is not a number.
-pub fn check_coordinate_along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, PlaceError> {
+pub fn check_and_snap_coordinate_along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, PlaceError> {
     let near = |edge_m: f64| (at_m - edge_m).abs() <= ROUNDING * side_m;
     if near(side_m) {
         Ok(side_m)
@@ -107,9 +109,9 @@ impl Surface {
     ///
     /// # Errors
     /// [`PlaceError::Outside`].
-    pub fn surface_point_on_rectangle(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
-        let x_m = check_coordinate_along_side("x_mm", x_m, self.length_m)?;
-        let y_m = check_coordinate_along_side("y_mm", y_m, self.width_m)?;
+    pub fn surface_point_on_rectangle_even_in_cutout(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
+        let x_m = check_and_snap_coordinate_along_side("x_mm", x_m, self.length_m)?;
+        let y_m = check_and_snap_coordinate_along_side("y_mm", y_m, self.width_m)?;
         Ok(match self.kind {
             SurfaceKind::Plate => SurfacePoint { x_m, y_m },
             SurfaceKind::Bar => SurfacePoint { x_m, y_m: self.width_m / 2.0 },
@@ -120,7 +122,7 @@ impl Surface {
 impl Scene {
     /// Columns and rows of a grid in m, border to border; a bar has one row, its axis.
     #[must_use]
-    pub fn grid_lines_m(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
+    pub fn surface_grid_lines_m(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
         let rows = if self.surface.kind == SurfaceKind::Bar { 1 } else { rows };
         (equidistant_numbers(0.0, self.surface.length_m, columns), equidistant_numbers(0.0, self.surface.width_m, rows))
     }
@@ -130,8 +132,8 @@ impl Scene {
     /// # Errors
     /// [`PlaceError`] beyond an edge and inside of a cut-out.
     pub fn surface_point_at(&self, x_m: f64, y_m: f64) -> Result<SurfacePoint, PlaceError> {
-        let place = self.surface.surface_point_on_rectangle(x_m, y_m)?;
-        match self.cutout_number_at(place.x_m, place.y_m) {
+        let place = self.surface.surface_point_on_rectangle_even_in_cutout(x_m, y_m)?;
+        match self.cutout_number_counted_from_1_at(place.x_m, place.y_m) {
             None => Ok(place),
             Some(cutout) => Err(PlaceError::Cutout {
                 x_mm: metres_to_rounded_mm(place.x_m),
@@ -172,36 +174,45 @@ mod tests {
             (surface.length_m, surface.width_m) = (side, side / 3.0);
             let width = surface.width_m;
             for (x, y) in [(side.next_up(), -1e-17), (side * 48.0 / 48.0, 0.0), (side * 1e3 / 1e3, -0.0)] {
-                assert_eq!(surface.surface_point_on_rectangle(x, y).unwrap().coordinates_m(), (side, 0.0));
+                assert_eq!(
+                    surface.surface_point_on_rectangle_even_in_cutout(x, y).unwrap().coordinates_m(),
+                    (side, 0.0)
+                );
             }
             assert_eq!(
-                surface.surface_point_on_rectangle(-1e-10 * side, width.next_down()).unwrap().coordinates_m(),
+                surface
+                    .surface_point_on_rectangle_even_in_cutout(-1e-10 * side, width.next_down())
+                    .unwrap()
+                    .coordinates_m(),
                 (0.0, width)
             );
             assert_eq!(
-                surface.surface_point_on_rectangle(0.3 * side, 0.7 * width).unwrap().coordinates_m(),
+                surface.surface_point_on_rectangle_even_in_cutout(0.3 * side, 0.7 * width).unwrap().coordinates_m(),
                 (0.3 * side, 0.7 * width)
             );
             assert!(
-                surface.surface_point_on_rectangle(side * (1.0 + 1e-8), 0.0).is_err()
-                    && surface.surface_point_on_rectangle(0.0, -1e-8 * side).is_err()
+                surface.surface_point_on_rectangle_even_in_cutout(side * (1.0 + 1e-8), 0.0).is_err()
+                    && surface.surface_point_on_rectangle_even_in_cutout(0.0, -1e-8 * side).is_err()
             );
         }
         assert!(
-            surface.surface_point_on_rectangle(f64::NAN, 0.0).is_err()
-                && surface.surface_point_on_rectangle(0.0, f64::INFINITY).is_err()
+            surface.surface_point_on_rectangle_even_in_cutout(f64::NAN, 0.0).is_err()
+                && surface.surface_point_on_rectangle_even_in_cutout(0.0, f64::INFINITY).is_err()
         );
         surface.length_m = 0.36;
-        let error = surface.surface_point_on_rectangle(0.3601, 0.0).unwrap_err();
-        assert_eq!(error.to_string(), "x_mm 360.1 is not in the allowed range 0 to 360");
+        let error = surface.surface_point_on_rectangle_even_in_cutout(0.3601, 0.0).unwrap_err();
+        assert_eq!(error.to_string(), "x_mm is 360.1, but must be 0 to 360");
     }
 
     #[test]
     fn a_bars_places_are_on_its_axis() {
         let mut surface = Scene::parse("plate", EXAMPLE_PLATE).unwrap().surface;
         surface.kind = SurfaceKind::Bar;
-        assert_eq!(surface.surface_point_on_rectangle(0.1, 0.0).unwrap().coordinates_m(), (0.1, surface.width_m / 2.0));
-        assert!(surface.surface_point_on_rectangle(0.1, 2.0 * surface.width_m).is_err());
+        assert_eq!(
+            surface.surface_point_on_rectangle_even_in_cutout(0.1, 0.0).unwrap().coordinates_m(),
+            (0.1, surface.width_m / 2.0)
+        );
+        assert!(surface.surface_point_on_rectangle_even_in_cutout(0.1, 2.0 * surface.width_m).is_err());
     }
 
     #[test]

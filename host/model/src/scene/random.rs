@@ -45,9 +45,9 @@ impl RandomSequence {
         from + (to - from) * self.next_unit_number()
     }
 
-    /// A power of ten whose exponent is evenly distributed between `from` and `to`.
-    pub fn next_power_of_ten(&mut self, from: f64, to: f64) -> f64 {
-        10.0_f64.powf(self.next_between(from, to))
+    /// A power of ten whose exponent is evenly distributed between `lowest_exponent` and `highest_exponent`.
+    pub fn next_power_of_ten(&mut self, lowest_exponent: f64, highest_exponent: f64) -> f64 {
+        10.0_f64.powf(self.next_between(lowest_exponent, highest_exponent))
     }
 
     /// A whole number from 0 up to, and without, `count`.
@@ -131,6 +131,10 @@ pub fn write_random_scene(random: &mut RandomSequence, name: &str) -> String {
         let at = place(random);
         write_random_actuator(random, &mut text, i + 1, &at, softened_by);
     }
+    // Last, so that all else is as it was before there were resistors.
+    if random.is_true_with_probability(0.3) {
+        write_random_electronics(random, &mut text);
+    }
     text
 }
 
@@ -175,6 +179,20 @@ fn write_random_actuator(
         mass_kg * 1e3,
         area_m2 * 1e6,
         gap_m * 1e6,
+    );
+}
+
+/// Resistors up to twice those of the board's drive stage; electrodes have 90 to 170 pF with their cables.
+fn write_random_electronics(random: &mut RandomSequence, text: &mut String) {
+    let charging_ohm = random.next_power_of_ten(5.0, 6.3);
+    let discharging_ohm = charging_ohm * random.next_power_of_ten(-1.3, 0.0);
+    // No longer than the shortest time constant.
+    let most_us = (charging_ohm * 85e-6).min(40.0);
+    let delay_us = if random.is_true_with_probability(0.5) { random.next_between(0.0, most_us) } else { 0.0 };
+    let _ = write!(
+        text,
+        "[electronics]\ncharging_resistance_ohm = {charging_ohm:.0}\ndischarging_resistance_ohm = {discharging_ohm:.0}\n\
+         discharging_delay_us = {delay_us:.2}\n",
     );
 }
 

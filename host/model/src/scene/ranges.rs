@@ -1,7 +1,7 @@
 //! What numbers in a scene file may be where several parts of it share a range, and places on the surface.
 
 use super::layout::SurfaceLayout;
-use super::place::{check_coordinate_along_side, metres_to_rounded_mm};
+use super::place::{check_and_snap_coordinate_along_side, metres_to_rounded_mm};
 use super::read::{AllowedNumbers, TomlSection};
 use super::{Side, SurfaceKind};
 
@@ -29,8 +29,8 @@ pub(super) struct SurfaceSize {
 impl SurfaceSize {
     /// Where something is attached, in m: both coordinates, and not in a cut-out.
     pub fn read_position_m(&self, section: &TomlSection<'_, '_>) -> (f64, f64) {
-        let (x_m, y_m) = (self.read_x_m(section), self.read_y_m(section));
-        let is_nowhere = self.left.as_ref().is_some_and(|left| left.layer_at(x_m, y_m).is_none());
+        let (x_m, y_m) = (self.read_x_m(section), self.read_attachment_y_or_that_of_bar_axis_m(section));
+        let is_nowhere = self.left.as_ref().is_some_and(|left| left.layer_at_unless_cut_out(x_m, y_m).is_none());
         if is_nowhere && x_m.is_finite() && y_m.is_finite() {
             let text = format!(
                 "{} and y_mm: ({}, {}) lies in a [[cutout]], but must be on the surface",
@@ -38,29 +38,33 @@ impl SurfaceSize {
                 metres_to_rounded_mm(x_m),
                 metres_to_rounded_mm(y_m)
             );
-            section.mistake_report().add_mistake_at(&section.byte_range_of_value("x_mm"), text);
+            section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("x_mm"), text);
         }
         (x_m, y_m)
     }
 
     /// Whether cut-outs leave something of a side.
-    pub fn is_side_left(&self, side: Side) -> bool {
+    pub fn do_cutouts_leave_part_of_side(&self, side: Side) -> bool {
         self.left.as_ref().is_none_or(|left| !left.remaining_stretches_of_side_m(side).is_empty())
     }
 
     /// Reads the x coordinate in m.
     pub fn read_x_m(&self, section: &TomlSection<'_, '_>) -> f64 {
-        snap_mm_to_side_m(section.read_number("x_mm", allowed_mm_along_side(self.length_m)), self.length_m)
+        snap_mm_to_side_m(
+            section.read_required_number_or_nan("x_mm", allowed_mm_along_side(self.length_m)),
+            self.length_m,
+        )
     }
 
     /// A bar's attachments lie on its axis, whatever y is given.
-    pub fn read_y_m(&self, section: &TomlSection<'_, '_>) -> f64 {
+    pub fn read_attachment_y_or_that_of_bar_axis_m(&self, section: &TomlSection<'_, '_>) -> f64 {
         match self.kind {
-            SurfaceKind::Plate => {
-                snap_mm_to_side_m(section.read_number("y_mm", allowed_mm_along_side(self.width_m)), self.width_m)
-            }
+            SurfaceKind::Plate => snap_mm_to_side_m(
+                section.read_required_number_or_nan("y_mm", allowed_mm_along_side(self.width_m)),
+                self.width_m,
+            ),
             SurfaceKind::Bar => {
-                section.read_number_or("y_mm", 0.0, allowed_mm_along_side(self.width_m));
+                section.read_optional_number_or_nan("y_mm", 0.0, allowed_mm_along_side(self.width_m));
                 self.width_m / 2.0
             }
         }
@@ -69,7 +73,7 @@ impl SurfaceSize {
 
 /// A position in mm that has been looked at, in m; on the edge if it is within rounding of it.
 fn snap_mm_to_side_m(at_mm: f64, side_m: f64) -> f64 {
-    check_coordinate_along_side("", at_mm / 1e3, side_m).unwrap_or_else(|_| (at_mm / 1e3).min(side_m))
+    check_and_snap_coordinate_along_side("", at_mm / 1e3, side_m).unwrap_or_else(|_| (at_mm / 1e3).min(side_m))
 }
 
 pub(super) fn allowed_mm_along_side(side_m: f64) -> AllowedNumbers {

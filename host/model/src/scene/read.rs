@@ -73,7 +73,10 @@ pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<De
         let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
         let text = match own {
             Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
-                format!("not valid TOML: {own} for the second time; each of several is written [{own}]")
+                format!(
+                    "not valid TOML: {own} is given twice, but a table in single brackets may be given once only; where the \
+                     file may have several such tables, each is written [{own}]"
+                )
             }
             Some(own) => format!("not valid TOML: {told}: {own}"),
             None => format!("not valid TOML: {told}"),
@@ -222,7 +225,7 @@ impl<'r, 't> TomlSection<'r, 't> {
 
     /// Where a key's value stands, or the section if it has none.
     #[must_use]
-    pub fn byte_range_of_value(&self, key: &str) -> Range<usize> {
+    pub fn byte_range_of_value_or_section(&self, key: &str) -> Range<usize> {
         self.table.get(key).map_or_else(|| self.at.clone(), Spanned::span)
     }
 
@@ -233,7 +236,7 @@ impl<'r, 't> TomlSection<'r, 't> {
         self.table.contains_key(key)
     }
 
-    fn value_of_key(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
+    fn value_of_key_marking_known(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
         self.mark_key_known(key);
         self.table.get(key).map(Spanned::get_ref)
     }
@@ -257,21 +260,21 @@ impl<'r, 't> TomlSection<'r, 't> {
         let text = format!("{field} is {value}, but must be {wanted}");
         let mistake =
             FileMistake { line: 0, text, field: Some(field), value: Some(value), allowed: Some(wanted.to_owned()) };
-        self.report.record_mistake_at(&self.byte_range_of_value(key), mistake);
+        self.report.record_mistake_at(&self.byte_range_of_value_or_section(key), mistake);
     }
 
     /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
-    pub fn read_number(&self, key: &'static str, allowed: AllowedNumbers) -> f64 {
-        if self.value_of_key(key).is_none() {
+    pub fn read_required_number_or_nan(&self, key: &'static str, allowed: AllowedNumbers) -> f64 {
+        if self.value_of_key_marking_known(key).is_none() {
             self.report_missing_key(key, &format!("a number {allowed}"));
             return f64::NAN;
         }
-        self.read_number_or(key, f64::NAN, allowed)
+        self.read_optional_number_or_nan(key, f64::NAN, allowed)
     }
 
     /// A number with a default.
-    pub fn read_number_or(&self, key: &'static str, default: f64, allowed: AllowedNumbers) -> f64 {
-        let Some(value) = self.value_of_key(key) else { return default };
+    pub fn read_optional_number_or_nan(&self, key: &'static str, default: f64, allowed: AllowedNumbers) -> f64 {
+        let Some(value) = self.value_of_key_marking_known(key) else { return default };
         let Some(number) = parse_number_value(value) else {
             self.report_wrong_type(key, value, &format!("a number {allowed}"));
             return f64::NAN;
@@ -285,8 +288,8 @@ impl<'r, 't> TomlSection<'r, 't> {
 
     /// Reads a whole number from 1 to `max` that has to be there.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
-    pub fn read_count(&self, key: &'static str, max: u32) -> u32 {
-        let Some(value) = self.value_of_key(key) else {
+    pub fn read_required_positive_count_or_1(&self, key: &'static str, max: u32) -> u32 {
+        let Some(value) = self.value_of_key_marking_known(key) else {
             self.report_missing_key(key, &format!("a whole number 1 to {max}"));
             return 1;
         };
@@ -300,8 +303,8 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Reads a text that has to be there.
-    pub fn read_text(&self, key: &'static str) -> String {
-        match self.value_of_key(key) {
+    pub fn read_required_text(&self, key: &'static str) -> String {
+        match self.value_of_key_marking_known(key) {
             Some(DeValue::String(text)) if !text.trim().is_empty() => text.to_string(),
             Some(value) => {
                 self.report_wrong_type(key, value, "a text that is not empty");
@@ -315,8 +318,13 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Numbers in a list, as many as one of `counts` says; `None` if the key is not there, or wrong.
-    pub fn read_numbers(&self, key: &'static str, counts: &[usize], allowed: AllowedNumbers) -> Option<Vec<f64>> {
-        let value = self.value_of_key(key)?;
+    pub fn read_numbers_if_given(
+        &self,
+        key: &'static str,
+        counts: &[usize],
+        allowed: AllowedNumbers,
+    ) -> Option<Vec<f64>> {
+        let value = self.value_of_key_marking_known(key)?;
         let each = |list: &DeArray<'_>| {
             list.iter().map(|entry| parse_number_value(entry.get_ref())).collect::<Option<Vec<_>>>()
         };
@@ -336,11 +344,11 @@ impl<'r, 't> TomlSection<'r, 't> {
     /// Whether a key's value is a list.
     #[must_use]
     pub fn is_value_a_list(&self, key: &'static str) -> bool {
-        self.value_of_key(key).is_some_and(DeValue::is_array)
+        self.value_of_key_marking_known(key).is_some_and(DeValue::is_array)
     }
 
     /// Pairs of numbers in a list; `None` if it is none of these, or a number is not allowed.
-    pub fn read_number_pairs(
+    pub fn number_pairs_if_all_allowed_without_report(
         &self,
         key: &'static str,
         first: AllowedNumbers,
@@ -353,19 +361,19 @@ impl<'r, 't> TomlSection<'r, 't> {
             };
             Some((number(0, first)?, number(1, second)?))
         };
-        self.value_of_key(key)?.as_array()?.iter().map(pair).collect()
+        self.value_of_key_marking_known(key)?.as_array()?.iter().map(pair).collect()
     }
 
     /// Reports that a key's value, shown as it is written, is not what is wanted.
     pub fn report_wrong_list(&self, key: &'static str, wanted: &str) {
-        if let Some(value) = self.value_of_key(key) {
+        if let Some(value) = self.value_of_key_marking_known(key) {
             self.report_wrong_value(key, format_value_with_lists(value), wanted);
         }
     }
 
     /// A text, or a list of texts; `None` if the key is not there, or wrong.
-    pub fn read_texts(&self, key: &'static str) -> Option<Vec<String>> {
-        let value = self.value_of_key(key)?;
+    pub fn read_text_or_texts_if_given(&self, key: &'static str) -> Option<Vec<String>> {
+        let value = self.value_of_key_marking_known(key)?;
         let texts: Option<Vec<String>> = match value {
             DeValue::Array(list) => list.iter().map(|entry| entry.get_ref().as_str().map(str::to_owned)).collect(),
             value => value.as_str().map(|text| vec![text.to_owned()]),
@@ -378,9 +386,9 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Reads one of some words, which has to be there.
-    pub fn read_word<T: Copy>(&self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
+    pub fn read_required_word<T: Copy>(&self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
         let wanted = words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
-        let Some(value) = self.value_of_key(key) else {
+        let Some(value) = self.value_of_key_marking_known(key) else {
             self.report_missing_key(key, &format!("one of {wanted}"));
             return None;
         };
@@ -392,11 +400,14 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Reads a table within this one; `None` if it is not there.
-    pub fn read_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
-        match self.value_of_key(key)? {
-            DeValue::Table(table) => {
-                Some(TomlSection::new(self.report, table, self.key_with_path(key), self.byte_range_of_value(key)))
-            }
+    pub fn read_table_if_given(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
+        match self.value_of_key_marking_known(key)? {
+            DeValue::Table(table) => Some(TomlSection::new(
+                self.report,
+                table,
+                self.key_with_path(key),
+                self.byte_range_of_value_or_section(key),
+            )),
             value => {
                 self.report_wrong_type(key, value, "a table");
                 None
@@ -409,12 +420,12 @@ impl<'r, 't> TomlSection<'r, 't> {
         if !self.table.contains_key(key) {
             self.report_missing_key(key, &format!("a table [{}]", self.key_with_path(key)));
         }
-        self.read_table(key)
+        self.read_table_if_given(key)
     }
 
     /// A list of tables, `[[key]]`; empty if there is none.
     pub fn read_tables(&self, key: &'static str) -> Vec<TomlSection<'r, 't>> {
-        let Some(value) = self.value_of_key(key) else { return Vec::new() };
+        let Some(value) = self.value_of_key_marking_known(key) else { return Vec::new() };
         let DeValue::Array(list) = value else {
             self.report_wrong_type(key, value, &format!("a list of tables, [[{key}]]"));
             return Vec::new();

@@ -14,21 +14,21 @@ const LEAST_SIDE_MM: f64 = 0.1;
 
 /// Where a rectangle begins and how long it is along one side, in m.
 fn read_start_and_extent_m(section: &TomlSection<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
-    let start = section.read_number(keys[0], allowed_mm_along_side(side_m)) / 1e3;
+    let start = section.read_required_number_or_nan(keys[0], allowed_mm_along_side(side_m)) / 1e3;
     let longest = if side_m.is_nan() {
         AllowedNumbers::Positive
     } else {
         AllowedNumbers::Along(LEAST_SIDE_MM, metres_to_rounded_mm(side_m))
     };
-    let extent = section.read_number(keys[1], longest) / 1e3;
+    let extent = section.read_required_number_or_nan(keys[1], longest) / 1e3;
     if start + extent > side_m * (1.0 + ROUNDING) {
         let text = format!(
-            "{} makes it end at {} mm, but must keep it within the surface's {} mm",
+            "{} makes the rectangle end at {} mm, but the surface ends at {} mm",
             section.key_with_path(keys[1]),
             metres_to_rounded_mm(start + extent),
             metres_to_rounded_mm(side_m)
         );
-        section.mistake_report().add_mistake_at(&section.byte_range_of_value(keys[1]), text);
+        section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(keys[1]), text);
     }
     (start, extent)
 }
@@ -42,10 +42,10 @@ pub(super) fn read_patches(
     if let Some(section) = sections.first().filter(|_| surface.is_some_and(|surface| !surface.layers.is_empty())) {
         // Which layers go on beneath it, and about which plane, it does not say.
         let text = format!(
-            "{}: a surface of [[layer]] has no [[patch]]; leave out the one or the other",
+            "{}: a [[patch]] is not allowed on a surface of [[layer]]: leave out the patches or the layers",
             section.path_in_messages()
         );
-        section.mistake_report().add_mistake_at(&section.byte_range_of_value("x_mm"), text);
+        section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("x_mm"), text);
         return Vec::new();
     }
     sections.into_iter().map(|section| read_patch(section, surface, size)).collect()
@@ -56,22 +56,28 @@ fn read_patch(section: TomlSection<'_, '_>, surface: Option<&Surface>, size: &Su
     let (y_m, width_m) = match size.kind {
         SurfaceKind::Plate => read_start_and_extent_m(&section, ["y_mm", "width_mm"], size.width_m),
         SurfaceKind::Bar => {
-            let width =
-                section.read_number_or("width_mm", size.width_m * 1e3, AllowedNumbers::Within(LEAST_SIDE_MM, 1e4))
-                    / 1e3;
+            let width = section.read_optional_number_or_nan(
+                "width_mm",
+                size.width_m * 1e3,
+                AllowedNumbers::Within(LEAST_SIDE_MM, 1e4),
+            ) / 1e3;
             (0.5 * (size.width_m - width), width)
         }
     };
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
     let (thickness_m, base) = surface.map_or((f64::NAN, nothing), |surface| (surface.thickness_m, surface.material));
     let own_thickness = section.has_key("thickness_mm");
-    let thickness_mm = section.read_number_or("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
-    let table = section.read_table("material");
+    let thickness_mm = section.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
+    let table = section.read_table_if_given("material");
     let material = table.map_or(base, |table| {
         let material = Material {
-            youngs_modulus_pa: table.read_number_or("youngs_modulus_pa", base.youngs_modulus_pa, YOUNGS_MODULUS_PA),
-            poisson_ratio: table.read_number_or("poisson_ratio", base.poisson_ratio, POISSON_RATIO),
-            density_kg_m3: table.read_number_or("density_kg_m3", base.density_kg_m3, DENSITY_KG_M3),
+            youngs_modulus_pa: table.read_optional_number_or_nan(
+                "youngs_modulus_pa",
+                base.youngs_modulus_pa,
+                YOUNGS_MODULUS_PA,
+            ),
+            poisson_ratio: table.read_optional_number_or_nan("poisson_ratio", base.poisson_ratio, POISSON_RATIO),
+            density_kg_m3: table.read_optional_number_or_nan("density_kg_m3", base.density_kg_m3, DENSITY_KG_M3),
         };
         table.report_unknown_keys();
         material
@@ -92,7 +98,7 @@ pub(super) fn read_cutouts(
     let mut is_whole = true;
     for section in sections {
         let report = section.mistake_report();
-        let place = section.byte_range_of_value("x_mm");
+        let place = section.byte_range_of_value_or_section("x_mm");
         let path = section.path_in_messages().to_owned();
         if size.kind == SurfaceKind::Bar {
             report.add_mistake_at(
@@ -110,7 +116,7 @@ pub(super) fn read_cutouts(
         }
         cutouts.push(cutout);
         if let Some(surface) = surface.filter(|_| is_whole) {
-            let text = find_cutout_problem(&SurfaceLayout::new(surface, &[], &cutouts));
+            let text = describe_cutout_problem_if_any(&SurfaceLayout::new(surface, &[], &cutouts));
             is_whole = text.is_none();
             if let Some(text) = text {
                 report.add_mistake_at(&place, format!("{path} {text}"));
@@ -121,8 +127,8 @@ pub(super) fn read_cutouts(
 }
 
 /// What is wrong with the surface that cut-outs leave; `None` if nothing is.
-fn find_cutout_problem(remaining_layout: &SurfaceLayout) -> Option<String> {
-    if let Some(vertex) = remaining_layout.border_vertices().find(|vertex| vertex.is_pinch()) {
+fn describe_cutout_problem_if_any(remaining_layout: &SurfaceLayout) -> Option<String> {
+    if let Some(vertex) = remaining_layout.border_vertices().find(|vertex| vertex.is_pinch_point()) {
         let (x, y) = vertex.at;
         return Some(format!(
             "leaves parts of the surface that meet in the point ({}, {}) mm only, but they must be joined along a line: \
@@ -134,6 +140,6 @@ fn find_cutout_problem(remaining_layout: &SurfaceLayout) -> Option<String> {
     match remaining_layout.count_connected_pieces() {
         0 => Some(String::from("leaves nothing of the surface")),
         1 => None,
-        pieces => Some(format!("leaves the surface in {pieces} pieces, but it must stay in one")),
+        pieces => Some(format!("leaves the surface in {pieces} pieces, but must leave the surface in one piece")),
     }
 }

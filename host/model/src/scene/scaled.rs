@@ -4,7 +4,7 @@ use super::Scene;
 
 impl Scene {
     /// Moduli of surface, layers and patches times a factor.
-    pub fn scale_youngs_modulus(&mut self, factor: f64) {
+    pub fn scale_all_elastic_moduli(&mut self, factor: f64) {
         for layer in &mut self.surface.layers {
             let elastic = &mut layer.elastic;
             [&mut elastic.ex_pa, &mut elastic.ey_pa, &mut elastic.g_pa]
@@ -16,7 +16,7 @@ impl Scene {
     }
 
     /// Thicknesses of surface, layers and patches times a factor; their mass grows with it.
-    pub fn scale_thickness(&mut self, factor: f64) {
+    pub fn scale_all_thicknesses(&mut self, factor: f64) {
         self.surface.layers.iter_mut().for_each(|layer| layer.thickness_m *= factor);
         self.surface.thickness_m *= factor;
         self.patches.iter_mut().for_each(|patch| patch.thickness_m *= factor);

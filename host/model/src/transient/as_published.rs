@@ -17,13 +17,13 @@ use num_complex::Complex64;
 /// # Errors
 /// Sizes and numbers; [`TransientError::Unbounded`] if equation 15 has no solution, [`TransientError::Defective`] if
 /// equation 16 or 21 has none.
-pub fn compute_published_displacements(
+pub fn compute_published_displacements_row_per_time(
     system: &SecondOrderSystem,
     initial: &InitialState,
     drives: &[HarmonicForce],
     grid: TimeGrid,
 ) -> Result<DMatrix<f64>, TransientError> {
-    system.check_matrices()?;
+    system.check_sizes_numbers_and_symmetry()?;
     check_time_grid(grid)?;
     let n = system.count_unknowns();
     check_initial_state(initial, n)?;

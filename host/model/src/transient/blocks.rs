@@ -34,7 +34,7 @@ pub fn choose_block_length(count: usize, outputs: usize) -> usize {
 }
 
 /// Series (`count` x r) of rows E^k `state` plus waves, E the propagator over one step, `rows` r x S.
-pub fn compute_series_with_harmonics(
+pub fn compute_series_with_harmonics_row_per_time(
     rows: &DMatrix<f64>,
     one_step: DMatrix<f64>,
     state: &DVector<f64>,

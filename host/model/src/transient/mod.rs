@@ -149,7 +149,7 @@ pub enum TransientError {
     #[error("m is not positive definite: some unknown or combination of unknowns has no mass")]
     NoMass,
     /// A number outside its range.
-    #[error("{what}: {value} is not in the allowed range {min} to {max}")]
+    #[error("{what} is {value}, but must be {min} to {max}")]
     Range {
         /// Which one.
         what: &'static str,
@@ -161,7 +161,7 @@ pub enum TransientError {
         max: f64,
     },
     /// An undamped resonance: no steady state (thesis, after equation 15).
-    #[error("at {omega_rad_s} rad/s an undamped mode is driven at its resonance and there is no steady state")]
+    #[error("at {omega_rad_s} rad/s a mode without damping is driven at its resonance, so there is no steady state")]
     Unbounded {
         /// Angular frequency of the force.
         omega_rad_s: f64,

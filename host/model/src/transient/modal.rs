@@ -45,7 +45,7 @@ fn unit_responses_over_block(
 
 /// Series (`count` x r) of free motion from modal displacement `q` and velocity `v`, plus waves; `rows` are r x n and take
 /// the outputs from the modes.
-pub fn compute_modal_series(
+pub fn compute_modal_series_row_per_time(
     modes: &DecoupledModes,
     rows: &DMatrix<f64>,
     quantity: MotionQuantity,
@@ -80,14 +80,14 @@ pub fn compute_modal_series(
         }
     }
     if outputs <= FEW {
-        compute_series_of_few_outputs(rows, &table, &starts, waves, (length, step_s, count))
+        compute_few_output_series_row_per_time(rows, &table, &starts, waves, (length, step_s, count))
     } else {
-        compute_series_of_many_outputs(rows, &table, &starts, &alive, waves, (length, step_s, count))
+        compute_many_output_series_row_per_time(rows, &table, &starts, &alive, waves, (length, step_s, count))
     }
 }
 
 /// One product: the table, times the block starts weighted for each output.
-fn compute_series_of_few_outputs(
+fn compute_few_output_series_row_per_time(
     rows: &DMatrix<f64>,
     table: &DMatrix<f64>,
     starts: &DMatrix<f64>,
@@ -96,7 +96,7 @@ fn compute_series_of_few_outputs(
 ) -> DMatrix<f64> {
     let (outputs, n) = rows.shape();
     let (blocks, width) = (starts.ncols(), 2 * n + 2 * waves.len());
-    let table = append_wave_columns(table, 2 * n, waves, step_s);
+    let table = keep_first_columns_and_append_waves(table, 2 * n, waves, step_s);
     let mut weighted = DMatrix::zeros(width, blocks * outputs);
     for i in 0..outputs {
         for a in 0..blocks {
@@ -117,7 +117,12 @@ fn compute_series_of_few_outputs(
 }
 
 /// The table's first columns, and cosine and minus sine of each wave over one block.
-fn append_wave_columns(table: &DMatrix<f64>, columns: usize, waves: &[HarmonicOutput], step_s: f64) -> DMatrix<f64> {
+fn keep_first_columns_and_append_waves(
+    table: &DMatrix<f64>,
+    columns: usize,
+    waves: &[HarmonicOutput],
+    step_s: f64,
+) -> DMatrix<f64> {
     let length = table.nrows();
     let mut wide = DMatrix::zeros(length, columns + 2 * waves.len());
     wide.columns_mut(0, columns).copy_from(&table.columns(0, columns));
@@ -132,7 +137,7 @@ fn append_wave_columns(table: &DMatrix<f64>, columns: usize, waves: &[HarmonicOu
 }
 
 /// Block by block: the modes that are left, over the block, times the rows.
-fn compute_series_of_many_outputs(
+fn compute_many_output_series_row_per_time(
     rows: &DMatrix<f64>,
     table: &DMatrix<f64>,
     starts: &DMatrix<f64>,
@@ -142,7 +147,7 @@ fn compute_series_of_many_outputs(
 ) -> DMatrix<f64> {
     let (outputs, n) = rows.shape();
     let first = 2 * waves.len();
-    let cosines = append_wave_columns(table, 0, waves, step_s);
+    let cosines = keep_first_columns_and_append_waves(table, 0, waves, step_s);
     // Waves first, then modes, the slowest to die out first, so that what is left is a leading part.
     let mut transposed = DMatrix::zeros(first + n, outputs);
     transposed.rows_mut(first, n).copy_from(&rows.transpose());

@@ -21,8 +21,8 @@ const SETTLED: f64 = 0.1;
 /// drive over mode frequency.
 const SWITCHED_ON: f64 = 10.0;
 /// Why a motion has no bound: with the mesh, acceleration after switching on does not settle but gains ever higher modes.
-pub const NO_BOUND: &str = "switching on excites modes of any frequency, and how those above the band ring on is not in the \
-    model; the steady state is bounded by `era response`";
+pub const NO_BOUND: &str = "switching on excites modes of any frequency, and the model does not contain the modes above its \
+    band; `era response` bounds the error of the steady state";
 
 /// Most times of a series.
 const MOST_TIMES: f64 = 1e6;
@@ -31,13 +31,13 @@ const MOST_TIMES: f64 = 1e6;
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TimesError {
     /// A step that is none.
-    #[error("step {value} is not in the allowed range above 0 s")]
+    #[error("the time step is {value} s, but must be above 0 s")]
     Step {
         /// As given, in s.
         value: f64,
     },
     /// No duration, or one of too many steps.
-    #[error("duration {value} is not in the allowed range above 0 to {most_s} s ({MOST_TIMES} steps)")]
+    #[error("the duration is {value} s, but must be above 0 s and at most {most_s} s ({MOST_TIMES} time steps)")]
     Duration {
         /// As given, in s.
         value: f64,
@@ -102,7 +102,7 @@ impl SwitchedForce {
 
 /// The highest frequency of drives in Hz; 1 without any.
 #[must_use]
-pub fn highest_drive_frequency_hz(drives: &[SwitchedForce]) -> f64 {
+pub fn highest_drive_frequency_or_1_hz(drives: &[SwitchedForce]) -> f64 {
     drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max)
 }
 
@@ -117,7 +117,7 @@ pub fn compute_motion_after_switch_on(
     drives: &[SwitchedForce],
     grid: TimeGrid,
 ) -> Result<PointMotion, MotionError> {
-    let modelled_hz = SWITCHED_ON * highest_drive_frequency_hz(drives);
+    let modelled_hz = SWITCHED_ON * highest_drive_frequency_or_1_hz(drives);
     let model = PanelModel::build(scene, accuracy, modelled_hz)?.reduce(modelled_hz, &[at])?;
     Ok(compute_point_motion(&model, &model.shape_deflections_at(at.0, at.1), drives, grid)?)
 }
@@ -139,9 +139,9 @@ impl PointMotion {
     /// When it has settled, in s, to a tenth of its steady peak; `None` if it does not in this time, or if there are several
     /// drives: they beat, and a beat's peaks say nothing about settling.
     #[must_use]
-    pub fn settling_time_of_single_drive_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
+    pub fn settling_time_unless_several_drives_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
         match drives {
-            [drive] => self.settling_time_within_s(drive.frequency_hz, SETTLED),
+            [drive] => self.settling_time_within_tolerance_s(drive.frequency_hz, SETTLED),
             _ => None,
         }
     }
@@ -150,7 +150,7 @@ impl PointMotion {
     /// `tolerance_fraction` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn settling_time_within_s(&self, frequency_hz: f64, tolerance_fraction: f64) -> Option<f64> {
+    pub fn settling_time_within_tolerance_s(&self, frequency_hz: f64, tolerance_fraction: f64) -> Option<f64> {
         let step_s = self.time_s.get(1)?;
         let steps = (1.0 / (frequency_hz * step_s)).ceil();
         if steps < LEAST_STEPS {
@@ -168,13 +168,13 @@ impl PointMotion {
 
     /// Largest acceleration in m/s^2.
     #[must_use]
-    pub fn peak_acceleration_m_per_s2(&self) -> f64 {
+    pub fn largest_acceleration_over_time_m_per_s2(&self) -> f64 {
         self.acceleration_m_per_s2.iter().fold(0.0, |most, a| most.max(a.abs()))
     }
 }
 
 /// The motion of the point whose mode shapes are `shape`. Hysteretic damping counts as the viscous damping that loses as
-/// much at each mode's own resonance ([`ModalSystem::from_reduced`]).
+/// much at each mode's own resonance ([`ModalSystem::from_reduced_with_equivalent_viscous_damping`]).
 ///
 /// # Errors
 /// [`TransientError`]: numbers out of range, or a drive at an undamped resonance, whose steady state has no bound.
@@ -184,7 +184,7 @@ pub fn compute_point_motion(
     drives: &[SwitchedForce],
     grid: TimeGrid,
 ) -> Result<PointMotion, TransientError> {
-    let modal = ModalSystem::from_reduced(model);
+    let modal = ModalSystem::from_reduced_with_equivalent_viscous_damping(model);
     let highest = (std::f64::consts::TAU * HIGHEST_HZ).powi(2);
     // Ascending, so what is kept comes first.
     let n = modal.lambda.iter().filter(|lambda| **lambda <= highest).count();
@@ -206,7 +206,7 @@ pub fn compute_point_motion(
     let rest = InitialState { displacement: DVector::zeros(n), velocity: DVector::zeros(n) };
     let series = |quantity| -> Result<Vec<f64>, TransientError> {
         Ok(propagator
-            .compute_motion_under_harmonics(&rest, &forces, OutputRows::Rows(&row), quantity)?
+            .compute_motion_under_harmonics_row_per_time(&rest, &forces, OutputRows::Rows(&row), quantity)?
             .column(0)
             .iter()
             .copied()
@@ -245,7 +245,7 @@ mod tests {
         let drive =
             SwitchedForce { actuator: 0, frequency_hz: hz, force_n: 0.1, phase_rad: -std::f64::consts::FRAC_PI_2 };
         let motion = compute_point_motion(&model, &shape, &[drive], TimeGrid { step_s: 1e-4, count: 20_001 }).unwrap();
-        let curve = response::acceleration_curves(&model, &shape, &[hz]).unwrap();
+        let curve = response::compute_acceleration_curves_per_newton(&model, &shape, &[hz]).unwrap();
         let expected = 0.1 * curve[0][0].norm();
         assert!(
             (motion.steady_peak_m_per_s2 / expected - 1.0).abs() < 0.01,
@@ -254,7 +254,7 @@ mod tests {
         );
         let late = motion.acceleration_m_per_s2[18_000..].iter().fold(0.0_f64, |most, a| most.max(a.abs()));
         assert!((late / motion.steady_peak_m_per_s2 - 1.0).abs() < 0.01, "{late}");
-        let settled = motion.settling_time_within_s(hz, 0.1).unwrap();
+        let settled = motion.settling_time_within_tolerance_s(hz, 0.1).unwrap();
         assert!(settled > 0.005 && settled < 1.0, "{settled}");
         assert!(motion.displacement_m[0].abs() < 1e-15);
     }

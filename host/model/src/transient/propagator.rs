@@ -4,7 +4,8 @@ use super::blocks::{self, HarmonicOutput};
 use super::exponential::{count_exponential_products, largest_column_sum, matrix_exponential};
 use super::state::StateSpace;
 use super::system::{
-    DecoupledModes, MassCoordinates, check_harmonic_force, check_initial_state, check_shape, check_time_grid,
+    DecoupledModes, MassCoordinates, check_harmonic_force, check_initial_state, check_shape_and_finiteness,
+    check_time_grid,
 };
 use super::{
     HarmonicForce, InitialState, MotionQuantity, OutputRows, SecondOrderSystem, TimeGrid, TransientError, modal, steady,
@@ -21,7 +22,7 @@ pub struct Propagator {
     pub(super) grid: TimeGrid,
     pub(super) kind: PropagatorKind,
     system: SecondOrderSystem,
-    /// The factor c of the bound c k u, see [`Propagator::round_off_bound`].
+    /// The factor c of the bound c k u, see [`Propagator::relative_round_off_bound_at_index`].
     units_per_step: f64,
 }
 
@@ -37,12 +38,12 @@ impl Propagator {
     /// # Errors
     /// Sizes, numbers, symmetry of M and K, mass in every direction.
     pub fn new(system: &SecondOrderSystem, grid: TimeGrid) -> Result<Self, TransientError> {
-        system.check_matrices()?;
+        system.check_sizes_numbers_and_symmetry()?;
         check_time_grid(grid)?;
         let coordinates = MassCoordinates::new(system)?;
         #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
         let size = 2.0 * system.count_unknowns() as f64;
-        let (kind, units_per_step) = if let Some(modes) = coordinates.decouple_into_modes() {
+        let (kind, units_per_step) = if let Some(modes) = coordinates.decouple_into_modes_if_proportionally_damped() {
             // Per step the 2 x 2 propagator's entries (a few units each) and its product; once, n terms per output.
             (PropagatorKind::Modal(modes), 16.0)
         } else {
@@ -80,7 +81,7 @@ impl Propagator {
     /// whatever block they were taken in, as squaring doubles the error of what it squares. Linear in time. Errors of the
     /// given matrices themselves, w t u in phase, come on top and are of the problem, not of the recurrence.
     #[must_use]
-    pub fn round_off_bound(&self, index: usize) -> f64 {
+    pub fn relative_round_off_bound_at_index(&self, index: usize) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
         let steps = index as f64 + 1.0;
         let unit = 0.5 * f64::EPSILON;
@@ -118,7 +119,7 @@ impl Propagator {
     ///
     /// # Errors
     /// Sizes and numbers. At an undamped resonance there is an answer, which grows with t.
-    pub fn compute_motion_under_harmonics(
+    pub fn compute_motion_under_harmonics_row_per_time(
         &self,
         initial: &InitialState,
         drives: &[HarmonicForce],
@@ -132,7 +133,7 @@ impl Propagator {
             let omega = drive.omega_rad_s;
             let amplitudes = match self.solve_steady_amplitudes(drive) {
                 Err(TransientError::Unbounded { .. }) => {
-                    return self.compute_motion_with_phasor_states(initial, drives, outputs, quantity);
+                    return self.compute_motion_with_phasor_states_row_per_time(initial, drives, outputs, quantity);
                 }
                 other => other?,
             };
@@ -161,7 +162,7 @@ impl Propagator {
         Ok(match &self.kind {
             PropagatorKind::Modal(modes) => {
                 let (q, v) = (&modes.to * free.displacement, &modes.to * free.velocity);
-                modal::compute_modal_series(
+                modal::compute_modal_series_row_per_time(
                     modes,
                     &output_rows_over_coordinates(outputs, &modes.shapes),
                     quantity,
@@ -174,7 +175,7 @@ impl Propagator {
                 let z = state.build_state(&(&coordinates.to * free.displacement), &(&coordinates.to * free.velocity));
                 let rows =
                     state.output_rows_over_state(&output_rows_over_coordinates(outputs, &coordinates.back), quantity);
-                blocks::compute_series_with_harmonics(
+                blocks::compute_series_with_harmonics_row_per_time(
                     &rows,
                     matrix_exponential(&(&state.a * step_s)),
                     &z,
@@ -187,7 +188,7 @@ impl Propagator {
     }
 
     /// Motion with the forces' phasors as states: right without a steady state, at the price of a matrix exponential.
-    fn compute_motion_with_phasor_states(
+    fn compute_motion_with_phasor_states_row_per_time(
         &self,
         initial: &InitialState,
         drives: &[HarmonicForce],
@@ -202,7 +203,8 @@ impl Propagator {
         let coordinates = MassCoordinates::new(&self.system)?;
         let force = |drive: &HarmonicForce| (drive.omega_rad_s, coordinates.back.tr_mul(&drive.force_n));
         let forces: Vec<_> = drives.iter().map(force).collect();
-        let (state, amplitudes) = StateSpace::new(&coordinates, last_time_s(self.grid))?.append_phasor_states(&forces);
+        let (state, amplitudes) = StateSpace::new(&coordinates, last_time_s(self.grid))?
+            .append_phasor_states_and_get_start_amplitudes(&forces);
         let to = |vector: &DVector<f64>| &coordinates.to * vector;
         let mut z = state.build_state(&to(&initial.displacement), &to(&initial.velocity));
         for (i, (drive, amplitude)) in drives.iter().zip(amplitudes).enumerate() {
@@ -211,7 +213,7 @@ impl Propagator {
             z[at + 1] = amplitude * drive.phase_rad.sin();
         }
         let rows = state.output_rows_over_state(&output_rows_over_coordinates(outputs, &coordinates.back), quantity);
-        Ok(blocks::compute_series_with_harmonics(
+        Ok(blocks::compute_series_with_harmonics_row_per_time(
             &rows,
             matrix_exponential(&(&state.a * step_s)),
             &z,
@@ -224,7 +226,9 @@ impl Propagator {
     pub(super) fn check_output_rows(&self, outputs: OutputRows<'_>) -> Result<(), TransientError> {
         match outputs {
             OutputRows::All => Ok(()),
-            OutputRows::Rows(rows) => check_shape("outputs", rows, rows.nrows().max(1), self.count_unknowns()),
+            OutputRows::Rows(rows) => {
+                check_shape_and_finiteness("outputs", rows, rows.nrows().max(1), self.count_unknowns())
+            }
         }
     }
 }

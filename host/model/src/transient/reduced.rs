@@ -25,25 +25,25 @@ impl ModalSystem {
     /// loses as much at its own resonance, S_rs / sqrt(w_r w_s), which differs from it by less than half the loss factor
     /// of a mode's part anywhere else.
     #[must_use]
-    pub fn from_reduced(model: &ReducedModel) -> Self {
+    pub fn from_reduced_with_equivalent_viscous_damping(model: &ReducedModel) -> Self {
         Self {
             lambda: model.lambda.clone(),
-            damping: compute_equivalent_viscous_damping(model),
+            damping: viscous_damping_plus_equivalent_of_hysteretic(model),
             force: model.force.clone(),
         }
     }
 }
 
-/// The model with the damping that it has in time ([`ModalSystem::from_reduced`]), for the frequency domain; `None` if that
+/// The model with the damping that it has in time ([`ModalSystem::from_reduced_with_equivalent_viscous_damping`]), for the frequency domain; `None` if that
 /// is its own.
 #[must_use]
-pub fn with_viscous_stand_in(model: &ReducedModel) -> Option<ReducedModel> {
+pub fn with_viscous_damping_if_hysteretic(model: &ReducedModel) -> Option<ReducedModel> {
     if model.structural.iter().all(|entry| *entry == 0.0) {
         return None;
     }
     let mut causal = model.clone();
     causal.structural.fill(0.0);
-    causal.viscous = compute_equivalent_viscous_damping(model);
+    causal.viscous = viscous_damping_plus_equivalent_of_hysteretic(model);
     causal.structured = None;
     Some(causal)
 }
@@ -51,12 +51,12 @@ pub fn with_viscous_stand_in(model: &ReducedModel) -> Option<ReducedModel> {
 /// The model with the damping and the modes that it has in time (those up to 200 kHz), for the frequency
 /// domain; `None` if all of its modes are stepped. Those left out have no force and no coupling, and stay at rest.
 #[must_use]
-pub fn with_stepped_modes_only(model: &ReducedModel) -> Option<ReducedModel> {
+pub fn make_viscous_and_silence_unstepped_modes(model: &ReducedModel) -> Option<ReducedModel> {
     let left_out: Vec<usize> = (0..model.count_coordinates()).filter(|i| !is_mode_stepped(model.lambda[*i])).collect();
     if left_out.is_empty() {
         return None;
     }
-    let mut kept = with_viscous_stand_in(model).unwrap_or_else(|| model.clone());
+    let mut kept = with_viscous_damping_if_hysteretic(model).unwrap_or_else(|| model.clone());
     for i in left_out {
         kept.force.row_mut(i).fill(0.0);
         kept.viscous.row_mut(i).fill(0.0);
@@ -72,7 +72,7 @@ pub fn is_mode_stepped(lambda: f64) -> bool {
     lambda < (std::f64::consts::TAU * HIGHEST_MODE_HZ).powi(2)
 }
 
-fn compute_equivalent_viscous_damping(model: &ReducedModel) -> DMatrix<f64> {
+fn viscous_damping_plus_equivalent_of_hysteretic(model: &ReducedModel) -> DMatrix<f64> {
     let omega = model.lambda.map(f64::sqrt);
     let n = model.count_coordinates();
     DMatrix::from_fn(n, n, |i, j| {

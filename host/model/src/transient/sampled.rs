@@ -2,7 +2,7 @@
 
 use super::exponential::matrix_exponential;
 use super::propagator::{Propagator, PropagatorKind, output_rows_over_coordinates};
-use super::system::{DecoupledModes, check_initial_state, check_shape};
+use super::system::{DecoupledModes, check_initial_state, check_shape_and_finiteness};
 use super::{InitialState, MotionQuantity, OutputRows, TimeGrid, TransientError};
 use nalgebra::{DMatrix, DVector};
 
@@ -60,7 +60,7 @@ impl Propagator {
     ///
     /// # Errors
     /// Sizes and numbers.
-    pub fn compute_motion_under_samples(
+    pub fn compute_motion_under_samples_row_per_time(
         &self,
         initial: &InitialState,
         input: &DMatrix<f64>,
@@ -71,14 +71,20 @@ impl Propagator {
         let n = self.count_unknowns();
         let TimeGrid { step_s, count } = self.grid;
         check_initial_state(initial, n)?;
-        check_shape("input", input, n, input.ncols().max(1))?;
-        check_shape("samples", samples, input.ncols(), count)?;
+        check_shape_and_finiteness("input", input, n, input.ncols().max(1))?;
+        check_shape_and_finiteness("samples", samples, input.ncols(), count)?;
         self.check_output_rows(outputs)?;
         let (mut series, through) = match &self.kind {
             PropagatorKind::Modal(modes) => {
                 let force = modes.shapes.transpose() * input;
                 let (q, v) = (&modes.to * &initial.displacement, &modes.to * &initial.velocity);
-                let scalar = compute_sampled_modal_series(modes, quantity, (&q, &v), &(&force * samples), step_s);
+                let scalar = simulate_mode_series_without_force_feedthrough(
+                    modes,
+                    quantity,
+                    (&q, &v),
+                    &(&force * samples),
+                    step_s,
+                );
                 let rows = output_rows_over_coordinates(outputs, &modes.shapes);
                 (scalar * rows.transpose(), rows * force)
             }
@@ -104,7 +110,7 @@ impl Propagator {
 }
 
 /// The modes' own series (count x n) without what the force adds to the acceleration at once; `forces` are n x count.
-fn compute_sampled_modal_series(
+fn simulate_mode_series_without_force_feedthrough(
     modes: &DecoupledModes,
     quantity: MotionQuantity,
     (q, v): (&DVector<f64>, &DVector<f64>),

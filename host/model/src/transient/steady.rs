@@ -18,7 +18,7 @@ pub fn solve_steady_state(
     system: &SecondOrderSystem,
     drive: &HarmonicForce,
 ) -> Result<DVector<Complex64>, TransientError> {
-    system.check_matrices()?;
+    system.check_sizes_numbers_and_symmetry()?;
     super::system::check_harmonic_force(drive, system.count_unknowns())?;
     solve_checked_steady_state(system, drive)
 }
@@ -43,7 +43,7 @@ pub(super) fn solve_checked_steady_state(
     }
     let phasor = Complex64::from_polar(1.0, drive.phase_rad);
     let mut solution: Vec<Complex64> = (0..n).map(|i| phasor * drive.force_n[i] * scale[i]).collect();
-    if !banded.solve_in_place(&mut solution) {
+    if !banded.solve_in_place_unless_singular(&mut solution) {
         return Err(TransientError::Unbounded { omega_rad_s: omega });
     }
     Ok(DVector::from_fn(n, |i, _| solution[i] * scale[i]))
@@ -74,7 +74,7 @@ impl BandedMatrix {
     }
 
     /// Solves in place; false if a pivot vanishes.
-    fn solve_in_place(&mut self, solution: &mut [Complex64]) -> bool {
+    fn solve_in_place_unless_singular(&mut self, solution: &mut [Complex64]) -> bool {
         let n = self.n;
         for k in 0..n {
             let (below, right) = ((k + self.band + 1).min(n), (k + 2 * self.band + 1).min(n));

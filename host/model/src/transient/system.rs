@@ -20,10 +20,10 @@ impl SecondOrderSystem {
     }
 
     /// Checks sizes, numbers and symmetry of the matrices.
-    pub(super) fn check_matrices(&self) -> Result<(), TransientError> {
+    pub(super) fn check_sizes_numbers_and_symmetry(&self) -> Result<(), TransientError> {
         let n = self.count_unknowns();
         for (what, matrix) in [("m", &self.m), ("c", &self.c), ("k", &self.k)] {
-            check_shape(what, matrix, n, n)?;
+            check_shape_and_finiteness(what, matrix, n, n)?;
         }
         for (what, matrix) in [("m", &self.m), ("k", &self.k)] {
             check_symmetric(what, matrix)?;
@@ -63,7 +63,7 @@ fn matrix_bandwidth(matrix: &DMatrix<f64>) -> usize {
 }
 
 /// The largest magnitude; NaN or infinite if an entry is that.
-fn largest_finite_magnitude(matrix: &DMatrix<f64>) -> f64 {
+fn largest_magnitude_or_nonfinite(matrix: &DMatrix<f64>) -> f64 {
     let (chunks, rest) = matrix.as_slice().as_chunks::<LANES>();
     let (mut most, mut sum) = ([0.0; LANES], [0.0; LANES]);
     for chunk in chunks {
@@ -77,7 +77,7 @@ fn largest_finite_magnitude(matrix: &DMatrix<f64>) -> f64 {
     most + sum.iter().sum::<f64>() + rest.iter().map(|x| x * 0.0).sum::<f64>()
 }
 
-pub(super) fn check_shape(
+pub(super) fn check_shape_and_finiteness(
     what: &'static str,
     matrix: &DMatrix<f64>,
     expected_rows: usize,
@@ -87,24 +87,34 @@ pub(super) fn check_shape(
     if (rows, columns) != (expected_rows, expected_columns) || expected_columns == 0 {
         return Err(TransientError::Shape { what, rows, columns, expected_rows, expected_columns });
     }
-    if largest_finite_magnitude(matrix).is_finite() { Ok(()) } else { Err(TransientError::NotFinite { what }) }
+    if largest_magnitude_or_nonfinite(matrix).is_finite() { Ok(()) } else { Err(TransientError::NotFinite { what }) }
 }
 
-pub(super) fn check_vector(what: &'static str, vector: &DVector<f64>, n: usize) -> Result<(), TransientError> {
-    if vector.len() != n {
+pub(super) fn check_vector_length_and_finiteness(
+    what: &'static str,
+    vector: &DVector<f64>,
+    expected_length: usize,
+) -> Result<(), TransientError> {
+    if vector.len() != expected_length {
         let rows = vector.len();
-        return Err(TransientError::Shape { what, rows, columns: 1, expected_rows: n, expected_columns: 1 });
+        return Err(TransientError::Shape {
+            what,
+            rows,
+            columns: 1,
+            expected_rows: expected_length,
+            expected_columns: 1,
+        });
     }
     if vector.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(TransientError::NotFinite { what }) }
 }
 
-pub(super) fn check_initial_state(initial: &InitialState, n: usize) -> Result<(), TransientError> {
-    check_vector("initial displacement", &initial.displacement, n)?;
-    check_vector("initial velocity", &initial.velocity, n)
+pub(super) fn check_initial_state(initial: &InitialState, unknowns: usize) -> Result<(), TransientError> {
+    check_vector_length_and_finiteness("initial displacement", &initial.displacement, unknowns)?;
+    check_vector_length_and_finiteness("initial velocity", &initial.velocity, unknowns)
 }
 
-pub(super) fn check_harmonic_force(drive: &HarmonicForce, n: usize) -> Result<(), TransientError> {
-    check_vector("force", &drive.force_n, n)?;
+pub(super) fn check_harmonic_force(drive: &HarmonicForce, unknowns: usize) -> Result<(), TransientError> {
+    check_vector_length_and_finiteness("force", &drive.force_n, unknowns)?;
     check_range("frequency in rad/s", drive.omega_rad_s, 0.0, 1e12)?;
     check_range("phase in rad", drive.phase_rad, -1e6, 1e6)
 }
@@ -120,7 +130,7 @@ pub(super) fn check_time_grid(grid: TimeGrid) -> Result<(), TransientError> {
 }
 
 fn check_symmetric(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), TransientError> {
-    let (limit, band) = (SYMMETRIC * largest_finite_magnitude(matrix), matrix_bandwidth(matrix));
+    let (limit, band) = (SYMMETRIC * largest_magnitude_or_nonfinite(matrix), matrix_bandwidth(matrix));
     for column in 0..matrix.ncols() {
         for row in column.saturating_sub(band)..column {
             let difference = (matrix[(row, column)] - matrix[(column, row)]).abs();
@@ -176,7 +186,7 @@ impl MassCoordinates {
     }
 
     /// Real modes, if the damping allows them.
-    pub fn decouple_into_modes(&self) -> Option<DecoupledModes> {
+    pub fn decouple_into_modes_if_proportionally_damped(&self) -> Option<DecoupledModes> {
         let n = self.k.nrows();
         if is_diagonal(&self.k) && is_diagonal(&self.c) {
             return Some(DecoupledModes::sort_by_decay_rate(

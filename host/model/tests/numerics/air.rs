@@ -3,7 +3,7 @@
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::{
-    compute_curves_with_error_bounds, multiply_shape_with_coordinates, solve_coordinates_at_frequency,
+    compute_curves_with_error_bounds, multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency,
 };
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -18,7 +18,7 @@ fn sealed(scene: SceneText, depth_mm: f64) -> SceneText {
 fn frequencies(scene: &SceneText, max_hz: f64) -> Vec<(f64, f64)> {
     let found =
         compute_modes_with_error_bounds(&scene.scene(), Accuracy::from_tolerance(1e-6).unwrap(), max_hz).unwrap();
-    let bound = |bound: &Bound| bound.known_limit().unwrap();
+    let bound = |bound: &Bound| bound.limit_if_known().unwrap();
     found.answer.iter().zip(&found.bounds).map(|(mode, own)| (mode.frequency_hz, bound(own))).collect()
 }
 
@@ -30,8 +30,8 @@ fn a_piston_on_air() {
         [(SceneText::plate(0.7, 0.4, 0.3).thickness(0.1), 0.28, 2), (SceneText::bar(0.25).thickness(0.05), 0.005, 1)]
     {
         let stiffness = BULK_PA * area / 0.02;
-        assert_eq!(scene.scene().air_stiffness_n_per_m(), None);
-        let said = sealed(scene.clone(), 20.0).scene().air_stiffness_n_per_m().unwrap();
+        assert_eq!(scene.scene().sealed_air_stiffness_if_any_n_per_m(), None);
+        let said = sealed(scene.clone(), 20.0).scene().sealed_air_stiffness_if_any_n_per_m().unwrap();
         assert!((said / stiffness - 1.0).abs() < 1e-12, "{said} for {stiffness}");
         let modes = frequencies(&sealed(scene.clone(), 20.0), 300.0);
         let wanted = (stiffness / scene.surface_mass()).sqrt() / TAU;
@@ -63,7 +63,7 @@ fn the_mean_is_over_the_area() {
 
 fn frequencies_of_thick(scene: &SceneText) -> Vec<f64> {
     let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 800.0).unwrap();
-    model.compute_damped_modes(800.0).unwrap().iter().map(|mode| mode.frequency_hz).collect()
+    model.compute_mode_frequencies_and_poles(800.0).unwrap().iter().map(|mode| mode.frequency_hz).collect()
 }
 
 /// What a pinned panel of mass m has of modes: angular frequency, mass-normalised shape at two places (parts of the sides), and its mean.
@@ -177,7 +177,7 @@ fn responses_of_pinned_panels_on_air() {
         let found = compute_curves_with_error_bounds(&sealed(scene, 20.0).scene(), accuracy, at, &hz).unwrap();
         let peak = wanted.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let off = found.answer[0].iter().zip(&wanted).map(|(a, b)| (a - b).norm() / peak).fold(0.0, f64::max);
-        let bound = found.bounds[0].known_limit().unwrap();
+        let bound = found.bounds[0].limit_if_known().unwrap();
         assert!(off <= bound + missing, "{off:e}, bound {bound:e}");
     }
 }
@@ -195,7 +195,10 @@ fn modes_left_out_take_part_through_the_air() {
     let (stiffness, shape) = (BULK_PA * 0.005 / 0.5e-3, reduced.shape_deflections_at(0.71 * 0.25, 0.01));
     for hz in [23.0, 110.0, 287.0, 400.0] {
         let (found, wanted) = (
-            multiply_shape_with_coordinates(&shape, &solve_coordinates_at_frequency(&reduced, hz).unwrap()[0]),
+            multiply_shape_with_coordinates(
+                &shape,
+                &solve_coordinates_per_newton_at_frequency(&reduced, hz).unwrap()[0],
+            ),
             series.compliance(stiffness, eta, TAU * hz),
         );
         let off = (found - wanted).norm() / wanted.norm();
@@ -228,7 +231,10 @@ fn air_takes_no_power() {
     let shape = |model: &era_model::model::ReducedModel| model.shape_deflections_at(0.31 * 0.3, 0.42 * 0.2);
     for hz in [23.0, 110.0, 287.0] {
         let at = |model: &era_model::model::ReducedModel| {
-            multiply_shape_with_coordinates(&shape(model), &solve_coordinates_at_frequency(model, hz).unwrap()[0])
+            multiply_shape_with_coordinates(
+                &shape(model),
+                &solve_coordinates_per_newton_at_frequency(model, hz).unwrap()[0],
+            )
         };
         assert!(at(&model).im < 0.0 && at(&still).im == 0.0, "{} {}", at(&model), at(&still));
     }

@@ -115,7 +115,7 @@ fn bounds_of_frequencies_hold() {
         let (found, exact) = (answer(tolerance)?, answer(0.01 * tolerance)?);
         for ((mode, bound), (k, exact)) in found.answer.iter().zip(&found.bounds).zip(exact.answer.iter().enumerate()) {
             all += 1;
-            let Some(bound) = bound.known_limit() else { continue };
+            let Some(bound) = bound.limit_if_known() else { continue };
             bounded += 1;
             let error = if exact.frequency_hz > 0.0 {
                 (mode.frequency_hz / exact.frequency_hz - 1.0).abs()
@@ -164,7 +164,7 @@ fn bounds_of_responses_hold() {
         for (k, (curve, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {
             all += 1;
             // The finer solution is not exact either.
-            let (Some(bound), Some(own)) = (bound.known_limit(), exact.bounds[k].known_limit()) else { continue };
+            let (Some(bound), Some(own)) = (bound.limit_if_known(), exact.bounds[k].limit_if_known()) else { continue };
             let exact = &exact.answer[k];
             bounded += 1;
             let peak = exact.iter().map(|z| z.norm()).fold(nothing, f64::max);

@@ -3,7 +3,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, PanelModel, ReducedModel};
-use era_model::response::{multiply_shape_with_coordinates, solve_coordinates_at_frequency};
+use era_model::response::{multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency};
 use era_model::transient::reduced::ModalSystem;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -38,7 +38,8 @@ fn rigid_panels() -> [SceneText; 4] {
 fn a_rigid_panel_on_rubber_has_half_its_loss_factor() {
     for scene in rigid_panels() {
         for (key, own) in [("loss_factor", 0.0), ("modal_ratio", 0.0), ("modal_ratio", 0.02)] {
-            let modes = model(&scene.clone().damping(key, own), 400.0).compute_damped_modes(400.0).unwrap();
+            let modes =
+                model(&scene.clone().damping(key, own), 400.0).compute_mode_frequencies_and_poles(400.0).unwrap();
             // What the panel's own bending has of the energy is a part of 1e-4 or so.
             let held: Vec<_> = modes.iter().filter(|mode| mode.frequency_hz > 0.0).collect();
             assert!(!held.is_empty());
@@ -56,7 +57,7 @@ fn a_rigid_panel_on_rubber_has_half_its_loss_factor() {
 fn in_time_a_resonance_loses_as_much() {
     for scene in rigid_panels() {
         let model = reduced(&scene, 400.0);
-        let system = ModalSystem::from_reduced(&model);
+        let system = ModalSystem::from_reduced_with_equivalent_viscous_damping(&model);
         let modes = (0..model.count_coordinates())
             .filter(|i| model.lambda[*i] > 0.0 && model.lambda[*i] < (TAU * 400.0).powi(2));
         for i in modes {
@@ -98,7 +99,7 @@ fn power_in_is_what_the_springs_lose() {
     let model = reduced(&scene, 400.0);
     for hz in [12.0, 47.3, 110.0, 262.0, 399.0] {
         let omega = TAU * hz;
-        let q = solve_coordinates_at_frequency(&model, hz).unwrap().remove(0);
+        let q = solve_coordinates_per_newton_at_frequency(&model, hz).unwrap().remove(0);
         let square = |x: f64, y: f64| multiply_shape_with_coordinates(&model.shape_deflections_at(x, y), &q).norm_sqr();
         let along_force: Complex64 = model.force.column(0).iter().zip(q.iter()).map(|(f, q)| q * *f).sum();
         let power_in = -0.5 * omega * along_force.im;
@@ -130,7 +131,7 @@ fn at_one_frequency_dashpots_lose_as_much() {
         let found =
             era_model::response::compute_curves_with_error_bounds(&scene.scene(), accuracy, at, &[hz, 2.0 * hz])
                 .unwrap();
-        (DVector::from_vec(found.answer[0].clone()), found.bounds[0].known_limit().unwrap())
+        (DVector::from_vec(found.answer[0].clone()), found.bounds[0].limit_if_known().unwrap())
     };
     let end = (bar().lossy_edge("left", k, eta), bar().spring_damper(0.0, 0.5, k, c));
     for ((rubber, dashpots), at) in [((rubber, dashpots), (0.21, 0.05)), (end, (0.175, 0.01))] {

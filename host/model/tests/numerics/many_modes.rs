@@ -50,7 +50,12 @@ fn hundreds_of_modes_beside_slow_ones_are_found() {
     let found = [Accuracy::FAST, Accuracy::REFERENCE].map(|accuracy| {
         let model = PanelModel::build(&scene, accuracy, 400.0).unwrap();
         assert!(model.reduce(400.0, &[]).unwrap().count_coordinates() > 100);
-        model.compute_damped_modes(400.0).unwrap().iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>()
+        model
+            .compute_mode_frequencies_and_poles(400.0)
+            .unwrap()
+            .iter()
+            .map(|mode| mode.frequency_hz)
+            .collect::<Vec<_>>()
     });
     assert_eq!(found[0].len(), found[1].len());
     for (coarse, fine) in found[0].iter().zip(&found[1]) {

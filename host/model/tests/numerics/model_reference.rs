@@ -21,7 +21,7 @@ fn check(name: &str, scene: &SceneText, zeros: usize, expected: &[f64], digits: 
         assert!(hz.len() >= zeros + expected.len(), "{name}: {hz:?} for {expected:?}");
         for (k, expected) in expected.iter().enumerate() {
             let error = (hz[zeros + k] / expected - 1.0).abs();
-            let bound = found.bounds[zeros + k].known_limit().unwrap();
+            let bound = found.bounds[zeros + k].limit_if_known().unwrap();
             assert!(bound <= tolerance, "{name}: bound {bound:e} for a tolerance of {tolerance:e}");
             assert!(
                 error <= bound + digits,
@@ -75,7 +75,10 @@ fn bars_on_springs_and_with_masses() {
                 .map(|side| format!("[[edge]]\nside = \"{side}\"\nkind = \"elastic\"\nstiffness_n_per_m = {k:e}\n"))
                 .concat();
         let scene = era_model::scene::Scene::parse("elastic ends", &text).unwrap();
-        let modes = PanelModel::build(&scene, Accuracy::BALANCED, 500.0).unwrap().compute_damped_modes(500.0).unwrap();
+        let modes = PanelModel::build(&scene, Accuracy::BALANCED, 500.0)
+            .unwrap()
+            .compute_mode_frequencies_and_poles(500.0)
+            .unwrap();
         assert!((modes[0].frequency_hz / bar().bar_hz(beta_l[0]) - 1.0).abs() < 1e-6);
     }
     let mass = bar().surface_mass();
@@ -167,7 +170,7 @@ fn static_deflection_under_a_point_load() {
     let scene = SceneText::plate(0.3, 0.3, 0.3).all_edges("pinned").force(0.5, 0.5);
     let reduced = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let hz = 0.01;
-    let q = response::solve_coordinates_at_frequency(&reduced, hz).unwrap();
+    let q = response::solve_coordinates_per_newton_at_frequency(&reduced, hz).unwrap();
     let w = response::multiply_shape_with_coordinates(&reduced.shape_deflections_at(0.15, 0.15), &q[0]).re;
     let expected = 0.011600839772 * 0.09 / scene.rigidity();
     assert!((w / expected - 1.0).abs() < 1e-5, "{w} for {expected}");
@@ -181,7 +184,10 @@ fn example_scenes() {
         (era_model::scene::EXAMPLE_PLATE, &[35.0, 40.96, 47.37, 123.8, 125.9, 259.8]),
     ] {
         let scene = era_model::scene::Scene::parse("example", text).unwrap();
-        let modes = PanelModel::build(&scene, Accuracy::BALANCED, 450.0).unwrap().compute_damped_modes(450.0).unwrap();
+        let modes = PanelModel::build(&scene, Accuracy::BALANCED, 450.0)
+            .unwrap()
+            .compute_mode_frequencies_and_poles(450.0)
+            .unwrap();
         for (mode, expected) in modes.iter().zip(expected) {
             assert!((mode.frequency_hz / expected - 1.0).abs() < 1e-3, "{} Hz for {expected} Hz", mode.frequency_hz);
             assert!(mode.damping_ratio > 0.0 && mode.damping_ratio < 0.1);
@@ -195,7 +201,13 @@ fn frequencies_converge_from_above() {
     let scene = SceneText::plate(0.3, 0.2, 0.33).mass(0.4, 0.3, 0.05).scene();
     let of = |accuracy| -> Vec<f64> {
         let model = PanelModel::build(&scene, accuracy, 900.0).unwrap();
-        model.compute_damped_modes(900.0).unwrap().iter().map(|mode| mode.frequency_hz).filter(|hz| *hz > 0.0).collect()
+        model
+            .compute_mode_frequencies_and_poles(900.0)
+            .unwrap()
+            .iter()
+            .map(|mode| mode.frequency_hz)
+            .filter(|hz| *hz > 0.0)
+            .collect()
     };
     let (balanced, fine, reference) =
         (of(Accuracy::BALANCED), of(Accuracy::from_tolerance(1e-4).unwrap()), of(Accuracy::REFERENCE));

@@ -49,7 +49,7 @@ fn modes(scene: &Scene) -> Vec<(f64, f64)> {
         .answer
         .iter()
         .zip(&found.bounds)
-        .map(|(mode, bound)| (mode.frequency_hz, bound.known_limit().unwrap_or(f64::INFINITY)))
+        .map(|(mode, bound)| (mode.frequency_hz, bound.limit_if_known().unwrap_or(f64::INFINITY)))
         .collect()
 }
 
@@ -163,7 +163,7 @@ fn a_force_next_to_a_held_end_does_what_its_distance_says() {
             let scene = held_bar(end, era, place_m);
             let found =
                 compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (0.26, 0.0), &frequencies).unwrap();
-            (found.answer[0].clone(), found.bounds[0].known_limit().unwrap())
+            (found.answer[0].clone(), found.bounds[0].limit_if_known().unwrap())
         };
         let (known, own) = of(2e-3);
         for apart_m in [1e-6, 1e-5, 4e-5, 1e-4, 1e-3] {
@@ -284,7 +284,7 @@ fn responses_of_what_is_beside_a_firm_support_have_bounds_that_hold() {
                 let largest = exact.iter().map(|value| value.norm()).fold(0.0, f64::max);
                 let pairs = found.answer[0].iter().zip(&exact);
                 let off = pairs.map(|(found, exact)| (found - exact).norm()).fold(0.0, f64::max) / largest;
-                let bound = found.bounds[0].known_limit().unwrap();
+                let bound = found.bounds[0].limit_if_known().unwrap();
                 // Of the reference the shear force at a firm support is a difference, and the response goes with the distance.
                 let rounding = 1e-20 * stiffness / apart_m + 1e-11;
                 assert!(

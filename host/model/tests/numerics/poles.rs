@@ -217,7 +217,7 @@ fn what_rests_is_no_pole_of_a_mode() {
         let found = follow_poles(&lambda, viscous.clone(), structural.clone());
         let slowest = lambda[free] / (viscous.trace() + lambda[free].sqrt());
         for pole in &found[free..] {
-            for s in pole.eigenvalues() {
+            for s in pole.eigenvalues_without_conjugates() {
                 assert!(s.norm() > 1e-3 * slowest, "{trial}: {pole:?} {lambda:?}");
                 assert!(find_residual(&lambda, &viscous, &structural, s) < 1e-7, "{trial}: {pole:?}");
             }
@@ -276,7 +276,10 @@ fn what_swings_with_its_dashpots_at_rest_never_grows() {
     assert!(reference.len() >= 4, "{reference:?}");
     for dashpot in [1e8, 1e9, 1e10, 1e11, 1e12] {
         let modes = at(dashpot);
-        assert!(modes.iter().all(|mode| mode.pole.eigenvalues().iter().all(|s| s.re < 0.0)), "{dashpot:e}: {modes:?}");
+        assert!(
+            modes.iter().all(|mode| mode.pole.eigenvalues_without_conjugates().iter().all(|s| s.re < 0.0)),
+            "{dashpot:e}: {modes:?}"
+        );
         for s in swinging(&modes) {
             let Some(own) = reference.iter().find(|own| (own.im / s.im - 1.0).abs() < 1e-4) else { continue };
             let expected = own.re * 1e6 / dashpot;
@@ -310,7 +313,9 @@ fn a_pole_is_not_told_that_a_finer_mesh_changes() {
             continue;
         }
         assert!(loose.damping_ratio.is_nan() && loose.pole.frequency_hz.is_nan(), "{}", said());
-        for (one, other) in loose.pole.eigenvalues().iter().zip(tight.pole.eigenvalues()) {
+        for (one, other) in
+            loose.pole.eigenvalues_without_conjugates().iter().zip(tight.pole.eigenvalues_without_conjugates())
+        {
             assert!((one - other).norm() < 1e-3 * one.norm(), "{}", said());
         }
     }
@@ -320,6 +325,6 @@ fn a_pole_is_not_told_that_a_finer_mesh_changes() {
     for mode in compute_modes_with_error_bounds(&plate.scene(), Accuracy::BALANCED, 150.0).unwrap().answer {
         let expected = 2e4 / (4.0 * std::f64::consts::PI * mode.frequency_hz);
         assert!((mode.damping_ratio / expected - 1.0).abs() < 1e-6, "{mode:?} {expected}");
-        assert!(mode.pole_bound.known_limit().is_some(), "{mode:?}");
+        assert!(mode.pole_bound.limit_if_known().is_some(), "{mode:?}");
     }
 }

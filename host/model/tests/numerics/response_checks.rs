@@ -2,7 +2,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, PanelModel, ReducedModel};
-use era_model::response::{multiply_shape_with_coordinates, solve_coordinates_at_frequency};
+use era_model::response::{multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
@@ -13,7 +13,7 @@ fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
 /// Displacement per newton at a point for each actuator.
 fn compliance(model: &ReducedModel, hz: f64, x: f64, y: f64) -> Vec<Complex64> {
     let shape = model.shape_deflections_at(x, y);
-    solve_coordinates_at_frequency(model, hz)
+    solve_coordinates_per_newton_at_frequency(model, hz)
         .unwrap()
         .iter()
         .map(|q| multiply_shape_with_coordinates(&shape, q))
@@ -115,7 +115,7 @@ fn power_in_is_power_dissipated() {
     let model = reduced(&damped_plate(), 400.0);
     for hz in [12.0, 47.3, 110.0, 262.0, 399.0] {
         let omega = TAU * hz;
-        for (actuator, q) in solve_coordinates_at_frequency(&model, hz).unwrap().iter().enumerate() {
+        for (actuator, q) in solve_coordinates_per_newton_at_frequency(&model, hz).unwrap().iter().enumerate() {
             let velocity = q * Complex64::new(0.0, omega);
             let force = model.force.column(actuator);
             let power_in: f64 = 0.5 * force.iter().zip(velocity.iter()).map(|(f, v)| f * v.re).sum::<f64>();
@@ -156,8 +156,10 @@ fn reduction_loses_little() {
 fn kinds_of_damping_give_the_ratio_they_name() {
     let pinned = || SceneText::bar(0.25).edge("left", "pinned").edge("right", "pinned");
     let ratios = |scene: &SceneText| -> Vec<(f64, f64)> {
-        let modes =
-            PanelModel::build(&scene.scene(), Accuracy::FAST, 700.0).unwrap().compute_damped_modes(700.0).unwrap();
+        let modes = PanelModel::build(&scene.scene(), Accuracy::FAST, 700.0)
+            .unwrap()
+            .compute_mode_frequencies_and_poles(700.0)
+            .unwrap();
         modes.iter().map(|mode| (mode.frequency_hz, mode.damping_ratio)).collect()
     };
     for (_, ratio) in ratios(&pinned().damping("loss_factor", 0.02)) {

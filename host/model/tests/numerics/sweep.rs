@@ -3,7 +3,9 @@
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, PanelModel, ReducedModel};
 use era_model::response::sweep::{Arithmetic, SurfaceShapes};
-use era_model::response::{CoordinateSolver, multiply_shape_with_coordinates, solve_coordinates_at_frequency};
+use era_model::response::{
+    CoordinateSolver, multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency,
+};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use num_complex::Complex64;
 use proptest::prelude::*;
@@ -16,8 +18,10 @@ fn reduced(scene: &Scene) -> ReducedModel {
 fn difference_from_full(model: &ReducedModel, hz: f64) -> f64 {
     let mut full = model.clone();
     assert!(full.structured.take().is_some());
-    let (fast, full) =
-        (solve_coordinates_at_frequency(model, hz).unwrap(), solve_coordinates_at_frequency(&full, hz).unwrap());
+    let (fast, full) = (
+        solve_coordinates_per_newton_at_frequency(model, hz).unwrap(),
+        solve_coordinates_per_newton_at_frequency(&full, hz).unwrap(),
+    );
     let largest = full.iter().map(|q| q.camax()).fold(0.0, f64::max);
     fast.iter().zip(&full).map(|(a, b)| (a - b).camax()).fold(0.0, f64::max) / largest
 }
@@ -80,18 +84,18 @@ fn against_points<T: Arithmetic + Into<f64>>(scene: &Scene, nx: u32, ny: u32) ->
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for (k, hz) in frequencies_hz.iter().enumerate() {
         let minus_omega_squared = -(std::f64::consts::TAU * hz).powi(2);
-        for (actuator, q) in solver.solve_at_frequency(*hz).unwrap().iter().enumerate() {
+        for (actuator, q) in solver.solve_coordinates_per_newton_at(*hz).unwrap().iter().enumerate() {
             for (point, (x, y)) in y_m.iter().flat_map(|y| x_m.iter().map(move |x| (x, y))).enumerate() {
                 let expected =
                     multiply_shape_with_coordinates(&model.shape_deflections_at(*x, *y), q) * minus_omega_squared;
-                let found = sweep.acceleration_at(k, actuator, point);
+                let found = sweep.acceleration_per_newton_at_indices(k, actuator, point);
                 worst = worst.max((Complex64::new(found.re.into(), found.im.into()) - expected).norm());
                 largest = largest.max(expected.norm());
             }
         }
     }
     let all = 4 * x_m.len() * y_m.len() * model.count_coordinates();
-    (worst / largest, shapes.count_operations_per_curve() as f64 / all as f64)
+    (worst / largest, shapes.count_operations_per_frequency_and_actuator() as f64 / all as f64)
 }
 
 /// Twice symmetric, with both ERAs on the centre line: a quarter of the points, and half of the coordinates stay at rest.

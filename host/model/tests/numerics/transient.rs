@@ -149,7 +149,7 @@ fn one_unknown_below_at_and_above_critical_damping() {
         });
         let propagator = Propagator::new(&single(damping, 4.0), grid).unwrap();
         let found = propagator
-            .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+            .compute_motion_under_harmonics_row_per_time(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
             .unwrap();
         // 1e-9 off critical damping moves the answer by about as much.
         let limit = if (damping - 4.0).abs() < 1e-8 { 2e-9 } else { 2e-14 };
@@ -190,10 +190,10 @@ fn critical_damping_and_equal_eigenvalues_where_the_published_form_fails() {
     let propagator = Propagator::new(&system, grid).unwrap();
     assert!(propagator.has_decoupled_modes());
     let found = propagator
-        .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+        .compute_motion_under_harmonics_row_per_time(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
         .unwrap();
     assert!(worst(&found, &closed) < 1e-13, "{:e}", worst(&found, &closed));
-    match as_published::compute_published_displacements(&system, &initial, &[], grid) {
+    match as_published::compute_published_displacements_row_per_time(&system, &initial, &[], grid) {
         Err(error) => assert_eq!(error, TransientError::Defective),
         Ok(published) => assert!(worst(&published, &closed) > 1e-10, "{:e}", worst(&published, &closed)),
     }
@@ -209,15 +209,23 @@ fn proportional_and_general_damping_against_runge_kutta() {
         assert_eq!(propagator.has_decoupled_modes(), decoupled);
         let expected = runge_kutta(&system, &initial, &|t| at_time(&drives, t), grid, 40);
         let all = propagator
-            .compute_motion_under_harmonics(&initial, &drives, OutputRows::All, MotionQuantity::Displacement)
+            .compute_motion_under_harmonics_row_per_time(
+                &initial,
+                &drives,
+                OutputRows::All,
+                MotionQuantity::Displacement,
+            )
             .unwrap();
         assert!(worst(&all, &expected) < 1e-10, "{:e}", worst(&all, &expected));
-        let published = as_published::compute_published_displacements(&system, &initial, &drives, grid).unwrap();
+        let published =
+            as_published::compute_published_displacements_row_per_time(&system, &initial, &drives, grid).unwrap();
         assert!(worst(&published, &all) < 1e-10);
         // Few outputs take another way; velocity and acceleration satisfy the equation of motion.
         let rows = DMatrix::identity(n, n);
         let get = |quantity| {
-            propagator.compute_motion_under_harmonics(&initial, &drives, OutputRows::Rows(&rows), quantity).unwrap()
+            propagator
+                .compute_motion_under_harmonics_row_per_time(&initial, &drives, OutputRows::Rows(&rows), quantity)
+                .unwrap()
         };
         let (q, v, a) =
             (get(MotionQuantity::Displacement), get(MotionQuantity::Velocity), get(MotionQuantity::Acceleration));
@@ -243,9 +251,15 @@ fn a_full_mass_matrix_and_many_outputs() {
         let grid = grid(1e-3, 1003);
         let propagator = Propagator::new(&system, grid).unwrap();
         let found = propagator
-            .compute_motion_under_harmonics(&start(n), &drives(n), OutputRows::All, MotionQuantity::Displacement)
+            .compute_motion_under_harmonics_row_per_time(
+                &start(n),
+                &drives(n),
+                OutputRows::All,
+                MotionQuantity::Displacement,
+            )
             .unwrap();
-        let published = as_published::compute_published_displacements(&system, &start(n), &drives(n), grid).unwrap();
+        let published =
+            as_published::compute_published_displacements_row_per_time(&system, &start(n), &drives(n), grid).unwrap();
         assert!(worst(&found, &published) < 1e-10, "{:e}", worst(&found, &published));
     }
 }
@@ -257,7 +271,7 @@ fn what_is_left_in_the_end_is_the_steady_state() {
         let drive = drives(9).remove(0);
         let propagator = Propagator::new(&system, grid).unwrap();
         let found = propagator
-            .compute_motion_under_harmonics(
+            .compute_motion_under_harmonics_row_per_time(
                 &start(9),
                 std::slice::from_ref(&drive),
                 OutputRows::All,
@@ -290,7 +304,7 @@ fn the_thesis_two_unknowns() {
     let initial = InitialState { displacement: vector(&[2.0, 0.0]), velocity: vector(&[0.0, 0.0]) };
     let found = Propagator::new(&system, grid)
         .unwrap()
-        .compute_motion_under_harmonics(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
+        .compute_motion_under_harmonics_row_per_time(&initial, &[], OutputRows::All, MotionQuantity::Displacement)
         .unwrap();
     let closed = DMatrix::from_fn(grid.count, 2, |k, i| {
         let (slow, fast) = ((2.0_f64.sqrt() * grid.time_at_index_s(k)).cos(), (2.0 * grid.time_at_index_s(k)).cos());
@@ -307,7 +321,7 @@ fn an_undamped_resonance_grows_with_time() {
     let drive = HarmonicForce { omega_rad_s: 2.0, phase_rad: 0.0, force_n: vector(&[1.0]) };
     assert_eq!(propagator.solve_steady_amplitudes(&drive), Err(TransientError::Unbounded { omega_rad_s: 2.0 }));
     let found = propagator
-        .compute_motion_under_harmonics(
+        .compute_motion_under_harmonics_row_per_time(
             &InitialState::at_rest(1),
             &[drive],
             OutputRows::All,
@@ -329,7 +343,12 @@ fn forces_by_samples() {
             let grid = grid(step_s, count);
             let propagator = Propagator::new(&system, grid).unwrap();
             let exact = propagator
-                .compute_motion_under_harmonics(&start(n), &drives(n), OutputRows::All, MotionQuantity::Displacement)
+                .compute_motion_under_harmonics_row_per_time(
+                    &start(n),
+                    &drives(n),
+                    OutputRows::All,
+                    MotionQuantity::Displacement,
+                )
                 .unwrap();
             let mut samples = DMatrix::zeros(n, count);
             for k in 0..count {
@@ -337,7 +356,7 @@ fn forces_by_samples() {
             }
             let input = DMatrix::identity(n, n);
             let found = propagator
-                .compute_motion_under_samples(
+                .compute_motion_under_samples_row_per_time(
                     &start(n),
                     &input,
                     &samples,
@@ -349,7 +368,9 @@ fn forces_by_samples() {
             assert!(error < last / 12.0, "{error:e} after {last:e}");
             last = error;
             let get = |quantity| {
-                propagator.compute_motion_under_samples(&start(n), &input, &samples, OutputRows::All, quantity).unwrap()
+                propagator
+                    .compute_motion_under_samples_row_per_time(&start(n), &input, &samples, OutputRows::All, quantity)
+                    .unwrap()
             };
             let (v, a) = (get(MotionQuantity::Velocity), get(MotionQuantity::Acceleration));
             let k = count / 3;
@@ -365,7 +386,7 @@ fn forces_by_samples() {
     let samples = DMatrix::from_fn(1, 50, |_, k| grid.time_at_index_s(k));
     let free = Propagator::new(&single(0.0, 0.0), grid).unwrap();
     let found = free
-        .compute_motion_under_samples(
+        .compute_motion_under_samples_row_per_time(
             &InitialState::at_rest(1),
             &square(&[1.0]),
             &samples,
@@ -389,9 +410,14 @@ fn round_off_stays_below_its_bound() {
         let get = |grid| {
             let propagator = Propagator::new(&system, grid).unwrap();
             let out = propagator
-                .compute_motion_under_harmonics(&start(20), &[], OutputRows::All, MotionQuantity::Displacement)
+                .compute_motion_under_harmonics_row_per_time(
+                    &start(20),
+                    &[],
+                    OutputRows::All,
+                    MotionQuantity::Displacement,
+                )
                 .unwrap();
-            let bound = propagator.round_off_bound(grid.count - 1);
+            let bound = propagator.relative_round_off_bound_at_index(grid.count - 1);
             (out.row(grid.count - 1).transpose(), bound)
         };
         let ((found, bound), (direct, _)) = (get(fine), get(coarse));
@@ -420,10 +446,12 @@ fn bad_input_is_named() {
     bad.c = DMatrix::zeros(2, 3);
     assert_eq!(error(&bad), "c is 2 x 3, it must be 3 x 3");
     let step = TimeGrid { step_s: 0.0, count: 10 };
-    assert!(Propagator::new(&good, step).unwrap_err().to_string().starts_with("time step in s: 0 is not"));
+    assert!(Propagator::new(&good, step).unwrap_err().to_string().starts_with("time step in s is 0, but must be"));
     let propagator = Propagator::new(&good, grid).unwrap();
     let wrong = InitialState::at_rest(2);
     assert!(
-        propagator.compute_motion_under_harmonics(&wrong, &[], OutputRows::All, MotionQuantity::Displacement).is_err()
+        propagator
+            .compute_motion_under_harmonics_row_per_time(&wrong, &[], OutputRows::All, MotionQuantity::Displacement)
+            .is_err()
     );
 }

@@ -26,10 +26,10 @@ const TOLD: [&str; 7] =
 ///
 /// # Errors
 /// A message if the package is not in there.
-pub fn local_packages(lock: &str, package: &str) -> Result<BTreeSet<String>, String> {
+pub fn list_package_and_its_local_dependencies(cargo_lock: &str, package: &str) -> Result<BTreeSet<String>, String> {
     let quoted = |line: &str| line.split('"').nth(1).unwrap_or_default().to_owned();
     // Name, whether it is from elsewhere, and what it depends on.
-    let packages: Vec<(String, bool, Vec<String>)> = lock
+    let packages: Vec<(String, bool, Vec<String>)> = cargo_lock
         .split("[[package]]")
         .skip(1)
         .map(|text| {
@@ -57,9 +57,11 @@ pub fn local_packages(lock: &str, package: &str) -> Result<BTreeSet<String>, Str
 ///
 /// # Errors
 /// [`io::Error`]; a package of the workspace whose folder is not in [`FOLDERS`] is one.
-pub fn files(root: &Path) -> io::Result<Vec<PathBuf>> {
+pub fn list_files_of_package_and_dependencies_to_hash(package_folder: &Path) -> io::Result<Vec<PathBuf>> {
     let lock = PathBuf::from("../../Cargo.lock");
-    let packages = local_packages(&fs::read_to_string(root.join(&lock))?, FOLDERS[0].0).map_err(io::Error::other)?;
+    let packages =
+        list_package_and_its_local_dependencies(&fs::read_to_string(package_folder.join(&lock))?, FOLDERS[0].0)
+            .map_err(io::Error::other)?;
     let mut files = vec![lock, PathBuf::from("../../Cargo.toml")];
     for package in packages {
         let Some((_, folder)) = FOLDERS.iter().find(|(name, _)| *name == package) else {
@@ -68,21 +70,21 @@ pub fn files(root: &Path) -> io::Result<Vec<PathBuf>> {
             return Err(io::Error::other(text));
         };
         for part in READ {
-            collect(root, &Path::new(folder).join(part), &mut files)?;
+            collect_files_below(package_folder, &Path::new(folder).join(part), &mut files)?;
         }
     }
     files.sort();
     Ok(files)
 }
 
-fn collect(root: &Path, path: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
-    let full = root.join(path);
+fn collect_files_below(root: &Path, folder_or_file: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
+    let full = root.join(folder_or_file);
     if full.is_dir() {
         for entry in fs::read_dir(full)? {
-            collect(root, &path.join(entry?.file_name()), files)?;
+            collect_files_below(root, &folder_or_file.join(entry?.file_name()), files)?;
         }
     } else if full.exists() {
-        files.push(path.to_owned());
+        files.push(folder_or_file.to_owned());
     }
     Ok(())
 }
@@ -92,8 +94,8 @@ fn collect(root: &Path, path: &Path, files: &mut Vec<PathBuf>) -> io::Result<()>
 ///
 /// # Errors
 /// [`io::Error`] of a file.
-pub fn number(
-    root: &Path,
+pub fn hash_source_code(
+    package_folder: &Path,
     files: &[PathBuf],
     variables: impl Iterator<Item = (String, String)>,
     compiler: &str,
@@ -108,7 +110,7 @@ pub fn number(
     };
     for file in files {
         add(file.to_string_lossy().as_bytes());
-        add(&fs::read(root.join(file))?);
+        add(&fs::read(package_folder.join(file))?);
     }
     let mut told: Vec<(String, String)> =
         variables.filter(|(name, _)| TOLD.iter().any(|told| name.starts_with(told))).collect();

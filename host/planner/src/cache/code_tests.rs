@@ -1,6 +1,8 @@
 //! The key follows from all of the code: whatever changes of it, the key does.
 
-use super::code::{FOLDERS, files, local_packages, number};
+use super::code::{
+    FOLDERS, hash_source_code, list_files_of_package_and_dependencies_to_hash, list_package_and_its_local_dependencies,
+};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +12,8 @@ fn own() -> &'static Path {
 
 fn own_number(variables: &[(&str, &str)], compiler: &str, package: &Path) -> u64 {
     let variables = variables.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
-    number(package, &files(package).unwrap(), variables, compiler).unwrap()
+    hash_source_code(package, &list_files_of_package_and_dependencies_to_hash(package).unwrap(), variables, compiler)
+        .unwrap()
 }
 
 /// A copy of all files that count, to be changed.
@@ -18,7 +21,7 @@ fn copy() -> (tempfile::TempDir, PathBuf) {
     let directory = tempfile::tempdir().unwrap();
     let package = directory.path().join("host/planner");
     std::fs::create_dir_all(&package).unwrap();
-    for file in files(own()).unwrap() {
+    for file in list_files_of_package_and_dependencies_to_hash(own()).unwrap() {
         let to = package.join(&file);
         std::fs::create_dir_all(to.parent().unwrap()).unwrap();
         std::fs::copy(own().join(&file), to).unwrap();
@@ -29,7 +32,7 @@ fn copy() -> (tempfile::TempDir, PathBuf) {
 /// Every source that a table was ever computed by, and the build script with this very function.
 #[test]
 fn all_code_counts() {
-    let files: BTreeSet<PathBuf> = files(own()).unwrap().into_iter().collect();
+    let files: BTreeSet<PathBuf> = list_files_of_package_and_dependencies_to_hash(own()).unwrap().into_iter().collect();
     for file in [
         "../../Cargo.lock",
         "../../Cargo.toml",
@@ -58,7 +61,7 @@ fn every_change_of_the_code_changes_the_number() {
     let first = own_number(&told, compiler, &package);
     assert_eq!(first, own_number(&told, compiler, own()));
     let mut seen = BTreeSet::from([first]);
-    for file in files(&package).unwrap() {
+    for file in list_files_of_package_and_dependencies_to_hash(&package).unwrap() {
         let path = package.join(&file);
         let text = std::fs::read(&path).unwrap();
         std::fs::write(&path, [&text[..], b"\n"].concat()).unwrap();
@@ -94,7 +97,7 @@ fn a_new_package_of_the_workspace_is_asked_for() {
     let (_directory, package) = copy();
     let lock = package.join("../../Cargo.lock");
     let text = std::fs::read_to_string(&lock).unwrap();
-    let of = |text: &str| local_packages(text, "era-planner").unwrap();
+    let of = |text: &str| list_package_and_its_local_dependencies(text, "era-planner").unwrap();
     let expected: BTreeSet<String> = FOLDERS.iter().map(|(name, _)| (*name).to_owned()).collect();
     assert_eq!(of(&text), expected);
     let more = text.replace(
@@ -106,7 +109,7 @@ fn a_new_package_of_the_workspace_is_asked_for() {
     let used = more.replacen(" \"era-shared\",\n", " \"era-more\",\n \"era-shared\",\n", usize::MAX);
     assert!(of(&used).contains("era-more"));
     std::fs::write(&lock, used).unwrap();
-    let error = files(&package).unwrap_err().to_string();
+    let error = list_files_of_package_and_dependencies_to_hash(&package).unwrap_err().to_string();
     assert!(error.contains("era-more"), "{error}");
-    assert!(local_packages(&text, "era-nothing").is_err());
+    assert!(list_package_and_its_local_dependencies(&text, "era-nothing").is_err());
 }

@@ -1,7 +1,7 @@
 //! The files of a cache: their names, whose they are, how they are written, and which of them go.
 
 use super::Key;
-use super::file::Unusable;
+use super::file::UnusableFile;
 use era_files::{NotOwn, Readers, check_own_folder, make_private_folder, remove_unfinished, replace_link_or_file};
 use std::fs;
 use std::io::ErrorKind;
@@ -13,39 +13,38 @@ pub const MOST_FILES: usize = 64;
 /// How tables' files end.
 const ENDING: &str = "era-plan";
 
-/// The name of a key's file.
-pub(super) fn name(key: &Key) -> String {
+/// The file name for a key.
+pub(super) fn file_name_for_key(key: &Key) -> String {
     format!("{key}.{ENDING}")
 }
 
 /// Checks that nobody but this user and root can have put a file into a directory; one that is not there yet is nobody's.
-pub(super) fn check_owner(directory: &Path) -> Result<(), Unusable> {
+pub(super) fn check_only_owner_can_write_if_there(directory: &Path) -> Result<(), UnusableFile> {
     match check_own_folder(directory) {
         Err(NotOwn::Io(error)) if error.kind() == ErrorKind::NotFound => Ok(()),
-        checked => checked.map_err(|reason| Unusable::Directory { path: directory.to_owned(), reason }),
+        checked => checked.map_err(|reason| UnusableFile::Directory { path: directory.to_owned(), reason }),
     }
 }
 
-/// Writes a file for its owner alone, whole or not at all, into a directory that is made for the owner alone if it is not there.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), Unusable> {
+/// Writes a file for its owner alone, whole or not at all. A missing directory is made for the owner alone.
+pub(super) fn write_private_file_making_directory(path: &Path, bytes: &[u8]) -> Result<(), UnusableFile> {
     if let Some(directory) = path.parent() {
         make_private_folder(directory)?;
-        check_owner(directory)?;
+        check_only_owner_can_write_if_there(directory)?;
     }
     Ok(replace_link_or_file(path, Readers::Owner, bytes)?)
 }
 
-/// Notes that a file was used. A directory that is read only keeps its order.
-pub(super) fn touch(path: &Path) {
+/// Records that a file was used. In a read-only directory nothing is recorded.
+pub(super) fn set_modified_time_to_now_if_possible(path: &Path) {
     let noted = fs::File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
     if let Err(error) = noted {
-        tracing::debug!("{}: use is not noted: {error}", path.display());
+        tracing::debug!("cannot record that {} was used: {error}", path.display());
     }
 }
 
-/// Deletes tables until at most `most_files` and `most_bytes` are left, those first that were not used for longest. Other
-/// files are left alone.
-pub(super) fn tidy(directory: &Path, most_files: usize, most_bytes: u64) {
+/// Deletes tables until at most `most_files` and `most_bytes` are left, least recently used first. Other files stay.
+pub(super) fn remove_least_recently_used_tables(directory: &Path, most_files: usize, most_bytes: u64) {
     remove_unfinished(directory);
     let Ok(found) = fs::read_dir(directory) else { return };
     let mut files: Vec<(SystemTime, u64, PathBuf)> = found
@@ -64,7 +63,7 @@ pub(super) fn tidy(directory: &Path, most_files: usize, most_bytes: u64) {
         if (i >= most_files || bytes > most_bytes)
             && let Err(error) = fs::remove_file(path)
         {
-            tracing::debug!("{} is not deleted: {error}", path.display());
+            tracing::debug!("cannot delete {}: {error}", path.display());
         }
     }
 }

@@ -26,21 +26,21 @@ const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 
 /// Why a file is not used.
 #[derive(Debug, thiserror::Error)]
-pub enum Unusable {
+pub enum UnusableFile {
     /// There is none, which is no mistake.
-    #[error("there is no such file")]
+    #[error("the file does not exist")]
     Missing,
     /// It cannot be read or written.
     #[error("{0}")]
     Io(io::Error),
     /// It is larger than any that is kept.
-    #[error("{0} bytes are more than the {MOST_BYTES} that are kept")]
+    #[error("the table has {0} bytes, but may have at most {MOST_BYTES} bytes")]
     TooLarge(u64),
     /// Others may have written it.
-    #[error("others may have changed it: {0}")]
+    #[error("other users may have changed the file: {0}")]
     NotOwn(NotOwn),
     /// Others may have put files into its directory.
-    #[error("others may have changed it: {}: {reason}; or name another directory in ERA_CACHE_DIR", path.display())]
+    #[error("other users may have changed the file, because they can write to its directory {}: {reason}. Correct the directory's owner and mode, or name another directory in ERA_CACHE_DIR", path.display())]
     Directory {
         /// The directory.
         path: PathBuf,
@@ -48,16 +48,16 @@ pub enum Unusable {
         reason: NotOwn,
     },
     /// It is not such a file, or cut off before the table.
-    #[error("it does not begin as a kept table does")]
+    #[error("the file does not begin with the header of a stored table")]
     Header,
     /// Of another version.
-    #[error("its format is {0}, this program's {FORMAT}")]
+    #[error("the file has the format {0}, but this program reads the format {FORMAT}")]
     Format(u32),
     /// Of another scene, tolerance or program.
-    #[error("it belongs to another scene, tolerance or version")]
+    #[error("the file belongs to another scene, another tolerance or another version of the program")]
     Key,
     /// Cut off, or with something behind it.
-    #[error("it holds {found} bytes of {said}")]
+    #[error("the file contains {found} bytes of the table, but its header says {said}")]
     Length {
         /// According to its header.
         said: u64,
@@ -65,40 +65,40 @@ pub enum Unusable {
         found: u64,
     },
     /// Changed since it was written.
-    #[error("it has changed since it was written (SHA-256)")]
+    #[error("the file has changed since it was written (its SHA-256 hash differs)")]
     Hash,
     /// Its hash is right but its contents are none.
-    #[error("it cannot be decoded: {0}")]
+    #[error("the file cannot be decoded: {0}")]
     Decode(postcard::Error),
     /// Its contents cannot be right.
     #[error(transparent)]
     Implausible(#[from] ImplausibleStore),
 }
 
-impl From<io::Error> for Unusable {
+impl From<io::Error> for UnusableFile {
     fn from(error: io::Error) -> Self {
         if error.kind() == io::ErrorKind::NotFound { Self::Missing } else { Self::Io(error) }
     }
 }
 
 /// The file's bytes.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, Unusable> {
+pub(super) fn read_own_file_of_limited_size(path: &Path) -> Result<Vec<u8>, UnusableFile> {
     read_own_file(path, MOST_BYTES).map_err(|reason| match reason {
         NotOwn::Io(error) => error.into(),
-        NotOwn::TooLarge { bytes, .. } => Unusable::TooLarge(bytes),
-        reason => Unusable::NotOwn(reason),
+        NotOwn::TooLarge { bytes, .. } => UnusableFile::TooLarge(bytes),
+        reason => UnusableFile::NotOwn(reason),
     })
 }
 
 /// The file's bytes for a table.
-pub(super) fn encode(key: &Key, table: &StoredTable) -> Result<Vec<u8>, Unusable> {
-    let mut bytes = postcard::to_extend(table, vec![0; HEADER]).map_err(Unusable::Decode)?;
-    seal(key, &mut bytes);
-    if bytes.len() as u64 > MOST_BYTES { Err(Unusable::TooLarge(bytes.len() as u64)) } else { Ok(bytes) }
+pub(super) fn encode_table(key: &Key, table: &StoredTable) -> Result<Vec<u8>, UnusableFile> {
+    let mut bytes = postcard::to_extend(table, vec![0; HEADER]).map_err(UnusableFile::Decode)?;
+    fill_in_file_header(key, &mut bytes);
+    if bytes.len() as u64 > MOST_BYTES { Err(UnusableFile::TooLarge(bytes.len() as u64)) } else { Ok(bytes) }
 }
 
 /// Fills in the header of a file whose table follows it.
-pub(super) fn seal(key: &Key, bytes: &mut [u8]) {
+pub(super) fn fill_in_file_header(key: &Key, bytes: &mut [u8]) {
     let Some((header, table)) = bytes.split_at_mut_checked(HEADER) else { return };
     let fields: [&[u8]; 5] =
         [MAGIC, &FORMAT.to_le_bytes(), &key.0, &(table.len() as u64).to_le_bytes(), &Sha256::digest(&*table)];
@@ -106,28 +106,28 @@ pub(super) fn seal(key: &Key, bytes: &mut [u8]) {
 }
 
 /// The table of a file, if everything in its header is right.
-pub(super) fn decode(key: &Key, bytes: &[u8]) -> Result<StoredTable, Unusable> {
-    let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(Unusable::Header)?;
-    let (format, rest) = rest.split_first_chunk::<4>().ok_or(Unusable::Header)?;
-    let (own, rest) = rest.split_first_chunk::<32>().ok_or(Unusable::Header)?;
-    let (said, rest) = rest.split_first_chunk::<8>().ok_or(Unusable::Header)?;
-    let (hash, table) = rest.split_first_chunk::<32>().ok_or(Unusable::Header)?;
+pub(super) fn decode_table(key: &Key, bytes: &[u8]) -> Result<StoredTable, UnusableFile> {
+    let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(UnusableFile::Header)?;
+    let (format, rest) = rest.split_first_chunk::<4>().ok_or(UnusableFile::Header)?;
+    let (own, rest) = rest.split_first_chunk::<32>().ok_or(UnusableFile::Header)?;
+    let (said, rest) = rest.split_first_chunk::<8>().ok_or(UnusableFile::Header)?;
+    let (hash, table) = rest.split_first_chunk::<32>().ok_or(UnusableFile::Header)?;
     let (format, said, found) = (u32::from_le_bytes(*format), u64::from_le_bytes(*said), table.len() as u64);
     if magic != MAGIC {
-        return Err(Unusable::Header);
+        return Err(UnusableFile::Header);
     }
     if format != FORMAT {
-        return Err(Unusable::Format(format));
+        return Err(UnusableFile::Format(format));
     }
     if *own != key.0 {
-        return Err(Unusable::Key);
+        return Err(UnusableFile::Key);
     }
     if said != found {
-        return Err(Unusable::Length { said, found });
+        return Err(UnusableFile::Length { said, found });
     }
     if hash[..] != Sha256::digest(table)[..] {
-        return Err(Unusable::Hash);
+        return Err(UnusableFile::Hash);
     }
-    let (stored, left) = postcard::take_from_bytes(table).map_err(Unusable::Decode)?;
-    if left.is_empty() { Ok(stored) } else { Err(Unusable::Length { said: said - left.len() as u64, found }) }
+    let (stored, left) = postcard::take_from_bytes(table).map_err(UnusableFile::Decode)?;
+    if left.is_empty() { Ok(stored) } else { Err(UnusableFile::Length { said: said - left.len() as u64, found }) }
 }

@@ -21,7 +21,7 @@ impl Key {
     #[must_use]
     pub fn new(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Option<Self> {
         let TableOptions { from_hz, to_hz, step_hz } = options;
-        let numbers = [accuracy.relative_tolerance(), from_hz, to_hz, step_hz];
+        let numbers = [accuracy.relative_tolerance_or_tightest(), from_hz, to_hz, step_hz];
         let from = (FORMAT, env!("CARGO_PKG_VERSION"), CODE, numbers, scene);
         let bytes = postcard::to_allocvec(&from).ok()?;
         Some(Self(Sha256::digest(bytes).into()))

@@ -20,7 +20,7 @@ mod tests;
 
 pub use directory::MOST_FILES;
 pub use file::MOST_BYTES;
-pub use file::Unusable;
+pub use file::UnusableFile;
 pub use key::Key;
 
 use crate::model::bounded::RefinementLevel;
@@ -88,29 +88,32 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// The tables in `directory`, which need not exist yet.
+    /// The cache in `directory`, which need not exist yet.
     #[must_use]
-    pub fn at(directory: PathBuf) -> Self {
+    pub fn in_directory(directory: PathBuf) -> Self {
         Self { directory }
     }
 
-    /// The user's: `ERA_CACHE_DIR`, or `era` in `XDG_CACHE_HOME`, or `.cache/era` in `HOME`. `None` without any of them.
+    /// The user's cache: `ERA_CACHE_DIR`, or `era` in `XDG_CACHE_HOME`, or `.cache/era` in `HOME`. `None` without any
+    /// of them.
     #[must_use]
-    pub fn of_user() -> Option<Self> {
-        Self::from_variables(|name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from))
+    pub fn for_user_if_any_variable_set() -> Option<Self> {
+        Self::from_environment_variables_if_any(|name| {
+            std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from)
+        })
     }
 
-    fn from_variables(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<Self> {
+    fn from_environment_variables_if_any(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<Self> {
         let of = |name, below: &str| variable(name).filter(|path| path.is_absolute()).map(|path| path.join(below));
         let directory =
             variable(DIRECTORY_VARIABLE).or_else(|| of("XDG_CACHE_HOME", "era")).or_else(|| of("HOME", ".cache/era"));
-        directory.map(Self::at)
+        directory.map(Self::in_directory)
     }
 
-    /// The file of a key.
+    /// The file path of a key.
     #[must_use]
-    pub fn path(&self, key: &Key) -> PathBuf {
-        self.directory.join(directory::name(key))
+    pub fn table_file_path(&self, key: &Key) -> PathBuf {
+        self.directory.join(directory::file_name_for_key(key))
     }
 
     /// The directory.
@@ -119,88 +122,103 @@ impl Cache {
         &self.directory
     }
 
-    /// The table of a key, if it is there and sound. One that is not is told and thrown away.
-    fn load(&self, key: &Key, scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Option<Prepared> {
-        let path = self.path(key);
-        match load(&path, key, scene, accuracy, options) {
+    /// The table of a key, if its file exists and is sound. A file that is not sound is reported and ignored.
+    fn load_table_if_sound(
+        &self,
+        key: &Key,
+        scene: &Scene,
+        accuracy: Accuracy,
+        options: TableOptions,
+    ) -> Option<Prepared> {
+        let path = self.table_file_path(key);
+        match load_and_check_table_file(&path, key, scene, accuracy, options) {
             Ok(prepared) => {
-                directory::touch(&path);
+                directory::set_modified_time_to_now_if_possible(&path);
                 Some(prepared)
             }
-            Err(Unusable::Missing) => None,
+            Err(UnusableFile::Missing) => None,
             Err(reason) => {
-                tracing::warn!("{} is not used, and computed again: {reason}", path.display());
+                tracing::warn!("the stored plan table {} is not used, and computed again: {reason}", path.display());
                 None
             }
         }
     }
 
-    /// Writes a table down; the file's size in bytes. That it could not be is told to those who ask for detail.
-    fn store(&self, key: &Key, table: &PlanTable, steps: &[RefinementLevel]) -> Option<u64> {
-        let bytes = file::encode(key, &StoredTable::new(table, steps)?);
+    /// Writes a table to its file; returns the file's size in bytes. A failure is logged at the level debug.
+    fn store_table_and_return_file_bytes_unless_failed(
+        &self,
+        key: &Key,
+        table: &PlanTable,
+        levels: &[RefinementLevel],
+    ) -> Option<u64> {
+        let bytes = file::encode_table(key, &StoredTable::new(table, levels)?);
         let written = bytes.and_then(|bytes| {
-            directory::write(&self.path(key), &bytes)?;
+            directory::write_private_file_making_directory(&self.table_file_path(key), &bytes)?;
             Ok(bytes.len() as u64)
         });
         match written {
             Ok(size) => {
-                directory::tidy(&self.directory, MOST_FILES, MOST_BYTES);
+                directory::remove_least_recently_used_tables(&self.directory, MOST_FILES, MOST_BYTES);
                 Some(size)
             }
             Err(reason) => {
-                tracing::debug!("{} is not written: {reason}", self.path(key).display());
+                tracing::debug!("cannot store the table in {}: {reason}", self.table_file_path(key).display());
                 None
             }
         }
     }
 }
 
-fn load(
+fn load_and_check_table_file(
     path: &Path,
     key: &Key,
     scene: &Scene,
     accuracy: Accuracy,
     options: TableOptions,
-) -> Result<Prepared, Unusable> {
+) -> Result<Prepared, UnusableFile> {
     let started = Instant::now();
-    path.parent().map_or(Ok(()), directory::check_owner)?;
-    let bytes = file::read(path)?;
-    let stored = file::decode(key, &bytes)?;
+    path.parent().map_or(Ok(()), directory::check_only_owner_can_write_if_there)?;
+    let bytes = file::read_own_file_of_limited_size(path)?;
+    let stored = file::decode_table(key, &bytes)?;
     let read = started.elapsed();
-    let (table, steps) = stored.restore(scene, accuracy, options)?;
+    let (table, steps) = stored.restore_table(scene, accuracy, options)?;
     let origin = Origin::Kept { read, restore: started.elapsed().saturating_sub(read) };
     Ok(Prepared { table, steps, origin, kept: Some((path.to_path_buf(), bytes.len() as u64)) })
 }
 
-/// Whether `cache` has a file for the table; whether it is sound shows when it is read.
+/// Whether `cache` has a file for the table. Whether the file is sound shows only when it is read.
 #[must_use]
-pub fn is_kept(cache: Option<&Cache>, scene: &Scene, accuracy: Accuracy, options: TableOptions) -> bool {
-    let key = cache.and_then(|cache| Some(cache.path(&Key::new(scene, accuracy, options)?)));
+pub fn has_table_file(cache: Option<&Cache>, scene: &Scene, accuracy: Accuracy, options: TableOptions) -> bool {
+    let key = cache.and_then(|cache| Some(cache.table_file_path(&Key::new(scene, accuracy, options)?)));
     key.is_some_and(|path| path.exists())
 }
 
-/// The table of a scene: from `cache` if it has it, computed and kept there otherwise.
+/// The table of a scene: read from `cache` if it has one, otherwise computed and stored there.
 ///
 /// # Errors
 /// [`PrepareError`], from the computation alone.
-pub fn prepare(
+pub fn prepare_table(
     cache: Option<&Cache>,
     scene: &Scene,
     accuracy: Accuracy,
     options: TableOptions,
 ) -> Result<Prepared, PrepareError> {
     let keyed = cache.and_then(|cache| Some((cache, Key::new(scene, accuracy, options)?)));
-    if let Some(prepared) = keyed.as_ref().and_then(|(cache, key)| cache.load(key, scene, accuracy, options)) {
+    if let Some(prepared) =
+        keyed.as_ref().and_then(|(cache, key)| cache.load_table_if_sound(key, scene, accuracy, options))
+    {
         return Ok(prepared);
     }
     let started = Instant::now();
     let levels = ReducedLevels::build(scene, accuracy, options.to_hz)?;
     let steps = levels.steps.clone();
     let of_levels = started.elapsed();
-    let table = PlanTable::with_levels(scene, levels, options)?;
+    let table = PlanTable::from_levels(scene, levels, options)?;
     let of_table = started.elapsed().saturating_sub(of_levels);
-    let size = keyed.as_ref().and_then(|(cache, key)| cache.store(key, &table, &steps));
+    let size = keyed
+        .as_ref()
+        .and_then(|(cache, key)| cache.store_table_and_return_file_bytes_unless_failed(key, &table, &steps));
     let write = if size.is_some() { started.elapsed().saturating_sub(of_levels + of_table) } else { Duration::ZERO };
-    let kept = keyed.zip(size).map(|((cache, key), size)| (cache.path(&key), size));
+    let kept = keyed.zip(size).map(|((cache, key), size)| (cache.table_file_path(&key), size));
     Ok(Prepared { table, steps, origin: Origin::Computed { levels: of_levels, table: of_table, write }, kept })
 }

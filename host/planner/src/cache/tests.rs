@@ -1,7 +1,7 @@
-use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
+use super::{Cache, Key, Origin, UnusableFile, directory, file, prepare_table};
 use crate::model::{Accuracy, Bound};
 use crate::physics::limits::Limit;
-use crate::plan::bound::bound_field_error;
+use crate::plan::bound::bound_field_error_relative_to_largest_peak;
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, MAX_ACTUATORS, Scene};
 use crate::{PlanTable, TableOptions, Target};
 use proptest::prelude::*;
@@ -21,8 +21,8 @@ fn sample() -> &'static (Key, Vec<u8>) {
     static SAMPLE: OnceLock<(Key, Vec<u8>)> = OnceLock::new();
     SAMPLE.get_or_init(|| {
         let directory = tempfile::tempdir().unwrap();
-        let cache = Cache::at(directory.path().to_path_buf());
-        let made = prepare(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
+        let cache = Cache::in_directory(directory.path().to_path_buf());
+        let made = prepare_table(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
         (Key::new(&bar(), Accuracy::FAST, FEW).unwrap(), std::fs::read(made.kept.unwrap().0).unwrap())
     })
 }
@@ -30,7 +30,7 @@ fn sample() -> &'static (Key, Vec<u8>) {
 /// The limits of that table, as they were computed.
 fn limits_of_sample() -> &'static Vec<String> {
     static LIMITS: OnceLock<Vec<String>> = OnceLock::new();
-    LIMITS.get_or_init(|| all_limits(&prepare(None, &bar(), Accuracy::FAST, FEW).unwrap().table))
+    LIMITS.get_or_init(|| all_limits(&prepare_table(None, &bar(), Accuracy::FAST, FEW).unwrap().table))
 }
 
 /// Numbers all over the file, each four times as large, a quarter or 0, with a right hash.
@@ -49,9 +49,9 @@ fn no_number_of_a_kept_table_changes_a_limit() {
                     break;
                 }
             }
-            file::seal(key, &mut changed);
-            if let Ok((table, _)) =
-                file::decode(key, &changed).and_then(|stored| Ok(stored.restore(&bar(), Accuracy::FAST, FEW)?))
+            file::fill_in_file_header(key, &mut changed);
+            if let Ok((table, _)) = file::decode_table(key, &changed)
+                .and_then(|stored| Ok(stored.restore_table(&bar(), Accuracy::FAST, FEW)?))
             {
                 assert_eq!(&all_limits(&table), limits_of_sample(), "at {at}, times {change}");
                 used += usize::from(changed != *bytes);
@@ -68,7 +68,7 @@ fn plans(table: &PlanTable) -> Vec<String> {
     let plan = |(x, y): (f64, f64)| {
         let mut plan = table.plan(&[Target { x_m: x * length, y_m: y * width, intensity_g: Some(0.3) }]).unwrap();
         plan.elapsed_us = 0.0;
-        let bound = match bound_field_error(table, &plan) {
+        let bound = match bound_field_error_relative_to_largest_peak(table, &plan) {
             Bound::AtMost(bound) => bound.to_bits(),
             Bound::Unknown(_) => 0,
         };
@@ -82,17 +82,17 @@ fn a_kept_table_plans_as_the_computed_one_to_the_last_bit() {
     for text in [EXAMPLE_PLATE, EXAMPLE_BAR] {
         let scene = Scene::parse("example", text).unwrap();
         let directory = tempfile::tempdir().unwrap();
-        let cache = Cache::at(directory.path().join("made/when needed"));
-        let computed = prepare(Some(&cache), &scene, Accuracy::FAST, FEW).unwrap();
+        let cache = Cache::in_directory(directory.path().join("made/when needed"));
+        let computed = prepare_table(Some(&cache), &scene, Accuracy::FAST, FEW).unwrap();
         assert!(matches!(computed.origin, Origin::Computed { .. }) && computed.kept.is_some());
-        let kept = prepare(Some(&cache), &scene, Accuracy::FAST, FEW).unwrap();
+        let kept = prepare_table(Some(&cache), &scene, Accuracy::FAST, FEW).unwrap();
         assert!(matches!(kept.origin, Origin::Kept { .. }), "{:?}", kept.origin);
         assert_eq!(plans(&computed.table), plans(&kept.table));
         assert_eq!(format!("{:?}", computed.table), format!("{:?}", kept.table));
         assert_eq!(format!("{:?}", computed.steps), format!("{:?}", kept.steps));
-        assert_eq!(computed.table.bytes(), kept.table.bytes());
+        assert_eq!(computed.table.memory_bytes(), kept.table.memory_bytes());
         // Without a cache nothing is kept, and comes out the same.
-        let without = prepare(None, &scene, Accuracy::FAST, FEW).unwrap();
+        let without = prepare_table(None, &scene, Accuracy::FAST, FEW).unwrap();
         assert!(without.kept.is_none());
         assert_eq!(plans(&computed.table), plans(&without.table));
     }
@@ -120,12 +120,12 @@ fn tables_of_any_scene_are_read_again() {
     for text in std::iter::once(four).chain(random) {
         let scene = Scene::parse("any", &text).unwrap();
         let directory = tempfile::tempdir().unwrap();
-        let cache = Cache::at(directory.path().to_path_buf());
+        let cache = Cache::in_directory(directory.path().to_path_buf());
         let options = TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 8.0 };
-        let computed = prepare(Some(&cache), &scene, Accuracy::FAST, options).unwrap();
+        let computed = prepare_table(Some(&cache), &scene, Accuracy::FAST, options).unwrap();
         let path = computed.kept.as_ref().unwrap().0.clone();
         let key = Key::new(&scene, Accuracy::FAST, options).unwrap();
-        let read = super::load(&path, &key, &scene, Accuracy::FAST, options);
+        let read = super::load_and_check_table_file(&path, &key, &scene, Accuracy::FAST, options);
         let read = read.unwrap_or_else(|reason| panic!("{reason}\n{text}"));
         assert_eq!(format!("{:?}", computed.table), format!("{:?}", read.table));
     }
@@ -135,12 +135,12 @@ fn tables_of_any_scene_are_read_again() {
 #[test]
 fn figures_are_among_the_samples() {
     let scene = bar();
-    let made = prepare(None, &scene, Accuracy::FAST, FEW).unwrap();
+    let made = prepare_table(None, &scene, Accuracy::FAST, FEW).unwrap();
     let restored = |change: &dyn Fn(&mut PlanTable)| {
         let mut table = made.table.clone();
         change(&mut table);
         let stored = crate::table::stored::StoredTable::new(&table, &made.steps).unwrap();
-        stored.restore(&scene, Accuracy::FAST, FEW)
+        stored.restore_table(&scene, Accuracy::FAST, FEW)
     };
     assert!(restored(&|_| {}).is_ok());
     // The middle of 21 frequencies is always a sample.
@@ -182,7 +182,7 @@ fn all_limits(table: &PlanTable) -> Vec<String> {
         table.pressed,
         table.transducers,
         table.static_receptance,
-        table.ready_v(),
+        table.standby_voltage_of_each_actuator_v(),
         table.model
     );
     entries.chain([whole]).collect()
@@ -192,37 +192,37 @@ fn all_limits(table: &PlanTable) -> Vec<String> {
 fn a_spoilt_file_is_replaced() {
     let (key, bytes) = sample();
     let directory = tempfile::tempdir().unwrap();
-    let cache = Cache::at(directory.path().to_path_buf());
-    let path = cache.path(key);
+    let cache = Cache::in_directory(directory.path().to_path_buf());
+    let path = cache.table_file_path(key);
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let made = prepare(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
+    let made = prepare_table(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
     assert!(matches!(made.origin, Origin::Computed { .. }));
-    let again = prepare(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
+    let again = prepare_table(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
     assert!(matches!(again.origin, Origin::Kept { .. }));
     // A directory in its place can be neither read nor replaced, which is no error.
     std::fs::remove_file(&path).unwrap();
     std::fs::create_dir(&path).unwrap();
-    let made = prepare(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
+    let made = prepare_table(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
     assert!(matches!(made.origin, Origin::Computed { .. }) && made.kept.is_none());
 }
 
 #[test]
 fn every_cut_and_every_changed_byte_is_noticed() {
     let (key, bytes) = sample();
-    assert!(file::decode(key, bytes).is_ok());
+    assert!(file::decode_table(key, bytes).is_ok());
     for length in (0..200).chain((200..bytes.len()).step_by(bytes.len() / 40)) {
-        assert!(file::decode(key, &bytes[..length]).is_err(), "{length}");
+        assert!(file::decode_table(key, &bytes[..length]).is_err(), "{length}");
     }
     for at in (0..200).chain((200..bytes.len()).step_by(bytes.len() / 40)) {
         let mut changed = bytes.clone();
         changed[at] ^= 0x10;
-        assert!(file::decode(key, &changed).is_err(), "{at}");
+        assert!(file::decode_table(key, &changed).is_err(), "{at}");
     }
     let mut longer = bytes.clone();
     longer.push(0);
-    assert!(matches!(file::decode(key, &longer), Err(Unusable::Length { .. })));
+    assert!(matches!(file::decode_table(key, &longer), Err(UnusableFile::Length { .. })));
     let other = Key::new(&bar(), Accuracy::BALANCED, FEW).unwrap();
-    assert!(matches!(file::decode(&other, bytes), Err(Unusable::Key)));
+    assert!(matches!(file::decode_table(&other, bytes), Err(UnusableFile::Key)));
 }
 
 proptest! {
@@ -247,9 +247,9 @@ proptest! {
                 changed[at] = value;
             }
         }
-        file::seal(key, &mut changed);
-        if let Ok(stored) = file::decode(key, &changed)
-            && let Ok((table, _)) = stored.restore(&bar(), Accuracy::FAST, FEW)
+        file::fill_in_file_header(key, &mut changed);
+        if let Ok(stored) = file::decode_table(key, &changed)
+            && let Ok((table, _)) = stored.restore_table(&bar(), Accuracy::FAST, FEW)
         {
             prop_assert_eq!(&all_limits(&table), limits_of_sample());
             let finite = |z: &num_complex::Complex64| z.re.is_finite() && z.im.is_finite();
@@ -263,14 +263,15 @@ proptest! {
 #[test]
 fn numbers_of_something_else_are_found_by_samples() {
     let (key, bytes) = sample();
-    let restored = |scene: &Scene, options| file::decode(key, bytes).unwrap().restore(scene, Accuracy::FAST, options);
+    let restored =
+        |scene: &Scene, options| file::decode_table(key, bytes).unwrap().restore_table(scene, Accuracy::FAST, options);
     assert!(restored(&bar(), FEW).is_ok());
     let shifted = TableOptions { from_hz: FEW.from_hz + 1.0, to_hz: FEW.to_hz + 1.0, ..FEW };
     assert!(restored(&bar(), shifted).is_err());
     // A gap is in nothing that is kept, and its limits are those of the scene.
     let mut wider = bar();
     wider.actuators[0].air_gap_m *= 1.5;
-    let computed = prepare(None, &wider, Accuracy::FAST, FEW).unwrap();
+    let computed = prepare_table(None, &wider, Accuracy::FAST, FEW).unwrap();
     assert_eq!(all_limits(&restored(&wider, FEW).unwrap().0), all_limits(&computed.table));
     assert_ne!(&all_limits(&computed.table), limits_of_sample());
     let mut longer = bar();
@@ -315,9 +316,9 @@ fn the_oldest_files_go_first_and_others_stay() {
         names.sort();
         names
     };
-    directory::tidy(directory.path(), 4, 1 << 20);
+    directory::remove_least_recently_used_tables(directory.path(), 4, 1 << 20);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "2.era-plan", "3.era-plan", "notes.txt"]);
-    directory::tidy(directory.path(), 4, 250);
+    directory::remove_least_recently_used_tables(directory.path(), 4, 250);
     assert_eq!(left(), ["0.era-plan", "1.era-plan", "notes.txt"]);
 }
 
@@ -325,7 +326,7 @@ fn the_oldest_files_go_first_and_others_stay() {
 fn the_directory_is_the_first_that_is_named() {
     let of = |pairs: &'static [(&str, &str)]| {
         let variable = |name: &str| pairs.iter().find(|(known, _)| *known == name).map(|(_, path)| PathBuf::from(path));
-        Cache::from_variables(variable).map(|cache| cache.directory().to_path_buf())
+        Cache::from_environment_variables_if_any(variable).map(|cache| cache.directory().to_path_buf())
     };
     let all = of(&[("HOME", "/home/me"), ("XDG_CACHE_HOME", "/cache"), ("ERA_CACHE_DIR", "here")]);
     assert_eq!(all, Some("here".into()));

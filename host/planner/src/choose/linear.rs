@@ -1,6 +1,6 @@
 //! Small linear programmes: a dense simplex with two objectives, one before the other.
 //!
-//! Maximise c . x, and among the optima d . x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
+//! Maximise c . pixel_x, and among the optima d . pixel_x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
 //! start and no first phase is needed. Allocation has at most five variables and some hundred rows, a tableau of a few
 //! kilobytes; mixtures of combinations have some fifty (`search/mixture.rs`), and as many rows as there are targets and limits.
 
@@ -41,7 +41,7 @@ impl Programme {
     }
 
     /// Adds a row: `coefficients` . x <= `bound`, which is 0 or more.
-    pub fn row(&mut self, coefficients: impl IntoIterator<Item = f64>, bound: f64) {
+    pub fn add_row(&mut self, coefficients: impl IntoIterator<Item = f64>, bound: f64) {
         let before = self.rows.len();
         self.rows.extend(coefficients);
         self.rows.resize(before + self.columns, 0.0);
@@ -50,7 +50,11 @@ impl Programme {
 
     /// The optimum; `None` if an objective has no bound.
     #[must_use]
-    pub fn maximise(&self, first: &[f64], second: &[f64]) -> Option<Vertex> {
+    pub fn maximise_first_then_second_objective_if_bounded(
+        &self,
+        first_objective: &[f64],
+        second_objective: &[f64],
+    ) -> Option<Vertex> {
         let n = self.columns;
         let m = self.rows.len() / (n + 1);
         let width = n + 1;
@@ -58,12 +62,12 @@ impl Programme {
         let mut table = self.rows.clone();
         let objective =
             |of: &[f64]| -> Vec<f64> { (0..n).map(|j| of.get(j).copied().unwrap_or(0.0)).chain([0.0]).collect() };
-        let (mut z1, mut z2) = (objective(first), objective(second));
+        let (mut z1, mut z2) = (objective(first_objective), objective(second_objective));
         // Names: 0..n the variables, n.. the rows' slacks.
         let mut zeros: Vec<usize> = (0..n).collect();
         let mut basics: Vec<usize> = (n..n + m).collect();
-        let scale1 = first.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
-        let scale2 = second.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
+        let scale1 = first_objective.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
+        let scale2 = second_objective.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
         let bland_after = BLAND_AFTER.max(2 * n);
         for step in 0..MOST_STEPS.0.max(MOST_STEPS.1 * n) {
             let gains = |j: usize| z1[j] > ZERO * scale1 || z1[j] >= -ZERO * scale1 && z2[j] > ZERO * scale2;
@@ -92,7 +96,7 @@ impl Programme {
                 }
             }
             let (row, _) = leaves?;
-            exchange(&mut table, &mut z1, &mut z2, width, m, row, column);
+            pivot_tableau(&mut table, &mut z1, &mut z2, width, m, row, column);
             std::mem::swap(&mut zeros[column], &mut basics[row]);
         }
         let mut x = vec![0.0; n];
@@ -115,7 +119,15 @@ impl Programme {
 }
 
 /// Exchanges a row's variable for a column's.
-fn exchange(table: &mut [f64], z1: &mut [f64], z2: &mut [f64], width: usize, m: usize, row: usize, column: usize) {
+fn pivot_tableau(
+    table: &mut [f64],
+    first_objective: &mut [f64],
+    second_objective: &mut [f64],
+    width: usize,
+    row_count: usize,
+    row: usize,
+    column: usize,
+) {
     let inverse = 1.0 / table[row * width + column];
     for j in 0..width {
         let entry = &mut table[row * width + j];
@@ -130,7 +142,7 @@ fn exchange(table: &mut [f64], z1: &mut [f64], z2: &mut [f64], width: usize, m: 
             }
         }
     };
-    for other in 0..m {
+    for other in 0..row_count {
         if other != row {
             let slice = &mut table[other * width..(other + 1) * width];
             apply(slice);
@@ -138,8 +150,8 @@ fn exchange(table: &mut [f64], z1: &mut [f64], z2: &mut [f64], width: usize, m: 
             slice[width - 1] = slice[width - 1].max(0.0);
         }
     }
-    apply(z1);
-    apply(z2);
+    apply(first_objective);
+    apply(second_objective);
 }
 
 #[cfg(test)]
@@ -150,23 +162,27 @@ mod tests {
     #[test]
     fn a_corner_is_found_with_its_duals() {
         let mut programme = Programme::new(2);
-        programme.row([1.0, 1.0], 4.0);
-        programme.row([1.0, 3.0], 6.0);
-        let vertex = programme.maximise(&[3.0, 5.0], &[]).unwrap();
+        programme.add_row([1.0, 1.0], 4.0);
+        programme.add_row([1.0, 3.0], 6.0);
+        let vertex = programme.maximise_first_then_second_objective_if_bounded(&[3.0, 5.0], &[]).unwrap();
         assert!((vertex.x[0] - 3.0).abs() < 1e-12 && (vertex.x[1] - 1.0).abs() < 1e-12);
         assert!((vertex.first[0] - 2.0).abs() < 1e-12 && (vertex.first[1] - 1.0).abs() < 1e-12);
-        assert_eq!(programme.maximise(&[-1.0, 0.0], &[0.0, -1.0]).unwrap().x, [0.0, 0.0]);
-        assert!(Programme::new(1).maximise(&[1.0], &[]).is_none());
+        assert_eq!(
+            programme.maximise_first_then_second_objective_if_bounded(&[-1.0, 0.0], &[0.0, -1.0]).unwrap().x,
+            [0.0, 0.0]
+        );
+        assert!(Programme::new(1).maximise_first_then_second_objective_if_bounded(&[1.0], &[]).is_none());
     }
 
     /// Beale's example, on which the steepest column alone cycles.
     #[test]
     fn beales_example_ends() {
         let mut programme = Programme::new(4);
-        programme.row([0.25, -60.0, -0.04, 9.0], 0.0);
-        programme.row([0.5, -90.0, -0.02, 3.0], 0.0);
-        programme.row([0.0, 0.0, 1.0, 0.0], 1.0);
-        let vertex = programme.maximise(&[0.75, -150.0, 0.02, -6.0], &[]).unwrap();
+        programme.add_row([0.25, -60.0, -0.04, 9.0], 0.0);
+        programme.add_row([0.5, -90.0, -0.02, 3.0], 0.0);
+        programme.add_row([0.0, 0.0, 1.0, 0.0], 1.0);
+        let vertex =
+            programme.maximise_first_then_second_objective_if_bounded(&[0.75, -150.0, 0.02, -6.0], &[]).unwrap();
         let value = 0.75 * vertex.x[0] - 150.0 * vertex.x[1] + 0.02 * vertex.x[2] - 6.0 * vertex.x[3];
         assert!((value - 0.05).abs() < 1e-12, "{vertex:?}");
     }
@@ -174,9 +190,10 @@ mod tests {
     #[test]
     fn the_second_objective_decides_among_equals() {
         let mut programme = Programme::new(3);
-        programme.row([1.0, 1.0], 2.0);
-        programme.row([0.0, 0.0, 1.0], 1.0);
-        let vertex = programme.maximise(&[1.0, 1.0, 0.0], &[-1.0, -2.0, 0.5]).unwrap();
+        programme.add_row([1.0, 1.0], 2.0);
+        programme.add_row([0.0, 0.0, 1.0], 1.0);
+        let vertex =
+            programme.maximise_first_then_second_objective_if_bounded(&[1.0, 1.0, 0.0], &[-1.0, -2.0, 0.5]).unwrap();
         assert_eq!(vertex.x, [2.0, 0.0, 1.0]);
     }
 
@@ -190,9 +207,9 @@ mod tests {
             trials in prop::collection::vec(prop::array::uniform4(0.0_f64..1.0), 50),
         ) {
             let mut programme = Programme::new(4);
-            for (a, b) in a.iter().zip(&b) { programme.row(*a, *b); }
-            for i in 0..4 { programme.row((0..4).map(|j| f64::from(u8::from(i == j))), 1.0); }
-            let vertex = programme.maximise(&c, &[]).unwrap();
+            for (a, b) in a.iter().zip(&b) { programme.add_row(*a, *b); }
+            for i in 0..4 { programme.add_row((0..4).map(|j| f64::from(u8::from(i == j))), 1.0); }
+            let vertex = programme.maximise_first_then_second_objective_if_bounded(&c, &[]).unwrap();
             let value = |x: &[f64]| x.iter().zip(&c).map(|(x, c)| x * c).sum::<f64>();
             let bounds: Vec<f64> = b.iter().take(a.len()).copied().chain([1.0; 4]).collect();
             let dual: f64 = vertex.first.iter().zip(&bounds).map(|(y, b)| y * b).sum();

@@ -3,21 +3,21 @@
 use crate::MIN_SPACING_HZ;
 use crate::choose::allocate::Allocation;
 use crate::choose::candidates::Formulation;
-use crate::choose::search::{BestCombination, Choices};
-use crate::chosen_drive::{Chosen, meets};
+use crate::choose::search::{BestCombination, CandidateSet};
+use crate::chosen_drive::{ChosenDrive, is_one_nearly_odd_harmonic_of_other};
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{PlanTable, Width};
+use crate::table::{PlanTable, PulseOption};
 
 /// Least relative gain that a frequency off the grid must bring.
 const LEAST_GAIN: f64 = 1e-3;
 /// Part of that which it must gain by the parabola to be looked at: a parabola through the flank of a resonance may be half off.
 const LIKELY: f64 = 0.5;
 
-/// The drives of all actuators.
+/// The selected drives of all actuators.
 #[derive(Clone, Debug)]
 pub struct Selection {
     /// One per actuator.
-    pub drives: Vec<Chosen>,
+    pub drives: Vec<ChosenDrive>,
     /// How their forces came about.
     pub allocation: Allocation,
     /// Shared limits that bind, by their numbers.
@@ -26,33 +26,43 @@ pub struct Selection {
     pub gap: f64,
 }
 
-/// The drives of the combination `found` among `choices`, refined off the grid.
-pub(crate) fn refine_between_grid(
+/// The drives of the combination `best` among `choices`, moved to frequencies between those of the grid if that is
+/// better.
+pub(crate) fn refine_frequencies_between_grid(
     table: &PlanTable,
     formulation: &Formulation<'_>,
-    choices: &Choices,
-    found: &BestCombination,
+    choices: &CandidateSet,
+    best: &BestCombination,
 ) -> Selection {
     let p = choices.candidates.len();
-    let mut drives: Vec<Chosen> = (0..p)
+    let mut drives: Vec<ChosenDrive> = (0..p)
         .map(|i| {
-            let tag = choices.candidates[i][found.chosen[i]].tag;
+            let tag = choices.candidates[i][best.chosen[i]].tag;
             let (k, w) = (tag / 2, tag % 2);
-            let row = table.entries_at(k);
-            let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
-            Chosen { frequency_hz: table.frequencies_hz[k], on_grid: Some(k), row, width, force_n: 0.0, phase_rad: 0.0 }
+            let row = table.entries_of_all_actuators_at_index(k);
+            let width = row.get(i).map_or_else(PulseOption::default, |entry| entry.widths[w]);
+            ChosenDrive {
+                frequency_hz: table.frequencies_hz[k],
+                on_grid: Some(k),
+                row,
+                width,
+                force_n: 0.0,
+                force_phase_rad: 0.0,
+            }
         })
         .collect();
-    let mut allocation = found.allocation.clone();
-    let mut own = formulation.empty(&choices.wanted);
+    let mut allocation = best.allocation.clone();
+    let mut own = formulation.build_candidate_set_without_candidates(&choices.wanted);
     let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
     // To first order the whole gains what its parts earn more at the dual variables that they have.
     let worth = LIKELY * LEAST_GAIN * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
-    let better: Vec<_> = (0..p).map(|i| find_better_frequency(table, formulation, choices, found, i, &hz)).collect();
+    let better: Vec<_> = (0..p)
+        .map(|i| find_better_frequency_hz_and_lagrangian_gain(table, formulation, choices, best, i, &hz))
+        .collect();
     let mut moved = Vec::new();
     if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
         for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
-            if let Ok(row) = table.row_for(hz, i) {
+            if let Ok(row) = table.compute_all_entries_at_hz_with_driven_limits_only(hz, i) {
                 moved.push((i, hz, row));
             }
         }
@@ -61,22 +71,22 @@ pub(crate) fn refine_between_grid(
         // All of them, and what they give together.
         let mut trial = drives.clone();
         for (i, hz, row) in moved {
-            let w = choices.candidates[i][found.chosen[i]].tag % 2;
-            let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
-            trial[i] = Chosen { frequency_hz: hz, on_grid: None, row, width, ..trial[i].clone() };
+            let w = choices.candidates[i][best.chosen[i]].tag % 2;
+            let width = row.get(i).map_or_else(PulseOption::default, |entry| entry.widths[w]);
+            trial[i] = ChosenDrive { frequency_hz: hz, on_grid: None, row, width, ..trial[i].clone() };
         }
         own.frequencies_hz = trial.iter().map(|drive| drive.frequency_hz).collect();
         let mut at = [0; MAX_ACTUATORS];
         for (i, drive) in trial.iter().enumerate() {
             if let Some(entry) = drive.row.get(i) {
-                formulation.add(&mut own, i, i, 0, entry, drive.frequency_hz);
-                let w = choices.candidates[i][found.chosen[i]].tag % 2;
+                formulation.add_candidate_per_pulse_width(&mut own, i, i, 0, entry, drive.frequency_hz);
+                let w = choices.candidates[i][best.chosen[i]].tag % 2;
                 at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
             }
         }
-        let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);
+        let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !is_one_nearly_odd_harmonic_of_other(a, b);
         let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
-        let refined = own.allocation(&at);
+        let refined = own.allocate_combination(&at);
         let is_better = refined.met > allocation.met * (1.0 + LEAST_GAIN)
             || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - LEAST_GAIN);
         if keeps && is_better {
@@ -88,29 +98,36 @@ pub(crate) fn refine_between_grid(
         drive.force_n = force_n;
     }
     let active = allocation.duals.load.iter().enumerate().filter(|(_, dual)| **dual > 0.0).map(|(row, _)| row);
-    Selection { active: active.collect(), drives, allocation, gap: found.gap }
+    Selection { active: active.collect(), drives, allocation, gap: best.gap }
 }
 
-/// The vertex of the parabola through what an actuator earns, at the dual variables of the best combination, at its frequency
-/// and the two beside it, and by how much more it earns there; `None` where that is at the grid's, or nearer than the
-/// spacing to another drive's frequency.
-fn find_better_frequency(
+/// The vertex in Hz of the parabola through an actuator's Lagrangian terms at its frequency and the two neighbours,
+/// at the dual variables of the best combination, and the gain over the grid's frequency. `None` if the vertex is at
+/// the grid's frequency, or closer than the spacing to another drive.
+fn find_better_frequency_hz_and_lagrangian_gain(
     table: &PlanTable,
     formulation: &Formulation<'_>,
-    choices: &Choices,
-    found: &BestCombination,
-    i: usize,
-    hz: &[f64],
+    choices: &CandidateSet,
+    best: &BestCombination,
+    actuator: usize,
+    chosen_hz: &[f64],
 ) -> Option<(f64, f64)> {
-    let tag = choices.candidates[i][found.chosen[i]].tag;
+    let tag = choices.candidates[actuator][best.chosen[actuator]].tag;
     let (k, w) = (tag / 2, tag % 2);
     let own = *table.frequencies_hz.get(k)?;
     let earned = |k: usize| -> Option<f64> {
-        let mut one = formulation.empty(&choices.wanted);
+        let mut one = formulation.build_candidate_set_without_candidates(&choices.wanted);
         one.frequencies_hz.push(own);
-        formulation.add(&mut one, i, 0, k, table.entry(i, k)?, *table.frequencies_hz.get(k)?);
-        let index = w.min(one.candidates[i].len() - 1);
-        Some(one.earned(i, index, &found.allocation))
+        formulation.add_candidate_per_pulse_width(
+            &mut one,
+            actuator,
+            0,
+            k,
+            table.entry(actuator, k)?,
+            *table.frequencies_hz.get(k)?,
+        );
+        let index = w.min(one.candidates[actuator].len() - 1);
+        Some(one.lagrangian_term_at_duals_of(actuator, index, &best.allocation))
     };
     let (low, middle, high) = (earned(k.checked_sub(1)?)?, earned(k)?, earned(k + 1)?);
     let (below, above) = (own - table.frequencies_hz[k - 1], table.frequencies_hz[k + 1] - own);
@@ -122,7 +139,8 @@ fn find_better_frequency(
     }
     let slope = (left * above + right * below) / (below + above);
     let step = (-slope / curvature).clamp(-below, above);
-    let free = hz.iter().enumerate().all(|(j, other)| j == i || (own + step - other).abs() >= MIN_SPACING_HZ);
+    let free =
+        chosen_hz.iter().enumerate().all(|(j, other)| j == actuator || (own + step - other).abs() >= MIN_SPACING_HZ);
     let gain = (slope + 0.5 * curvature * step) * step;
     (free && step.abs() > 1e-3 * (below + above)).then_some((own + step, gain))
 }

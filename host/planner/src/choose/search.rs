@@ -15,8 +15,8 @@ mod mixture;
 #[cfg(test)]
 mod tests;
 
-use crate::choose::allocate::{Allocation, Duals, Setting, allocate};
-use crate::request::Work;
+use crate::choose::allocate::{ActuatorTerms, Allocation, DualVariables, allocate_forces};
+use crate::request::SearchEffort;
 use crate::scene::MAX_ACTUATORS;
 use branch::BranchAndBound;
 
@@ -35,9 +35,9 @@ pub struct Candidate {
     pub tag: usize,
 }
 
-/// Everything that may be chosen from.
+/// All candidates with the rows of the problem.
 #[derive(Clone, Debug, Default)]
-pub struct Choices {
+pub struct CandidateSet {
     /// Frequencies in Hz, ascending.
     pub frequencies_hz: Vec<f64>,
     /// Candidates of each actuator in ascending order of frequency; at most four actuators.
@@ -53,7 +53,7 @@ pub struct Choices {
     /// Least distance of two frequencies in Hz.
     pub spacing_hz: f64,
     /// How much may be looked at.
-    pub work: Work,
+    pub work: SearchEffort,
     /// Whether energies are estimates: good enough to find what reaches most, not to tell its forces.
     pub is_estimated: bool,
 }
@@ -70,50 +70,71 @@ pub struct BestCombination {
     pub gap: f64,
     /// Where the wishes are not met: no combination meets more of them than this part.
     pub most: f64,
-    /// Steps that it took ([`Work`]).
+    /// Steps that it took ([`SearchEffort`]).
     pub steps: usize,
 }
 
-/// Whether two frequencies may go together, other than by their distance.
-pub type Fits<'a> = &'a dyn Fn(f64, f64) -> bool;
+/// Whether two frequencies may be driven together, apart from their spacing.
+pub type PairFilter<'a> = &'a dyn Fn(f64, f64) -> bool;
 
-impl Choices {
-    /// The combination that reaches most of what is wanted, and of those that reach as much the one that costs least.
-    /// `None` if no frequencies keep their distance.
+impl CandidateSet {
+    /// The combination that meets the largest fraction of the wishes, and of those that meet as much the one with the
+    /// least cost. `None` if no frequencies keep their spacing.
     #[must_use]
-    pub fn best(&self, fits: Fits<'_>) -> Option<BestCombination> {
-        self.best_from(fits, None)
+    pub fn find_best_combination_if_spacing_can_be_kept(
+        &self,
+        is_allowed_pair: PairFilter<'_>,
+    ) -> Option<BestCombination> {
+        self.find_best_combination_from_guess_if_spacing_can_be_kept(is_allowed_pair, None)
     }
 
-    /// The same with a combination to begin with, that may be a good one.
+    /// The same search, started with a combination that may be a good one.
     #[must_use]
-    pub fn best_from(&self, fits: Fits<'_>, known: Option<[usize; MAX_ACTUATORS]>) -> Option<BestCombination> {
-        BranchAndBound::new(self, fits).run(known)
+    pub fn find_best_combination_from_guess_if_spacing_can_be_kept(
+        &self,
+        is_allowed_pair: PairFilter<'_>,
+        first_guess: Option<[usize; MAX_ACTUATORS]>,
+    ) -> Option<BestCombination> {
+        BranchAndBound::new(self, is_allowed_pair).search_for_reach_then_cost(first_guess)
     }
 
-    /// The same by looking at every combination, and how many there are: what [`Choices::best`] is held against, for lists of
-    /// frequencies that are short enough.
+    /// The best allocation by evaluating every combination, and the number of combinations: the reference for
+    /// [`CandidateSet::find_best_combination_if_spacing_can_be_kept`] with short lists of frequencies.
     #[must_use]
-    pub fn exhaustive(&self, fits: Fits<'_>) -> (Option<Allocation>, u64) {
+    pub fn find_best_allocation_exhaustively_and_count_combinations(
+        &self,
+        is_allowed_pair: PairFilter<'_>,
+    ) -> (Option<Allocation>, u64) {
         let (mut best, mut looked) = (None, 0);
-        self.descend(fits, &mut Vec::with_capacity(MAX_ACTUATORS), &mut best, &mut looked);
+        self.evaluate_all_combinations_and_keep_best(
+            is_allowed_pair,
+            &mut Vec::with_capacity(MAX_ACTUATORS),
+            &mut best,
+            &mut looked,
+        );
         (best, looked)
     }
 
-    fn descend(&self, fits: Fits<'_>, chosen: &mut Vec<usize>, best: &mut Option<Allocation>, looked: &mut u64) {
+    fn evaluate_all_combinations_and_keep_best(
+        &self,
+        is_allowed_pair: PairFilter<'_>,
+        chosen: &mut Vec<usize>,
+        best: &mut Option<Allocation>,
+        evaluated: &mut u64,
+    ) {
         let i = chosen.len();
         if i == self.candidates.len() {
-            *looked += 1;
-            let found = self.allocation(chosen);
-            if best.as_ref().is_none_or(|best| is_better(&found, best)) {
+            *evaluated += 1;
+            let found = self.allocate_combination(chosen);
+            if best.as_ref().is_none_or(|best| meets_more_or_as_much_at_less_cost(&found, best)) {
                 *best = Some(found);
             }
             return;
         }
         for index in 0..self.candidates[i].len() {
-            if (0..i).all(|j| self.go_together(fits, (i, index), (j, chosen[j]))) {
+            if (0..i).all(|j| self.have_spaced_and_allowed_frequencies(is_allowed_pair, (i, index), (j, chosen[j]))) {
                 chosen.push(index);
-                self.descend(fits, chosen, best, looked);
+                self.evaluate_all_combinations_and_keep_best(is_allowed_pair, chosen, best, evaluated);
                 chosen.pop();
             }
         }
@@ -121,20 +142,21 @@ impl Choices {
 
     /// The forces of one combination.
     #[must_use]
-    pub fn allocation(&self, chosen: &[usize]) -> Allocation {
-        const NOT_DRIVEN: Setting<'_> = Setting { energy: 0.0, power: 0.0, max_force_n: 0.0, gain: &[], load: &[] };
+    pub fn allocate_combination(&self, candidate_indices: &[usize]) -> Allocation {
+        const NOT_DRIVEN: ActuatorTerms<'_> =
+            ActuatorTerms { energy: 0.0, power: 0.0, max_force_n: 0.0, gain: &[], load: &[] };
         let mut settings = [NOT_DRIVEN; MAX_ACTUATORS];
         let p = self.candidates.len();
         for (i, setting) in settings.iter_mut().enumerate().take(p) {
-            *setting = self.setting(i, chosen[i]);
+            *setting = self.candidate_terms(i, candidate_indices[i]);
         }
-        allocate(&settings[..p], &self.wanted, &self.allowed)
+        allocate_forces(&settings[..p], &self.wanted, &self.allowed)
     }
 
-    fn setting(&self, actuator: usize, index: usize) -> Setting<'_> {
+    fn candidate_terms(&self, actuator: usize, index: usize) -> ActuatorTerms<'_> {
         let candidate = &self.candidates[actuator][index];
         let (t, c) = (self.wanted.len(), self.allowed.len());
-        Setting {
+        ActuatorTerms {
             energy: candidate.energy,
             power: candidate.power,
             max_force_n: candidate.max_force_n,
@@ -143,69 +165,86 @@ impl Choices {
         }
     }
 
-    fn hz(&self, actuator: usize, index: usize) -> f64 {
-        self.frequencies_hz[self.candidates[actuator][index].node]
+    fn candidate_frequency_hz(&self, actuator: usize, candidate: usize) -> f64 {
+        self.frequencies_hz[self.candidates[actuator][candidate].node]
     }
 
-    /// Whether two candidates, each an actuator and an index, may be driven at once.
-    fn go_together(&self, fits: Fits<'_>, a: (usize, usize), b: (usize, usize)) -> bool {
-        let (a, b) = (self.hz(a.0, a.1), self.hz(b.0, b.1));
-        (a - b).abs() >= self.spacing_hz && fits(a, b)
+    /// Whether two candidates, each an actuator and an index, may be driven together.
+    fn have_spaced_and_allowed_frequencies(
+        &self,
+        is_allowed_pair: PairFilter<'_>,
+        a: (usize, usize),
+        b: (usize, usize),
+    ) -> bool {
+        let (a, b) = (self.candidate_frequency_hz(a.0, a.1), self.candidate_frequency_hz(b.0, b.1));
+        (a - b).abs() >= self.spacing_hz && is_allowed_pair(a, b)
     }
 
-    /// What a candidate earns at the dual variables of a combination: its part in what that is worth.
+    /// The Lagrangian term of a candidate at the dual variables of an allocation.
     #[must_use]
-    pub fn earned(&self, actuator: usize, index: usize, known: &Allocation) -> f64 {
-        let kind = if known.met >= 1.0 { Kind::Cost } else { Kind::Reach };
-        kind.earns(&self.setting(actuator, index), &known.duals).0
+    pub fn lagrangian_term_at_duals_of(&self, actuator: usize, candidate: usize, allocation: &Allocation) -> f64 {
+        let kind = if allocation.met >= 1.0 { SearchGoal::Cost } else { SearchGoal::Reach };
+        kind.find_max_lagrangian_term_and_force_n(&self.candidate_terms(actuator, candidate), &allocation.duals).0
     }
 }
 
-/// What is looked for.
+/// The goal of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum SearchGoal {
     /// The most of what is wanted.
     Reach,
     /// The least cost with all of it.
     Cost,
 }
 
-impl Kind {
-    /// The most that a candidate earns at these dual variables, and the force with which it does.
-    fn earns(self, setting: &Setting<'_>, duals: &Duals) -> (f64, f64) {
+impl SearchGoal {
+    /// The largest Lagrangian term of a candidate at these dual variables, and the force in N at which it has it.
+    fn find_max_lagrangian_term_and_force_n(self, candidate: &ActuatorTerms<'_>, duals: &DualVariables) -> (f64, f64) {
         let sum = |duals: &[f64], entries: &[f64]| duals.iter().zip(entries).map(|(a, b)| a * b).sum::<f64>();
-        let pull = sum(&duals.gain, setting.gain) - sum(&duals.load, setting.load);
-        self.earns_at(setting.energy, setting.power, setting.max_force_n, pull)
+        let pull = sum(&duals.gain, candidate.gain) - sum(&duals.load, candidate.load);
+        self.find_max_lagrangian_term_and_force_n_for_value_per_n(
+            candidate.energy,
+            candidate.power,
+            candidate.max_force_n,
+            pull,
+        )
     }
 
-    /// The same with what a newton brings at the dual variables, `pull`.
-    fn earns_at(self, energy: f64, power: f64, max_force_n: f64, pull: f64) -> (f64, f64) {
-        let pull = if self == Kind::Cost { pull - power } else { pull };
-        if pull <= 0.0 {
+    /// The same for a candidate with the value `value_per_n` per newton at the dual variables.
+    fn find_max_lagrangian_term_and_force_n_for_value_per_n(
+        self,
+        energy: f64,
+        power: f64,
+        max_force_n: f64,
+        value_per_n: f64,
+    ) -> (f64, f64) {
+        let value_per_n = if self == SearchGoal::Cost { value_per_n - power } else { value_per_n };
+        if value_per_n <= 0.0 {
             (0.0, 0.0)
-        } else if self == Kind::Reach || pull >= 2.0 * energy * max_force_n {
-            let energy = if self == Kind::Cost { energy } else { 0.0 };
-            ((pull - energy * max_force_n) * max_force_n, max_force_n)
+        } else if self == SearchGoal::Reach || value_per_n >= 2.0 * energy * max_force_n {
+            let energy = if self == SearchGoal::Cost { energy } else { 0.0 };
+            ((value_per_n - energy * max_force_n) * max_force_n, max_force_n)
         } else {
-            (pull * pull / (4.0 * energy), pull / (2.0 * energy))
+            (value_per_n * value_per_n / (4.0 * energy), value_per_n / (2.0 * energy))
         }
     }
 
-    /// How good forces are, the more the better: what they reach, or minus what they cost; minus infinity where they do not do
-    /// what is asked for.
-    fn worth(self, of: &Allocation) -> f64 {
+    /// The value of an allocation, the larger the better: the fraction of the wishes that it meets, or minus its
+    /// cost; minus infinity if it does not meet what is required.
+    fn objective_value(self, allocation: &Allocation) -> f64 {
         match self {
-            Kind::Reach => of.met,
-            Kind::Cost if of.met >= 1.0 => -of.cost,
-            Kind::Cost => f64::NEG_INFINITY,
+            SearchGoal::Reach => allocation.met,
+            SearchGoal::Cost if allocation.met >= 1.0 => -allocation.cost,
+            SearchGoal::Cost => f64::NEG_INFINITY,
         }
     }
 }
 
-/// More is met, or as much at less cost.
+/// Whether `candidate` meets more than `other`, or as much at a lower cost.
 #[must_use]
-pub fn is_better(a: &Allocation, b: &Allocation) -> bool {
+pub fn meets_more_or_as_much_at_less_cost(candidate: &Allocation, other: &Allocation) -> bool {
     // Relative: what is far beyond reach is met in a small part by all.
     const AS_MUCH: f64 = 1e-9;
-    a.met > b.met * (1.0 + AS_MUCH) || a.met >= b.met * (1.0 - AS_MUCH) && a.cost < b.cost
+    candidate.met > other.met * (1.0 + AS_MUCH)
+        || candidate.met >= other.met * (1.0 - AS_MUCH) && candidate.cost < other.cost
 }

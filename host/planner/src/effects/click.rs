@@ -5,7 +5,7 @@
 //! free motion of one pole, amplitude and phase, goes to nothing. Which number and length of levels is best depends on
 //! damping and frequencies: the one after which the targets are quiet soonest is taken.
 
-use super::motion::samples_of;
+use super::motion::{Channel, sample_motion_of_all_levels_and_step_s};
 use crate::physics::rise::TransientResponse;
 use era_shared::waveform::{FULL_LEVEL, Segment};
 use num_complex::Complex64;
@@ -21,27 +21,34 @@ const LOOK_S: f64 = 0.3;
 /// Rounds of the least squares between bounds; each brings a factor, and levels are rounded to 1/1000.
 const LEAST_SQUARES_ROUNDS: usize = 60;
 
-/// The segments of a click on one drive: `push` cycles and the brake. `targets` holds its fundamental's motion at every
+/// The segments of a click on one drive: `push_cycles` and the brake. `responses_and_quiet_levels` holds its fundamental's motion at every
 /// target, with the size below which that is quiet.
 #[must_use]
-pub fn segments(targets: &[(TransientResponse, f64)], period_s: f64, push: u16) -> Vec<Segment> {
-    let alone = vec![Segment::Cycles { level: FULL_LEVEL, count: push }];
-    let (mut best, mut best_s) = (alone.clone(), quiet_s(targets, period_s, &alone));
-    let worth_s = SOONER * f64::from(push) * period_s;
+pub fn design_push_and_brake_segments(
+    responses_and_quiet_levels: &[(TransientResponse, f64)],
+    channel: Channel,
+    push_cycles: u16,
+) -> Vec<Segment> {
+    let period_s = channel.period_s();
+    let alone = vec![Segment::Cycles { level: FULL_LEVEL, count: push_cycles }];
+    let (mut best, mut best_s) =
+        (alone.clone(), last_time_any_target_is_not_quiet_s(responses_and_quiet_levels, channel, &alone));
+    let worth_s = SOONER * f64::from(push_cycles) * period_s;
     for (count, cycles) in BRAKES {
         // A brake that takes as long as the decay without it brakes nothing.
         #[expect(clippy::cast_precision_loss, reason = "at most three")]
-        let length_s = (f64::from(push) + count as f64 * f64::from(cycles)) * period_s;
+        let length_s = (f64::from(push_cycles) + count as f64 * f64::from(cycles)) * period_s;
         if length_s >= best_s {
             continue;
         }
         let mut tried = alone.clone();
-        let levels = levels(targets, period_s, push, count, cycles);
-        tried.extend(levels.into_iter().map(|level| Segment::Cycles { level, count: cycles }));
+        let forces = solve_brake_force_fractions(responses_and_quiet_levels, period_s, push_cycles, count, cycles);
+        let levels = forces.into_iter().map(|force| level_in_thousandths(channel.level_for_force_fraction(force)));
+        tried.extend(levels.collect::<Vec<i16>>().into_iter().map(|level| Segment::Cycles { level, count: cycles }));
         while matches!(tried.last(), Some(Segment::Cycles { level: 0, .. })) {
             tried.pop();
         }
-        let tried_s = quiet_s(targets, period_s, &tried);
+        let tried_s = last_time_any_target_is_not_quiet_s(responses_and_quiet_levels, channel, &tried);
         if tried_s < best_s - worth_s {
             (best, best_s) = (tried, tried_s);
         }
@@ -51,29 +58,40 @@ pub fn segments(targets: &[(TransientResponse, f64)], period_s: f64, push: u16) 
 
 /// When all targets are quiet, in s from the start.
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
-fn quiet_s(targets: &[(TransientResponse, f64)], period_s: f64, segments: &[Segment]) -> f64 {
-    let levels: Vec<f64> = segments.iter().flat_map(of_segment).collect();
+fn last_time_any_target_is_not_quiet_s(
+    responses_and_quiet_levels: &[(TransientResponse, f64)],
+    channel: Channel,
+    segments: &[Segment],
+) -> f64 {
+    let levels = segments.iter().flat_map(list_level_of_each_cycle_or_none_if_ramp_or_hold);
+    let forces: Vec<f64> = levels.map(|level| channel.force_fraction_of_level(level)).collect();
     let last = |(ringing, quiet): &(TransientResponse, f64)| {
-        let (samples, step_s) = samples_of(ringing, &levels, period_s, LOOK_S);
+        let (samples, step_s) = sample_motion_of_all_levels_and_step_s(ringing, &forces, channel.period_s(), LOOK_S);
         samples.iter().rposition(|x| x.abs() > *quiet).map_or(0.0, |i| i as f64 * step_s)
     };
-    targets.iter().map(last).fold(0.0, f64::max)
+    responses_and_quiet_levels.iter().map(last).fold(0.0, f64::max)
 }
 
-fn of_segment(segment: &Segment) -> Vec<f64> {
+fn list_level_of_each_cycle_or_none_if_ramp_or_hold(segment: &Segment) -> Vec<f64> {
     match *segment {
         Segment::Cycles { level, count } => vec![f64::from(level) / f64::from(FULL_LEVEL); usize::from(count)],
         _ => Vec::new(),
     }
 }
 
-/// The best `count` levels of `cycles` each, in thousandths.
-fn levels(targets: &[(TransientResponse, f64)], period_s: f64, push: u16, count: usize, cycles: u16) -> Vec<i16> {
-    let section_s = f64::from(cycles) * period_s;
+/// The best `level_count` levels of `cycles_per_level` each, as parts of the full force.
+fn solve_brake_force_fractions(
+    responses_and_quiet_levels: &[(TransientResponse, f64)],
+    period_s: f64,
+    push_cycles: u16,
+    level_count: usize,
+    cycles_per_level: u16,
+) -> Vec<f64> {
+    let section_s = f64::from(cycles_per_level) * period_s;
     // Free motion at the end of the last section: of the push, and of each section at level 1.
-    let mut pushed: Vec<Vec<Complex64>> = Vec::with_capacity(targets.len());
-    let mut braked: Vec<Vec<Vec<Complex64>>> = vec![Vec::with_capacity(targets.len()); count];
-    for (ringing, _) in targets {
+    let mut pushed: Vec<Vec<Complex64>> = Vec::with_capacity(responses_and_quiet_levels.len());
+    let mut braked: Vec<Vec<Vec<Complex64>>> = vec![Vec::with_capacity(responses_and_quiet_levels.len()); level_count];
+    for (ringing, _) in responses_and_quiet_levels {
         #[expect(clippy::cast_precision_loss, reason = "at most three")]
         let after = |length_s: f64, sections: usize| -> Vec<Complex64> {
             let one = |(s, c): &(Complex64, Complex64)| {
@@ -82,33 +100,41 @@ fn levels(targets: &[(TransientResponse, f64)], period_s: f64, push: u16, count:
             };
             ringing.free.iter().map(one).collect()
         };
-        pushed.push(after(f64::from(push) * period_s, count));
+        pushed.push(after(f64::from(push_cycles) * period_s, level_count));
         for (i, braked) in braked.iter_mut().enumerate() {
-            braked.push(after(section_s, count - 1 - i));
+            braked.push(after(section_s, level_count - 1 - i));
         }
     }
     let product = |x: &[Vec<Complex64>], y: &[Vec<Complex64>]| -> f64 {
-        targets.iter().zip(x.iter().zip(y)).map(|((ringing, _), (x, y))| energy(ringing, x, y)).sum()
+        responses_and_quiet_levels
+            .iter()
+            .zip(x.iter().zip(y))
+            .map(|((ringing, _), (x, y))| integrate_free_motion_product(ringing, x, y))
+            .sum()
     };
     let matrix: Vec<Vec<f64>> = braked.iter().map(|x| braked.iter().map(|y| product(x, y)).collect()).collect();
     let right: Vec<f64> = braked.iter().map(|x| -product(x, &pushed)).collect();
-    let mut found = vec![0.0_f64; count];
+    let mut found = vec![0.0_f64; level_count];
     // A convex problem between bounds: coordinate by coordinate, over-relaxed as neighbours are much alike.
     for _ in 0..LEAST_SQUARES_ROUNDS {
-        for i in 0..count {
-            let rest: f64 = (0..count).filter(|j| *j != i).map(|j| matrix[i][j] * found[j]).sum();
+        for i in 0..level_count {
+            let rest: f64 = (0..level_count).filter(|j| *j != i).map(|j| matrix[i][j] * found[j]).sum();
             if matrix[i][i] > 0.0 {
                 let wanted = (right[i] - rest) / matrix[i][i];
                 found[i] = (found[i] + 1.5 * (wanted - found[i])).clamp(-1.0, 1.0);
             }
         }
     }
-    #[expect(clippy::cast_possible_truncation, reason = "-1000 to 1000")]
-    found.into_iter().map(|level| (level * f64::from(FULL_LEVEL)).round() as i16).collect()
+    found
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "-1000 to 1000")]
+pub(super) fn level_in_thousandths(level: f64) -> i16 {
+    (level * f64::from(FULL_LEVEL)).round() as i16
 }
 
 /// Integral from now on of the product of two free motions Re sum x e^(s t) and Re sum y e^(s t).
-fn energy(ringing: &TransientResponse, x: &[Complex64], y: &[Complex64]) -> f64 {
+fn integrate_free_motion_product(ringing: &TransientResponse, x: &[Complex64], y: &[Complex64]) -> f64 {
     let rate = |s: Complex64| Complex64::new(s.re.min(-LEAST_RATE), s.im);
     let mut sum = 0.0;
     for ((s, _), x) in ringing.free.iter().zip(x) {
@@ -123,6 +149,14 @@ fn energy(ringing: &TransientResponse, x: &[Complex64], y: &[Complex64]) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::charging::PeriodicCharging;
+    use crate::scene::ChargingTimes;
+
+    /// A drive at 150 Hz whose electrodes have these times.
+    fn make_channel_with_charging_times(times: ChargingTimes) -> Channel {
+        let charging = PeriodicCharging::new(times, 150.0);
+        Channel { actuator: 0, frequency_hz: 150.0, pulse_width: 2.0 / 3.0, charging }
+    }
 
     /// A mode of `hz` and `ratio` driven at `drive_hz`: w^2-independent coefficients of a sine from rest.
     fn mode(hz: f64, ratio: f64, drive_hz: f64) -> TransientResponse {
@@ -139,9 +173,9 @@ mod tests {
     #[test]
     fn from_rest() {
         let ringing = mode(150.0, 0.03, 140.0);
-        assert!(ringing.at(0.0).abs() < 1e-9, "a sine of force begins at zero: {}", ringing.at(0.0));
-        let displacement = ringing.displacement();
-        assert!(displacement.at(0.0).abs() < 1e-12 && displacement.at(1e-6).abs() < 1e-12);
+        assert!(ringing.value_at(0.0).abs() < 1e-9, "a sine of force begins at zero: {}", ringing.value_at(0.0));
+        let displacement = ringing.acceleration_to_displacement();
+        assert!(displacement.value_at(0.0).abs() < 1e-12 && displacement.value_at(1e-6).abs() < 1e-12);
     }
 
     /// On resonance one level is enough and nearly nothing is left; off it, more levels are taken and do the same.
@@ -149,21 +183,38 @@ mod tests {
     fn a_mode_is_stopped() {
         for (hz, ratio) in [(150.0, 0.01), (150.0, 0.04), (165.0, 0.02), (120.0, 0.02)] {
             let (ringing, period_s) = (mode(hz, ratio, 150.0), 1.0 / 150.0);
-            let (samples, _) = samples_of(&ringing, &[1.0; 3], period_s, 0.0);
+            let (samples, _) = sample_motion_of_all_levels_and_step_s(&ringing, &[1.0; 3], period_s, 0.0);
             let quiet = 0.1 * samples.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let targets = [(ringing, quiet)];
-            let found = segments(&targets, period_s, 3);
+            let ideal = make_channel_with_charging_times(ChargingTimes::default());
+            let found = design_push_and_brake_segments(&targets, ideal, 3);
             assert!(found.len() > 1, "{hz} {ratio}: {found:?}");
-            let (braked_s, alone_s) = (quiet_s(&targets, period_s, &found), quiet_s(&targets, period_s, &found[..1]));
+            let (braked_s, alone_s) = (
+                last_time_any_target_is_not_quiet_s(&targets, ideal, &found),
+                last_time_any_target_is_not_quiet_s(&targets, ideal, &found[..1]),
+            );
             // e-folding in 1/(z w): to a tenth takes 2.3 of them, or all of the look.
             assert!(braked_s < 0.05 && alone_s > 1.5 * braked_s, "{hz} {ratio}: {braked_s} {alone_s} {found:?}");
+            // Behind resistors the levels are others, and their forces the same.
+            let resistors =
+                make_channel_with_charging_times(ChargingTimes { rise_s: 300e-6, hold_s: 0.0, fall_s: 30e-6 });
+            let behind = design_push_and_brake_segments(&targets, resistors, 3);
+            assert_eq!(behind.len(), found.len());
+            for (behind, ideal) in behind.iter().zip(&found).skip(1) {
+                let [behind, ideal] = [behind, ideal].map(|it| list_level_of_each_cycle_or_none_if_ramp_or_hold(it)[0]);
+                assert!((resistors.force_fraction_of_level(behind) - ideal).abs() < 1.5e-3, "{behind} {ideal}");
+                assert!(ideal.abs() > 0.95 || behind.abs() > ideal.abs() + 0.005, "{behind} {ideal}");
+            }
+            let untold = last_time_any_target_is_not_quiet_s(&targets, resistors, &found);
+            assert!(untold >= last_time_any_target_is_not_quiet_s(&targets, resistors, &behind), "{hz} {ratio}");
         }
     }
 
     #[test]
     fn what_stops_by_itself_is_not_braked() {
         let targets = [(mode(150.0, 0.7, 150.0), 0.07)];
-        let found = segments(&targets, 1.0 / 150.0, 3);
+        let found =
+            design_push_and_brake_segments(&targets, make_channel_with_charging_times(ChargingTimes::default()), 3);
         assert!(found.len() <= 2, "{found:?}");
     }
 }

@@ -7,18 +7,26 @@
 //! Channels begin at the first boundary of their own period after the common start, so how the drives' cycles fall
 //! together is not known beforehand: peaks are given as the mean over all offsets, with the least and the most.
 
-use super::click;
-use super::effect_drive::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
-use super::envelope::{Cut, length_s, levels};
+use super::click::{self, level_in_thousandths};
+use super::effect_drive::{
+    EffectDrive, PREDICTED_S, PeakMeanAndRange, STEP_S, build_effect_drives,
+    find_mean_least_and_most_peak_over_cycle_offsets, sample_acceleration_per_n_of_each_drive,
+};
+use super::effect_window::EffectWindow;
+use super::envelope::{ShortenedEffect, effect_duration_s, level_in_each_period};
 use super::error::DesignError;
+use super::motion::Channel;
 use super::named::{EffectRequest, NamedEffect, Shape};
-use super::supply::keep_within_supply;
-use super::travel::{Within, keep_within_travel};
-use crate::drive::{Drive, SiDrive, on_channels};
-use crate::motion::plan_motion::predict_effect_motion;
-use crate::motion::plan_motion::{PlanMotion, Push};
-use crate::physics::rise::RiseTimes;
-use crate::plan::limitation::{self, Limitation, add};
+use super::supply::{derate_drives_to_supply_current_if_exceeded, highest_voltage_needed_on_rail_of_actuator_v};
+use super::travel::{TravelOutcome, derate_drives_to_travel_limits};
+use crate::drive::{Drive, SiDrive, assign_channels};
+use crate::motion::plan_motion::{EffectForce, PlanMotion};
+use crate::motion::plan_motion::{
+    predict_free_motion_after_effect_if_poles_known, predict_free_motion_after_windows_if_poles_known,
+};
+use crate::physics::limits::Electrodes;
+use crate::physics::rise::PanelPoles;
+use crate::plan::limitation::{self, Limitation, add_limitation_if_new};
 use crate::scene::MAX_ACTUATORS;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
@@ -32,11 +40,11 @@ const AFTER_S: f64 = 0.3;
 const QUIET_FOR_S: f64 = 0.05;
 /// How long after an effect's end its peak may come, in s: some periods of the lowest drives.
 const AFTER_PEAK_S: f64 = 0.05;
-/// Part of the peak below which a target is quiet.
+/// Fraction of the peak below which a target is quiet.
 const QUIET: f64 = 0.1;
 /// Steps of bisections.
 const BISECTIONS: usize = 24;
-/// Part of the wished peak that counts as reached; fingers tell a tenth at best, and peaks of several drives, which equation
+/// Fraction of the wished peak that counts as reached; fingers tell a tenth at best, and peaks of several drives, which equation
 /// 23 adds up, meet within some percent only in a few beats.
 const REACHED: f64 = 0.95;
 
@@ -53,11 +61,12 @@ pub struct DesignedDrive {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct EffectPrediction {
-    /// Peak acceleration in g, harmonics of the force up to 1 kHz included: mean over how the drives' cycles may fall.
+    /// Peak acceleration in g, harmonics of the force up to 1 kHz included: mean over how the drives' cycles may fall. Of a click of single
+    /// windows: in the felt band, which is full to 300 Hz and ends at 500 Hz, as are its times and what is left.
     pub peak_g: f64,
     /// Least over that.
     pub peak_least_g: f64,
-    /// Most over that.
+    /// Most over that. Of a click of single windows: the peak of all motion below 1 kHz, felt or not, which an accelerometer shows.
     pub peak_most_g: f64,
     /// When the peak comes, in ms after the drives' first boundary, all beginning together.
     pub peak_at_ms: f64,
@@ -70,14 +79,22 @@ pub struct EffectPrediction {
     pub quiet_ms: Option<f64>,
     /// The same for a click without its brake.
     pub quiet_unbraked_ms: Option<f64>,
+    /// Of a click of single windows, the strongest crisp one that no drive of these actuators exceeds, in g, if it was asked for.
+    pub best_possible_g: Option<f64>,
+    /// Of a click of single windows, for how long it is above a tenth of its peak, in ms.
+    pub pulse_ms: Option<f64>,
+    /// Of a click of single windows, root mean square of that pulse over that of what rings after it down to a hundredth of the peak, in dB.
+    pub pulse_to_ring_db: Option<f64>,
+    /// That ratio over the pulse's length, in dB/ms: the figure of merit for sharpness.
+    pub sharpness_db_per_ms: Option<f64>,
 }
 
-/// An effect for a plan.
+/// An effect designed for a plan.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Design {
+pub struct EffectDesign {
     /// Which.
     pub effect: NamedEffect,
-    /// One per drive of the plan, in its order.
+    /// One per drive of the plan, in its order; none for a click of single windows.
     pub drives: Vec<DesignedDrive>,
     /// At the first target.
     pub predicted: EffectPrediction,
@@ -91,88 +108,124 @@ pub struct Design {
     pub length_ms: f64,
     /// Bound of every actuator's travel in m, from rest.
     pub travel_m: Vec<f64>,
+    /// The windows of a click that is made of single ones; none of other effects.
+    pub windows: Vec<EffectWindow>,
+    /// What those windows do to each pole that vibrates: its largest amplitude while they are on, and the amplitude after them.
+    pub pole_amplitudes: Vec<(f64, f64)>,
 }
 
-impl Design {
+impl EffectDesign {
     /// How far it takes the masses and what it leaves; `None` where that cannot be told.
     #[must_use]
-    pub fn motion(&self, table: &PlanTable) -> Option<PlanMotion> {
-        let push = |(channel, DesignedDrive { drive, effect }): (usize, &DesignedDrive)| {
-            let levels = levels(effect, 1.0 / drive.frequency_hz);
-            Push { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
-        };
-        let pushes: Vec<Push> = self.drives.iter().enumerate().map(push).collect();
+    pub fn predict_travel_and_free_motion_of_effect_if_poles_known(&self, table: &PlanTable) -> Option<PlanMotion> {
         let mut travel_m = [0.0; MAX_ACTUATORS];
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
-        predict_effect_motion(table, &pushes, &travel_m)
+        if !self.windows.is_empty() {
+            let windows = self.windows.iter().map(|window| (window.channel, window.voltage_v));
+            return predict_free_motion_after_windows_if_poles_known(table, windows, &self.pole_amplitudes, &travel_m);
+        }
+        let push = |(channel, DesignedDrive { drive, effect }): (usize, &DesignedDrive)| {
+            let mut levels = level_in_each_period(effect, 1.0 / drive.frequency_hz);
+            if let Some(electrodes) = table.electrodes.get(channel) {
+                let own = channel_of_drive(channel, drive, electrodes);
+                levels.iter_mut().for_each(|level| *level = own.force_fraction_of_level(*level));
+            }
+            EffectForce { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
+        };
+        let pushes: Vec<EffectForce> = self.drives.iter().enumerate().map(push).collect();
+        predict_free_motion_after_effect_if_poles_known(table, &pushes, &travel_m)
     }
 
     /// Adds a reason why it is weaker than was asked for.
-    pub fn add_limit(&mut self, limit: Limitation) {
-        add(&mut self.limits, limit);
-        self.limited_by = limitation::text(&self.limits);
+    pub fn add_limitation_if_new(&mut self, limit: Limitation) {
+        add_limitation_if_new(&mut self.limits, limit);
+        self.limited_by = limitation::join_limitations_as_text_if_any(&self.limits);
     }
 
     /// Its drives with their channels: actuator i of the scene is on channel i of the board.
     #[must_use]
-    pub fn wire_drives(&self) -> Vec<SiDrive> {
-        on_channels(self.drives.iter().map(|designed| &designed.drive))
+    pub fn drives_with_board_channels(&self) -> Vec<SiDrive> {
+        assign_channels(self.drives.iter().map(|designed| &designed.drive))
     }
 }
 
-/// The effect for `plan`, of which the drives' frequencies and the proportions of their strength are taken.
+/// Designs the effect for `plan`. The frequencies and the proportions of the drives' strengths are those of the plan.
 ///
 /// # Errors
 /// [`DesignError`].
-pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectRequest) -> Result<Design, DesignError> {
-    let (shape, fixed) = (request.shape()?, request.envelope()?);
-    let mut parts = parts(table, rise, plan)?;
+pub fn design_effect(
+    table: &PlanTable,
+    rise: &PanelPoles,
+    plan: &Plan,
+    request: EffectRequest,
+) -> Result<EffectDesign, DesignError> {
+    let (shape, fixed) = (request.check_and_choose_shape()?, request.build_envelope()?);
+    let mut effect_drives = build_effect_drives(table, rise, plan)?;
     let wanted: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g * STANDARD_GRAVITY).collect();
     let mut limits = plan.limits.clone();
     let (effects, unbraked) = match shape {
-        Shape::Fixed => (vec![fixed; parts.len()], None),
+        Shape::Fixed => (vec![fixed; effect_drives.len()], None),
         Shape::Clicks { count, period_ms } => {
-            let (pushes, reaches) = overdrive(&mut parts, &wanted);
+            let (pushes, reaches) = raise_drives_and_get_push_cycles_and_are_wishes_met(&mut effect_drives, &wanted);
             // A click may reach what the steady plan could not, and the other way round.
             limits.clear();
             let all = |segments: &[Vec<Segment>]| -> Vec<Effect> {
-                segments.iter().zip(&parts).map(|(s, part)| repeated(s, count, period_ms, part)).collect()
+                segments
+                    .iter()
+                    .zip(&effect_drives)
+                    .map(|(s, part)| repeat_segments(s, count, period_ms, part))
+                    .collect()
             };
             let plain: Vec<Vec<Segment>> =
                 pushes.iter().map(|push| vec![Segment::Cycles { level: FULL_LEVEL, count: *push }]).collect();
-            let braked: Vec<Vec<Segment>> = parts
+            let braked: Vec<Vec<Segment>> = effect_drives
                 .iter()
                 .zip(&pushes)
                 .map(|(part, push)| {
-                    click::segments(&part.quiet(QUIET, &wanted, parts.len()), part.channel.period_s(), *push)
+                    click::design_push_and_brake_segments(
+                        &part.fundamental_response_and_quiet_share_at_each_target_per_n(
+                            QUIET,
+                            &wanted,
+                            effect_drives.len(),
+                        ),
+                        part.channel,
+                        *push,
+                    )
                 })
                 .collect();
             // What each drive's brake gains may be lost in the sum.
             let quiet = |segments: &[Vec<Segment>]| {
                 let effects: Vec<Effect> =
-                    segments.iter().zip(&parts).map(|(s, part)| repeated(s, 1, 0, part)).collect();
-                predict(&parts, &effects, None).quiet_ms.unwrap_or(f64::INFINITY)
+                    segments.iter().zip(&effect_drives).map(|(s, part)| repeat_segments(s, 1, 0, part)).collect();
+                predict_peak_and_quiet_time_at_first_target(&effect_drives, &effects, None)
+                    .quiet_ms
+                    .unwrap_or(f64::INFINITY)
             };
             let segments = if quiet(&braked) < quiet(&plain) { braked } else { plain.clone() };
             let (effects, plain) = (all(&segments), all(&plain));
             // The brake's beginning may add to the peak.
-            if !reaches | adjust(&mut parts, &effects, &wanted) {
-                parts.iter().filter_map(|part| at_its_limit(table, part)).for_each(|limit| add(&mut limits, limit));
+            if !reaches | scale_drives_to_wanted_and_are_limited_below_it(&mut effect_drives, &effects, &wanted) {
+                effect_drives
+                    .iter()
+                    .filter_map(|part| limitation_if_drive_at_max_force(table, part))
+                    .for_each(|limit| add_limitation_if_new(&mut limits, limit));
             }
             (effects, Some(plain))
         }
     };
-    if let Some((actuator, limit)) = keep_within_supply(table, &mut parts) {
-        add(&mut limits, Limitation::of(table, limit, actuator));
+    if let Some(limit) = derate_drives_to_supply_current_if_exceeded(table, &mut effect_drives) {
+        // The supply feeds all actuators: the limitation names none, whatever number is given.
+        add_limitation_if_new(&mut limits, Limitation::for_actuator(table, limit, 0));
     }
-    let Within { limited, travel_m } = keep_within_travel(table, rise, &mut parts, &effects);
+    let TravelOutcome { limited, travel_m } = derate_drives_to_travel_limits(table, rise, &mut effect_drives, &effects);
     if let Some((actuator, limit)) = limited {
-        add(&mut limits, Limitation::of(table, limit, actuator));
+        add_limitation_if_new(&mut limits, Limitation::for_actuator(table, limit, actuator));
     }
-    let predicted = predict(&parts, &effects, unbraked.as_deref());
-    let others_g = (1..plan.targets.len()).map(|target| peak_g(&parts, &effects, target));
+    let predicted = predict_peak_and_quiet_time_at_first_target(&effect_drives, &effects, unbraked.as_deref());
+    let others_g =
+        (1..plan.targets.len()).map(|target| mean_peak_over_cycle_offsets_g(&effect_drives, &effects, target));
     let peaks_g = std::iter::once(predicted.peak_g).chain(others_g).collect();
-    let length_ms = 1e3 * longest_s(&parts, &effects);
+    let length_ms = 1e3 * longest_drive_duration_s(&effect_drives, &effects);
     let falls_short = wanted.first().is_some_and(|wanted| predicted.peak_most_g * STANDARD_GRAVITY < REACHED * wanted);
     if limits.is_empty() && falls_short {
         limits = if plan.limits.is_empty() { vec![Limitation::TooShort] } else { plan.limits.clone() };
@@ -180,33 +233,90 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
     let drives = plan
         .drives
         .iter()
-        .zip(parts.iter().zip(effects))
+        .zip(effect_drives.iter().zip(effects))
         .map(|(drive, (part, effect))| {
             let electrodes = table.electrodes.get(part.drive.actuator);
             let force_n = part.drive.force_n;
             let voltage_v = electrodes.map_or(drive.voltage_v, |electrodes| {
-                electrodes.voltage_for(force_n, drive.pulse_width).min(electrodes.max_voltage_v)
+                let voltage_v = electrodes.voltage_for_force_v(force_n, drive.frequency_hz, drive.pulse_width);
+                voltage_v.min(electrodes.max_voltage_v)
             });
-            DesignedDrive { drive: Drive { voltage_v, force_n, ..drive.clone() }, effect }
+            let designed = DesignedDrive { drive: Drive { voltage_v, force_n, ..drive.clone() }, effect };
+            let rail_v = highest_voltage_needed_on_rail_of_actuator_v(
+                &table.electrodes,
+                &effect_drives,
+                part.drive.actuator,
+                1.0,
+            );
+            match electrodes.filter(|own| !own.charging.is_instant() && force_n > 0.0 && rail_v > voltage_v) {
+                Some(electrodes) => narrow_windows_for_rail(designed, part.channel, electrodes, rail_v),
+                None => designed,
+            }
         })
         .collect();
-    let limited_by = limitation::text(&limits);
-    Ok(Design { effect: request.effect, drives, predicted, limited_by, limits, peaks_g, length_ms, travel_m })
+    let limited_by = limitation::join_limitations_as_text_if_any(&limits);
+    Ok(EffectDesign {
+        effect: request.effect,
+        drives,
+        predicted,
+        limited_by,
+        limits,
+        peaks_g,
+        length_ms,
+        travel_m,
+        windows: Vec::new(),
+        pole_amplitudes: Vec::new(),
+    })
+}
+
+/// A drive as its effect plays it.
+fn channel_of_drive(actuator: usize, drive: &Drive, electrodes: &Electrodes) -> Channel {
+    let Drive { frequency_hz, pulse_width, .. } = *drive;
+    Channel { actuator, frequency_hz, pulse_width, charging: electrodes.charging_at(frequency_hz) }
+}
+
+/// The same forces at the voltage of a rail that stands higher, with narrower windows: the board would narrow them as electrodes that charge
+/// at once need it. The levels are those of the narrower windows.
+fn narrow_windows_for_rail(
+    designed: DesignedDrive,
+    wide: Channel,
+    electrodes: &Electrodes,
+    rail_v: f64,
+) -> DesignedDrive {
+    let DesignedDrive { mut drive, mut effect } = designed;
+    let force_fraction = (drive.voltage_v / rail_v).powi(2);
+    drive.pulse_width = wide.charging.find_pulse_width_for_force_fraction(wide.pulse_width, force_fraction);
+    drive.voltage_v = rail_v;
+    let narrow = channel_of_drive(wide.actuator, &drive, electrodes);
+    let map = |level: i16| {
+        let force_fraction = wide.force_fraction_of_level(f64::from(level) / f64::from(FULL_LEVEL));
+        level_in_thousandths(narrow.level_for_force_fraction(force_fraction))
+    };
+    for segment in &mut effect.segments {
+        match segment {
+            Segment::Hold { level, .. } | Segment::Cycles { level, .. } => *level = map(*level),
+            Segment::Ramp { from, to, .. } => (*from, *to) = (map(*from), map(*to)),
+        }
+    }
+    DesignedDrive { drive, effect }
 }
 
 /// What keeps a drive from more force, if it has all there is.
-fn at_its_limit(table: &PlanTable, part: &Part) -> Option<Limitation> {
-    let is = part.drive.force_n > 0.0 && part.drive.force_n >= part.max_force_n * (1.0 - 1e-6);
-    is.then(|| Limitation::of(table, part.limit, part.drive.actuator))
+fn limitation_if_drive_at_max_force(table: &PlanTable, drive: &EffectDrive) -> Option<Limitation> {
+    let is = drive.drive.force_n > 0.0 && drive.drive.force_n >= drive.max_force_n * (1.0 - 1e-6);
+    is.then(|| Limitation::for_actuator(table, drive.limit, drive.drive.actuator))
 }
 
-/// Raises the drives in proportion until every target reaches what is wanted, with the shortest push that does; the cycles
-/// of each drive's push, and whether they do.
-fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
-    let highest_hz = parts.iter().map(|part| part.channel.frequency_hz).fold(1.0, f64::max);
-    let (mut best, mut best_share) = ((vec![1; parts.len()], 1.0), -1.0);
+/// Raises the drives in proportion until every target reaches its wish, with the shortest push that does. Returns the
+/// number of cycles of each drive's push, and whether the wishes are reached.
+fn raise_drives_and_get_push_cycles_and_are_wishes_met(
+    effect_drives: &mut [EffectDrive],
+    wanted_m_per_s2: &[f64],
+) -> (Vec<u16>, bool) {
+    let highest_hz = effect_drives.iter().map(|part| part.channel.frequency_hz).fold(1.0, f64::max);
+    let (mut best, mut best_share) = ((vec![1; effect_drives.len()], 1.0), -1.0);
     for cycles in 1..=MOST_PUSH {
-        let pushes: Vec<u16> = parts
+        let pushes: Vec<u16> = effect_drives
             .iter()
             .map(|part| {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to MOST_PUSH")]
@@ -215,19 +325,24 @@ fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
             })
             .collect();
         let effects: Vec<Effect> = pushes.iter().map(|push| Effect::new_click(*push, 0)).collect();
-        let signals: Vec<Vec<Vec<f64>>> =
-            (0..wanted.len()).map(|target| signals(parts, &effects, target, 2.0 / highest_hz)).collect();
+        let signals: Vec<Vec<Vec<f64>>> = (0..wanted_m_per_s2.len())
+            .map(|target| sample_acceleration_per_n_of_each_drive(effect_drives, &effects, target, 2.0 / highest_hz))
+            .collect();
         // Least over the targets of what is reached of the wish, with drives raised by `raise`, each up to its limit.
         let share = |raise: f64| -> f64 {
             let peak = |(signals, wanted): (&Vec<Vec<f64>>, &f64)| {
                 if *wanted <= 0.0 {
                     return f64::INFINITY;
                 }
-                combined(signals, parts, |part| (part.drive.force_n * raise).min(part.max_force_n)).mean / wanted
+                find_mean_least_and_most_peak_over_cycle_offsets(signals, effect_drives, |part| {
+                    (part.drive.force_n * raise).min(part.max_force_n)
+                })
+                .mean
+                    / wanted
             };
-            signals.iter().zip(wanted).map(peak).fold(f64::INFINITY, f64::min)
+            signals.iter().zip(wanted_m_per_s2).map(peak).fold(f64::INFINITY, f64::min)
         };
-        let room = parts
+        let room = effect_drives
             .iter()
             .filter(|part| part.drive.force_n > 0.0)
             .map(|part| part.max_force_n / part.drive.force_n)
@@ -247,34 +362,44 @@ fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
         }
     }
     let (pushes, raise) = best;
-    for part in parts {
+    for part in effect_drives {
         part.drive.force_n = (part.drive.force_n * raise).min(part.max_force_n);
     }
     (pushes, best_share >= 1.0)
 }
 
-/// Scales all drives to the wish, as far as their limits go; says whether these keep it below.
-fn adjust(parts: &mut [Part], effects: &[Effect], wanted: &[f64]) -> bool {
+/// Scales all drives to the wish, as far as their limits allow; returns whether the limits keep them below it.
+fn scale_drives_to_wanted_and_are_limited_below_it(
+    effect_drives: &mut [EffectDrive],
+    effects: &[Effect],
+    wanted_m_per_s2: &[f64],
+) -> bool {
     let share = |(target, wanted): (usize, &f64)| {
-        let peak = combined(&signals(parts, effects, target, AFTER_PEAK_S), parts, |part| part.drive.force_n).mean;
+        let peak = find_mean_least_and_most_peak_over_cycle_offsets(
+            &sample_acceleration_per_n_of_each_drive(effect_drives, effects, target, AFTER_PEAK_S),
+            effect_drives,
+            |part| part.drive.force_n,
+        )
+        .mean;
         if *wanted > 0.0 { peak / wanted } else { f64::INFINITY }
     };
-    let reached = wanted.iter().enumerate().map(share).fold(f64::INFINITY, f64::min);
+    let reached = wanted_m_per_s2.iter().enumerate().map(share).fold(f64::INFINITY, f64::min);
     if !reached.is_finite() || reached <= 0.0 {
         return false;
     }
-    let room = parts.iter().filter(|part| part.drive.force_n > 0.0).map(|part| part.max_force_n / part.drive.force_n);
+    let room =
+        effect_drives.iter().filter(|part| part.drive.force_n > 0.0).map(|part| part.max_force_n / part.drive.force_n);
     let room = room.fold(f64::INFINITY, f64::min);
-    parts.iter_mut().for_each(|part| part.drive.force_n *= (1.0 / reached).min(room));
+    effect_drives.iter_mut().for_each(|part| part.drive.force_n *= (1.0 / reached).min(room));
     1.0 / reached > room * (1.0 + 1e-2)
 }
 
 /// `count` times the segments, `period_ms` from one to the next on a drive's own clock.
-fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Effect {
+fn repeat_segments(segments: &[Segment], count: u16, period_ms: u16, drive: &EffectDrive) -> Effect {
     let mut effect = Effect { segments: segments.iter().copied().collect(), times: count };
     if count > 1 {
         let once = Effect { times: 1, ..effect.clone() };
-        let pause_ms = f64::from(period_ms) - length_s(&once, part.channel.period_s()) * 1e3;
+        let pause_ms = f64::from(period_ms) - effect_duration_s(&once, drive.channel.period_s()) * 1e3;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 500")]
         let milliseconds = pause_ms.round().max(1.0) as u16;
         // There is room: a click has at most four segments.
@@ -284,45 +409,56 @@ fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Ef
 }
 
 /// How long the drive that is at it for longest is, in s.
-fn longest_s(parts: &[Part], effects: &[Effect]) -> f64 {
-    parts.iter().zip(effects).map(|(part, effect)| length_s(effect, part.channel.period_s())).fold(0.0, f64::max)
+fn longest_drive_duration_s(effect_drives: &[EffectDrive], effects: &[Effect]) -> f64 {
+    effect_drives
+        .iter()
+        .zip(effects)
+        .map(|(part, effect)| effect_duration_s(effect, part.channel.period_s()))
+        .fold(0.0, f64::max)
 }
 
 /// Effects cut to what is new in them.
-fn cut(parts: &[Part], effects: &[Effect]) -> Vec<Cut> {
-    parts.iter().zip(effects).map(|(p, e)| Cut::new(e, p.channel.period_s(), PREDICTED_S)).collect()
+fn shorten_effects_for_prediction(effect_drives: &[EffectDrive], effects: &[Effect]) -> Vec<ShortenedEffect> {
+    effect_drives.iter().zip(effects).map(|(p, e)| ShortenedEffect::new(e, p.channel.period_s(), PREDICTED_S)).collect()
 }
 
-/// Peak at a target in g, as the mean over how the drives' cycles may fall.
-fn peak_g(parts: &[Part], effects: &[Effect], target: usize) -> f64 {
-    let effects: Vec<Effect> = cut(parts, effects).iter().map(|cut| cut.effect.clone()).collect();
-    let alone = signals(parts, &effects, target, AFTER_S + QUIET_FOR_S);
-    combined(&alone, parts, |part| part.drive.force_n).mean / STANDARD_GRAVITY
+/// Peak at a target in g: the mean over all offsets between the drives' cycles.
+fn mean_peak_over_cycle_offsets_g(effect_drives: &[EffectDrive], effects: &[Effect], target: usize) -> f64 {
+    let effects: Vec<Effect> =
+        shorten_effects_for_prediction(effect_drives, effects).iter().map(|cut| cut.effect.clone()).collect();
+    let alone = sample_acceleration_per_n_of_each_drive(effect_drives, &effects, target, AFTER_S + QUIET_FOR_S);
+    find_mean_least_and_most_peak_over_cycle_offsets(&alone, effect_drives, |part| part.drive.force_n).mean
+        / STANDARD_GRAVITY
 }
 
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
-fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> EffectPrediction {
+fn predict_peak_and_quiet_time_at_first_target(
+    effect_drives: &[EffectDrive],
+    effects: &[Effect],
+    unbraked: Option<&[Effect]>,
+) -> EffectPrediction {
     // Times are told by the drive that is at it for longest.
-    let cuts = cut(parts, effects);
+    let cuts = shorten_effects_for_prediction(effect_drives, effects);
     let effects: Vec<Effect> = cuts.iter().map(|cut| cut.effect.clone()).collect();
     let effects = effects.as_slice();
-    let force = |part: &Part| part.drive.force_n;
-    let alone = signals(parts, effects, 0, AFTER_S + QUIET_FOR_S);
-    let Peak { mean, least, most } = combined(&alone, parts, force);
+    let force = |part: &EffectDrive| part.drive.force_n;
+    let alone = sample_acceleration_per_n_of_each_drive(effect_drives, effects, 0, AFTER_S + QUIET_FOR_S);
+    let PeakMeanAndRange { mean, least, most } =
+        find_mean_least_and_most_peak_over_cycle_offsets(&alone, effect_drives, force);
     let together = |signals: &[Vec<f64>]| -> Vec<f64> {
         let mut sum = vec![0.0_f64; signals.first().map_or(0, Vec::len)];
-        for (signal, part) in signals.iter().zip(parts) {
+        for (signal, part) in signals.iter().zip(effect_drives) {
             sum.iter_mut().zip(signal).for_each(|(sum, x)| *sum += x * force(part));
         }
         sum
     };
     let motion = together(&alone);
-    let ends_s = longest_s(parts, effects);
+    let ends_s = longest_drive_duration_s(effect_drives, effects);
     let peak_at = motion.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
-    let ms = |i: usize| cuts.iter().map(|cut| cut.whole_s(i as f64 * STEP_S)).fold(0.0, f64::max) * 1e3;
+    let ms = |i: usize| cuts.iter().map(|cut| cut.time_in_full_effect_s(i as f64 * STEP_S)).fold(0.0, f64::max) * 1e3;
     let after = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
     let residual = if mean > 0.0 { after.fold(0.0, f64::max) / mean } else { 0.0 };
-    let quiet = |motion: &[f64]| stays_below(motion, QUIET * mean, STEP_S).map(ms);
+    let quiet = |motion: &[f64]| quiet_start_index_unless_always_or_never_quiet(motion, QUIET * mean, STEP_S).map(ms);
     EffectPrediction {
         peak_g: mean / STANDARD_GRAVITY,
         peak_least_g: if least.is_finite() { least / STANDARD_GRAVITY } else { 0.0 },
@@ -331,13 +467,19 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
         residual,
         left: residual,
         quiet_ms: quiet(&motion),
-        quiet_unbraked_ms: unbraked
-            .and_then(|effects| quiet(&together(&signals(parts, effects, 0, AFTER_S + QUIET_FOR_S)))),
+        quiet_unbraked_ms: unbraked.and_then(|effects| {
+            quiet(&together(&sample_acceleration_per_n_of_each_drive(effect_drives, effects, 0, AFTER_S + QUIET_FOR_S)))
+        }),
+        best_possible_g: None,
+        pulse_ms: None,
+        pulse_to_ring_db: None,
+        sharpness_db_per_ms: None,
     }
 }
 
-/// The sample from which on a motion stays below a limit, if it does so for the last [`QUIET_FOR_S`]; `None` also if it always was.
-fn stays_below(motion: &[f64], limit: f64, step_s: f64) -> Option<usize> {
+/// The index of the sample from which on a motion stays below a limit, if it does so for the last [`QUIET_FOR_S`];
+/// `None` also if it always did.
+fn quiet_start_index_unless_always_or_never_quiet(motion: &[f64], limit: f64, step_s: f64) -> Option<usize> {
     let last = motion.iter().rposition(|x| x.abs() > limit)?;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
     let least = (QUIET_FOR_S / step_s).round() as usize;
@@ -356,11 +498,14 @@ mod tests {
             let times = (0..4000).map(|i| f64::from(i) * step_s);
             times.map(|t| (-rate_per_s * t).exp() * (std::f64::consts::TAU * 43.0 * t).cos()).collect()
         };
-        assert_eq!(stays_below(&ringing(0.0), 0.1, step_s), None);
+        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(0.0), 0.1, step_s), None);
         // Below a tenth from ln 10 / 20 s on, within half a period, and before the record is shown to be over.
-        let quiet_s = f64::from(u32::try_from(stays_below(&ringing(20.0), 0.1, step_s).unwrap()).unwrap()) * step_s;
+        let quiet_s = f64::from(
+            u32::try_from(quiet_start_index_unless_always_or_never_quiet(&ringing(20.0), 0.1, step_s).unwrap())
+                .unwrap(),
+        ) * step_s;
         assert!((10_f64.ln() / 20.0 - 0.012..10_f64.ln() / 20.0).contains(&quiet_s), "{quiet_s}");
-        assert_eq!(stays_below(&ringing(6.0), 0.1, step_s), None);
-        assert_eq!(stays_below(&ringing(20.0), 2.0, step_s), None);
+        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(6.0), 0.1, step_s), None);
+        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(20.0), 2.0, step_s), None);
     }
 }

@@ -1,12 +1,12 @@
-//! One drive of an effect in the making: what it does at the targets, and how drives add up.
+//! One drive of an effect that is being designed: its motion at the targets, and how the drives add up.
 
-use super::envelope::{length_s, levels};
+use super::envelope::{effect_duration_s, level_in_each_period};
 use super::error::DesignError;
-use super::intensity::{forces, shape_of};
-use super::motion::{Channel, Response};
+use super::intensity::{list_switched_forces_of_plan, mode_shape_values_at_point_or_on_bar_axis};
+use super::motion::{Channel, ChannelResponse};
 use crate::physics::limits::Limit;
-use crate::physics::rise::{RiseTimes, TransientResponse};
-use crate::response::solve_coordinates_at_frequency;
+use crate::physics::rise::{PanelPoles, TransientResponse};
+use crate::response::solve_coordinates_per_newton_at_frequency;
 use crate::transient::panel::SwitchedForce;
 use crate::{Plan, PlanTable};
 use era_shared::waveform::Effect;
@@ -21,90 +21,129 @@ const OFFSETS: usize = 8;
 /// Most combinations of them.
 const MOST_OFFSETS: usize = 64;
 
-/// A drive in the making.
-pub struct Part {
+/// A drive of an effect that is being designed.
+pub struct EffectDrive {
     pub drive: SwitchedForce,
     pub channel: Channel,
     /// At every target.
-    pub responses: Vec<Response>,
+    pub responses: Vec<ChannelResponse>,
     /// Driven alone and evenly.
     pub max_force_n: f64,
     /// What sets that.
     pub limit: Limit,
 }
 
-impl Part {
-    /// The fundamental at every target, and what is quiet there per N: of the part `quiet` that the sum of `drives` may
+impl EffectDrive {
+    /// The fundamental at every target, and what is quiet there per N: of the part `quiet_fraction` that the sum of `drive_count` drives may
     /// leave, an equal share.
     #[expect(clippy::cast_precision_loss, reason = "at most four")]
-    pub fn quiet(&self, quiet: f64, wanted: &[f64], drives: usize) -> Vec<(TransientResponse, f64)> {
-        let share = quiet / (drives.max(1) as f64 * self.drive.force_n.max(f64::MIN_POSITIVE));
-        let fundamentals = self.responses.iter().map(Response::fundamental);
+    pub fn fundamental_response_and_quiet_share_at_each_target_per_n(
+        &self,
+        quiet_fraction: f64,
+        wanted: &[f64],
+        drive_count: usize,
+    ) -> Vec<(TransientResponse, f64)> {
+        let share = quiet_fraction / (drive_count.max(1) as f64 * self.drive.force_n.max(f64::MIN_POSITIVE));
+        let fundamentals = self.responses.iter().map(ChannelResponse::fundamental_response);
         fundamentals.zip(wanted).filter_map(|(ringing, wanted)| Some((ringing?.clone(), wanted * share))).collect()
     }
 
-    pub fn levels(&self, effect: &Effect) -> Vec<f64> {
-        levels(effect, self.channel.period_s())
+    /// The levels of an effect in the periods of this drive.
+    pub fn level_in_each_period(&self, effect: &Effect) -> Vec<f64> {
+        level_in_each_period(effect, self.channel.period_s())
     }
 }
 
-pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Part>, DesignError> {
-    let shapes: Vec<DVector<f64>> = plan.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
-    forces(table, plan)
+/// The drives of a plan with their responses at its targets and their largest forces.
+pub fn build_effect_drives(table: &PlanTable, rise: &PanelPoles, plan: &Plan) -> Result<Vec<EffectDrive>, DesignError> {
+    let shapes: Vec<DVector<f64>> = plan
+        .targets
+        .iter()
+        .map(|target| mode_shape_values_at_point_or_on_bar_axis(table, target.x_m, target.y_m))
+        .collect();
+    list_switched_forces_of_plan(table, plan)
         .into_iter()
         .zip(&plan.drives)
         .map(|(drive, planned)| {
+            let electrodes = table.electrodes.get(drive.actuator).ok_or(DesignError::Unbounded)?;
             let channel = Channel {
                 actuator: drive.actuator,
                 frequency_hz: drive.frequency_hz,
                 pulse_width: planned.pulse_width,
+                charging: electrodes.charging_at(drive.frequency_hz),
             };
-            let responses = shapes.iter().map(|shape| Response::new(rise, shape, channel)).collect::<Option<Vec<_>>>();
+            let responses =
+                shapes.iter().map(|shape| ChannelResponse::new(rise, shape, channel)).collect::<Option<Vec<_>>>();
             let responses = responses.ok_or(DesignError::Unbounded)?;
             // What is planned is allowed.
-            let (max_force_n, limit) = max_force_n(table, &drive, channel.pulse_width)?;
+            let (max_force_n, limit) = find_max_force_n_and_limit(table, &drive, channel.pulse_width)?;
             let max_force_n = max_force_n.max(drive.force_n);
-            Ok(Part { drive, channel, responses, max_force_n, limit })
+            Ok(EffectDrive { drive, channel, responses, max_force_n, limit })
         })
         .collect()
 }
 
 /// Most force in N of an actuator that is driven alone and evenly, and what sets it.
-fn max_force_n(table: &PlanTable, drive: &SwitchedForce, pulse_width: f64) -> Result<(f64, Limit), DesignError> {
-    let coordinates =
-        solve_coordinates_at_frequency(&table.model, drive.frequency_hz).map_err(|_| DesignError::Unbounded)?;
+fn find_max_force_n_and_limit(
+    table: &PlanTable,
+    drive: &SwitchedForce,
+    pulse_width: f64,
+) -> Result<(f64, Limit), DesignError> {
+    let coordinates = solve_coordinates_per_newton_at_frequency(&table.model, drive.frequency_hz)
+        .map_err(|_| DesignError::Unbounded)?;
     let own = coordinates.get(drive.actuator).zip(table.electrodes.get(drive.actuator));
     let (coordinates, electrodes) = own.ok_or(DesignError::Unbounded)?;
-    Ok(electrodes.max_force(table.model.actuator_travel(drive.actuator, coordinates).norm(), pulse_width))
+    Ok(electrodes.find_max_force_n_and_limit(
+        table.model.actuator_mass_travel_against_electrodes(drive.actuator, coordinates).norm(),
+        drive.frequency_hz,
+        pulse_width,
+    ))
 }
 
 /// Acceleration at a target by every drive alone, per N.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some seconds")]
-pub fn signals(parts: &[Part], effects: &[Effect], target: usize, after_s: f64) -> Vec<Vec<f64>> {
-    let ends = parts.iter().zip(effects).map(|(part, effect)| length_s(effect, part.channel.period_s()));
+pub fn sample_acceleration_per_n_of_each_drive(
+    effect_drives: &[EffectDrive],
+    effects: &[Effect],
+    target: usize,
+    after_s: f64,
+) -> Vec<Vec<f64>> {
+    let ends =
+        effect_drives.iter().zip(effects).map(|(part, effect)| effect_duration_s(effect, part.channel.period_s()));
     let count = ((ends.fold(0.0, f64::max) + after_s) / STEP_S).ceil() as usize;
-    let one = |(part, effect): (&Part, &Effect)| {
-        part.responses.get(target).map_or_else(Vec::new, |r| r.samples(&part.levels(effect), STEP_S, count))
+    let one = |(part, effect): (&EffectDrive, &Effect)| {
+        part.responses
+            .get(target)
+            .map_or_else(Vec::new, |r| r.sample_acceleration_per_n(&part.level_in_each_period(effect), STEP_S, count))
     };
-    parts.iter().zip(effects).map(one).collect()
+    effect_drives.iter().zip(effects).map(one).collect()
 }
 
-/// Peak of a sum of drives over how their cycles may fall together.
-pub struct Peak {
+/// Mean, least and largest peak of a sum of drives over all offsets between their cycles.
+pub struct PeakMeanAndRange {
     pub mean: f64,
     pub least: f64,
     pub most: f64,
 }
 
+/// The peaks of the sum of all drives, over the offsets between their cycles.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "counts")]
-pub fn combined(signals: &[Vec<f64>], parts: &[Part], force_n: impl Fn(&Part) -> f64) -> Peak {
-    let moving: Vec<(&Vec<f64>, &Part, f64)> =
-        signals.iter().zip(parts).map(|(s, part)| (s, part, force_n(part))).filter(|(_, _, f)| *f > 0.0).collect();
+pub fn find_mean_least_and_most_peak_over_cycle_offsets(
+    accelerations_per_n: &[Vec<f64>],
+    effect_drives: &[EffectDrive],
+    force_n: impl Fn(&EffectDrive) -> f64,
+) -> PeakMeanAndRange {
+    let moving: Vec<(&Vec<f64>, &EffectDrive, f64)> = accelerations_per_n
+        .iter()
+        .zip(effect_drives)
+        .map(|(s, part)| (s, part, force_n(part)))
+        .filter(|(_, _, f)| *f > 0.0)
+        .collect();
     let drives = moving.len() as u32;
     let each = (1..=OFFSETS).rev().find(|n| n.pow(drives) <= MOST_OFFSETS).unwrap_or(1);
     let combinations = each.pow(drives);
-    let mut peak = Peak { mean: 0.0, least: f64::INFINITY, most: 0.0 };
-    let mut sum = vec![0.0; signals.first().map_or(0, Vec::len)];
+    let mut peak = PeakMeanAndRange { mean: 0.0, least: f64::INFINITY, most: 0.0 };
+    let mut sum = vec![0.0; accelerations_per_n.first().map_or(0, Vec::len)];
     for combination in 0..combinations {
         sum.fill(0.0);
         let mut rest = combination;

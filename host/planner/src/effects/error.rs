@@ -9,6 +9,8 @@ pub enum DesignError {
     #[error(transparent)]
     Request(#[from] EffectError),
     /// A panel whose poles or response could not be found.
-    #[error("no effect can be designed: a drive meets the resonance of an undamped mode")]
+    #[error(
+        "the effect cannot be designed: the frequency of a drive is the resonance frequency of a mode without damping"
+    )]
     Unbounded,
 }

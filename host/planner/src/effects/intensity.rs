@@ -1,7 +1,7 @@
 //! Strengths in g, or in dB above the threshold of feeling.
 
 use crate::perception;
-use crate::physics::rise::RiseTimes;
+use crate::physics::rise::PanelPoles;
 use crate::scene::SurfaceKind;
 use crate::transient::panel::SwitchedForce;
 use crate::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};
@@ -23,13 +23,13 @@ const CLOSE_DB: f64 = 0.01;
 pub enum Intensity {
     /// Peak acceleration in g, 0 or more.
     G(f64),
-    /// Above the threshold of feeling, in dB ([`perception::above_threshold_db`]), [`MIN_DB`] to [`MAX_DB`].
+    /// Above the threshold of feeling, in dB ([`perception::level_above_threshold_unless_at_rest_db`]), [`MIN_DB`] to [`MAX_DB`].
     AboveThresholdDb(f64),
 }
 
-/// Shapes' deflections where a target is; a bar's points lie on its axis.
+/// Mode shapes at a target; a bar's points lie on its axis.
 #[must_use]
-pub fn shape_of(table: &PlanTable, x_m: f64, y_m: f64) -> DVector<f64> {
+pub fn mode_shape_values_at_point_or_on_bar_axis(table: &PlanTable, x_m: f64, y_m: f64) -> DVector<f64> {
     let y_m = match table.scene.surface.kind {
         SurfaceKind::Bar => table.scene.surface.width_m / 2.0,
         SurfaceKind::Plate => y_m,
@@ -37,9 +37,10 @@ pub fn shape_of(table: &PlanTable, x_m: f64, y_m: f64) -> DVector<f64> {
     table.model.shape_deflections_at(x_m, y_m)
 }
 
-/// The plan's drives as harmonic forces, each a sine at a boundary of its own as the board starts them.
+/// The drives of a plan as harmonic forces, each a sine that begins at a boundary of its own period, like the board
+/// starts them.
 #[must_use]
-pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<SwitchedForce> {
+pub fn list_switched_forces_of_plan(table: &PlanTable, plan: &Plan) -> Vec<SwitchedForce> {
     let index = |id: &str| table.scene.actuators.iter().position(|actuator| actuator.id == id);
     plan.drives
         .iter()
@@ -48,7 +49,7 @@ pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<SwitchedForce> {
                 actuator: index(&drive.actuator)?,
                 frequency_hz: drive.frequency_hz,
                 force_n: drive.force_n,
-                phase_rad: drive.phase_rad - FRAC_PI_2,
+                phase_rad: drive.force_phase_rad - FRAC_PI_2,
             })
         })
         .collect()
@@ -57,8 +58,12 @@ pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<SwitchedForce> {
 /// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves. Drives of one
 /// frequency add as phasors before they are compared with its threshold.
 #[must_use]
-pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Option<f64> {
-    let ringings = rise.ringings(shape, drives)?;
+pub fn plan_level_above_threshold_if_any_motion_db(
+    rise: &PanelPoles,
+    shape: &DVector<f64>,
+    drives: &[SwitchedForce],
+) -> Option<f64> {
+    let ringings = rise.transient_response_per_n_of_each_drive_if_finite(shape, drives)?;
     let mut sums: Vec<(f64, Complex64)> = Vec::with_capacity(drives.len());
     for (drive, ringing) in drives.iter().zip(&ringings) {
         let phasor = ringing.steady * drive.force_n;
@@ -68,23 +73,23 @@ pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[SwitchedForce]
         }
     }
     let components: Vec<(f64, f64)> = sums.into_iter().map(|(hz, sum)| (hz, sum.norm())).collect();
-    perception::above_threshold_db(&components)
+    perception::level_above_threshold_unless_at_rest_db(&components)
 }
 
-/// Plans `request`, those of its targets that have no intensity of their own at `intensity`. A level in dB is met by planning for a
-/// peak, looking (with the poles of `rise`, only then asked for) at what level it has at the frequencies chosen, and planning again: below the limits a plan is
-/// proportional to what is asked for.
+/// Plans `request`, with `intensity_of_open_targets` for those of its targets that have none. A level in dB is met by planning for a
+/// peak, computing its level at the chosen frequencies (with the poles of `rise`, which are requested only then), and
+/// planning again: below the limits a plan is proportional to its wish.
 ///
 /// # Errors
 /// [`PlanError`]; out of range levels name `intensity_db`.
-pub fn plan_with<'a>(
+pub fn plan_request_with_intensity_for_targets_without_one<'a>(
     table: &PlanTable,
-    rise: impl FnOnce() -> Option<&'a RiseTimes>,
+    rise: impl FnOnce() -> Option<&'a PanelPoles>,
     request: &Request,
-    intensity: Option<Intensity>,
+    intensity_of_open_targets: Option<Intensity>,
 ) -> Result<Plan, PlanError> {
     let mut request = request.clone();
-    let wanted_db = match intensity {
+    let wanted_db = match intensity_of_open_targets {
         None => return table.plan_request(&request),
         Some(Intensity::G(g)) => {
             for target in &mut request.targets {
@@ -100,14 +105,18 @@ pub fn plan_with<'a>(
     let is_open: Vec<bool> = request.targets.iter().map(|target| target.intensity_g.is_none()).collect();
     let mut plan = table.plan_request(&request)?;
     let Some(rise) = rise() else { return Ok(plan) };
-    let shapes: Vec<_> = request.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
+    let shapes: Vec<_> = request
+        .targets
+        .iter()
+        .map(|target| mode_shape_values_at_point_or_on_bar_axis(table, target.x_m, target.y_m))
+        .collect();
     for _ in 0..PLANNING_ROUNDS {
-        let drives = forces(table, &plan);
+        let drives = list_switched_forces_of_plan(table, &plan);
         let mut furthest_db = 0.0_f64;
         let all = request.targets.iter_mut().zip(&shapes).zip(&plan.targets).zip(&is_open);
         for ((target, shape), result) in all.filter(|(_, is_open)| **is_open).map(|(all, _)| all) {
             // A target that nothing moves has no level, and keeps its wish.
-            let Some(db) = level_db(rise, shape, &drives) else { continue };
+            let Some(db) = plan_level_above_threshold_if_any_motion_db(rise, shape, &drives) else { continue };
             furthest_db = furthest_db.max((wanted_db - db).abs());
             let g = result.peak_g * 10_f64.powf((wanted_db - db) / 20.0);
             target.intensity_g = Some(g.min(1e6 / STANDARD_GRAVITY));
@@ -123,13 +132,22 @@ pub fn plan_with<'a>(
     Ok(plan)
 }
 
-/// The request with the peaks in g that are as far above the threshold of feeling as is asked for.
+/// The request with peaks in g that have the given level above the threshold of feeling.
 ///
 /// # Errors
-/// As [`plan_with`].
-pub fn at_level(table: &PlanTable, mut request: Request, level_db: Option<f64>) -> Result<Request, PlanError> {
+/// As [`plan_request_with_intensity_for_targets_without_one`].
+pub fn set_missing_target_peaks_from_level_if_given(
+    table: &PlanTable,
+    mut request: Request,
+    level_db: Option<f64>,
+) -> Result<Request, PlanError> {
     let Some(db) = level_db else { return Ok(request) };
-    let plan = plan_with(table, || table.rise(), &request, Some(Intensity::AboveThresholdDb(db)))?;
+    let plan = plan_request_with_intensity_for_targets_without_one(
+        table,
+        || table.panel_poles(),
+        &request,
+        Some(Intensity::AboveThresholdDb(db)),
+    )?;
     for (target, found) in request.targets.iter_mut().zip(&plan.targets) {
         target.intensity_g = target.intensity_g.or(Some(found.wanted_g));
     }
@@ -148,27 +166,42 @@ mod tests {
         let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
         let table = PlanTable::build(&scene, model, TableOptions::default()).unwrap();
-        let rise = RiseTimes::prepare(&table.model);
+        let rise = PanelPoles::find_poles_if_converged(&table.model);
         for (x_m, y_m, db) in [(0.05, 0.04, 12.0), (0.15, 0.1, 20.0), (0.28, 0.02, 6.0)] {
             let target = Target { x_m, y_m, intensity_g: None };
-            let plan =
-                plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(db)))
-                    .unwrap();
+            let plan = plan_request_with_intensity_for_targets_without_one(
+                &table,
+                || rise.as_ref(),
+                &Request::for_touch(&[target]),
+                Some(Intensity::AboveThresholdDb(db)),
+            )
+            .unwrap();
             assert_eq!(plan.limited_by, None, "at {x_m}");
-            let shape = shape_of(&table, x_m, y_m);
-            let found = level_db(rise.as_ref().unwrap(), &shape, &forces(&table, &plan)).unwrap();
+            let shape = mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m);
+            let found = plan_level_above_threshold_if_any_motion_db(
+                rise.as_ref().unwrap(),
+                &shape,
+                &list_switched_forces_of_plan(&table, &plan),
+            )
+            .unwrap();
             assert!((found - db).abs() < 0.1, "{db} dB wanted at {x_m}, {y_m}: {found}");
         }
         let target = Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
-        let error =
-            plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(99.0)))
-                .unwrap_err();
+        let error = plan_request_with_intensity_for_targets_without_one(
+            &table,
+            || rise.as_ref(),
+            &Request::for_touch(&[target]),
+            Some(Intensity::AboveThresholdDb(99.0)),
+        )
+        .unwrap_err();
         assert!(error.to_string().contains("intensity_db"), "{error}");
 
         // Two equal drives of one frequency a third of a turn apart are as strong as one; of two frequencies, stronger.
-        let shape = shape_of(&table, 0.1, 0.1);
+        let shape = mode_shape_values_at_point_or_on_bar_axis(&table, 0.1, 0.1);
         let drive = |frequency_hz, phase_rad| SwitchedForce { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
-        let level = |drives: &[SwitchedForce]| level_db(rise.as_ref().unwrap(), &shape, drives).unwrap();
+        let level = |drives: &[SwitchedForce]| {
+            plan_level_above_threshold_if_any_motion_db(rise.as_ref().unwrap(), &shape, drives).unwrap()
+        };
         let alone = level(&[drive(150.0, 0.0)]);
         let apart = level(&[drive(150.0, 0.3), drive(150.0, 0.3 + std::f64::consts::TAU / 3.0)]);
         assert!((apart - alone).abs() < 1e-9, "{apart} {alone}");

@@ -2,11 +2,12 @@
 //!
 //! [`named`] holds what there is and the parameters it takes, [`envelope`] what an envelope's segments are cycle by cycle,
 //! [`motion`] what a point does under them (harmonics of the square-edged force included), [`click`] pushes and brakes
-//! designed from the panel's poles, [`mod@design`] the whole for a plan, [`intensity`] strengths in g or dB above threshold.
+//! designed from the panel's poles, [`mod@design`] the whole for a plan, [`windows`] clicks of single windows, [`intensity`] strengths in g or dB above threshold.
 
 pub mod click;
 pub mod design;
 mod effect_drive;
+mod effect_window;
 pub mod envelope;
 mod error;
 pub mod intensity;
@@ -16,8 +17,13 @@ mod plan_view;
 mod supply;
 mod travel;
 pub mod view;
+pub mod windows;
 
-pub use design::{Design, design};
+pub use design::{EffectDesign, design_effect};
+pub use effect_window::EffectWindow;
 pub use error::DesignError;
-pub use intensity::{Intensity, at_level, plan_with};
+pub use intensity::{
+    Intensity, plan_request_with_intensity_for_targets_without_one, set_missing_target_peaks_from_level_if_given,
+};
 pub use named::{EffectError, EffectRequest, NamedEffect};
+pub use windows::{design_effect_with_windows, is_click_of_windows};

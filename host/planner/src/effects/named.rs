@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Longest effect in ms; nobody needs more from one request.
 const LONGEST_MS: f64 = 10_000.0;
-/// Part of the full force to which a texture falls between its crests, in thousandths: 14 dB down, which is clearly a
+/// Fraction of the full force to which a texture falls between its crests, in thousandths: 14 dB down, which is clearly a
 /// gap, without the harmonics of windows that close altogether.
 const TEXTURE_FLOOR: i16 = 200;
 /// Pauses of a double click and a pulse train, and rises of a texture, are at least this long, in ms.
@@ -24,7 +24,7 @@ pub const PERIODS_MS: (f64, f64) = (10.0, 1000.0);
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "clap", value(rename_all = "snake_case"))]
 pub enum NamedEffect {
-    /// A push of few cycles, and a brake; both designed from the panel's response
+    /// Single windows that push and brake, designed from the panel's response
     Click,
     /// Two clicks, `period_ms` apart
     DoubleClick,
@@ -55,7 +55,7 @@ pub struct EffectRequest {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EffectError {
     /// Out of range.
-    #[error("{field} is {value}; {effect} takes {min} to {max}")]
+    #[error("{field} is {value}, but the effect {effect} allows {min} to {max}")]
     Range {
         /// The field's name.
         field: &'static str,
@@ -69,7 +69,7 @@ pub enum EffectError {
         max: f64,
     },
     /// A parameter that the effect does not have.
-    #[error("{field} is {value}; {effect} takes none")]
+    #[error("{field} is {value}, but the effect {effect} has no {field}")]
     NotTaken {
         /// The field's name.
         field: &'static str,
@@ -83,10 +83,12 @@ pub enum EffectError {
 impl EffectError {
     /// Field, value and allowed range as text.
     #[must_use]
-    pub fn parts(&self) -> (&'static str, f64, String) {
+    pub fn field_value_and_allowed_range(&self) -> (&'static str, f64, String) {
         match self {
             Self::Range { field, value, min, max, .. } => (field, *value, format!("{min} to {max}")),
-            Self::NotTaken { field, value, effect } => (field, *value, format!("absent with {effect}")),
+            Self::NotTaken { field, value, effect } => {
+                (field, *value, format!("absent, because the effect {effect} has no {field}"))
+            }
         }
     }
 }
@@ -123,7 +125,7 @@ impl NamedEffect {
     }
 
     /// Least, most and default of duration (ms), count and period (ms).
-    const fn limits(self) -> (Limits, Limits, Limits) {
+    const fn duration_count_and_period_limits(self) -> (Limits, Limits, Limits) {
         match self {
             Self::Click => (None, None, None),
             // Closer than 50 ms they merge, beyond 500 ms they are two gestures.
@@ -140,12 +142,12 @@ impl NamedEffect {
 impl EffectRequest {
     /// An effect with its defaults.
     #[must_use]
-    pub const fn of(effect: NamedEffect) -> Self {
+    pub const fn with_defaults(effect: NamedEffect) -> Self {
         Self { effect, duration_ms: None, count: None, period_ms: None }
     }
 
     /// Duration in ms, count and period in ms; 0 where the effect has none.
-    fn parameters(&self) -> Result<(f64, f64, f64), EffectError> {
+    fn check_or_default_duration_count_and_period(&self) -> Result<(f64, f64, f64), EffectError> {
         let name = self.effect.name();
         let one = |field, given: Option<f64>, limits: Limits| match (given, limits) {
             (None, limits) => Ok(limits.map_or(0.0, |(_, _, default)| default)),
@@ -153,7 +155,7 @@ impl EffectRequest {
             (Some(value), Some((min, max, _))) if (min..=max).contains(&value) => Ok(value),
             (Some(value), Some((min, max, _))) => Err(EffectError::Range { field, value, effect: name, min, max }),
         };
-        let (duration, count, period) = self.effect.limits();
+        let (duration, count, period) = self.effect.duration_count_and_period_limits();
         let duration_ms = one("duration_ms", self.duration_ms, duration)?;
         let count = one("count", self.count.map(f64::from), count)?;
         let period_ms = one("period_ms", self.period_ms, period)?;
@@ -168,12 +170,12 @@ impl EffectRequest {
     ///
     /// # Errors
     /// [`EffectError`].
-    pub fn shape(&self) -> Result<Shape, EffectError> {
-        let (_, _, period_ms) = self.parameters()?;
+    pub fn check_and_choose_shape(&self) -> Result<Shape, EffectError> {
+        let (_, _, period_ms) = self.check_or_default_duration_count_and_period()?;
         Ok(match self.effect {
             NamedEffect::Click => Shape::Clicks { count: 1, period_ms: 0 },
-            NamedEffect::DoubleClick => Shape::Clicks { count: 2, period_ms: whole(period_ms) },
-            _ => Shape::Fixed,
+            NamedEffect::DoubleClick => Shape::Clicks { count: 2, period_ms: round_to_u16(period_ms) },
+            NamedEffect::Buzz | NamedEffect::Swell | NamedEffect::PulseTrain | NamedEffect::Texture => Shape::Fixed,
         })
     }
 
@@ -181,13 +183,13 @@ impl EffectRequest {
     ///
     /// # Errors
     /// [`EffectError`].
-    pub fn envelope(&self) -> Result<Effect, EffectError> {
-        let (duration_ms, count, period_ms) = self.parameters()?;
-        let hold = |level, ms: f64| Segment::Hold { level, milliseconds: whole(ms) };
-        let ramp = |from, to, ms: f64| Segment::Ramp { from, to, milliseconds: whole(ms) };
+    pub fn build_envelope(&self) -> Result<Effect, EffectError> {
+        let (duration_ms, count, period_ms) = self.check_or_default_duration_count_and_period()?;
+        let hold = |level, ms: f64| Segment::Hold { level, milliseconds: round_to_u16(ms) };
+        let ramp = |from, to, ms: f64| Segment::Ramp { from, to, milliseconds: round_to_u16(ms) };
         let of = |segments: &[Segment], times: f64| Effect {
             segments: segments.iter().copied().collect(),
-            times: whole(times.max(1.0)),
+            times: round_to_u16(times.max(1.0)),
         };
         Ok(match self.effect {
             NamedEffect::Click | NamedEffect::DoubleClick => Effect::new_click(1, 0),
@@ -201,11 +203,11 @@ impl EffectRequest {
                 1.0,
             ),
             NamedEffect::PulseTrain => {
-                let (pulse_ms, pause_ms) = halves(period_ms);
+                let (pulse_ms, pause_ms) = split_period_into_whole_ms_halves(period_ms);
                 of(&[hold(FULL_LEVEL, pulse_ms), hold(0, pause_ms)], count)
             }
             NamedEffect::Texture => {
-                let (up_ms, down_ms) = halves(period_ms);
+                let (up_ms, down_ms) = split_period_into_whole_ms_halves(period_ms);
                 of(
                     &[ramp(TEXTURE_FLOOR, FULL_LEVEL, up_ms), ramp(FULL_LEVEL, TEXTURE_FLOOR, down_ms)],
                     (duration_ms / period_ms).round(),
@@ -216,20 +218,20 @@ impl EffectRequest {
 }
 
 /// Halves of a period in whole ms that add up to it: of an odd one the first is longer by 1 ms.
-fn halves(period_ms: f64) -> (f64, f64) {
+fn split_period_into_whole_ms_halves(period_ms: f64) -> (f64, f64) {
     let first_ms = (0.5 * period_ms).round().max(SHORTEST_MS);
     (first_ms, (period_ms.round() - first_ms).max(SHORTEST_MS))
 }
 
 /// To whole ms or times, which is what the board counts in.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates; values are in range")]
-fn whole(value: f64) -> u16 {
+fn round_to_u16(value: f64) -> u16 {
     value.round() as u16
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::envelope::length_s;
+    use super::super::envelope::effect_duration_s;
     use super::*;
 
     #[cfg(feature = "clap")]
@@ -237,16 +239,16 @@ mod tests {
     fn every_effect_has_one_name_and_an_envelope_that_the_board_takes() {
         use clap::ValueEnum;
         for effect in NamedEffect::value_variants() {
-            let request = EffectRequest::of(*effect);
-            assert!(request.envelope().unwrap().is_valid(), "{effect:?}");
+            let request = EffectRequest::with_defaults(*effect);
+            assert!(request.build_envelope().unwrap().is_valid(), "{effect:?}");
             assert!(effect.to_possible_value().unwrap().get_name() == effect.name());
         }
     }
 
     #[test]
     fn defaults_are_what_the_board_takes() {
-        let lasts = |request: EffectRequest| length_s(&request.envelope().unwrap(), 5e-3);
-        let of = EffectRequest::of;
+        let lasts = |request: EffectRequest| effect_duration_s(&request.build_envelope().unwrap(), 5e-3);
+        let of = EffectRequest::with_defaults;
         assert!((lasts(of(NamedEffect::Swell)) - 0.5).abs() < 1e-9);
         assert!((lasts(of(NamedEffect::PulseTrain)) - 0.3).abs() < 1e-9);
         assert!((lasts(EffectRequest { duration_ms: Some(750.0), ..of(NamedEffect::Texture) }) - 0.75).abs() < 1e-9);
@@ -261,29 +263,29 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_named() {
-        let of = EffectRequest::of;
+        let of = EffectRequest::with_defaults;
         let cases = [
             (
                 EffectRequest { duration_ms: Some(20.0), ..of(NamedEffect::Click) },
-                "duration_ms is 20; click takes none",
+                "duration_ms is 20, but the effect click has no duration_ms",
             ),
-            (EffectRequest { count: Some(2), ..of(NamedEffect::Buzz) }, "count is 2; buzz takes none"),
+            (EffectRequest { count: Some(2), ..of(NamedEffect::Buzz) }, "count is 2, but the effect buzz has no count"),
             (
                 EffectRequest { duration_ms: Some(0.5), ..of(NamedEffect::Buzz) },
-                "duration_ms is 0.5; buzz takes 1 to 10000",
+                "duration_ms is 0.5, but the effect buzz allows 1 to 10000",
             ),
             (
                 EffectRequest { period_ms: Some(f64::NAN), ..of(NamedEffect::Texture) },
-                "period_ms is NaN; texture takes 25 to 125",
+                "period_ms is NaN, but the effect texture allows 25 to 125",
             ),
             (
                 EffectRequest { count: Some(50), period_ms: Some(400.0), ..of(NamedEffect::PulseTrain) },
-                "count is 50; pulse_train takes 1 to 25",
+                "count is 50, but the effect pulse_train allows 1 to 25",
             ),
         ];
         for (request, text) in cases {
-            assert_eq!(request.envelope().unwrap_err().to_string(), text);
-            assert_eq!(request.shape().unwrap_err().to_string(), text);
+            assert_eq!(request.build_envelope().unwrap_err().to_string(), text);
+            assert_eq!(request.check_and_choose_shape().unwrap_err().to_string(), text);
         }
     }
 }

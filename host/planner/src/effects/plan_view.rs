@@ -1,19 +1,22 @@
 //! A plan as it is told while an effect of it is played: with the effect's own figures in the place of the even motion's.
 
-use super::design::Design;
+use super::design::EffectDesign;
 use crate::Plan;
 use crate::reports::report::Times;
 
-impl Design {
+impl EffectDesign {
     /// `plan`, the one that this effect was designed for, with what the effect does: its drives at full level, its limits, and its peaks at all
     /// targets. What is not worked out for effects (the mean elsewhere, the level above the threshold, quiet zones, the peak with masses that
-    /// move) is that of the plan's even motion times [`Self::part_of_even`]. The bound on the even motion's peak is none on the effect's:
+    /// move) is that of the plan's even motion times [`Self::peak_as_fraction_of_steady_peak`]. The bound on the even motion's peak is none on the effect's:
     /// `error_bound` is `None`.
     #[must_use]
-    pub fn plan_as_played(&self, plan: &Plan) -> Plan {
-        let part = self.part_of_even(plan);
+    pub fn plan_with_drives_and_predictions_of_effect(&self, plan: &Plan) -> Plan {
+        let part = self.peak_as_fraction_of_steady_peak(plan);
         let mut played = plan.clone();
-        played.drives = self.drives.iter().map(|designed| designed.drive.clone()).collect();
+        // A click of single windows has no drives of its own: those of the place's plan stay.
+        if !self.drives.is_empty() {
+            played.drives = self.drives.iter().map(|designed| designed.drive.clone()).collect();
+        }
         (played.limits, played.limited_by) = (self.limits.clone(), self.limited_by.clone());
         played.error_bound = None;
         let predicted = &mut played.predicted;
@@ -34,14 +37,14 @@ impl Design {
 
     /// The effect's peak at the first target over that of the plan's even motion: 1 where nothing moves.
     #[must_use]
-    pub fn part_of_even(&self, plan: &Plan) -> f64 {
+    pub fn peak_as_fraction_of_steady_peak(&self, plan: &Plan) -> f64 {
         let even_g = plan.predicted.target_peak_g;
         if even_g > 0.0 { self.predicted.peak_g / even_g } else { 1.0 }
     }
 
     /// When the first target has its peak, counted from the effect's start, and when it is below a tenth of it, from the effect's end.
     #[must_use]
-    pub fn times(&self) -> Times {
+    pub fn effect_peak_and_decay_times_at_first_target(&self) -> Times {
         Times {
             reaches_90_ms: (self.predicted.peak_g > 0.0).then_some(self.predicted.peak_at_ms),
             decays_to_10_ms: self.predicted.quiet_ms.map(|quiet_ms| (quiet_ms - self.length_ms).max(0.0)),

@@ -7,15 +7,17 @@
 //! the levels before, which decay. Once they have, a level that is held longer moves nothing further, a repetition is like
 //! the one before, and a slower ramp is nearer to the steady motions of its levels, which plans keep within the limits at every
 //! level ([`crate::planner`]). So segments, and the repetitions together, are cut to the
-//! time in which the free motions decay, and what is then stepped, [`Shortened`], is stepped to its end. What they have
+//! time in which the free motions decay, and what is then stepped, [`ShortenedDrives`], is stepped to its end. What they have
 //! left where they decay too slowly for that is added to the travel found.
 
-use super::effect_drive::Part;
-use super::envelope::{Cut, length_s, levels};
-use super::supply::rail_v;
+use super::effect_drive::EffectDrive;
+use super::envelope::{ShortenedEffect, effect_duration_s, level_in_each_period};
+use super::motion::Channel;
+use super::supply::highest_voltage_needed_on_rail_of_actuator_v;
 use crate::PlanTable;
+use crate::physics::charging::ChargingElectrode;
 use crate::physics::limits::{Electrodes, Limit};
-use crate::physics::rise::{RiseTimes, Stepper, TransientResponse};
+use crate::physics::rise::{PanelPoles, Stepper, TransientResponse};
 use era_shared::waveform::{Effect, Segment};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -30,58 +32,76 @@ const LEAST_S: f64 = 0.25;
 const LONGEST_CUT_S: f64 = 1.5;
 /// Factor from one length that is tried to the next.
 const LONGER: f64 = 1.3;
-/// Part of the travel allowed that free motions may have left when they count as decayed.
+/// Fraction of the travel allowed that free motions may have left when they count as decayed.
 const DECAYED: f64 = 0.02;
 /// After the end, in s: half a period of the slowest drives.
 const AFTER_S: f64 = 0.01;
-/// Part of the travel allowed that may be used, for the steps and for cycles that fall together otherwise.
+/// Fraction of the travel allowed that may be used, for the steps and for cycles that fall together otherwise.
 const USED: f64 = 0.92;
 /// Times over its period at which each drive may begin, of effects that are over within a few beats; in longer ones the
 /// beats try them all, and two are enough for how the drives begin.
 const OFFSETS: u32 = 2;
 /// What harmonics make of a small travel, as a rule.
 const WITH_HARMONICS: f64 = 2.0;
-/// Part of the travel allowed below which a travel is small: of a third of the gap this is 1/50 of it, where an electrode's force differs
+/// Fraction of the travel allowed below which a travel is small: of a third of the gap this is 1/50 of it, where an electrode's force differs
 /// from that in the middle by 4 %.
 const SMALL_TRAVEL: f64 = 0.06;
 /// Halvings in the search for a strength that fits: to 1/64.
 const STRENGTH_HALVINGS: usize = 6;
 
-/// What became of the drives.
-pub struct Within {
+/// The result of limiting the travel of an effect.
+pub struct TravelOutcome {
     /// What made it necessary to lower them.
     pub limited: Option<(usize, Limit)>,
     /// Bound of every actuator's travel in m.
     pub travel_m: Vec<f64>,
 }
 
-/// Lowers all drives until no actuator travels beyond a third of its gap, or closes it below what its voltage takes; says
-/// what made that necessary, and how far they go.
-pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> Within {
+/// Derates all drives until no actuator travels beyond a third of its gap, or closes it so far that its voltage
+/// breaks it down. Returns the limit that made it necessary, and the travel.
+pub fn derate_drives_to_travel_limits(
+    table: &PlanTable,
+    rise: &PanelPoles,
+    effect_drives: &mut [EffectDrive],
+    effects: &[Effect],
+) -> TravelOutcome {
     let rows: Vec<DVector<f64>> =
-        (0..table.electrodes.len()).map(|actuator| table.model.actuator_travel_row(actuator)).collect();
-    let free: Vec<Option<Vec<TransientResponse>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
-    let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
-    if let Some(travel_m) = surely_small(&table.electrodes, parts, &shortened.levels, &free) {
-        return Within { limited: None, travel_m };
+        (0..table.electrodes.len()).map(|actuator| table.model.actuator_mass_travel_row(actuator)).collect();
+    let free: Vec<Option<Vec<TransientResponse>>> = effect_drives
+        .iter()
+        .map(|part| travel_response_per_n_of_each_actuator_unless_undamped(rise, &rows, part))
+        .collect();
+    let shortened = ShortenedDrives::new(&table.electrodes, effect_drives, effects, &free);
+    if let Some(travel_m) =
+        bound_travel_of_each_actuator_if_small_m(&table.electrodes, effect_drives, &shortened.levels, &free)
+    {
+        return TravelOutcome { limited: None, travel_m };
     }
-    let rest = rise.stepper(&rows, TRAVEL_STEP_S);
-    let most = OFFSETS.pow(u32::try_from(parts.len().saturating_sub(1)).unwrap_or(0));
-    let combinations = if shortened.is_long(parts) { most.min(OFFSETS) } else { most };
+    let rest = rise.build_stepper(&rows, TRAVEL_STEP_S);
+    let most = OFFSETS.pow(u32::try_from(effect_drives.len().saturating_sub(1)).unwrap_or(0));
+    let combinations = if shortened.has_drive_longer_than_least_cut(effect_drives) { most.min(OFFSETS) } else { most };
     // How far the masses go, or the first limit that is broken, if any is.
     let tried = |scale: f64| -> Result<Vec<f64>, (usize, Limit)> {
         let mut largest_m = vec![0.0_f64; table.electrodes.len()];
         for combination in 0..combinations {
-            let travels = largest(rest.clone(), &table.electrodes, parts, &shortened.levels, scale, combination);
+            let travels = simulate_largest_travel_of_each_actuator_m(
+                rest.clone(),
+                &table.electrodes,
+                effect_drives,
+                &shortened.levels,
+                scale,
+                combination,
+            );
             let added = travels.iter().zip(&shortened.left_m).map(|(travel, left)| travel + left * scale);
             let all = table.electrodes.iter().zip(added).zip(&mut largest_m).enumerate();
             for (actuator, ((electrodes, travel), largest)) in all {
-                let allowed = USED * electrodes.most_travel_m();
-                let volts = rail_v(&table.electrodes, parts, actuator, scale);
+                let allowed = USED * electrodes.max_travel_m();
+                let volts =
+                    highest_voltage_needed_on_rail_of_actuator_v(&table.electrodes, effect_drives, actuator, scale);
                 if travel > allowed {
                     return Err((actuator, Limit::Travel));
                 }
-                if volts > electrodes.holds_v(travel / USED) {
+                if volts > electrodes.max_voltage_of_remaining_gap_v(travel / USED) {
                     return Err((actuator, Limit::Breakdown));
                 }
                 *largest = largest.max(travel / USED);
@@ -90,7 +110,7 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
         Ok(largest_m)
     };
     let mut limited = match tried(1.0) {
-        Ok(travel_m) => return Within { limited: None, travel_m },
+        Ok(travel_m) => return TravelOutcome { limited: None, travel_m },
         Err(limited) => limited,
     };
     let (mut low, mut high, mut travel_m) = (0.0, 1.0, vec![0.0; table.electrodes.len()]);
@@ -101,75 +121,101 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
             Ok(found_m) => (travel_m, low) = (found_m, middle),
         }
     }
-    parts.iter_mut().for_each(|part| part.drive.force_n *= low);
-    Within { limited: Some(limited), travel_m }
+    effect_drives.iter_mut().for_each(|part| part.drive.force_n *= low);
+    TravelOutcome { limited: Some(limited), travel_m }
 }
 
-/// The fundamental's travel of every actuator under 1 N of a drive from rest; `None` at an undamped resonance.
-fn free_travel(rise: &RiseTimes, rows: &[DVector<f64>], part: &Part) -> Option<Vec<TransientResponse>> {
-    rows.iter().map(|row| Some(rise.ringings(row, &[part.drive])?.pop()?.displacement())).collect()
+/// The transient travel of every actuator under 1 N of a drive's fundamental from rest; `None` at an undamped
+/// resonance.
+fn travel_response_per_n_of_each_actuator_unless_undamped(
+    rise: &PanelPoles,
+    rows: &[DVector<f64>],
+    drive: &EffectDrive,
+) -> Option<Vec<TransientResponse>> {
+    rows.iter()
+        .map(|row| {
+            Some(
+                rise.transient_response_per_n_of_each_drive_if_finite(row, &[drive.drive])?
+                    .pop()?
+                    .acceleration_to_displacement(),
+            )
+        })
+        .collect()
 }
 
 /// What is stepped in place of effects.
-struct Shortened {
+struct ShortenedDrives {
     /// Levels of every drive, period by period.
     levels: Vec<Vec<f64>>,
     /// Bound on what the free motions still have left of each actuator's travel where that was cut, in m.
     left_m: Vec<f64>,
 }
 
-impl Shortened {
+impl ShortenedDrives {
     fn new(
         electrodes: &[Electrodes],
-        parts: &[Part],
+        effect_drives: &[EffectDrive],
         effects: &[Effect],
         free: &[Option<Vec<TransientResponse>>],
     ) -> Self {
         let left_m = |after_s: f64| -> Vec<f64> {
-            let drives = || parts.iter().zip(effects).zip(free);
-            let of = |actuator: usize, ((part, effect), free): ((&Part, &Effect), &Option<Vec<TransientResponse>>)| {
-                let ringing = free.as_ref().and_then(|free| free.get(actuator))?;
-                Some(part.drive.force_n * left_per_n(effect, part.channel.period_s(), ringing, after_s))
-            };
+            let drives = || effect_drives.iter().zip(effects).zip(free);
+            let of =
+                |actuator: usize,
+                 ((part, effect), free): ((&EffectDrive, &Effect), &Option<Vec<TransientResponse>>)| {
+                    let ringing = free.as_ref().and_then(|free| free.get(actuator))?;
+                    Some(part.drive.force_n * bound_free_motion_left_m_per_n(effect, part.channel, ringing, after_s))
+                };
             // An undamped mode has all of it left, which cannot be told: nothing but stepping the whole would do.
             (0..electrodes.len()).map(|actuator| drives().filter_map(|drive| of(actuator, drive)).sum()).collect()
         };
         let is_decayed = |left_m: &[f64]| {
-            left_m.iter().zip(electrodes).all(|(left, electrodes)| *left <= DECAYED * electrodes.most_travel_m())
+            left_m.iter().zip(electrodes).all(|(left, electrodes)| *left <= DECAYED * electrodes.max_travel_m())
         };
         let mut enough_s = LEAST_S;
         while enough_s < LONGEST_CUT_S && !is_decayed(&left_m(enough_s)) {
             enough_s = (enough_s * LONGER).min(LONGEST_CUT_S);
         }
-        let cut: Vec<Cut> = parts
+        let cut: Vec<ShortenedEffect> = effect_drives
             .iter()
             .zip(effects)
-            .map(|(part, effect)| Cut::new(effect, part.channel.period_s(), enough_s))
+            .map(|(part, effect)| ShortenedEffect::new(effect, part.channel.period_s(), enough_s))
             .collect();
         let is_cut = cut.iter().zip(effects).any(|(cut, effect)| cut.effect != *effect);
-        let of = |(part, cut): (&Part, &Cut)| levels(&cut.effect, part.channel.period_s());
+        let of =
+            |(part, cut): (&EffectDrive, &ShortenedEffect)| level_in_each_period(&cut.effect, part.channel.period_s());
         Self {
-            levels: parts.iter().zip(&cut).map(of).collect(),
+            levels: effect_drives.iter().zip(&cut).map(of).collect(),
             left_m: if is_cut { left_m(enough_s) } else { vec![0.0; electrodes.len()] },
         }
     }
 
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    fn is_long(&self, parts: &[Part]) -> bool {
-        self.levels.iter().zip(parts).any(|(levels, part)| levels.len() as f64 * part.channel.period_s() > LEAST_S)
+    fn has_drive_longer_than_least_cut(&self, effect_drives: &[EffectDrive]) -> bool {
+        self.levels
+            .iter()
+            .zip(effect_drives)
+            .any(|(levels, part)| levels.len() as f64 * part.channel.period_s() > LEAST_S)
     }
 }
 
-/// Bound, in m/N, on how much the free motions of what was before may still add `after_s` after an effect's start: those of
+/// Bound, in m/N, on how much the free motions of what was before may still add `since_start_s` after an effect's start: those of
 /// the changes of level in one repetition, and, where it is repeated, of all the repetitions that it would take for the
 /// motion to be periodic, sum over n of e^(-r (t + n T)).
-fn left_per_n(effect: &Effect, period_s: f64, ringing: &TransientResponse, after_s: f64) -> f64 {
+fn bound_free_motion_left_m_per_n(
+    effect: &Effect,
+    channel: Channel,
+    ringing: &TransientResponse,
+    since_start_s: f64,
+) -> f64 {
     let once = Effect { times: 1, ..effect.clone() };
-    let once_s = length_s(&once, period_s);
+    let once_s = effect_duration_s(&once, channel.period_s());
     let mut last = 0.0;
     let mut changes = 0.0;
     for segment in &effect.segments {
-        let part = |level: i16| f64::from(level) / f64::from(era_shared::waveform::FULL_LEVEL);
+        let part = |level: i16| {
+            channel.force_fraction_of_level(f64::from(level) / f64::from(era_shared::waveform::FULL_LEVEL))
+        };
         let (from, to) = match *segment {
             Segment::Hold { level, .. } | Segment::Cycles { level, .. } => (part(level), part(level)),
             Segment::Ramp { from, to, .. } => (part(from), part(to)),
@@ -179,7 +225,7 @@ fn left_per_n(effect: &Effect, period_s: f64, ringing: &TransientResponse, after
     }
     let of = |(s, c): &(Complex64, Complex64)| {
         let again = if effect.times > 1 { 1.0 / (1.0 - (s.re * once_s).exp()).max(1e-9) } else { 1.0 };
-        c.norm() * (s.re * after_s).exp() * again.min(f64::from(effect.times))
+        c.norm() * (s.re * since_start_s).exp() * again.min(f64::from(effect.times))
     };
     changes * ringing.free.iter().map(of).sum::<f64>()
 }
@@ -188,30 +234,37 @@ fn left_per_n(effect: &Effect, period_s: f64, ringing: &TransientResponse, after
 /// steady motion and what is left, at its most, of the free motion that every change of level adds, below [`SMALL_TRAVEL`]. The
 /// factor of sixteen from there to what is allowed is for harmonics, of a third of the fundamental at most and a resonance of
 /// their own at worst; the bound itself has [`WITH_HARMONICS`].
-fn surely_small(
-    all: &[Electrodes],
-    parts: &[Part],
+fn bound_travel_of_each_actuator_if_small_m(
+    all_electrodes: &[Electrodes],
+    effect_drives: &[EffectDrive],
     levels: &[Vec<f64>],
-    free: &[Option<Vec<TransientResponse>>],
+    responses: &[Option<Vec<TransientResponse>>],
 ) -> Option<Vec<f64>> {
     let travel = |(actuator, electrodes): (usize, &Electrodes)| {
-        let bounds = parts.iter().zip(levels).zip(free).map(|((part, levels), free)| {
-            let ringing = free.as_ref()?.get(actuator)?;
+        let bounds = effect_drives.iter().zip(levels).zip(responses).map(|((part, levels), responses)| {
+            let ringing = responses.as_ref()?.get(actuator)?;
+            let levels: Vec<f64> = levels.iter().map(|level| part.channel.force_fraction_of_level(*level)).collect();
             let highest = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
-            let free: f64 =
-                ringing.free.iter().map(|(s, c)| c.norm() * most_kept(levels, s.re * part.channel.period_s())).sum();
+            let free: f64 = ringing
+                .free
+                .iter()
+                .map(|(s, c)| {
+                    c.norm() * largest_decaying_sum_of_level_change_magnitudes(&levels, s.re * part.channel.period_s())
+                })
+                .sum();
             Some(part.drive.force_n * (ringing.steady.norm() * highest + free))
         });
         let travel = bounds.sum::<Option<f64>>()?;
-        let volts = rail_v(all, parts, actuator, 1.0);
-        let is_small = travel < SMALL_TRAVEL * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
+        let volts = highest_voltage_needed_on_rail_of_actuator_v(all_electrodes, effect_drives, actuator, 1.0);
+        let is_small = travel < SMALL_TRAVEL * electrodes.max_travel_m()
+            && volts <= electrodes.max_voltage_of_remaining_gap_v(travel);
         is_small.then_some(WITH_HARMONICS * travel)
     };
-    all.iter().enumerate().map(travel).collect()
+    all_electrodes.iter().enumerate().map(travel).collect()
 }
 
 /// Most that the changes of `levels` add up to when each loses its part e^`exponent` in every period.
-fn most_kept(levels: &[f64], exponent: f64) -> f64 {
+fn largest_decaying_sum_of_level_change_magnitudes(levels: &[f64], exponent: f64) -> f64 {
     let (kept, mut before, mut sum, mut most) = (exponent.exp(), 0.0, 0.0_f64, 0.0_f64);
     for level in levels.iter().chain(&[0.0]) {
         sum = sum * kept + f64::abs(level - before);
@@ -221,74 +274,96 @@ fn most_kept(levels: &[f64], exponent: f64) -> f64 {
 }
 
 /// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
-/// `combination` say when within its period each drive but the first begins.
+/// `offset_combination` say when within its period each drive but the first begins.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
     reason = "small counts"
 )]
-fn largest(
+fn simulate_largest_travel_of_each_actuator_m(
     mut stepper: Stepper,
     electrodes: &[Electrodes],
-    parts: &[Part],
+    effect_drives: &[EffectDrive],
     levels: &[Vec<f64>],
-    scale: f64,
-    combination: u32,
+    force_scale: f64,
+    offset_combination: u32,
 ) -> Vec<f64> {
-    let mut rest = combination;
+    let mut rest = offset_combination;
     let delays_s: Vec<f64> = (0..)
-        .zip(parts)
+        .zip(effect_drives)
         .map(|(i, part)| {
             let digit = if i == 0 { 0 } else { rest % OFFSETS };
             rest /= if i == 0 { 1 } else { OFFSETS };
             f64::from(digit) / f64::from(OFFSETS) * part.channel.period_s()
         })
         .collect();
-    let ends = parts.iter().zip(levels).zip(&delays_s).map(|((p, l), d)| d + l.len() as f64 * p.channel.period_s());
+    let ends =
+        effect_drives.iter().zip(levels).zip(&delays_s).map(|((p, l), d)| d + l.len() as f64 * p.channel.period_s());
     let steps = ((ends.fold(0.0, f64::max) + AFTER_S) / TRAVEL_STEP_S).ceil() as usize;
     let (mut travel, mut most) = (vec![0.0; electrodes.len()], vec![0.0_f64; electrodes.len()]);
     let mut forces = vec![0.0; electrodes.len()];
+    let mut charged = vec![[ChargingElectrode::default(); 2]; effect_drives.len()];
     for i in 0..steps {
-        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > electrodes.most_travel_m()) {
+        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > electrodes.max_travel_m()) {
             break;
         }
         let time_s = i as f64 * TRAVEL_STEP_S;
         forces.fill(0.0);
-        for ((part, levels), delay_s) in parts.iter().zip(levels).zip(&delays_s) {
+        for (((part, levels), delay_s), charged) in effect_drives.iter().zip(levels).zip(&delays_s).zip(&mut charged) {
             let actuator = part.drive.actuator;
-            let (a, b) = on(part, levels, time_s - delay_s);
-            let width = part.channel.pulse_width;
-            let plateau_n = part.drive.force_n * scale * FRAC_PI_4 / (FRAC_PI_2 * width).sin();
+            let on = on_stretch_of_each_electrode_periods(part, levels, time_s - delay_s);
+            let (width, charging) = (part.channel.pulse_width, part.channel.charging);
+            let step = TRAVEL_STEP_S * part.channel.frequency_hz;
+            let [mut a, mut b] = on.map(|on| on.map_or(0.0, |[_, begin, end]| (end - begin) / step));
+            let plateau_n = if charging.is_instant() {
+                part.drive.force_n * force_scale * FRAC_PI_4 / (FRAC_PI_2 * width).sin()
+            } else {
+                let [on_a, on_b] = charged;
+                let times = charging.times();
+                let period_s = part.channel.period_s();
+                let on_s =
+                    on.map(|on| on.map(|[from, begin, end]| ((begin - from) * period_s, (end - from) * period_s)));
+                a = on_a.advance_step_and_get_mean_square_v2(times, 1.0, on_s[0], TRAVEL_STEP_S);
+                b = on_b.advance_step_and_get_mean_square_v2(times, 1.0, on_s[1], TRAVEL_STEP_S);
+                part.drive.force_n * force_scale / charging.harmonic_phasor(1.0, width).norm()
+            };
             let u = (travel[actuator] / electrodes[actuator].gap_m).clamp(-0.5, 0.5);
             forces[actuator] += plateau_n * (a / ((1.0 - u) * (1.0 - u)) - b / ((1.0 + u) * (1.0 + u)));
         }
-        stepper.step(&forces, &mut travel);
+        stepper.advance_one_step(&forces, &mut travel);
         most.iter_mut().zip(&travel).for_each(|(most, travel)| *most = most.max(travel.abs()));
     }
     most
 }
 
-/// Parts of the step from `time_s` on, counted from the drive's start, for which its electrodes A and B are on.
+/// The stretches of the step from `step_start_s` on, counted from the drive's start, in which its electrodes A and B are on: the step's beginning and
+/// the stretch's begin and end, in periods.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
-    if time_s < 0.0 {
-        return (0.0, 0.0);
+fn on_stretch_of_each_electrode_periods(
+    drive: &EffectDrive,
+    levels: &[f64],
+    step_start_s: f64,
+) -> [Option<[f64; 3]>; 2] {
+    if step_start_s < 0.0 {
+        return [None; 2];
     }
-    let periods = time_s * part.channel.frequency_hz;
+    let periods = step_start_s * drive.channel.frequency_hz;
     let level = levels.get(periods as usize).copied().unwrap_or(0.0);
-    let step = TRAVEL_STEP_S * part.channel.frequency_hz;
+    let step = TRAVEL_STEP_S * drive.channel.frequency_hz;
     // In periods: windows in the middle of each half, as wide as the level takes.
-    let width = (level.abs() * (FRAC_PI_2 * part.channel.pulse_width).sin()).asin() / FRAC_PI_2;
+    let width = drive.channel.pulse_width_of_level(level);
     let from = periods.fract();
-    let overlap =
-        |middle: f64| ((from + step).min(middle + 0.25 * width) - from.max(middle - 0.25 * width)).max(0.0) / step;
-    if level >= 0.0 { (overlap(0.25), overlap(0.75)) } else { (overlap(0.75), overlap(0.25)) }
+    let on = |middle: f64| {
+        let (begin, end) = (from.max(middle - 0.25 * width), (from + step).min(middle + 0.25 * width));
+        (end > begin).then_some([from, begin, end])
+    };
+    if level >= 0.0 { [on(0.25), on(0.75)] } else { [on(0.75), on(0.25)] }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::effect_drive::parts;
+    use super::super::effect_drive::build_effect_drives;
     use super::super::{EffectRequest, NamedEffect};
     use super::*;
     use crate::model::{Accuracy, PanelModel};
@@ -298,8 +373,10 @@ mod tests {
     #[test]
     fn what_decays_adds_up_to_little() {
         // Nothing decays: all changes. Half of it in every period: no more than twice the largest.
-        assert!((most_kept(&[1.0, 1.0, 0.0, -1.0], 0.0) - 4.0).abs() < 1e-12);
-        assert!(most_kept(&[1.0, 0.0].repeat(50), -std::f64::consts::LN_2) <= 2.0);
+        assert!((largest_decaying_sum_of_level_change_magnitudes(&[1.0, 1.0, 0.0, -1.0], 0.0) - 4.0).abs() < 1e-12);
+        assert!(
+            largest_decaying_sum_of_level_change_magnitudes(&[1.0, 0.0].repeat(50), -std::f64::consts::LN_2) <= 2.0
+        );
     }
 
     /// Stepped to their ends, long effects go no further than what stands for them.
@@ -311,23 +388,38 @@ mod tests {
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
             let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
             let table = PlanTable::build(&scene, model, options).unwrap();
-            let rise = RiseTimes::prepare(&table.model).unwrap();
+            let rise = PanelPoles::find_poles_if_converged(&table.model).unwrap();
             let plan = table.plan(&[Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) }]).unwrap();
-            let parts = parts(&table, &rise, &plan).unwrap();
+            let effect_drives = build_effect_drives(&table, &rise, &plan).unwrap();
             let rows: Vec<DVector<f64>> =
-                (0..parts.len()).map(|actuator| table.model.actuator_travel_row(actuator)).collect();
-            let free: Vec<_> = parts.iter().map(|part| free_travel(&rise, &rows, part)).collect();
-            let rest = rise.stepper(&rows, TRAVEL_STEP_S);
+                (0..effect_drives.len()).map(|actuator| table.model.actuator_mass_travel_row(actuator)).collect();
+            let free: Vec<_> = effect_drives
+                .iter()
+                .map(|part| travel_response_per_n_of_each_actuator_unless_undamped(&rise, &rows, part))
+                .collect();
+            let rest = rise.build_stepper(&rows, TRAVEL_STEP_S);
             for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {
                 let count = (effect == NamedEffect::PulseTrain).then_some(40);
                 let duration_ms = (effect != NamedEffect::PulseTrain).then_some(6000.0);
-                let request = EffectRequest { count, duration_ms, ..EffectRequest::of(effect) };
-                let effects = vec![request.envelope().unwrap(); parts.len()];
-                let shortened = Shortened::new(&table.electrodes, &parts, &effects, &free);
-                let whole: Vec<Vec<f64>> =
-                    parts.iter().zip(&effects).map(|(part, effect)| levels(effect, part.channel.period_s())).collect();
+                let request = EffectRequest { count, duration_ms, ..EffectRequest::with_defaults(effect) };
+                let effects = vec![request.build_envelope().unwrap(); effect_drives.len()];
+                let shortened = ShortenedDrives::new(&table.electrodes, &effect_drives, &effects, &free);
+                let whole: Vec<Vec<f64>> = effect_drives
+                    .iter()
+                    .zip(&effects)
+                    .map(|(part, effect)| level_in_each_period(effect, part.channel.period_s()))
+                    .collect();
                 assert!(shortened.levels[0].len() < whole[0].len(), "{effect:?}");
-                let step = |levels: &[Vec<f64>]| largest(rest.clone(), &table.electrodes, &parts, levels, 1.0, 0);
+                let step = |levels: &[Vec<f64>]| {
+                    simulate_largest_travel_of_each_actuator_m(
+                        rest.clone(),
+                        &table.electrodes,
+                        &effect_drives,
+                        levels,
+                        1.0,
+                        0,
+                    )
+                };
                 let short = step(&shortened.levels);
                 for (i, whole) in step(&whole).into_iter().enumerate() {
                     let bound = short[i] * 1.03 + shortened.left_m[i];

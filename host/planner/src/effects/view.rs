@@ -1,6 +1,7 @@
 //! A design as JSON.
 
-use super::design::{Design, DesignedDrive, EffectPrediction};
+use super::design::{DesignedDrive, EffectDesign, EffectPrediction};
+use super::effect_window::EffectWindow;
 use super::named::NamedEffect;
 use crate::drive::Drive;
 use crate::plan::limitation::Limitation;
@@ -13,8 +14,10 @@ use serde::Serialize;
 pub struct EffectView {
     /// Which.
     pub name: NamedEffect,
-    /// What is played on each drive of the plan, in its order.
+    /// What is played on each drive of the plan, in its order; none for a click of single windows.
     pub drives: Vec<EffectDriveView>,
+    /// The windows of a click of single windows, by their begin; none of other effects.
+    pub windows: Vec<EffectWindow>,
     /// What it should do at the first target.
     pub predicted: EffectPrediction,
     /// Whether anything keeps it below what was asked for.
@@ -73,10 +76,11 @@ pub enum SegmentView {
 impl EffectView {
     /// Effect, drives with their segments, and prediction.
     #[must_use]
-    pub fn new(design: &Design) -> Self {
+    pub fn new(design: &EffectDesign) -> Self {
         Self {
             name: design.effect,
             drives: design.drives.iter().map(EffectDriveView::new).collect(),
+            windows: design.windows.clone(),
             predicted: design.predicted,
             limited: design.limited_by.is_some(),
             limited_by: design.limited_by.clone(),
@@ -110,7 +114,7 @@ impl SegmentView {
 
 /// Segments in one line: `3 cycles at 1.00, 1 cycle at -0.61`.
 #[must_use]
-pub fn text(drive: &DesignedDrive) -> String {
+pub fn describe_segments(drive: &DesignedDrive) -> String {
     let part = |level: i16| f64::from(level) / f64::from(FULL_LEVEL);
     let one = |segment: &Segment| match *segment {
         Segment::Hold { level: 0, milliseconds } => format!("{milliseconds} ms of nothing"),

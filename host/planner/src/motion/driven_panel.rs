@@ -1,29 +1,21 @@
 //! Drives as forces on the panel: voltages and pulse widths, the steady motion that they make in closing gaps, and which limit it breaks.
 
-use crate::chosen_drive::Chosen;
+use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth, window_phase_of_each_drive_rad};
 use crate::physics::limits::Limit;
-use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, settle};
+use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, MotionError, Transducer, solve_steady_motion};
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{HARMONICS, PlanTable, harmonics_m_per_n};
+use crate::table::{HARMONICS, PlanTable, bound_travel_of_first_harmonics_of_each_actuator_m_per_n};
 use era_shared::supply::rail_index_of_channel;
 use num_complex::Complex64;
 
 /// Simulated travel over the averaged motion's, at most: 1.002 was seen on random panels.
-pub(crate) const LEFT_OUT: f64 = 1.01;
-/// Voltage and pulse width of one drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Applied {
-    /// Of the electrodes, which is the rail's, in V; 0 at rest.
-    pub voltage_v: f64,
-    /// Part of its half period for which an electrode is on.
-    pub pulse_width: f64,
-}
+pub(crate) const UNMODELLED_TRAVEL: f64 = 1.01;
 
-/// What was found.
+/// The steady motion of safe drives, and the scale by which their forces were derated.
 #[derive(Clone, Copy, Debug)]
-pub struct Settled {
+pub struct SettledMotion {
     /// Voltages and pulse widths.
-    pub applied: [Applied; MAX_ACTUATORS],
+    pub applied: [VoltageAndPulseWidth; MAX_ACTUATORS],
     /// The fundamentals' steady motion.
     pub motion: Motion,
     /// Frequencies of its lines.
@@ -38,7 +30,7 @@ pub struct Settled {
     pub is_quieted: bool,
 }
 
-/// What actuators do to the panel.
+/// The actuators' forces on the panel under given voltages.
 pub(crate) struct DrivenPanel {
     transducers: [Transducer; MAX_ACTUATORS],
     excitations: [Excitation; MAX_ACTUATORS],
@@ -50,9 +42,9 @@ pub(crate) struct DrivenPanel {
 }
 
 impl DrivenPanel {
-    /// Its steady motion.
-    pub(crate) fn settled(&self) -> Result<Motion, NotSafe> {
-        settle(self.transducers(), self.excitations(), &self.lines)
+    /// The steady motion under these voltages.
+    pub(crate) fn solve_steady_motion(&self) -> Result<Motion, MotionError> {
+        solve_steady_motion(self.transducers(), self.excitations(), &self.lines)
     }
 
     pub(crate) fn transducers(&self) -> &[Transducer] {
@@ -64,64 +56,78 @@ impl DrivenPanel {
     }
 }
 
-/// Travel in m that the first few of [`HARMONICS`] add at most, in gaps at rest, for forces times `scale`.
-pub(crate) fn harmonics_m(
-    drives: &[Chosen],
-    applied: &[Applied; MAX_ACTUATORS],
-    scale: f64,
-    numbers: &[f64],
+/// Travel in m that the first few of [`HARMONICS`] add at most, in gaps at rest, for forces times `force_scale`.
+pub(crate) fn bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m(
+    drives: &[ChosenDrive],
+    applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
+    force_scale: f64,
+    harmonic_numbers: &[f64],
 ) -> [f64; MAX_ACTUATORS] {
     let mut sums = [0.0; MAX_ACTUATORS];
     for (j, (drive, applied)) in drives.iter().zip(applied).enumerate() {
         let Some(entry) = drive.row.get(j) else { continue };
-        let own = harmonics_m_per_n(entry, applied.pulse_width, numbers.len());
-        sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * scale);
+        let own = bound_travel_of_first_harmonics_of_each_actuator_m_per_n(
+            entry,
+            applied.pulse_width,
+            harmonic_numbers.len(),
+        );
+        sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * force_scale);
     }
     sums
 }
 
-/// The first limit that masses break which go as far as `travel_m` and as harmonics take them beyond that.
-pub(crate) fn check_limits(
+/// Checks the travel `travel_m` plus that of the harmonics against all limits; the error names the first actuator and
+/// limit that is exceeded.
+pub(crate) fn check_travel_with_harmonics_against_limits(
     table: &PlanTable,
-    drives: &[Chosen],
-    settled: &Settled,
+    drives: &[ChosenDrive],
+    settled: &SettledMotion,
     travel_m: &[f64; MAX_ACTUATORS],
 ) -> Result<(), (usize, Limit)> {
     let applied = &settled.applied;
-    let harmonics = harmonics_m(drives, applied, settled.scale, &HARMONICS);
+    let harmonics = bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m(drives, applied, settled.scale, &HARMONICS);
     for (i, electrodes) in table.electrodes.iter().enumerate().take(drives.len().min(MAX_ACTUATORS)) {
         let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_index_of_channel(*j) == rail_index_of_channel(i));
         let rail_v = rail_v.map(|(_, applied)| applied.voltage_v).fold(0.0, f64::max);
         // To the last digits the voltage is the limit's own.
         let rail_v = rail_v * (1.0 - 1e-12);
-        if let Some(limit) = electrodes.violated(LEFT_OUT * travel_m[i] + harmonics[i], rail_v) {
+        if let Some(limit) =
+            electrodes.first_violated_limit_if_any(UNMODELLED_TRAVEL * travel_m[i] + harmonics[i], rail_v)
+        {
             return Err((i, limit));
         }
     }
     Ok(())
 }
 
-/// Which actuator an error is about: of a resonance that the softening makes unstable, the one that loses most of what holds
-/// it.
-pub(crate) fn locate_failure(table: &PlanTable, error: NotSafe, applied: &[Applied; MAX_ACTUATORS]) -> (usize, Limit) {
+/// The actuator and limit that an error is about. If the softening makes a resonance unstable, that is the actuator
+/// that loses most of its stiffness.
+pub(crate) fn find_actuator_and_limit_of_error(
+    table: &PlanTable,
+    error: MotionError,
+    applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
+) -> (usize, Limit) {
     let lost = |i: &usize| {
         let own = table.static_receptance[*i][*i];
-        table.electrodes.get(*i).map_or(0.0, |electrodes| own * electrodes.softening(applied[*i].voltage_v, 0.0))
+        table
+            .electrodes
+            .get(*i)
+            .map_or(0.0, |electrodes| own * electrodes.max_softening_n_per_m(applied[*i].voltage_v, 0.0))
     };
     let actuator = match error {
-        NotSafe::Travel { actuator } => Some(actuator),
-        NotSafe::Unstable | NotSafe::Shape { .. } => {
+        MotionError::Travel { actuator } => Some(actuator),
+        MotionError::Unstable | MotionError::Shape { .. } => {
             (0..table.electrodes.len().min(MAX_ACTUATORS)).max_by(|a, b| lost(a).total_cmp(&lost(b)))
         }
     };
     (actuator.unwrap_or(0), Limit::Travel)
 }
 
-/// What the actuators do to the panel under these voltages. Equal frequencies are one line.
+/// The forces of the actuators on the panel under these voltages. Drives of equal frequency share a line.
 pub(crate) fn build_driven_panel(
     table: &PlanTable,
-    drives: &[Chosen],
-    applied: [Applied; MAX_ACTUATORS],
+    drives: &[ChosenDrive],
+    applied: [VoltageAndPulseWidth; MAX_ACTUATORS],
 ) -> DrivenPanel {
     let p = drives.len().min(MAX_ACTUATORS);
     let mut frequency = [0; MAX_ACTUATORS];
@@ -143,13 +149,16 @@ pub(crate) fn build_driven_panel(
         Line { frequency, harmonic: 1, receptance }
     };
     let lines: Vec<Line> = leaders.iter().enumerate().map(line).collect();
-    let mut transducers = [Transducer::fixed(0.0); MAX_ACTUATORS];
+    let mut transducers = [Transducer::with_fixed_force(0.0); MAX_ACTUATORS];
     let mut excitations =
-        [Excitation { frequency: 0, voltage_v: 0.0, pulse_width: 0.5, phase_rad: 0.0 }; MAX_ACTUATORS];
+        [Excitation { frequency: 0, frequency_hz: 0.0, voltage_v: 0.0, pulse_width: 0.5, phase_rad: 0.0 };
+            MAX_ACTUATORS];
+    let window_phases = window_phase_of_each_drive_rad(drives, &applied);
     for i in 0..p {
-        transducers[i] = table.transducers.get(i).copied().unwrap_or(Transducer::fixed(0.0));
-        let Applied { voltage_v, pulse_width } = applied[i];
-        excitations[i] = Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
+        transducers[i] = table.transducers.get(i).copied().unwrap_or(Transducer::with_fixed_force(0.0));
+        let VoltageAndPulseWidth { voltage_v, pulse_width } = applied[i];
+        let (frequency, frequency_hz) = (frequency[i], drives[i].frequency_hz);
+        excitations[i] = Excitation { frequency, frequency_hz, voltage_v, pulse_width, phase_rad: window_phases[i] };
     }
     DrivenPanel { transducers, excitations, actuators: p, lines, leaders }
 }

@@ -1,10 +1,10 @@
 //! What the odd harmonics of the square-edged forces move, up to the highest frequency that is felt.
 
-use crate::chosen_drive::Chosen;
+use crate::chosen_drive::{ChosenDrive, window_phase_of_each_drive_rad};
 use crate::model::ReducedModel;
-use crate::motion::driven_panel::Settled;
+use crate::motion::driven_panel::SettledMotion;
 use crate::response::CoordinateSolver;
-use crate::table::{PlanTable, at_point, harmonic_part};
+use crate::table::{PlanTable, acceleration_at_point_from_coordinates};
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -12,50 +12,63 @@ use std::f64::consts::TAU;
 
 /// The harmonics of all drives of a plan, each with its frequency in Hz and the modal coordinates of its acceleration in m/s^2.
 #[derive(Clone, Debug, Default)]
-pub struct Harmonics(Vec<(f64, DVector<Complex64>)>);
+pub struct DriveHarmonics(Vec<(f64, DVector<Complex64>)>);
 
 /// The harmonics of drives that have been made safe.
-pub(crate) fn compute_drive_harmonics(table: &PlanTable, drives: &[Chosen], settled: &Settled) -> Harmonics {
-    harmonics_on(&table.model, drives, settled)
+pub(crate) fn compute_drive_harmonics_on_finest_model(
+    table: &PlanTable,
+    drives: &[ChosenDrive],
+    settled: &SettledMotion,
+) -> DriveHarmonics {
+    compute_harmonics_on_model(&table.model, drives, settled)
 }
 
 /// The harmonics of drives on one of the models.
-pub(super) fn harmonics_on(model: &ReducedModel, drives: &[Chosen], settled: &Settled) -> Harmonics {
+pub(super) fn compute_harmonics_on_model(
+    model: &ReducedModel,
+    drives: &[ChosenDrive],
+    settled: &SettledMotion,
+) -> DriveHarmonics {
     let solver = CoordinateSolver::new(model);
+    let window_phases = window_phase_of_each_drive_rad(drives, &settled.applied);
     let mut found = Vec::new();
     for (i, drive) in drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
         let numbers = (1..).map(|k| f64::from(2 * k + 1));
         for n in numbers.take_while(|n| n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
             let hz = n * drive.frequency_hz;
             // An unbounded one is a resonance without damping, which an edge of finite length does not meet.
-            let Ok(mut coordinates) = solver.solve_at_frequency(hz) else { continue };
-            if i < coordinates.len() {
-                // Windows lie at the drive's phase, so that its harmonic's is n times as large (acceleration is -w^2 q).
-                let part = harmonic_part(n, settled.applied[i].pulse_width);
+            let Ok(mut coordinates) = solver.solve_coordinates_per_newton_at(hz) else { continue };
+            if let (true, Some(own), Some(phase_rad)) = (i < coordinates.len(), drive.row.get(i), window_phases.get(i))
+            {
+                // Where windows are late by an angle, their n-th harmonic is by n times that (acceleration is -w^2 q).
+                let part = own.charging.harmonic_phasor_over_fundamental_amplitude(n, settled.applied[i].pulse_width);
                 let omega = TAU * hz;
-                let force = Complex64::from_polar(omega * omega * drive.force_n, n * drive.phase_rad) * -part;
+                let force = Complex64::from_polar(omega * omega * drive.force_n, n * phase_rad) * -part;
                 found.push((hz, coordinates.swap_remove(i) * force));
             }
         }
     }
-    Harmonics(found)
+    DriveHarmonics(found)
 }
 
-impl Harmonics {
+impl DriveHarmonics {
     /// The highest of them; 0 without any.
-    pub(super) fn highest_hz(&self) -> f64 {
+    pub(super) fn highest_harmonic_or_0_hz(&self) -> f64 {
         self.0.iter().map(|(hz, _)| *hz).fold(0.0, f64::max)
     }
 
     /// Frequencies in Hz and phasors in m/s^2 at the point with mode shapes `shape`, drive by drive.
-    pub(super) fn phasors(&self, shape: &DVector<f64>) -> Vec<(f64, Complex64)> {
-        self.0.iter().map(|(hz, acceleration)| (*hz, at_point(shape, acceleration))).collect()
+    pub(super) fn harmonic_hz_and_phasors_at_point(&self, shape: &DVector<f64>) -> Vec<(f64, Complex64)> {
+        self.0
+            .iter()
+            .map(|(hz, acceleration)| (*hz, acceleration_at_point_from_coordinates(shape, acceleration)))
+            .collect()
     }
 
     /// The same of drives at one frequency together.
-    pub(super) fn together(&self, shape: &DVector<f64>) -> Vec<(f64, Complex64)> {
+    pub(super) fn hz_and_phasors_summed_by_frequency_at_point(&self, shape: &DVector<f64>) -> Vec<(f64, Complex64)> {
         let mut sums: Vec<(f64, Complex64)> = Vec::new();
-        for (hz, phasor) in self.phasors(shape) {
+        for (hz, phasor) in self.harmonic_hz_and_phasors_at_point(shape) {
             match sums.iter_mut().find(|(known, _)| *known == hz) {
                 Some((_, sum)) => *sum += phasor,
                 None => sums.push((hz, phasor)),
@@ -66,13 +79,18 @@ impl Harmonics {
 
     /// Frequencies in Hz and peaks in m/s^2 at the point with mode shapes `shape`, drive by drive: their sum is how much higher
     /// than the fundamentals' the whole waveform can be at most.
-    pub(crate) fn peaks(&self, shape: &DVector<f64>) -> impl Iterator<Item = (f64, f64)> {
-        self.0.iter().map(|(hz, acceleration)| (*hz, at_point(shape, acceleration).norm()))
+    pub(crate) fn harmonic_hz_and_peaks_at_point(&self, shape: &DVector<f64>) -> impl Iterator<Item = (f64, f64)> {
+        self.0
+            .iter()
+            .map(|(hz, acceleration)| (*hz, acceleration_at_point_from_coordinates(shape, acceleration).norm()))
     }
 
     /// Largest sum of peaks at some points, in g.
-    pub(crate) fn most_g<'a>(&self, points: impl Iterator<Item = &'a DVector<f64>>) -> f64 {
-        let sum = |shape| self.peaks(shape).map(|(_, peak)| peak).sum::<f64>();
+    pub(crate) fn max_harmonic_peak_sum_over_points_g<'a>(
+        &self,
+        points: impl Iterator<Item = &'a DVector<f64>>,
+    ) -> f64 {
+        let sum = |shape| self.harmonic_hz_and_peaks_at_point(shape).map(|(_, peak)| peak).sum::<f64>();
         points.map(sum).fold(0.0, f64::max) / STANDARD_GRAVITY
     }
 }

@@ -8,12 +8,12 @@
 
 use crate::drive::Drive;
 use crate::motion::plan_motion::{ForceLine, PerActuator, PlanMotion};
-use crate::physics::rise::{DecayingMode, Participation};
+use crate::physics::rise::{Participation, PoleDecayAndTravel};
 use crate::scene::MAX_ACTUATORS;
-use crate::table::GROWN;
+use crate::table::SOFTENING_GROWTH;
 
 /// Part of a limit that may be exceeded: a plan at the limit leaves no room at all, and free motions never end.
-pub const CONCEDED: f64 = 0.02;
+pub const LIMIT_TOLERANCE: f64 = 0.02;
 /// Longest time in s for which a touch is held back: beyond it a finger feels a click as late.
 pub const LONGEST_WAIT_S: f64 = 0.03;
 /// How many times as strong a touch has to become by waiting: twice is 6 dB, a difference that fingers feel; less is not worth the
@@ -43,9 +43,9 @@ const LEAST_PART: f64 = 0.01;
 /// Distance in Hz within which two frequencies may be one to the board's timers, which then has one phase.
 const ONE_HZ: f64 = 0.1;
 
-/// What the board does at the moment.
+/// What the board is doing at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Board {
+pub enum RailState {
     /// Its rails are down, or will be before it drives: they rise with the next drives.
     Down,
     /// Its rails may be up.
@@ -63,30 +63,31 @@ pub enum Ending {
     AtOnce,
 }
 
-/// What is left of the limits for drives that are to begin.
+/// What the limits leave for drives that are to begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Room {
+pub struct StartHeadroom {
     /// After which time in s they may begin, at most [`LONGEST_WAIT_S`]; until then everything is off, unless `goes_on`.
-    pub after_s: f64,
+    pub wait_s: f64,
     /// For which part of their forces there is room then: 1 is all of them.
-    pub part: f64,
+    pub force_fraction: f64,
     /// Whether what is driven goes on until then: it has hardly begun.
     pub goes_on: bool,
 }
 
-impl Room {
+impl StartHeadroom {
     /// All forces, at once.
-    pub const ALL: Self = Self::at_once(1.0);
+    pub const ALL: Self = Self::without_wait(1.0);
 
-    const fn at_once(part: f64) -> Self {
-        Self { after_s: 0.0, part, goes_on: false }
+    /// This fraction of the forces, without a wait.
+    const fn without_wait(force_fraction: f64) -> Self {
+        Self { wait_s: 0.0, force_fraction, goes_on: false }
     }
 }
 
 /// Free motions, and the drives that are on.
 #[derive(Clone, Debug)]
 pub struct ResidualVibration {
-    modes: Vec<DecayingMode>,
+    modes: Vec<PoleDecayAndTravel>,
     /// Amplitudes of the poles at `left_s`.
     left: Vec<f64>,
     left_s: f64,
@@ -94,13 +95,13 @@ pub struct ResidualVibration {
     ending: Vec<(f64, Vec<f64>)>,
     /// Since when nothing is driven, in s.
     off_since_s: f64,
-    current: Option<Current>,
+    current: Option<CurrentDrives>,
     /// How often drives have begun.
     begun: u64,
 }
 
 #[derive(Clone, Debug)]
-struct Current {
+struct CurrentDrives {
     id: u64,
     /// Of even drives.
     drives: Option<Vec<Drive>>,
@@ -117,107 +118,119 @@ struct Current {
     late_s: f64,
 }
 
-impl Current {
+impl CurrentDrives {
     /// Whether it is an even drive that goes on.
-    fn is_even(&self, now_s: f64) -> bool {
+    fn is_ongoing_steady_drive(&self, now_s: f64) -> bool {
         self.drives.is_some() && now_s < self.until_s
     }
 
-    /// When it ends, if it is told to at `now_s`.
-    const fn end_s(&self, now_s: f64) -> f64 {
-        self.until_s.min(now_s) + self.late_s
+    /// When it ends, if it is told to at `stop_s`.
+    const fn latest_end_time_if_stopped_at_s(&self, stop_s: f64) -> f64 {
+        self.until_s.min(stop_s) + self.late_s
     }
 
     /// The integral of a line's force over a time from the beginning in s, relative to the whole force: with a rail that rises
     /// it grows with the square of the time.
-    fn forced_s(&self, line: &ForceLine, time_s: f64) -> f64 {
+    fn relative_force_integral_s(&self, line: &ForceLine, time_s: f64) -> f64 {
         let rising_s = if self.is_soft { line.rise_s.min(time_s) } else { 0.0 };
         let risen = if rising_s > 0.0 { rising_s / line.rise_s } else { 0.0 };
         time_s - rising_s + rising_s * risen * risen / 3.0
     }
 
-    /// What of pole `k` is left of its beginning, and the most that it can have brought, at `at_s`.
-    fn begun(&self, k: usize, rate_per_s: f64, at_s: f64) -> (f64, f64) {
+    /// What of a pole is left of its beginning, and the most that it can have brought, at `at_s`.
+    fn start_transient_left_and_bound_on_pole_amplitude(&self, pole: usize, rate_per_s: f64, at_s: f64) -> (f64, f64) {
         let time_s = (at_s - self.since_s).max(0.0);
         let gained = |line: &ForceLine| {
-            line.participations.get(k).map_or(0.0, |participation| participation.gain_per_s)
-                * self.forced_s(line, time_s)
+            line.participations.get(pole).map_or(0.0, |participation| participation.gain_per_s)
+                * self.relative_force_integral_s(line, time_s)
         };
         let kept = (-rate_per_s * time_s).exp();
-        let most = self.before.get(k).map_or(0.0, |before| before * kept) + self.lines.iter().map(gained).sum::<f64>();
-        let left = self.start.get(k).copied().unwrap_or(0.0) * kept;
+        let most =
+            self.before.get(pole).map_or(0.0, |before| before * kept) + self.lines.iter().map(gained).sum::<f64>();
+        let left = self.start.get(pole).copied().unwrap_or(0.0) * kept;
         let is_up = self.is_soft && time_s > RISEN_S;
-        (if is_up { left.min(afterwards(&self.lines, k)) } else { left }, most)
+        (if is_up { left.min(pole_free_amplitude_after_rails_rise_or_effect(&self.lines, pole)) } else { left }, most)
     }
 
     /// Amplitudes that it leaves when it ends at `end_s`.
-    fn leaves(&self, modes: &[DecayingMode], end_s: f64) -> Vec<f64> {
+    fn pole_amplitudes_after_end(&self, modes: &[PoleDecayAndTravel], end_s: f64) -> Vec<f64> {
         let is_over = self.drives.is_none() && end_s > self.until_s;
-        let of = |(k, mode): (usize, &DecayingMode)| {
-            let (start, most) = self.begun(k, mode.rate_per_s, end_s);
-            let left = if is_over { afterwards(&self.lines, k) } else { steady(&self.lines, k) };
+        let of = |(k, mode): (usize, &PoleDecayAndTravel)| {
+            let (start, most) = self.start_transient_left_and_bound_on_pole_amplitude(k, mode.rate_per_s, end_s);
+            let left = if is_over {
+                pole_free_amplitude_after_rails_rise_or_effect(&self.lines, k)
+            } else {
+                pole_amplitude_ringing_after_steady_forces_end(&self.lines, k)
+            };
             (start + left).min(most)
         };
         modes.iter().enumerate().map(of).collect()
     }
 
     /// The same beside the steady motion of a part of `next`, which takes its place at `end_s`.
-    fn changes(&self, modes: &[DecayingMode], next: &[ForceLine], part: f64, end_s: f64) -> Vec<f64> {
-        let goes_on = |old: &ForceLine| next.iter().find(|new| old.goes_on_as(new, &self.lines));
+    fn pole_amplitudes_after_change(
+        &self,
+        modes: &[PoleDecayAndTravel],
+        next: &[ForceLine],
+        next_fraction: f64,
+        end_s: f64,
+    ) -> Vec<f64> {
+        let goes_on = |old: &ForceLine| next.iter().find(|new| old.can_continue_on_board_as(new, &self.lines));
         let pairs: Vec<(&ForceLine, Option<&ForceLine>)> = self.lines.iter().map(|old| (old, goes_on(old))).collect();
         let is_new =
             |new: &&ForceLine| !pairs.iter().any(|(_, known)| known.is_some_and(|known| std::ptr::eq(known, *new)));
         let fresh: Vec<&ForceLine> = next.iter().filter(is_new).collect();
-        let left = |line: &ForceLine, k: usize| line.participations.get(k).map_or(0.0, Participation::left);
-        let of = |(k, mode): (usize, &DecayingMode)| {
-            let (start, most) = self.begun(k, mode.rate_per_s, end_s);
-            let changed = |(old, new): &(&ForceLine, Option<&ForceLine>)| match new {
-                Some(new) => old
-                    .participations
-                    .get(k)
-                    .zip(new.participations.get(k))
-                    .map_or(0.0, |(old, new)| old.left_beside(new, part)),
-                None => left(old, k),
-            };
-            let changes: f64 =
-                pairs.iter().map(changed).sum::<f64>() + part * fresh.iter().map(|new| left(new, k)).sum::<f64>();
-            (start + changes).min(most + part * steady(next, k))
+        let left = |line: &ForceLine, k: usize| {
+            line.participations.get(k).map_or(0.0, Participation::amplitude_ringing_after_force_ends)
+        };
+        let of = |(k, mode): (usize, &PoleDecayAndTravel)| {
+            let (start, most) = self.start_transient_left_and_bound_on_pole_amplitude(k, mode.rate_per_s, end_s);
+            let changed =
+                |(old, new): &(&ForceLine, Option<&ForceLine>)| match new {
+                    Some(new) => old.participations.get(k).zip(new.participations.get(k)).map_or(0.0, |(old, new)| {
+                        old.amplitude_ringing_after_change_to_other_force(new, next_fraction)
+                    }),
+                    None => left(old, k),
+                };
+            let changes: f64 = pairs.iter().map(changed).sum::<f64>()
+                + next_fraction * fresh.iter().map(|new| left(new, k)).sum::<f64>();
+            (start + changes).min(most + next_fraction * pole_amplitude_ringing_after_steady_forces_end(next, k))
         };
         modes.iter().enumerate().map(of).collect()
     }
 }
 
-fn participations(lines: &[ForceLine], k: usize) -> impl Iterator<Item = &Participation> {
-    lines.iter().filter_map(move |line| line.participations.get(k))
+fn participations_of_pole(lines: &[ForceLine], pole: usize) -> impl Iterator<Item = &Participation> {
+    lines.iter().filter_map(move |line| line.participations.get(pole))
 }
 
 /// Amplitude of a pole that steady forces leave.
-fn steady(lines: &[ForceLine], k: usize) -> f64 {
-    participations(lines, k).map(Participation::left).sum()
+fn pole_amplitude_ringing_after_steady_forces_end(lines: &[ForceLine], pole: usize) -> f64 {
+    participations_of_pole(lines, pole).map(Participation::amplitude_ringing_after_force_ends).sum()
 }
 
 /// Amplitude of a pole when the rails are up, or an effect has ended.
-fn afterwards(lines: &[ForceLine], k: usize) -> f64 {
-    participations(lines, k).map(|participation| participation.afterwards).sum()
+fn pole_free_amplitude_after_rails_rise_or_effect(lines: &[ForceLine], pole: usize) -> f64 {
+    participations_of_pole(lines, pole).map(|participation| participation.free_amplitude_after_rise_or_effect).sum()
 }
 
 impl ForceLine {
     /// Whether the board lets this go on as `new` from the next boundary of its period: the timer of its channel does, unless
     /// it has to keep in phase with another's, now or before.
-    fn goes_on_as(&self, new: &ForceLine, old: &[ForceLine]) -> bool {
+    fn can_continue_on_board_as(&self, new: &ForceLine, current_lines: &[ForceLine]) -> bool {
         let is_anothers =
             |line: &ForceLine| line.channel != new.channel && (line.drive_hz - new.drive_hz).abs() < ONE_HZ;
         (self.channel, self.harmonic, self.phase_rad.to_bits()) == (new.channel, new.harmonic, new.phase_rad.to_bits())
             && !self.is_shared
             && !new.is_shared
-            && !old.iter().any(is_anothers)
+            && !current_lines.iter().any(is_anothers)
     }
 }
 
 impl ResidualVibration {
-    /// A panel at rest, with its poles ([`crate::PlanTable::decaying_modes`]).
+    /// A panel at rest, with its poles ([`crate::PlanTable::decay_rate_and_travel_of_each_pole`]).
     #[must_use]
-    pub fn new(modes: Vec<DecayingMode>) -> Self {
+    pub fn new(modes: Vec<PoleDecayAndTravel>) -> Self {
         Self {
             left: vec![0.0; modes.len()],
             modes,
@@ -229,56 +242,80 @@ impl ResidualVibration {
         }
     }
 
-    /// The room for `drives`, whose motion is `motion`, from `now_s` on in place of what is driven now. `None` is an effect, which
-    /// is no even drive. With all of them there is room for the whole; otherwise they begin weaker, and after a wait where that
-    /// makes them much stronger.
+    /// The headroom for `steady_drives`, whose motion is `motion`, from `now_s` on in place of the present drives. `None` is
+    /// an effect, which is no steady drive. If all forces fit, the headroom is 1. Otherwise the drives begin weaker,
+    /// and after a wait if that makes them much stronger.
     #[must_use]
-    pub fn room(&self, motion: &PlanMotion, drives: Option<&[Drive]>, now_s: f64, board: Board) -> Room {
-        let part = self.part(motion, drives, now_s, board);
-        if part >= 1.0 {
-            return Room::ALL;
+    pub fn find_headroom(
+        &self,
+        motion: &PlanMotion,
+        steady_drives: Option<&[Drive]>,
+        now_s: f64,
+        board: RailState,
+    ) -> StartHeadroom {
+        let force_fraction = self.max_force_fraction_that_fits_without_wait(motion, steady_drives, now_s, board);
+        if force_fraction >= 1.0 {
+            return StartHeadroom::ALL;
         }
         // A finger that is drawn would otherwise end again and again what has not yet come up, and leave room for nothing.
-        let is_even = |current: &&Current| board == Board::Driving && current.is_even(now_s);
+        let is_even = |current: &&CurrentDrives| board == RailState::Driving && current.is_ongoing_steady_drive(now_s);
         if let Some(current) = self.current.as_ref().filter(is_even) {
-            let after_s = (current.since_s + LONGEST_WAIT_S).min(current.until_s) - now_s;
-            if after_s > 0.0 {
-                return Room { after_s, part, goes_on: true };
+            let wait_s = (current.since_s + LONGEST_WAIT_S).min(current.until_s) - now_s;
+            if wait_s > 0.0 {
+                return StartHeadroom { wait_s, force_fraction, goes_on: true };
             }
         }
-        let off = |after_s: f64| self.part_anew(motion, now_s, after_s, board);
+        let off = |wait_s: f64| self.max_force_fraction_that_fits_after_time_off(motion, now_s, wait_s, board);
         // Touches that follow each other quickly are not held back one after the other, with nothing driven in between.
         let off_since_s = self.current.as_ref().map_or(self.off_since_s, |current| current.until_s.min(now_s));
         let longest_s = (LONGEST_WAIT_S - (now_s - off_since_s)).max(0.0);
-        let most = off(longest_s);
-        if most < WORTH_WAITING * part || most <= 0.0 {
-            return Room::at_once(part);
+        let largest_fraction = off(longest_s);
+        if largest_fraction < WORTH_WAITING * force_fraction || largest_fraction <= 0.0 {
+            return StartHeadroom::without_wait(force_fraction);
         }
         let (mut low, mut high) = (0.0, longest_s);
         for _ in 0..ROOM_HALVINGS {
             let middle = 0.5 * (low + high);
-            *(if off(middle) >= most { &mut high } else { &mut low }) = middle;
+            *(if off(middle) >= largest_fraction { &mut high } else { &mut low }) = middle;
         }
-        Room { after_s: high, part: most, goes_on: false }
+        StartHeadroom { wait_s: high, force_fraction: largest_fraction, goes_on: false }
     }
 
-    /// The part of the forces of `drives` for which there is room at `now_s`, without a wait.
+    /// The fraction of the forces of `steady_drives` that fits at `now_s` without a wait.
     #[must_use]
-    pub fn part(&self, motion: &PlanMotion, drives: Option<&[Drive]>, now_s: f64, board: Board) -> f64 {
-        if board == Board::Driving && self.continues(drives, now_s) {
+    pub fn max_force_fraction_that_fits_without_wait(
+        &self,
+        motion: &PlanMotion,
+        steady_drives: Option<&[Drive]>,
+        now_s: f64,
+        board: RailState,
+    ) -> f64 {
+        if board == RailState::Driving && self.is_same_as_ongoing_drives(steady_drives, now_s) {
             return 1.0;
         }
-        let anew = self.part_anew(motion, now_s, 0.0, board);
-        let goes_on = |current: &&Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
+        let anew = self.max_force_fraction_that_fits_after_time_off(motion, now_s, 0.0, board);
+        let goes_on = |current: &&CurrentDrives| {
+            board == RailState::Driving && steady_drives.is_some() && current.is_ongoing_steady_drive(now_s)
+        };
         let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| anew < 1.0) else { return anew };
-        let (begun_m, left_m, free_m) = (begun_m(motion, board), self.left_at(now_s, now_s), self.free_at(now_s));
-        let end_s = current.end_s(now_s);
+        let (begun_m, left_m, free_m) = (
+            largest_starting_travel_of_each_mass_m(motion, board),
+            self.bound_travel_left_after_end_m(now_s, now_s),
+            self.bound_travel_left_by_earlier_drives_m(now_s),
+        );
+        let end_s = current.latest_end_time_if_stopped_at_s(now_s);
         let fits = |part: f64| {
-            let changed_m = self.travel(&current.changes(&self.modes, &motion.lines, part, end_s));
+            let changed_m = self.pole_amplitudes_to_travel_m(&current.pole_amplitudes_after_change(
+                &self.modes,
+                &motion.lines,
+                part,
+                end_s,
+            ));
             (0..MAX_ACTUATORS).all(|i| {
                 let anew_m = motion.growth[i] * left_m[i] + part * begun_m[i];
-                let changed_m = motion.growth[i] * free_m[i] + GROWN * changed_m[i] + part * motion.steady_m[i];
-                anew_m.min(changed_m) <= (1.0 + CONCEDED) * motion.limit_m[i]
+                let changed_m =
+                    motion.growth[i] * free_m[i] + SOFTENING_GROWTH * changed_m[i] + part * motion.steady_m[i];
+                anew_m.min(changed_m) <= (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i]
             })
         };
         // As near to what is driven now as it is, the least change is none: a weaker one may not fit where a stronger one does.
@@ -292,54 +329,71 @@ impl ResidualVibration {
         low
     }
 
-    /// The same `after_s` later, with everything off until then.
-    fn part_anew(&self, motion: &PlanMotion, now_s: f64, after_s: f64, board: Board) -> f64 {
-        let left_m = self.left_at(now_s, now_s + after_s);
-        let begun_m = begun_m(motion, board);
+    /// The fraction that fits `off_s` later if everything is off until then.
+    fn max_force_fraction_that_fits_after_time_off(
+        &self,
+        motion: &PlanMotion,
+        now_s: f64,
+        off_s: f64,
+        board: RailState,
+    ) -> f64 {
+        let left_m = self.bound_travel_left_after_end_m(now_s, now_s + off_s);
+        let begun_m = largest_starting_travel_of_each_mass_m(motion, board);
         let of = |i: usize| {
-            let room_m = (1.0 + CONCEDED) * motion.limit_m[i] - motion.growth[i] * left_m[i];
+            let room_m = (1.0 + LIMIT_TOLERANCE) * motion.limit_m[i] - motion.growth[i] * left_m[i];
             if begun_m[i] <= room_m { 1.0 } else { (room_m / begun_m[i]).max(0.0) }
         };
         (0..MAX_ACTUATORS).map(of).fold(1.0, f64::min)
     }
 
-    /// Drives begin at `now_s`, in place of any others, while the board does what [`ResidualVibration::room`] was told, and end at
-    /// `until_s` unless they are told otherwise.
-    pub fn begin(
+    /// Records that drives begin at `now_s` in place of any others, with the board in the state that
+    /// [`ResidualVibration::find_headroom`] was given. They end at `until_s` unless another call changes that.
+    pub fn record_drives_that_begin_in_place_of_others(
         &mut self,
         id: u64,
         motion: &PlanMotion,
-        drives: Option<&[Drive]>,
-        board: Board,
+        steady_drives: Option<&[Drive]>,
+        board: RailState,
         now_s: f64,
         until_s: f64,
     ) {
         self.begun += 1;
-        if board == Board::Driving
-            && self.continues(drives, now_s)
+        if board == RailState::Driving
+            && self.is_same_as_ongoing_drives(steady_drives, now_s)
             && let Some(current) = &mut self.current
         {
             (current.id, current.until_s) = (id, until_s);
             return;
         }
-        let goes_on = |current: &mut Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
+        let goes_on = |current: &mut CurrentDrives| {
+            board == RailState::Driving && steady_drives.is_some() && current.is_ongoing_steady_drive(now_s)
+        };
         let before = self.current.take_if(goes_on);
         let start = match &before {
-            Some(before) => before.changes(&self.modes, &motion.lines, 1.0, before.end_s(now_s)),
-            None if drives.is_some() => (0..self.modes.len()).map(|k| steady(&motion.lines, k)).collect(),
+            Some(before) => before.pole_amplitudes_after_change(
+                &self.modes,
+                &motion.lines,
+                1.0,
+                before.latest_end_time_if_stopped_at_s(now_s),
+            ),
+            None if steady_drives.is_some() => (0..self.modes.len())
+                .map(|k| pole_amplitude_ringing_after_steady_forces_end(&motion.lines, k))
+                .collect(),
             // In all that it may leave its beginning counts already.
             None => vec![0.0; self.modes.len()],
         };
-        let left_before = before.as_ref().map(|before| before.leaves(&self.modes, before.end_s(now_s)));
-        self.end(now_s, Ending::AtItsBoundary);
-        self.pass(now_s);
+        let left_before = before
+            .as_ref()
+            .map(|before| before.pole_amplitudes_after_end(&self.modes, before.latest_end_time_if_stopped_at_s(now_s)));
+        self.record_end_of_current_drives(now_s, Ending::AtItsBoundary);
+        self.add_ended_drives_to_free_motions(now_s);
         let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
-        self.current = Some(Current {
+        self.current = Some(CurrentDrives {
             id,
-            drives: drives.map(<[Drive]>::to_vec),
+            drives: steady_drives.map(<[Drive]>::to_vec),
             lines: motion.lines.clone(),
             start,
-            is_soft: board == Board::Down && drives.is_some(),
+            is_soft: board == RailState::Down && steady_drives.is_some(),
             before: left_before.unwrap_or_else(|| vec![0.0; self.modes.len()]),
             since_s: now_s,
             until_s,
@@ -347,101 +401,115 @@ impl ResidualVibration {
         });
     }
 
-    /// Whatever is driven ends at `when_s`.
-    pub fn end(&mut self, when_s: f64, how: Ending) {
+    /// Records that the present drives end at `when_s`.
+    pub fn record_end_of_current_drives(&mut self, when_s: f64, ending: Ending) {
         if let Some(mut current) = self.current.take() {
-            if how == Ending::AtOnce {
+            if ending == Ending::AtOnce {
                 current.late_s = LATE_S;
             }
-            let end_s = current.end_s(when_s);
+            let end_s = current.latest_end_time_if_stopped_at_s(when_s);
             self.off_since_s = when_s.min(current.until_s);
-            self.ending.push((end_s, current.leaves(&self.modes, end_s)));
+            self.ending.push((end_s, current.pole_amplitudes_after_end(&self.modes, end_s)));
         }
     }
 
-    /// The drives named `id` end at `when_s`, others go on.
-    pub fn end_of(&mut self, id: u64, when_s: f64) {
+    /// Records that the drives named `id` end at `when_s`; others go on.
+    pub fn record_end_of_drives_with_id(&mut self, id: u64, when_s: f64) {
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
             current.until_s = current.until_s.min(when_s);
         }
     }
 
-    /// The drives named `id`, if they are on at `now_s`, go on until `until_s`.
-    pub fn prolong(&mut self, id: u64, now_s: f64, until_s: f64) {
+    /// Records that the drives named `id`, if they are on at `now_s`, go on until `until_s`.
+    pub fn record_extension_of_drives_with_id(&mut self, id: u64, now_s: f64, until_s: f64) {
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id && now_s < current.until_s) {
             current.until_s = current.until_s.max(until_s);
         }
     }
 
-    /// How often drives have begun: who has seen it knows later whether something else has begun since.
+    /// How often drives have begun. A caller that compares two values knows whether other drives have begun in
+    /// between.
     #[must_use]
-    pub const fn begun(&self) -> u64 {
+    pub const fn count_begun_drives(&self) -> u64 {
         self.begun
     }
 
-    /// What is driven, whether or not it has ended by itself.
+    /// The id of the present drives, whether or not they have ended by themselves.
     #[must_use]
-    pub fn driven(&self) -> Option<u64> {
+    pub fn current_drive_id_even_if_past_its_end(&self) -> Option<u64> {
         self.current.as_ref().map(|current| current.id)
     }
 
-    /// Most that is left at `at_s` of every actuator's motion in m if what is driven ends at `now_s`.
+    /// Upper bound in m on the travel of every actuator at `at_s` if the present drives end at `stop_s`.
     #[must_use]
-    pub fn left_at(&self, now_s: f64, at_s: f64) -> PerActuator {
-        let Some(current) = &self.current else { return self.free_at(at_s) };
-        let end_s = current.end_s(now_s);
-        sum(&self.free_at(at_s), &self.travel(&self.decayed(&current.leaves(&self.modes, end_s), at_s - end_s)))
+    pub fn bound_travel_left_after_end_m(&self, stop_s: f64, at_s: f64) -> PerActuator {
+        let Some(current) = &self.current else { return self.bound_travel_left_by_earlier_drives_m(at_s) };
+        let end_s = current.latest_end_time_if_stopped_at_s(stop_s);
+        sum_per_actuator(
+            &self.bound_travel_left_by_earlier_drives_m(at_s),
+            &self.pole_amplitudes_to_travel_m(
+                &self.pole_amplitudes_after_time(&current.pole_amplitudes_after_end(&self.modes, end_s), at_s - end_s),
+            ),
+        )
     }
 
-    /// The same of what does not belong to what is driven.
-    fn free_at(&self, at_s: f64) -> PerActuator {
-        let ending = self.ending.iter().map(|(from_s, amplitudes)| self.decayed(amplitudes, at_s - from_s));
-        ending.fold(self.travel(&self.decayed(&self.left, at_s - self.left_s)), |all, more| {
-            sum(&all, &self.travel(&more))
-        })
+    /// The same bound for the free motions of earlier drives only.
+    fn bound_travel_left_by_earlier_drives_m(&self, at_s: f64) -> PerActuator {
+        let ending =
+            self.ending.iter().map(|(from_s, amplitudes)| self.pole_amplitudes_after_time(amplitudes, at_s - from_s));
+        ending.fold(
+            self.pole_amplitudes_to_travel_m(&self.pole_amplitudes_after_time(&self.left, at_s - self.left_s)),
+            |all, more| sum_per_actuator(&all, &self.pole_amplitudes_to_travel_m(&more)),
+        )
     }
 
     /// Amplitudes after a time.
-    fn decayed(&self, amplitudes: &[f64], time_s: f64) -> Vec<f64> {
-        let kept = |(amplitude, mode): (&f64, &DecayingMode)| amplitude * (-mode.rate_per_s * time_s.max(0.0)).exp();
+    fn pole_amplitudes_after_time(&self, amplitudes: &[f64], time_s: f64) -> Vec<f64> {
+        let kept =
+            |(amplitude, mode): (&f64, &PoleDecayAndTravel)| amplitude * (-mode.rate_per_s * time_s.max(0.0)).exp();
         amplitudes.iter().zip(&self.modes).map(kept).collect()
     }
 
     /// Travel in m of all poles' amplitudes together.
-    fn travel(&self, amplitudes: &[f64]) -> PerActuator {
+    fn pole_amplitudes_to_travel_m(&self, amplitudes: &[f64]) -> PerActuator {
         amplitudes.iter().zip(&self.modes).fold([0.0; MAX_ACTUATORS], |all, (amplitude, mode)| {
-            sum(&all, &mode.travel.map(|travel| travel * amplitude))
+            sum_per_actuator(&all, &mode.travel.map(|travel| travel * amplitude))
         })
     }
 
-    /// Whether `drives` are what is driven.
-    fn continues(&self, drives: Option<&[Drive]>, now_s: f64) -> bool {
-        let is_it = |current: &Current| {
-            let is_same = current.drives.as_deref().is_some_and(|known| drives == Some(known));
-            is_same && current.is_even(now_s) && now_s - current.since_s < SAME_S
+    /// Whether `steady_drives` are what is driven.
+    fn is_same_as_ongoing_drives(&self, steady_drives: Option<&[Drive]>, now_s: f64) -> bool {
+        let is_it = |current: &CurrentDrives| {
+            let is_same = current.drives.as_deref().is_some_and(|known| steady_drives == Some(known));
+            is_same && current.is_ongoing_steady_drive(now_s) && now_s - current.since_s < SAME_S
         };
         self.current.as_ref().is_some_and(is_it)
     }
 
-    /// What has ended by `now_s` joins what is left.
-    fn pass(&mut self, now_s: f64) {
-        let mut left = self.decayed(&self.left, now_s - self.left_s);
+    /// Adds what has ended by `now_s` to the free motions.
+    fn add_ended_drives_to_free_motions(&mut self, now_s: f64) {
+        let mut left = self.pole_amplitudes_after_time(&self.left, now_s - self.left_s);
         for (from_s, amplitudes) in self.ending.extract_if(.., |(from_s, _)| *from_s <= now_s).collect::<Vec<_>>() {
-            let more = self.decayed(&amplitudes, now_s - from_s);
+            let more = self.pole_amplitudes_after_time(&amplitudes, now_s - from_s);
             left.iter_mut().zip(more).for_each(|(left, more)| *left += more);
         }
         (self.left, self.left_s) = (left, now_s.max(self.left_s));
     }
 }
 
-/// `whole`, or what `weaker` makes of it for a part of its forces, so that there is room for all of it, as `room` says; with that part.
+/// `full_plan`, or a weaker version of it by `weakened_to_fraction`, whose forces all fit according to `headroom_of`; with the fraction of the
+/// forces that it has.
 ///
 /// # Errors
-/// Those of `weaker`.
-pub fn fitted<T, E>(whole: T, weaker: impl Fn(f64) -> Result<T, E>, room: impl Fn(&T) -> f64) -> Result<(f64, T), E> {
-    let (mut fitted, mut part) = (whole, 1.0);
+/// Those of `weakened_to_fraction`.
+pub fn find_fraction_and_plan_within_headroom<T, E>(
+    full_plan: T,
+    weakened_to_fraction: impl Fn(f64) -> Result<T, E>,
+    headroom_of: impl Fn(&T) -> f64,
+) -> Result<(f64, T), E> {
+    let (mut fitted, mut part) = (full_plan, 1.0);
     for tries in 0_u32.. {
-        let left = room(&fitted);
+        let left = headroom_of(&fitted);
         if left >= 1.0 || part <= 0.0 {
             break;
         }
@@ -455,37 +523,37 @@ pub fn fitted<T, E>(whole: T, weaker: impl Fn(f64) -> Result<T, E>, room: impl F
         if part < LEAST_PART {
             part = 0.0;
         }
-        fitted = weaker(part)?;
+        fitted = weakened_to_fraction(part)?;
     }
     Ok((part, fitted))
 }
 
-/// As much more of a plan as there is room for, where a `part` of its forces is driven: the new part and what `of_part` makes for it.
-/// `None` if no step is worth it yet.
+/// A stronger version of a plan of which the fraction `driven_fraction` is driven: the new fraction and what `plan_at_fraction` makes for
+/// it. `None` if no step is worth it yet.
 ///
 /// # Errors
-/// Those of `of_part`.
-pub fn grown<T, E>(
-    part: f64,
-    of_part: impl Fn(f64) -> Result<T, E>,
-    room: impl Fn(&T) -> f64,
+/// Those of `plan_at_fraction`.
+pub fn find_larger_fraction_and_plan_if_worth_it<T, E>(
+    driven_fraction: f64,
+    plan_at_fraction: impl Fn(f64) -> Result<T, E>,
+    headroom_of: impl Fn(&T) -> f64,
 ) -> Result<Option<(f64, T)>, E> {
     for step in GROWS_BY {
-        let part = 1.0 - (1.0 - step) * (1.0 - part);
-        let grown = of_part(part)?;
-        if room(&grown) >= 1.0 {
-            return Ok(Some((part, grown)));
+        let driven_fraction = 1.0 - (1.0 - step) * (1.0 - driven_fraction);
+        let grown = plan_at_fraction(driven_fraction)?;
+        if headroom_of(&grown) >= 1.0 {
+            return Ok(Some((driven_fraction, grown)));
         }
     }
     Ok(None)
 }
 
-/// Most travel in m with which drives begin on a panel at rest.
-fn begun_m(motion: &PlanMotion, board: Board) -> PerActuator {
-    if board == Board::Down { motion.soft_m } else { motion.at_once_m }
+/// Largest travel in m with which drives begin on a panel at rest.
+fn largest_starting_travel_of_each_mass_m(motion: &PlanMotion, board: RailState) -> PerActuator {
+    if board == RailState::Down { motion.soft_m } else { motion.at_once_m }
 }
 
-fn sum(a: &PerActuator, b: &PerActuator) -> PerActuator {
+fn sum_per_actuator(a: &PerActuator, b: &PerActuator) -> PerActuator {
     std::array::from_fn(|i| a[i] + b[i])
 }
 

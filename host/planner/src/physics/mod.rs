@@ -1,7 +1,9 @@
 //! What electrodes and masses do, of which no table knows: forces, limits, closing gaps, rails that rise.
 
+pub mod charging;
 pub mod limits;
 pub mod rise;
+mod secants;
 pub mod softening;
 
 use crate::scene::MAX_ACTUATORS;

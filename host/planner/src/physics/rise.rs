@@ -13,7 +13,7 @@
 //! growing number appears. Coefficients that belong to a point and a drive are a [`TransientResponse`].
 //!
 //! Damping: hysteretic losses count as in the simulation in time
-//! ([`ModalSystem::from_reduced`](crate::transient::reduced::ModalSystem::from_reduced)). Equal and critically damped poles are
+//! ([`ModalSystem::from_reduced_with_equivalent_viscous_damping`](crate::transient::reduced::ModalSystem::from_reduced_with_equivalent_viscous_damping)). Equal and critically damped poles are
 //! pulled apart by 1e-7 of their size, which moves the times by as little and leaves nine digits to the coefficients,
 //! as g grows with the inverse root of the distance.
 //!
@@ -56,11 +56,11 @@ pub struct Timing {
 
 /// The poles of a panel, found once for a scene.
 #[derive(Clone, Debug)]
-pub struct RiseTimes {
+pub struct PanelPoles {
     /// In 1/s, imaginary part 0 or above, slowest frequencies first. One of each complex pair.
     poles: Vec<Complex64>,
     /// How many of them are below [`HIGHEST_HZ`].
-    ringing: usize,
+    poles_below_highest_hz: usize,
     /// x2 over the root of x2 . x2 - x1 . x1, one column per pole.
     re: DMatrix<f64>,
     im: DMatrix<f64>,
@@ -69,7 +69,7 @@ pub struct RiseTimes {
 }
 
 /// What one drive of 1 N does at one point, from rest: acceleration in m/s^2 (or displacement in m, see
-/// [`TransientResponse::displacement`]).
+/// [`TransientResponse::acceleration_to_displacement`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransientResponse {
     /// Angular frequency of the drive in rad/s.
@@ -83,7 +83,7 @@ pub struct TransientResponse {
 impl TransientResponse {
     /// The same for the displacement in m. Rigid motions, whose drift is no vibration, are left out.
     #[must_use]
-    pub fn displacement(mut self) -> Self {
+    pub fn acceleration_to_displacement(mut self) -> Self {
         self.steady /= -self.omega_rad_s * self.omega_rad_s;
         self.free.retain(|(s, _)| s.norm() > 10.0 * RIGID_RAD_S);
         for (s, c) in &mut self.free {
@@ -94,18 +94,18 @@ impl TransientResponse {
 
     /// The motion `time_s` after the start.
     #[must_use]
-    pub fn at(&self, time_s: f64) -> f64 {
+    pub fn value_at(&self, time_s: f64) -> f64 {
         let free: f64 = self.free.iter().map(|(s, c)| (c * (s * time_s).exp()).re).sum();
         (self.steady * Complex64::from_polar(1.0, self.omega_rad_s * time_s)).re + free
     }
 }
 
-impl RiseTimes {
+impl PanelPoles {
     /// Finds the poles: an eigensolution of twice the model's order. `None` if it does not converge, which no scene is
     /// known to cause.
     #[must_use]
-    pub fn prepare(model: &ReducedModel) -> Option<Self> {
-        let system = ModalSystem::from_reduced(model);
+    pub fn find_poles_if_converged(model: &ReducedModel) -> Option<Self> {
+        let system = ModalSystem::from_reduced_with_equivalent_viscous_damping(model);
         let n = system.lambda.len();
         let omega: Vec<f64> = (0..n)
             .map(|i| {
@@ -150,7 +150,7 @@ impl RiseTimes {
         }
         let poles: Vec<Complex64> = order.iter().map(|k| values[*k]).collect();
         Some(Self {
-            ringing: poles.iter().filter(|s| s.norm() <= TAU * HIGHEST_HZ).count(),
+            poles_below_highest_hz: poles.iter().filter(|s| s.norm() <= TAU * HIGHEST_HZ).count(),
             force: shapes.tr_mul(&system.force.map(Complex64::from)),
             re: shapes.map(|z| z.re),
             im: shapes.map(|z| z.im),
@@ -158,16 +158,14 @@ impl RiseTimes {
         })
     }
 
-    /// Number of poles that vibrate: of those that do not follow at once.
-    #[must_use]
-    pub fn ringing(&self) -> usize {
-        self.ringing
-    }
-
     /// What each of `drives` does where `shape` holds the shapes' deflections (or an actuator's travel), for 1 N whatever
     /// their `force_n`. `None` where a drive meets the resonance of an undamped mode, or an actuator that there is not.
     #[must_use]
-    pub fn ringings(&self, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Option<Vec<TransientResponse>> {
+    pub fn transient_response_per_n_of_each_drive_if_finite(
+        &self,
+        shape: &DVector<f64>,
+        drives: &[SwitchedForce],
+    ) -> Option<Vec<TransientResponse>> {
         let (re, im) = (self.re.tr_mul(shape), self.im.tr_mul(shape));
         drives
             .iter()
@@ -176,7 +174,7 @@ impl RiseTimes {
                 let phasor = Complex64::from_polar(1.0, drive.phase_rad);
                 let force = (drive.actuator < self.force.ncols()).then(|| self.force.column(drive.actuator))?;
                 let mut steady = Complex64::ZERO;
-                let mut free = Vec::with_capacity(self.ringing);
+                let mut free = Vec::with_capacity(self.poles_below_highest_hz);
                 for (k, s) in self.poles.iter().enumerate() {
                     let g = Complex64::new(re[k], im[k]) * force[k];
                     let is_pair = s.im > 0.0;
@@ -184,7 +182,7 @@ impl RiseTimes {
                     if is_pair {
                         steady += jw * g.conj() / (jw - s.conj());
                     }
-                    if k < self.ringing {
+                    if k < self.poles_below_highest_hz {
                         let transform = 0.5 * (phasor / (s - jw) + phasor.conj() / (s + jw));
                         free.push((*s, s * g * transform * if is_pair { 2.0 } else { 1.0 }));
                     }
@@ -204,9 +202,11 @@ impl RiseTimes {
     /// every drive after its start, the steady part is missing. The steady peak is what equation 23 makes of the damping
     /// in time.
     #[must_use]
-    pub fn times(&self, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Timing {
+    pub fn find_rise_and_decay_times(&self, shape: &DVector<f64>, drives: &[SwitchedForce]) -> Timing {
         const NEVER: Timing = Timing { reaches_90_s: None, decays_to_10_s: None };
-        let Some(ringings) = self.ringings(shape, drives) else { return NEVER };
+        let Some(ringings) = self.transient_response_per_n_of_each_drive_if_finite(shape, drives) else {
+            return NEVER;
+        };
         let mut parts: Vec<TransientResponse> = Vec::with_capacity(drives.len());
         for (mut ringing, drive) in ringings.into_iter().zip(drives) {
             ringing.steady *= drive.force_n;
@@ -219,11 +219,11 @@ impl RiseTimes {
                 None => parts.push(ringing),
             }
         }
-        envelope_times(&mut parts).unwrap_or(NEVER)
+        envelope_rise_and_decay_times_unless_at_rest_or_slow(&mut parts).unwrap_or(NEVER)
     }
 }
 
-fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
+fn envelope_rise_and_decay_times_unless_at_rest_or_slow(parts: &mut [TransientResponse]) -> Option<Timing> {
     let peak: f64 = parts.iter().map(|part| part.steady.norm()).sum();
     if peak <= 0.0 {
         return None;
@@ -234,7 +234,7 @@ fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
     for part in parts.iter_mut() {
         part.free.retain(|(_, c)| c.norm() > small);
     }
-    let latest_s = latest_s(parts, DECAYED.min(1.0 - REACHED) * peak)?;
+    let latest_s = bound_time_until_free_motion_below_limit_if_short_s(parts, DECAYED.min(1.0 - REACHED) * peak)?;
     let beat = |part: &TransientResponse| {
         part.free.iter().map(|(s, _)| (s.im - part.omega_rad_s).abs() / TAU).fold(1.0 / LONGEST_RISE_S, f64::max)
     };
@@ -243,7 +243,7 @@ fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
     if step_s <= 0.0 {
         return Some(Timing { reaches_90_s: Some(0.0), decays_to_10_s: Some(0.0) });
     }
-    let mut walks: Vec<Walk> = parts.iter().map(|part| Walk::new(part, latest_s, step_s)).collect();
+    let mut walks: Vec<BackwardWalk> = parts.iter().map(|part| BackwardWalk::new(part, latest_s, step_s)).collect();
     // Backwards, until each condition fails for the first time.
     let (mut reached, mut decayed) = (None, None);
     let mut before = (0.0, 0.0);
@@ -251,7 +251,7 @@ fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
     loop {
         let (mut with, mut without) = (0.0, 0.0);
         for (part, walk) in parts.iter().zip(&mut walks) {
-            let free = walk.back();
+            let free = walk.sum_phasors_and_step_back();
             with += (part.steady + free).norm();
             without += free.norm();
         }
@@ -274,7 +274,7 @@ fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
 }
 
 /// One part's free motion relative to its drive's phasor, backwards in equal steps.
-struct Walk {
+struct BackwardWalk {
     /// Of the poles that vibrate: phasor and factor of a step.
     swinging: Vec<(Complex64, Complex64)>,
     /// Of the others, not relative to the drive.
@@ -283,7 +283,7 @@ struct Walk {
     carrier: (Complex64, Complex64),
 }
 
-impl Walk {
+impl BackwardWalk {
     fn new(part: &TransientResponse, from_s: f64, step_s: f64) -> Self {
         let jw = Complex64::new(0.0, part.omega_rad_s);
         let (mut swinging, mut creeping) = (Vec::with_capacity(part.free.len()), Vec::new());
@@ -300,7 +300,7 @@ impl Walk {
     }
 
     /// The sum here, after which the walk goes back by one step.
-    fn back(&mut self) -> Complex64 {
+    fn sum_phasors_and_step_back(&mut self) -> Complex64 {
         let step = |(phasor, turn): &mut (Complex64, Complex64)| {
             let here = *phasor;
             *phasor *= *turn;
@@ -313,9 +313,9 @@ impl Walk {
 }
 
 /// A time in s from which on all free motion together is surely below `limit`; `None` beyond [`LONGEST_RISE_S`].
-fn latest_s(parts: &[TransientResponse], limit: f64) -> Option<f64> {
+fn bound_time_until_free_motion_below_limit_if_short_s(responses: &[TransientResponse], limit: f64) -> Option<f64> {
     let bound = |time_s: f64| -> f64 {
-        parts.iter().flat_map(|part| &part.free).map(|(s, c)| c.norm() * (s.re * time_s).exp()).sum()
+        responses.iter().flat_map(|part| &part.free).map(|(s, c)| c.norm() * (s.re * time_s).exp()).sum()
     };
     if bound(0.0) <= limit {
         return Some(0.0);
@@ -336,9 +336,11 @@ fn latest_s(parts: &[TransientResponse], limit: f64) -> Option<f64> {
 }
 
 mod onset;
+mod residues;
 mod stepper;
 #[cfg(test)]
 mod tests;
 
-pub use onset::{DecayingMode, Onset, Participation};
+pub use onset::{Participation, PoleDecayAndTravel, SwitchOnModel};
+pub use residues::PointResidues;
 pub use stepper::Stepper;

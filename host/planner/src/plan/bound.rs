@@ -1,31 +1,39 @@
 //! How wrong a plan's prediction may be.
 
-use crate::chosen_drive::Chosen;
+use crate::chosen_drive::ChosenDrive;
 use crate::model::estimator::ErrorEstimator;
 use crate::model::{Bound, ReducedModel};
 use crate::plan::{Plan, TargetResult};
 use crate::response;
-use crate::table::{Part, at_point};
+use crate::table::{ActuatorSetting, acceleration_at_point_from_coordinates};
 use crate::{PlanTable, STANDARD_GRAVITY};
 use nalgebra::DVector;
 use num_complex::Complex64;
 
 /// Why there is no bound on what nothing moves, or what was not asked for.
 const UNMOVED: &str = "nothing moves at the target";
-pub(crate) const NO_LEVELS: &str = "no coarser model was made to compare with";
-pub(crate) const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
+pub(crate) const NO_LEVELS: &str = "no coarser model was computed for a comparison";
+pub(crate) const UNBOUNDED: &str = "a coarser model is at the resonance of a mode without damping";
 
-/// The bound on a peak from its drives' phasors on three levels, the finest last: differences are added up as the peak adds
-/// magnitudes.
-fn of_phasors(estimator: &ErrorEstimator, peak: f64, [coarse, middle, fine]: [&[Complex64]; 3]) -> Bound {
+/// The error bound of a peak from the phasors of its drives on three levels, the finest last. Differences add up like
+/// the magnitudes in the peak.
+fn bound_relative_peak_error_from_phasors(
+    estimator: &ErrorEstimator,
+    peak: f64,
+    [coarse, middle, fine]: [&[Complex64]; 3],
+) -> Bound {
     let difference =
         |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
-    estimator.response_error_bound(difference(coarse, middle), difference(middle, fine))
+    estimator.response_bound_from_relative_differences(difference(coarse, middle), difference(middle, fine))
 }
 
 /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
-/// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
-pub(crate) fn bound_peak_error(table: &PlanTable, drives: &[Chosen], target: &TargetResult) -> Bound {
+/// differences of the phasors, which add up like their magnitudes in the peak (equation 23).
+pub(crate) fn bound_relative_peak_error_at_first_target(
+    table: &PlanTable,
+    drives: &[ChosenDrive],
+    target: &TargetResult,
+) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else { return Bound::Unknown(NO_LEVELS) };
     let peak = target.peak_g * STANDARD_GRAVITY;
     if peak <= 0.0 {
@@ -34,7 +42,11 @@ pub(crate) fn bound_peak_error(table: &PlanTable, drives: &[Chosen], target: &Ta
     let at = (target.x_m, target.y_m);
     let shape = table.model.shape_deflections_at(at.0, at.1);
     let fine = drives.iter().enumerate().map(|(i, drive)| {
-        drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
+        drive
+            .row
+            .get(i)
+            .map_or(Complex64::ZERO, |entry| acceleration_at_point_from_coordinates(&shape, &entry.acceleration))
+            * drive.force_n
     });
     let fine: Vec<Complex64> = fine.collect();
     let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
@@ -42,40 +54,43 @@ pub(crate) fn bound_peak_error(table: &PlanTable, drives: &[Chosen], target: &Ta
         let each = drives.iter().enumerate().map(|(i, drive)| {
             if let Some(k) = drive.on_grid {
                 let row = table.coarser_rows.get(level)?.get(k)?.as_ref()?;
-                return Some(at_point(&shape, row.get(i)?) * drive.force_n);
+                return Some(acceleration_at_point_from_coordinates(&shape, row.get(i)?) * drive.force_n);
             }
             let omega = std::f64::consts::TAU * drive.frequency_hz;
-            let q = response::solve_coordinates_at_frequency(model, drive.frequency_hz).ok()?;
-            Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
+            let q = response::solve_coordinates_per_newton_at_frequency(model, drive.frequency_hz).ok()?;
+            Some(acceleration_at_point_from_coordinates(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
         });
         each.collect()
     };
     let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
         return Bound::Unknown(UNBOUNDED);
     };
-    of_phasors(estimator, peak, [&coarse, &middle, &fine])
+    bound_relative_peak_error_from_phasors(estimator, peak, [&coarse, &middle, &fine])
 }
 
-/// Bounds on the relative error of peaks at points of the grid, each of a setting of its own at the table's frequencies: as for a
-/// plan's target.
-pub(crate) fn bound_setting_errors<'a>(
+/// Bounds on the relative errors of peaks at points of the grid, each with a setting of its own at the table's
+/// frequencies.
+pub(crate) fn bound_relative_peak_error_of_each_setting_at_its_point<'a>(
     table: &PlanTable,
-    settings: impl Iterator<Item = (usize, &'a [Part])>,
+    settings: impl Iterator<Item = (usize, &'a [ActuatorSetting])>,
 ) -> Vec<Bound> {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
         return settings.map(|_| Bound::Unknown(NO_LEVELS)).collect();
     };
     let shapes = [middle, coarse].map(|model| model.shape_deflections_on_grid(&table.grid.x_m, &table.grid.y_m));
-    let bound = |(point, setting): (usize, &[Part])| {
+    let bound = |(point, setting): (usize, &[ActuatorSetting])| {
         let fine = setting.iter().enumerate().map(|(i, part)| {
             let entry = table.entries.get(i)?.get(part.frequency)?.as_ref()?;
-            Some(at_point(&table.grid.shapes.row(point).transpose(), &entry.acceleration) * part.drive.force_n)
+            Some(
+                acceleration_at_point_from_coordinates(&table.grid.shapes.row(point).transpose(), &entry.acceleration)
+                    * part.drive.force_n,
+            )
         });
         let coarser = |level: usize| -> Option<Vec<Complex64>> {
             let shape = shapes[level].row(point).transpose();
             let each = setting.iter().enumerate().map(|(i, part)| {
                 let row = table.coarser_rows.get(level)?.get(part.frequency)?.as_ref()?;
-                Some(at_point(&shape, row.get(i)?) * part.drive.force_n)
+                Some(acceleration_at_point_from_coordinates(&shape, row.get(i)?) * part.drive.force_n)
             });
             each.collect()
         };
@@ -84,17 +99,21 @@ pub(crate) fn bound_setting_errors<'a>(
             return Bound::Unknown(UNBOUNDED);
         };
         let peak: f64 = fine.iter().map(|phasor| phasor.norm()).sum();
-        if peak > 0.0 { of_phasors(estimator, peak, [&coarse, &middle, &fine]) } else { Bound::Unknown(UNMOVED) }
+        if peak > 0.0 {
+            bound_relative_peak_error_from_phasors(estimator, peak, [&coarse, &middle, &fine])
+        } else {
+            Bound::Unknown(UNMOVED)
+        }
     };
     settings.map(bound).collect()
 }
 
-/// A bound on the error of [`PlanTable::compute_peak_field`] at any point, relative to the field's largest value: as for the target, but at
-/// every point.
+/// A bound on the error of [`PlanTable::compute_peak_at_each_grid_point_m_per_s2`] at any point, relative to the largest value of the
+/// field.
 #[must_use]
-pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
+pub fn bound_field_error_relative_to_largest_peak(table: &PlanTable, plan: &Plan) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else { return Bound::Unknown(NO_LEVELS) };
-    let largest = table.compute_peak_field(plan).into_iter().flatten().fold(0.0, f64::max);
+    let largest = table.compute_peak_at_each_grid_point_m_per_s2(plan).into_iter().flatten().fold(0.0, f64::max);
     if largest <= 0.0 {
         return Bound::Unknown(UNMOVED);
     }
@@ -104,7 +123,7 @@ pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
         let each = plan.drives.iter().map(|drive| {
             let actuator = table.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
             let omega = std::f64::consts::TAU * drive.frequency_hz;
-            let q = response::solve_coordinates_at_frequency(model, drive.frequency_hz).ok()?;
+            let q = response::solve_coordinates_per_newton_at_frequency(model, drive.frequency_hz).ok()?;
             Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
         });
         each.collect()
@@ -119,5 +138,5 @@ pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
         }
         sum.amax() / largest
     };
-    estimator.response_error_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    estimator.response_bound_from_relative_differences(difference(&coarse, &middle), difference(&middle, &fine))
 }

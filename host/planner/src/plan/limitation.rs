@@ -30,7 +30,7 @@ pub enum Limitation {
 impl Limitation {
     /// A limit of an actuator of a table's scene; the supply's is nobody's.
     #[must_use]
-    pub fn of(table: &PlanTable, limit: Limit, actuator: usize) -> Self {
+    pub fn for_actuator(table: &PlanTable, limit: Limit, actuator: usize) -> Self {
         if limit == Limit::Supply {
             return Self::Supply;
         }
@@ -52,7 +52,7 @@ impl Limitation {
 
     /// All codes.
     #[must_use]
-    pub fn codes() -> Vec<&'static str> {
+    pub fn list_limitation_codes() -> Vec<&'static str> {
         let others = [Self::QuietZone, Self::Node, Self::TooShort, Self::StillMoving];
         let others = others.iter().map(Self::code);
         Limit::ALL.into_iter().map(Limit::name).chain(others).collect()
@@ -60,7 +60,7 @@ impl Limitation {
 
     /// The actuator whose limit it is, by its `id`.
     #[must_use]
-    pub fn actuator(&self) -> Option<&str> {
+    pub fn actuator_id_if_limit_of_actuator(&self) -> Option<&str> {
         match self {
             Self::Actuator { id, .. } => Some(id),
             _ => None,
@@ -75,7 +75,7 @@ impl fmt::Display for Limitation {
             Self::Supply | Self::Node => f.write_str(self.code()),
             Self::QuietZone => f.write_str("quiet zone"),
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
-            Self::StillMoving => f.write_str("motion left of the touches before"),
+            Self::StillMoving => f.write_str("motion that earlier touches have left"),
         }
     }
 }
@@ -87,7 +87,7 @@ impl utoipa::PartialSchema for Limitation {
         let code = ObjectBuilder::new()
             .schema_type(Type::String)
             .description(Some("What limits, for programs; the same from version to version."))
-            .enum_values(Some(Self::codes()));
+            .enum_values(Some(Self::list_limitation_codes()));
         let actuator = ObjectBuilder::new()
             .schema_type(SchemaType::Array(vec![Type::String, Type::Null]))
             .description(Some("Whose limit it is, if an actuator's."));
@@ -112,13 +112,13 @@ impl Serialize for Limitation {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut object = serializer.serialize_struct("Limitation", 2)?;
         object.serialize_field("code", self.code())?;
-        object.serialize_field("actuator", &self.actuator())?;
+        object.serialize_field("actuator", &self.actuator_id_if_limit_of_actuator())?;
         object.end()
     }
 }
 
 /// Adds a reason, unless it is known.
-pub(crate) fn add(reasons: &mut Vec<Limitation>, reason: Limitation) {
+pub(crate) fn add_limitation_if_new(reasons: &mut Vec<Limitation>, reason: Limitation) {
     if !reasons.contains(&reason) {
         reasons.push(reason);
     }
@@ -126,7 +126,7 @@ pub(crate) fn add(reasons: &mut Vec<Limitation>, reason: Limitation) {
 
 /// All of them as a text; `None` without any.
 #[must_use]
-pub fn text(reasons: &[Limitation]) -> Option<String> {
+pub fn join_limitations_as_text_if_any(reasons: &[Limitation]) -> Option<String> {
     (!reasons.is_empty()).then(|| reasons.iter().map(Limitation::to_string).collect::<Vec<_>>().join(", "))
 }
 
@@ -138,14 +138,17 @@ mod tests {
     fn codes_and_texts() {
         let of = |limit| Limitation::Actuator { limit, id: "left".into() };
         let all = [of(Limit::PullIn), of(Limit::Voltage), Limitation::QuietZone];
-        assert_eq!(text(&all).as_deref(), Some("pull-in of left, voltage of left, quiet zone"));
-        assert_eq!(text(&[]), None);
+        assert_eq!(
+            join_limitations_as_text_if_any(&all).as_deref(),
+            Some("pull-in of left, voltage of left, quiet zone")
+        );
+        assert_eq!(join_limitations_as_text_if_any(&[]), None);
         let json = serde_json::to_string(&all).unwrap();
         assert!(json.starts_with(r#"[{"code":"pull-in","actuator":"left"},"#), "{json}");
         assert!(json.ends_with(r#"{"code":"quiet-zone","actuator":null}]"#), "{json}");
         let mut known = all.to_vec();
-        add(&mut known, Limitation::QuietZone);
-        add(&mut known, Limitation::Node);
+        add_limitation_if_new(&mut known, Limitation::QuietZone);
+        add_limitation_if_new(&mut known, Limitation::Node);
         assert_eq!(known.len(), 4);
     }
 }

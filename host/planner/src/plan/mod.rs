@@ -8,29 +8,34 @@ mod reached_limits;
 use crate::STANDARD_GRAVITY;
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
-use crate::choose::refine::refine_between_grid;
-use crate::choose::search::Fits;
-use crate::choose::shared_frequency::drives::choose_shared_frequency;
-use crate::chosen_drive::{Chosen, MadeOf, groups, meets, peak};
+use crate::choose::refine::refine_frequencies_between_grid;
+use crate::choose::search::PairFilter;
+use crate::choose::shared_frequency::drives::choose_drives_at_one_shared_frequency;
+use crate::chosen_drive::{
+    ChosenDrive, PlanDrives, force_phase_behind_windows_rad, fundamental_acceleration_peak_at_point_m_per_s2,
+    group_drive_indices_by_frequency, is_one_nearly_odd_harmonic_of_other, window_phase_of_each_drive_rad,
+};
 use crate::drive::Drive;
 use crate::millimetres;
-use crate::motion::driven_panel::Settled;
+use crate::motion::driven_panel::SettledMotion;
 use crate::motion::plan_motion::PlanMotion;
-use crate::motion::plan_motion::predict_drive_motion;
-use crate::motion::quiet_limits::settle_within_quiet_zones;
-use crate::motion::settle::settled_peak_m_per_s2;
-use crate::motion::strong_softening::settle_with_harmonics;
-use crate::perception::above_threshold_db;
-use crate::plan::bound::bound_peak_error;
-use crate::plan::reached_limits::find_nearly_reached_limits;
-use crate::reach::selection::select_reach_drives;
+use crate::motion::plan_motion::bound_travel_and_free_motion_of_drives_if_poles_known;
+use crate::motion::quiet_limits::derate_drives_to_safety_and_quiet_limits_if_possible;
+use crate::motion::settle::settled_peak_acceleration_at_point_m_per_s2;
+use crate::motion::strong_softening::solve_motion_with_harmonics_if_pulses_are_narrow;
+use crate::perception::level_above_threshold_unless_at_rest_db;
+use crate::plan::bound::bound_relative_peak_error_at_first_target;
+use crate::plan::reached_limits::find_limits_nearly_reached_before_derating;
+use crate::reach::selection::select_max_min_drives_scaled_to_first_target;
 use crate::request::quiet_zones::QuietResult;
-use crate::request::{Grouping, Objective, PlanError, Request, Target, Weigh, Work};
-use crate::request::{snap_to_surface, surface_y_m, validate_request};
-use crate::table::{PlanTable, at_point};
-pub use bound::bound_field_error;
+use crate::request::{Grouping, Objective, PlanError, Request, SearchEffort, Target, Weigh};
+use crate::request::{
+    move_targets_and_quiet_zones_onto_surface, validate_request_and_return_wanted_g, y_or_bar_axis_y_m,
+};
+use crate::table::{PlanTable, acceleration_at_point_from_coordinates};
+pub use bound::bound_field_error_relative_to_largest_peak;
 pub use derating::derate_plan;
-use limitation::{Limitation, add};
+use limitation::{Limitation, add_limitation_if_new};
 use nalgebra::DVector;
 use serde::Serialize;
 use std::time::Instant;
@@ -44,7 +49,7 @@ const NO_GAP: f64 = 1e-9;
 /// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
 const MOST_GAP: f64 = 1e6;
 /// Part of a wish that counts as met.
-pub(crate) const MET: f64 = 1.0 - 1e-6;
+pub(crate) const MET_FRACTION: f64 = 1.0 - 1e-6;
 
 /// What the plan should do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -68,10 +73,10 @@ pub struct Predicted {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct TargetResult {
     /// From the left edge, in the unit of its name.
-    #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
+    #[serde(rename = "x_mm", serialize_with = "millimetres::serialize_length_in_mm")]
     pub x_m: f64,
     /// From the top edge, in the unit of its name.
-    #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
+    #[serde(rename = "y_mm", serialize_with = "millimetres::serialize_length_in_mm")]
     pub y_m: f64,
     /// Wanted in g.
     pub wanted_g: f64,
@@ -84,7 +89,7 @@ pub struct TargetResult {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Plan {
     /// The (first) target from the left and top edges, in the unit of its name.
-    #[serde(rename = "target_mm", serialize_with = "millimetres::two")]
+    #[serde(rename = "target_mm", serialize_with = "millimetres::serialize_position_in_mm")]
     #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub target_m: [f64; 2],
     /// All targets.
@@ -115,18 +120,18 @@ pub struct Plan {
     pub grouping: Grouping,
     /// The drives with their responses, for what is asked of the plan afterwards: how its masses move, and a part of it.
     #[serde(skip)]
-    pub(crate) made_of: MadeOf,
+    pub(crate) made_of: PlanDrives,
 }
 
 /// A plan with what it was made from, for those who want to know more of it.
 #[derive(Clone, Debug)]
 pub struct Planned {
-    /// The plan.
+    /// Plans the drives for `targets`: the most contrast, each actuator at its own frequency.
     pub plan: Plan,
     /// The drives with their responses.
-    pub drives: Vec<Chosen>,
+    pub drives: Vec<ChosenDrive>,
     /// Their steady motion.
-    pub settled: Settled,
+    pub settled: SettledMotion,
     /// Mode shapes at the targets.
     pub shapes: Vec<DVector<f64>>,
 }
@@ -137,10 +142,10 @@ impl PlanTable {
     /// # Errors
     /// [`PlanError`].
     pub fn plan(&self, targets: &[Target]) -> Result<Plan, PlanError> {
-        self.plan_request(&Request::touch(targets))
+        self.plan_request(&Request::for_touch(targets))
     }
 
-    /// The drives for a request.
+    /// Plans the drives for a request.
     ///
     /// # Errors
     /// [`PlanError`].
@@ -148,75 +153,89 @@ impl PlanTable {
         self.plan_with_details(request).map(|planned| planned.plan)
     }
 
-    /// The same with everything it came from.
+    /// Plans a request, and returns the plan with the drives, their motion and the mode shapes at the targets.
     ///
     /// # Errors
     /// [`PlanError`].
     pub fn plan_with_details(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
-        let wanted_g = validate_request(self, request)?;
-        let request = &snap_to_surface(self, request)?;
+        let wanted_g = validate_request_and_return_wanted_g(self, request)?;
+        let request = &move_targets_and_quiet_zones_onto_surface(self, request)?;
         let mut formulation = Formulation::new(self, request);
-        let wanted: Vec<f64> =
-            wanted_g.iter().enumerate().map(|(t, g)| formulation.countable(g * STANDARD_GRAVITY, t)).collect();
+        let wanted: Vec<f64> = wanted_g
+            .iter()
+            .enumerate()
+            .map(|(t, g)| formulation.limit_wanted_to_million_times_reach_m_per_s2(g * STANDARD_GRAVITY, t))
+            .collect();
         let mut selection = match request.grouping {
             Grouping::Distinct if request.objective == Objective::Reach => {
-                select_reach_drives(self, &formulation, request.zone, &wanted)?
+                select_max_min_drives_scaled_to_first_target(self, &formulation, request.zone, &wanted)?
             }
-            Grouping::Distinct => choose_distinct_frequencies(self, &mut formulation, request, &wanted)?,
-            Grouping::Shared => choose_shared_frequency(self, &formulation, &wanted)?,
+            Grouping::Distinct => choose_drives_at_distinct_frequencies(self, &mut formulation, request, &wanted)?,
+            Grouping::Shared => choose_drives_at_one_shared_frequency(self, &formulation, &wanted)?,
         };
-        let settled = settle_within_quiet_zones(self, &formulation.quiet, &mut selection.drives);
+        let settled =
+            derate_drives_to_safety_and_quiet_limits_if_possible(self, &formulation.quiet, &mut selection.drives);
         let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;
-        let peaks_g: Vec<f64> =
-            formulation.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
+        let peaks_g: Vec<f64> = formulation
+            .zone
+            .targets
+            .iter()
+            .map(|shape| fundamental_acceleration_peak_at_point_m_per_s2(&selection.drives, shape) / STANDARD_GRAVITY)
+            .collect();
         let targets: Vec<TargetResult> = request
             .targets
             .iter()
             .zip(wanted_g.iter().zip(&peaks_g))
             .map(|(target, (wanted_g, peak_g))| TargetResult {
                 x_m: target.x_m,
-                y_m: surface_y_m(self, target.y_m),
+                y_m: y_or_bar_axis_y_m(self, target.y_m),
                 wanted_g: *wanted_g,
                 peak_g: *peak_g,
             })
             .collect();
         let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
-        let limits = find_limitations(self, request, &selection, &settled, &targets);
+        let limits = find_reasons_for_unmet_wishes(self, request, &selection, &settled, &targets);
         let plan = Plan {
             target_m: [first.x_m, first.y_m],
-            predicted: predict_accelerations(self, &formulation, &selection.drives, &settled, first.peak_g),
-            limited_by: limitation::text(&limits),
+            predicted: predict_target_peak_mean_elsewhere_and_contrast(
+                self,
+                &formulation,
+                &selection.drives,
+                &settled,
+                first.peak_g,
+            ),
+            limited_by: limitation::join_limitations_as_text_if_any(&limits),
             limits,
-            error_bound: bound_peak_error(self, &selection.drives, &first).known_limit(),
+            error_bound: bound_relative_peak_error_at_first_target(self, &selection.drives, &first).limit_if_known(),
             targets,
             quiet,
-            drives: build_drives(self, &selection.drives, &settled),
-            optimality_gap: gap(&selection, &settled),
+            drives: build_drives_with_settled_voltages(self, &selection.drives, &settled),
+            optimality_gap: bound_relative_optimality_gap_after_derating(&selection, &settled),
             objective: request.objective,
             grouping: request.grouping,
-            made_of: MadeOf(selection.drives.as_slice().into()),
+            made_of: PlanDrives(selection.drives.as_slice().into()),
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
         };
         Ok(Planned { plan, drives: selection.drives, settled, shapes: formulation.zone.targets })
     }
 
-    /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
-    /// resonance without damping, or without poles.
+    /// Predicts how far `plan`, one of this table's, moves the masses and which free motions it leaves. `None` at an
+    /// undamped resonance, or without poles.
     #[must_use]
-    pub fn predict_motion(&self, plan: &Plan) -> Option<PlanMotion> {
-        predict_drive_motion(self, &plan.made_of.0, &plan.drives)
+    pub fn predict_travel_and_free_motion_of_plan_if_poles_known(&self, plan: &Plan) -> Option<PlanMotion> {
+        bound_travel_and_free_motion_of_drives_if_poles_known(self, &plan.made_of.0, &plan.drives)
     }
 
     /// Peak acceleration (equation 23) at every point of the grid in m/s^2; `None` in cut-outs.
     #[must_use]
-    pub fn compute_peak_field(&self, plan: &Plan) -> Vec<Option<f64>> {
+    pub fn compute_peak_at_each_grid_point_m_per_s2(&self, plan: &Plan) -> Vec<Option<f64>> {
         let mut sums: Vec<(f64, Vec<num_complex::Complex64>)> = Vec::new();
         for (actuator, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
-            let Ok(row) = self.row_at(drive.frequency_hz) else { continue };
+            let Ok(row) = self.compute_entries_of_all_actuators_at_hz(drive.frequency_hz) else { continue };
             let Some(entry) = row.get(actuator) else { continue };
-            let force = num_complex::Complex64::from_polar(drive.force_n, drive.phase_rad);
-            let own = self.grid.field(&(&entry.acceleration * force));
+            let force = num_complex::Complex64::from_polar(drive.force_n, drive.force_phase_rad);
+            let own = self.grid.evaluate_at_each_grid_point(&(&entry.acceleration * force));
             match sums.iter_mut().find(|(hz, _)| *hz == drive.frequency_hz) {
                 Some((_, sum)) => sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own),
                 None => sums.push((drive.frequency_hz, own)),
@@ -227,25 +246,27 @@ impl PlanTable {
     }
 }
 
-/// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
-fn choose_distinct_frequencies(
+/// The best combination of distinct frequencies, refined between those of the grid. Points of quiet zones are added
+/// until none is too strong.
+fn choose_drives_at_distinct_frequencies(
     table: &PlanTable,
     formulation: &mut Formulation<'_>,
     request: &Request,
     wanted: &[f64],
 ) -> Result<Selection, PlanError> {
-    let mut selection = choose_for_current_rows(table, formulation, request, wanted)?;
+    let mut selection = choose_drives_within_current_quiet_rows(table, formulation, request, wanted)?;
     let [touch, study] = QUIET_ROUNDS;
-    for _ in 1..if request.work == Work::Touch { touch } else { study } {
-        if !formulation.quiet.add_violated(&selection.drives) {
+    for _ in 1..if request.work == SearchEffort::Touch { touch } else { study } {
+        if !formulation.quiet.add_row_per_violated_zone(&selection.drives) {
             break;
         }
-        selection = choose_for_current_rows(table, formulation, request, wanted)?;
+        selection = choose_drives_within_current_quiet_rows(table, formulation, request, wanted)?;
     }
     Ok(selection)
 }
 
-fn choose_for_current_rows(
+/// The best combination with the present rows of the quiet zones.
+fn choose_drives_within_current_quiet_rows(
     table: &PlanTable,
     formulation: &Formulation<'_>,
     request: &Request,
@@ -256,143 +277,174 @@ fn choose_for_current_rows(
         && request.objective == Objective::Contrast
         && request.weigh == Weigh::Equal;
     let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
-        [wanted] if is_plain => formulation.shortlist(*wanted, fits),
-        _ => formulation.all(wanted),
+        [wanted] if is_plain => formulation.shortlist_candidates_for_one_target(*wanted, fits),
+        _ => formulation.list_candidates_at_all_table_frequencies(wanted),
     };
     // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
-    let best = |fits: Fits<'_>| formulation.best_of(choices_for(fits), fits);
-    let (choices, found) = best(&|a, b| !meets(a, b)).or_else(|| best(&|_, _| true)).ok_or(PlanError::NoFrequencies)?;
-    Ok(refine_between_grid(table, formulation, &choices, &found))
+    let best =
+        |fits: PairFilter<'_>| formulation.find_best_combination_replacing_estimated_energies(choices_for(fits), fits);
+    let (choices, found) = best(&|a, b| !is_one_nearly_odd_harmonic_of_other(a, b))
+        .or_else(|| best(&|_, _| true))
+        .ok_or(PlanError::NoFrequencies)?;
+    Ok(refine_frequencies_between_grid(table, formulation, &choices, &found))
 }
 
-pub(super) fn build_drives(table: &PlanTable, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
+/// The drives with the voltages and pulse widths of the settled motion.
+pub(super) fn build_drives_with_settled_voltages(
+    table: &PlanTable,
+    chosen: &[ChosenDrive],
+    settled: &SettledMotion,
+) -> Vec<Drive> {
+    let window_phases = window_phase_of_each_drive_rad(chosen, &settled.applied);
     chosen
         .iter()
+        .zip(window_phases)
         .zip(table.scene.actuators.iter().zip(&settled.applied))
-        .map(|(chosen, (actuator, applied))| Drive {
+        .enumerate()
+        .map(|(i, ((chosen, phase_rad), (actuator, applied)))| Drive {
             actuator: actuator.id.clone(),
             frequency_hz: chosen.frequency_hz,
             voltage_v: applied.voltage_v,
             pulse_width: applied.pulse_width,
-            phase_rad: chosen.phase_rad,
+            phase_rad,
+            force_phase_rad: phase_rad + force_phase_behind_windows_rad(chosen, i, applied.pulse_width),
             force_n: chosen.force_n,
         })
         .collect()
 }
 
-pub(super) fn predict_accelerations(
+/// Predicts what the drives do at the target and elsewhere.
+pub(super) fn predict_target_peak_mean_elsewhere_and_contrast(
     table: &PlanTable,
     formulation: &Formulation<'_>,
-    drives: &[Chosen],
-    settled: &Settled,
+    drives: &[ChosenDrive],
+    settled: &SettledMotion,
     target_peak_g: f64,
 ) -> Predicted {
     let zone = &formulation.zone;
     let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
-    for group in groups(drives) {
+    for group in group_drive_indices_by_frequency(drives) {
         match group.as_slice() {
             [i] => {
                 let Some(entry) = drives[*i].row.get(*i) else { continue };
                 let force = drives[*i].force_n;
-                near += zone.mean_square(&entry.acceleration) * force * force;
+                near += zone.mean_square_over_zone(&entry.acceleration) * force * force;
                 all += entry.mean_square * force * force;
-                near_mean += zone.mean(&entry.acceleration) * force;
+                near_mean += zone.mean_magnitude_over_zone(&entry.acceleration) * force;
                 // Off the grid what the table has is an estimate, 2 % off where a resonance is between two frequencies.
-                let of_one =
-                    if drives[*i].on_grid.is_some() { entry.mean } else { table.grid.mean(&entry.acceleration) };
+                let of_one = if drives[*i].on_grid.is_some() {
+                    entry.mean
+                } else {
+                    table.grid.mean_magnitude_over_surface(&entry.acceleration)
+                };
                 mean += of_one * force;
             }
             members => {
-                let sum = sum_accelerations(table, drives, members);
-                near += zone.mean_square(&sum);
-                all += table.mean_square(&sum);
-                near_mean += zone.mean(&sum);
-                mean += table.grid.mean(&sum);
+                let sum = sum_acceleration_coordinates_of_drives(table, drives, members);
+                near += zone.mean_square_over_zone(&sum);
+                all += table.mean_square_over_surface(&sum);
+                near_mean += zone.mean_magnitude_over_zone(&sum);
+                mean += table.grid.mean_magnitude_over_surface(&sum);
             }
         }
     }
     let components = |shape: &DVector<f64>| -> Vec<(f64, f64)> {
-        groups(drives)
+        group_drive_indices_by_frequency(drives)
             .map(|group| {
                 let hz = drives[group[0]].frequency_hz;
-                (hz, at_point(shape, &sum_accelerations(table, drives, &group)).norm())
+                (
+                    hz,
+                    acceleration_at_point_from_coordinates(
+                        shape,
+                        &sum_acceleration_coordinates_of_drives(table, drives, &group),
+                    )
+                    .norm(),
+                )
             })
             .collect()
     };
     let shape = zone.targets.first();
-    let closer = settle_with_harmonics(table, drives, settled);
+    let closer = solve_motion_with_harmonics_if_pulses_are_narrow(table, drives, settled);
     let settled = closer.as_ref().unwrap_or(settled);
     Predicted {
         target_peak_g,
         mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
-        contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
-        softened_peak_g: shape.map_or(0.0, |shape| settled_peak_m_per_s2(drives, settled, shape)) / STANDARD_GRAVITY,
-        above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
+        contrast_db: clamped_contrast_db(near, if all > 0.0 { zone.mean_square_elsewhere(all, near) } else { 0.0 }),
+        softened_peak_g: shape.map_or(0.0, |shape| settled_peak_acceleration_at_point_m_per_s2(drives, settled, shape))
+            / STANDARD_GRAVITY,
+        above_threshold_db: shape.and_then(|shape| level_above_threshold_unless_at_rest_db(&components(shape))),
     }
 }
 
-/// Acceleration coordinates of drives at one frequency together, with their phases.
-fn sum_accelerations(table: &PlanTable, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
+/// Acceleration coordinates of several drives of one frequency together, with their phases.
+fn sum_acceleration_coordinates_of_drives(
+    table: &PlanTable,
+    drives: &[ChosenDrive],
+    drive_indices: &[usize],
+) -> DVector<num_complex::Complex64> {
     let mut sum = DVector::zeros(table.model.count_coordinates());
-    for i in members {
+    for i in drive_indices {
         if let Some(entry) = drives[*i].row.get(*i) {
-            let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);
+            let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].force_phase_rad);
             sum += &entry.acceleration * force;
         }
     }
     sum
 }
 
-fn find_limitations(
+/// The reasons why the wishes are not met; empty if they are.
+fn find_reasons_for_unmet_wishes(
     table: &PlanTable,
     request: &Request,
     selection: &Selection,
-    settled: &Settled,
+    settled: &SettledMotion,
     targets: &[TargetResult],
 ) -> Vec<Limitation> {
     let is_met = match request.weigh {
-        Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
+        Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET_FRACTION),
         // In weighed accelerations, which are not the targets' own.
-        Weigh::Felt => selection.allocation.met * settled.scale >= MET,
+        Weigh::Felt => selection.allocation.met * settled.scale >= MET_FRACTION,
     };
     if is_met {
         return Vec::new();
     }
     let mut found = Vec::new();
     if let Some((actuator, limit)) = settled.limited {
-        add(&mut found, Limitation::of(table, limit, actuator));
+        add_limitation_if_new(&mut found, Limitation::for_actuator(table, limit, actuator));
     }
     if settled.is_quieted {
-        add(&mut found, Limitation::QuietZone);
+        add_limitation_if_new(&mut found, Limitation::QuietZone);
     }
     if selection.allocation.met < 1.0 {
         for (i, drive) in selection.drives.iter().enumerate() {
-            if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
-                add(&mut found, Limitation::of(table, drive.width.limit, i));
+            if drive.force_n >= drive.width.max_force_n * settled.scale * MET_FRACTION && drive.width.max_force_n > 0.0
+            {
+                add_limitation_if_new(&mut found, Limitation::for_actuator(table, drive.width.limit, i));
             }
         }
         for row in &selection.active {
-            let limit = table.limits.name(*row);
-            let of = |(actuator, limit)| Limitation::of(table, limit, actuator);
-            add(&mut found, limit.map_or(Limitation::QuietZone, of));
+            let limit = table.limits.actuator_and_limit_of_row_if_in_range(*row);
+            let of = |(actuator, limit)| Limitation::for_actuator(table, limit, actuator);
+            add_limitation_if_new(&mut found, limit.map_or(Limitation::QuietZone, of));
         }
     }
     if found.is_empty() {
-        found = find_nearly_reached_limits(table, selection, settled.scale);
+        found = find_limits_nearly_reached_before_derating(table, selection, settled.scale);
     }
     if found.is_empty() { vec![Limitation::Node] } else { found }
 }
 
-/// By which part another combination could be better; what safety took away another might not have lost.
-fn gap(selection: &Selection, settled: &Settled) -> f64 {
+/// The relative gap by which another combination could be better; what safety took away counts as what another might
+/// have kept.
+fn bound_relative_optimality_gap_after_derating(selection: &Selection, settled: &SettledMotion) -> f64 {
     let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
     if gap > NO_GAP { gap.min(MOST_GAP) } else { 0.0 }
 }
 
 /// 10 log10(near / rest), within 200 dB either way; 0 where nothing moves.
-pub(super) fn contrast_db(near: f64, rest: f64) -> f64 {
-    if near <= 0.0 && rest <= 0.0 {
+pub(super) fn clamped_contrast_db(near_mean_square: f64, rest_mean_square: f64) -> f64 {
+    if near_mean_square <= 0.0 && rest_mean_square <= 0.0 {
         return 0.0;
     }
-    (10.0 * (near / rest).log10()).clamp(-MOST_CONTRAST_DB, MOST_CONTRAST_DB)
+    (10.0 * (near_mean_square / rest_mean_square).log10()).clamp(-MOST_CONTRAST_DB, MOST_CONTRAST_DB)
 }

@@ -13,7 +13,7 @@ const WIDEST_HZ: f64 = 3.0;
 /// Some of the frequencies of the grid `options`, ascending, the lowest and the highest among them. A mode at f1 with half a width b at half its power changes at f within
 /// sqrt((f - f1)^2 + b^2), its distance from the pole.
 #[must_use]
-pub(super) fn of(model: &ReducedModel, options: TableOptions) -> Vec<f64> {
+pub(super) fn choose_frequencies_denser_near_modes_hz(model: &ReducedModel, options: TableOptions) -> Vec<f64> {
     let poles: Vec<(f64, f64)> = (0..model.count_coordinates())
         .filter(|k| model.lambda[*k] > 0.0)
         .map(|k| {

@@ -1,7 +1,7 @@
 //! The weakest place of many designs of one panel, each in some milliseconds: for studies, whose few best designs are looked at
 //! thoroughly afterwards.
 //!
-//! What a thorough look at a design ([`crate::study::Maps`]) spends its time on is left out where the weakest place does not depend on it:
+//! What a thorough look at a design ([`crate::maps::ReachMaps`]) spends its time on is left out where the weakest place does not depend on it:
 //!
 //! - The panel is solved once; supports, masses and ERAs are coupled to it ([`BarePanel`]).
 //! - Frequencies lie close together only where a resonance is (`frequencies`).
@@ -20,16 +20,16 @@ mod points;
 mod tests;
 mod weakest;
 
-pub use weakest::Weakest;
+pub use weakest::WeakestPlace;
 
 use crate::reach::Measure;
 use crate::table::PlanTable;
-use crate::table::touched::{Touched, TouchedError};
+use crate::table::touched::{TouchedError, TouchedPanel};
 use crate::{PlanError, TableOptions};
 use era_model::model::{Accuracy, BarePanel, ModelError};
 use era_model::response::ResponseError;
 use era_model::scene::{MAX_ACTUATORS, Scene};
-use points::coarse_grid;
+use points::build_grid_of_first_points;
 
 /// Why a design has no weakest place.
 #[derive(Debug, PartialEq, thiserror::Error)]
@@ -72,13 +72,13 @@ impl QuickPanel {
 
     /// The panel itself, for whoever wants more of a design than its weakest place.
     #[must_use]
-    pub const fn bare(&self) -> &BarePanel {
+    pub const fn bare_panel(&self) -> &BarePanel {
         &self.panel
     }
 
     /// Unknowns of the panel's mesh.
     #[must_use]
-    pub fn dofs(&self) -> usize {
+    pub fn count_unknowns(&self) -> usize {
         self.panel.count_unknowns()
     }
 
@@ -87,33 +87,39 @@ impl QuickPanel {
     ///
     /// # Errors
     /// [`QuickError`], also where the design is one of another panel.
-    pub fn weakest(&self, scene: &Scene, measure: Measure) -> Result<Weakest, QuickError> {
+    pub fn find_weakest_place(&self, scene: &Scene, measure: Measure) -> Result<WeakestPlace, QuickError> {
         match scene.actuators.len() {
             0 => return Err(PlanError::NoActuators.into()),
             count if count > MAX_ACTUATORS => return Err(PlanError::Actuators { count }.into()),
             _ => {}
         }
-        let table = self.table(scene)?;
+        let table = self.build_table_on_coarse_grid(scene)?;
         match scene.finger {
-            None => weakest::of(&table, measure, self.options.to_hz),
-            Some(_) => self.weakest_touched(scene, &table, measure, weakest::ROUGHLY),
+            None => weakest::find_weakest_place_of_table(&table, measure, self.options.to_hz),
+            Some(_) => self.find_weakest_touched_place(scene, &table, measure, weakest::ROUGHLY),
         }
     }
 
-    fn table(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
+    fn build_table_on_coarse_grid(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
         let model = self.panel.couple_to_design(scene)?;
-        let hz = frequencies::of(&model, self.options);
-        let grid = coarse_grid(scene, &model, self.options.to_hz);
-        Ok(PlanTable::for_strongest(scene, model, hz, grid)?)
+        let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, self.options);
+        let grid = build_grid_of_first_points(scene, &model, self.options.to_hz);
+        Ok(PlanTable::build_for_strongest_drives_only(scene, model, hz, grid)?)
     }
 
-    fn weakest_touched(
+    fn find_weakest_touched_place(
         &self,
         scene: &Scene,
         table: &PlanTable,
         measure: Measure,
         slack: f64,
-    ) -> Result<Weakest, QuickError> {
-        weakest::touched(Touched::new(&self.panel, scene, table), table, measure, self.options, slack)
+    ) -> Result<WeakestPlace, QuickError> {
+        weakest::find_weakest_touched_place(
+            TouchedPanel::new(&self.panel, scene, table),
+            table,
+            measure,
+            self.options,
+            slack,
+        )
     }
 }

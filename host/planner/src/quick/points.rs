@@ -10,13 +10,17 @@ use crate::table::{PlanTable, SurfaceGrid};
 const TIMES: usize = 2;
 
 /// The points that are looked at first.
-pub(super) fn coarse_grid(scene: &Scene, model: &ReducedModel, max_hz: f64) -> SurfaceGrid {
-    SurfaceGrid::coarse(scene, model, max_hz, TIMES)
+pub(super) fn build_grid_of_first_points(scene: &Scene, model: &ReducedModel, max_hz: f64) -> SurfaceGrid {
+    SurfaceGrid::with_every_nth_line(scene, model, max_hz, TIMES)
 }
 
 /// The points of the whole grid that are nearer to one of `places` than the next coarse line, other than the coarse ones, in m.
-pub(super) fn around(table: &PlanTable, max_hz: f64, places_m: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let whole = SurfaceGrid::without_shapes(&table.scene, max_hz);
+pub(super) fn list_finer_points_around_places_m(
+    table: &PlanTable,
+    max_hz: f64,
+    places_m: &[(f64, f64)],
+) -> Vec<(f64, f64)> {
+    let whole = SurfaceGrid::points_without_shapes(&table.scene, max_hz);
     let step = |lines: &[f64]| lines.get(1).zip(lines.first()).map_or(f64::INFINITY, |(b, a)| b - a);
     #[expect(clippy::cast_precision_loss, reason = "a small number")]
     let reach = [&whole.x_m, &whole.y_m].map(|lines| (TIMES as f64 - 0.5) * step(lines));

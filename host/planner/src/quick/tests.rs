@@ -1,10 +1,12 @@
 use super::*;
 use crate::STANDARD_GRAVITY;
+use crate::maps::touched::TouchedReach;
+use crate::maps::weakest::{
+    find_weakest_place_of_touched_reach, weakest_place_with_setting_per_place_if_frequencies_usable,
+};
 use crate::scene::random::random_scene_text;
-use crate::study::touched::TouchedReach;
-use crate::study::weakest::{every_touch, every_touch_touched};
 use era_model::model::PanelModel;
-use era_model::response::acceleration_curves;
+use era_model::response::compute_acceleration_curves_per_newton;
 use era_model::scene::{Actuator, EXAMPLE_BAR, EXAMPLE_PLATE};
 
 const OPTIONS: TableOptions = TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 };
@@ -33,15 +35,15 @@ fn odd_plate(places_m: &[(f64, f64)]) -> Scene {
     scene
 }
 
-fn quick(scene: &Scene) -> Weakest {
-    QuickPanel::new(scene, OPTIONS).unwrap().weakest(scene, Measure::G).unwrap()
+fn quick(scene: &Scene) -> WeakestPlace {
+    QuickPanel::new(scene, OPTIONS).unwrap().find_weakest_place(scene, Measure::G).unwrap()
 }
 
 /// Over all points and frequencies, of the scene's own elements, without bounds.
 fn thorough(scene: &Scene) -> Option<f64> {
     let model = PanelModel::build(scene, Accuracy::BALANCED, OPTIONS.to_hz).ok()?.reduce(OPTIONS.to_hz, &[]).ok()?;
     let table = PlanTable::build(scene, model, OPTIONS).ok()?;
-    Some(every_touch(&table, Measure::G)?.peak)
+    Some(weakest_place_with_setting_per_place_if_frequencies_usable(&table, Measure::G)?.peak)
 }
 
 #[test]
@@ -62,7 +64,7 @@ fn designs_at_random_are_too() {
         let scene = Scene::parse("random", &random_scene_text(4711, number)).unwrap();
         let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
         // Scenes that nothing can be said of are those of which a thorough look says nothing either.
-        match (panel.weakest(&scene, Measure::G), thorough(&scene)) {
+        match (panel.find_weakest_place(&scene, Measure::G), thorough(&scene)) {
             (Ok(found), Some(wanted)) if wanted > 1e-3 => off.push((found.peak / wanted - 1.0).abs()),
             (Ok(found), Some(wanted)) => assert!(found.peak < 2e-3, "{number}: {} for {wanted}", found.peak),
             (Err(_), None) => {}
@@ -85,9 +87,9 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
         let panel = BarePanel::build(&scene, Accuracy::BALANCED, OPTIONS.to_hz).unwrap();
         let options = TableOptions { step_hz: 2.0, ..OPTIONS };
         let table = PlanTable::build(&scene, panel.couple_to_design(&scene).unwrap(), options).unwrap();
-        let touched = Touched::new(&panel, &scene, &table);
-        let reach = TouchedReach::of(&table, touched, None, Measure::G).unwrap().unwrap();
-        let wanted = every_touch_touched(&table, &reach).unwrap();
+        let touched = TouchedPanel::new(&panel, &scene, &table);
+        let reach = TouchedReach::compute_at_each_point(&table, touched, None, Measure::G).unwrap().unwrap();
+        let wanted = find_weakest_place_of_touched_reach(&table, &reach).unwrap();
         assert!((found.peak / wanted.peak - 1.0).abs() < 0.03, "{found:?} for {wanted:?}");
         assert!((found.peak / plain.peak - 1.0).abs() > 0.01, "{found:?} {plain:?}");
         let (x_m, y_m) = found.at_m;
@@ -115,15 +117,15 @@ fn no_place_is_left_out_that_is_the_weakest() {
     let options = TableOptions { step_hz: 4.0, ..OPTIONS };
     for number in [3, 4, 8, 9, 12] {
         let mut scene = Scene::parse("random", &random_scene_text(815, number)).unwrap();
-        let (part, own) = (f64::from(u32::try_from(number).unwrap() % 5 + 1), scene.surface_mass_kg());
+        let (part, own) = (f64::from(u32::try_from(number).unwrap() % 5 + 1), scene.surface_mass_with_air_kg());
         scene.finger = Some(era_model::scene::Finger {
             mass_kg: 0.01 * part * own,
             damping_n_s_per_m: 1.5 * part,
             stiffness_n_per_m: 400.0 * part * part,
         });
         let panel = QuickPanel::new(&scene, options).unwrap();
-        let table = panel.table(&scene).unwrap();
-        let look = |slack: f64| panel.weakest_touched(&scene, &table, Measure::G, slack).unwrap();
+        let table = panel.build_table_on_coarse_grid(&scene).unwrap();
+        let look = |slack: f64| panel.find_weakest_touched_place(&scene, &table, Measure::G, slack).unwrap();
         let (few, all) = (look(weakest::ROUGHLY), look(1.0));
         assert!(few == all && few.peak > 0.0, "{number}: {few:?} {all:?}");
     }
@@ -142,7 +144,8 @@ fn its_drives_do_there_what_is_told() {
         .iter()
         .enumerate()
         .map(|(i, drive)| {
-            acceleration_curves(&model, &shape, &[drive.frequency_hz]).unwrap()[i][0].norm() * drive.force_n
+            compute_acceleration_curves_per_newton(&model, &shape, &[drive.frequency_hz]).unwrap()[i][0].norm()
+                * drive.force_n
         })
         .sum();
     assert!(
@@ -160,7 +163,8 @@ fn its_drives_do_there_what_is_told() {
 fn a_mirrored_design_is_as_strong() {
     let (one, other) = (odd_plate(&[(0.13, 0.87), (0.71, 0.29)]), odd_plate(&[(0.87, 0.87), (0.29, 0.29)]));
     let panel = QuickPanel::new(&one, OPTIONS).unwrap();
-    let [first, mirrored, again] = [&one, &other, &one].map(|scene| panel.weakest(scene, Measure::G).unwrap());
+    let [first, mirrored, again] =
+        [&one, &other, &one].map(|scene| panel.find_weakest_place(scene, Measure::G).unwrap());
     assert_eq!(first, again);
     assert!((first.peak / mirrored.peak - 1.0).abs() < 1e-4, "{} {}", first.peak, mirrored.peak);
     let turned = one.surface.length_m - mirrored.at_m.0;
@@ -177,23 +181,26 @@ fn what_cannot_be_driven_says_so() {
     let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
     let mut none = scene.clone();
     none.actuators.clear();
-    assert_eq!(panel.weakest(&none, Measure::G), Err(QuickError::Plan(PlanError::NoActuators)));
+    assert_eq!(panel.find_weakest_place(&none, Measure::G), Err(QuickError::Plan(PlanError::NoActuators)));
     let mut many = scene.clone();
     many.actuators = vec![scene.actuators[0].clone(); MAX_ACTUATORS + 1];
     assert_eq!(
-        panel.weakest(&many, Measure::G),
+        panel.find_weakest_place(&many, Measure::G),
         Err(QuickError::Plan(PlanError::Actuators { count: MAX_ACTUATORS + 1 }))
     );
     let mut thicker = scene;
     thicker.surface.thickness_m *= 2.0;
-    assert_eq!(panel.weakest(&thicker, Measure::G), Err(QuickError::Model(ModelError::OtherPanel { part: "surface" })));
+    assert_eq!(
+        panel.find_weakest_place(&thicker, Measure::G),
+        Err(QuickError::Model(ModelError::OtherPanel { part: "surface" }))
+    );
 }
 
 /// Close to a resonance every frequency of the grid is there; far from all, three times fewer.
 #[test]
 fn frequencies_are_close_where_resonances_are() {
     let model = PanelModel::build(&plate(), Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-    let hz = frequencies::of(&model, OPTIONS);
+    let hz = frequencies::choose_frequencies_denser_near_modes_hz(&model, OPTIONS);
     assert!(hz[0] == 40.0 && hz[hz.len() - 1] == 400.0);
     assert!(hz.windows(2).all(|pair| (1.0..=3.0).contains(&(pair[1] - pair[0]))), "{hz:?}");
     assert!((80..200).contains(&hz.len()), "{}", hz.len());

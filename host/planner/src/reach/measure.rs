@@ -1,7 +1,7 @@
 //! What peaks are measured in.
 
 use crate::STANDARD_GRAVITY;
-use crate::perception::threshold_m_per_s2;
+use crate::perception::felt_threshold_m_per_s2;
 use serde::Serialize;
 
 /// What peaks are measured in.
@@ -18,10 +18,10 @@ pub enum Measure {
 impl Measure {
     /// What an acceleration of 1 m/s^2 at a frequency counts.
     #[must_use]
-    pub fn weight(self, frequency_hz: f64) -> f64 {
+    pub fn weight_per_m_per_s2(self, frequency_hz: f64) -> f64 {
         match self {
             Measure::G => 1.0 / STANDARD_GRAVITY,
-            Measure::Thresholds => 1.0 / threshold_m_per_s2(frequency_hz),
+            Measure::Thresholds => 1.0 / felt_threshold_m_per_s2(frequency_hz),
         }
     }
 }

@@ -14,7 +14,7 @@ pub mod space;
 #[cfg(test)]
 mod tests;
 
-pub use max_min::{everywhere, prepare_whole_surface_setting};
+pub use max_min::{compute_and_keep_whole_surface_setting, max_min_setting_and_relative_gap_if_spacing_can_be_kept};
 pub use measure::Measure;
-pub use search::Best;
-pub use space::{Choice, Space};
+pub use search::MaxMinCombination;
+pub use space::{ReachCandidate, ReachSpace};

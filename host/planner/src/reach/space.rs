@@ -11,7 +11,7 @@ const TOGETHER: usize = 64;
 ///
 /// Gains are kept in single precision: 6e-8 is far below any model's error, and a surface has thousands of points.
 #[derive(Clone, Debug)]
-pub struct Space {
+pub struct ReachSpace {
     /// In Hz, ascending.
     pub frequencies_hz: Vec<f64>,
     /// Number of points.
@@ -28,7 +28,7 @@ pub struct Space {
 
 /// One actuator at one frequency.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Choice {
+pub struct ReachCandidate {
     /// Most force in N; 0 if this frequency cannot be used.
     pub force_n: f64,
     /// At each point, at that force.
@@ -37,10 +37,10 @@ pub struct Choice {
     pub usage: Vec<f64>,
 }
 
-impl Space {
+impl ReachSpace {
     /// The space of `choices[actuator][frequency]`, each as long as the others in its gains and in its usages.
     #[must_use]
-    pub fn new(frequencies_hz: Vec<f64>, choices: Vec<Vec<Choice>>) -> Self {
+    pub fn new(frequencies_hz: Vec<f64>, choices: Vec<Vec<ReachCandidate>>) -> Self {
         let first = choices.first().and_then(|list| list.first());
         let (points, limits) = first.map_or((0, 0), |choice| (choice.gain.len(), choice.usage.len()));
         let mut space =
@@ -54,20 +54,24 @@ impl Space {
     }
 
     /// The space of a table, seen from points with these mode shapes (points x n). Accelerations are multiplied by
-    /// `weight(frequency_hz)`: 1, or the inverse of what is just felt at that frequency.
+    /// `weight_at_hz(frequency_hz)`: 1, or the inverse of what is just felt at that frequency.
     #[must_use]
-    pub fn of(table: &PlanTable, shapes: &DMatrix<f64>, weight: impl Fn(f64) -> f64) -> Self {
+    pub fn from_table(table: &PlanTable, shapes: &DMatrix<f64>, weight_at_hz: impl Fn(f64) -> f64) -> Self {
         let limits = &table.limits;
         let choices = table.entries.iter().enumerate().map(|(actuator, list)| {
             let entries: Vec<(Option<&Entry>, f64)> =
-                list.iter().map(Option::as_ref).zip(table.frequencies_hz.iter().map(|hz| weight(*hz))).collect();
+                list.iter().map(Option::as_ref).zip(table.frequencies_hz.iter().map(|hz| weight_at_hz(*hz))).collect();
             let choice = |entry: Option<&Entry>, gain: Vec<f32>| match entry {
-                None => Choice { force_n: 0.0, gain, usage: vec![0.0; limits.allowed.len()] },
-                Some(entry) => Choice { force_n: entry.max_force_n, gain, usage: usage(limits, actuator, entry) },
+                None => ReachCandidate { force_n: 0.0, gain, usage: vec![0.0; limits.allowed.len()] },
+                Some(entry) => ReachCandidate {
+                    force_n: entry.max_force_n,
+                    gain,
+                    usage: usage_fraction_of_each_limit(limits, actuator, entry),
+                },
             };
-            let each = entries
-                .chunks(TOGETHER)
-                .flat_map(|chunk| chunk.iter().map(|(entry, _)| *entry).zip(magnitudes(shapes, chunk)));
+            let each = entries.chunks(TOGETHER).flat_map(|chunk| {
+                chunk.iter().map(|(entry, _)| *entry).zip(weighted_full_force_peaks_of_each_entry(shapes, chunk))
+            });
             each.map(|(entry, gain)| choice(entry, gain)).collect()
         });
         Self::new(table.frequencies_hz.clone(), choices.collect())
@@ -75,52 +79,56 @@ impl Space {
 
     /// Number of actuators.
     #[must_use]
-    pub fn actuators(&self) -> usize {
+    pub fn count_actuators(&self) -> usize {
         self.force_n.len()
     }
 
     /// Most force of an actuator at a frequency in N.
     #[must_use]
-    pub fn force_n(&self, actuator: usize, frequency: usize) -> f64 {
-        self.force_n.get(actuator).and_then(|list| list.get(frequency)).copied().unwrap_or(0.0)
+    pub fn max_force_n(&self, actuator: usize, frequency_index: usize) -> f64 {
+        self.force_n.get(actuator).and_then(|list| list.get(frequency_index)).copied().unwrap_or(0.0)
     }
 
     /// The gains of an actuator at a frequency, at every point.
     #[must_use]
-    pub fn gains(&self, actuator: usize, frequency: usize) -> &[f32] {
-        &self.gain[actuator][frequency * self.points..(frequency + 1) * self.points]
+    pub fn weighted_acceleration_at_full_force_at_each_point(&self, actuator: usize, frequency_index: usize) -> &[f32] {
+        &self.gain[actuator][frequency_index * self.points..(frequency_index + 1) * self.points]
     }
 
     /// What an actuator at a frequency uses up of each shared limit.
     #[must_use]
-    pub fn usages(&self, actuator: usize, frequency: usize) -> &[f64] {
-        &self.usage[actuator][frequency * self.limits..(frequency + 1) * self.limits]
+    pub fn usage_fraction_of_each_limit_at_max_force(&self, actuator: usize, frequency_index: usize) -> &[f64] {
+        &self.usage[actuator][frequency_index * self.limits..(frequency_index + 1) * self.limits]
     }
 
     /// The frequencies at which an actuator can be used.
     #[must_use]
-    pub fn usable(&self, actuator: usize) -> Vec<usize> {
+    pub fn usable_frequency_indices(&self, actuator: usize) -> Vec<usize> {
         let list = self.force_n.get(actuator).map(Vec::as_slice).unwrap_or_default();
         (0..list.len()).filter(|frequency| list[*frequency] > 0.0).collect()
     }
 
     /// Equation 23 at a point: the sum over actuators of gain times the part of full force.
     #[must_use]
-    pub fn peak(&self, point: usize, choice: &[usize], parts: &[f64]) -> f64 {
-        choice
+    pub fn peak_at_point(&self, point: usize, frequency_indices: &[usize], force_fractions: &[f64]) -> f64 {
+        frequency_indices
             .iter()
-            .zip(parts)
+            .zip(force_fractions)
             .enumerate()
-            .map(|(actuator, (frequency, part))| f64::from(self.gains(actuator, *frequency)[point]) * part)
+            .map(|(actuator, (frequency, part))| {
+                f64::from(self.weighted_acceleration_at_full_force_at_each_point(actuator, *frequency)[point]) * part
+            })
             .sum()
     }
 
     /// Equation 23 at every point.
     #[must_use]
-    pub fn peaks(&self, choice: &[usize], parts: &[f64]) -> Vec<f64> {
+    pub fn peak_at_each_point(&self, frequency_indices: &[usize], force_fractions: &[f64]) -> Vec<f64> {
         let mut sum = vec![0.0; self.points];
-        for (actuator, (frequency, part)) in choice.iter().zip(parts).enumerate() {
-            for (sum, gain) in sum.iter_mut().zip(self.gains(actuator, *frequency)) {
+        for (actuator, (frequency, part)) in frequency_indices.iter().zip(force_fractions).enumerate() {
+            for (sum, gain) in
+                sum.iter_mut().zip(self.weighted_acceleration_at_full_force_at_each_point(actuator, *frequency))
+            {
                 *sum += f64::from(*gain) * part;
             }
         }
@@ -128,10 +136,10 @@ impl Space {
     }
 }
 
-/// Of some entries, with what their accelerations are multiplied by, the magnitude at every point at full force; 0 without an entry. One product of
-/// matrices for all of them.
+/// Of some entries, with what their accelerations are multiplied by, the magnitude at full force, for each entry at each point; 0 without an entry.
+/// One product of matrices for all of them.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is meant")]
-fn magnitudes(shapes: &DMatrix<f64>, entries: &[(Option<&Entry>, f64)]) -> Vec<Vec<f32>> {
+fn weighted_full_force_peaks_of_each_entry(shapes: &DMatrix<f64>, entries: &[(Option<&Entry>, f64)]) -> Vec<Vec<f32>> {
     let mut coordinates = DMatrix::zeros(shapes.ncols(), 2 * entries.len());
     for (k, (entry, weight)) in entries.iter().enumerate() {
         let Some(entry) = entry else { continue };
@@ -147,8 +155,8 @@ fn magnitudes(shapes: &DMatrix<f64>, entries: &[(Option<&Entry>, f64)]) -> Vec<V
 }
 
 /// Part of each shared limit that an actuator uses up at its largest force.
-fn usage(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
-    let strongest = entry.strong();
-    let loads = limits.loads(actuator, strongest).zip(&limits.allowed);
+fn usage_fraction_of_each_limit(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
+    let strongest = entry.widest_pulse_if_noticeably_stronger();
+    let loads = limits.load_per_n_on_each_limit(actuator, strongest).zip(&limits.allowed);
     loads.map(|(load, allowed)| load * strongest.max_force_n / allowed).collect()
 }

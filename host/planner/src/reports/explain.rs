@@ -3,13 +3,15 @@
 use crate::choose::candidates::Formulation;
 use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, ModelError};
-use crate::plan::{Plan, contrast_db};
+use crate::physics::charging::PeriodicCharging;
+use crate::plan::{Plan, clamped_contrast_db};
 use crate::request::{Grouping, Objective, PlanError, Request};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, SurfaceKind};
-use crate::table::{PlanTable, TableOptions, at_point, harmonic_part};
+use crate::table::{PlanTable, TableOptions, acceleration_at_point_from_coordinates};
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Frequencies told of each actuator.
 const TOLD: usize = 4;
@@ -67,7 +69,7 @@ pub struct Alternative {
 pub struct PulseWidth {
     /// Part of its half period for which an electrode is on.
     pub pulse_width: f64,
-    /// Fundamental's force over that of a full-width pulse at the same voltage.
+    /// Fundamental's force over that of a full-width pulse at the same voltage of electrodes that charge at once: the mean over the drives.
     pub force: f64,
     /// Mean square over the surface of all drives' odd harmonics up to 1 kHz over that of their fundamentals, in dB; `null` below
     /// [`LEAST_HARMONICS_DB`]: there are none.
@@ -99,7 +101,7 @@ pub enum ExplainError {
     Response(#[from] ResponseError),
 }
 
-/// Explains the plan that `request` has.
+/// Explains the plan of a request: candidates, pulse widths and alternatives.
 ///
 /// # Errors
 /// [`ExplainError`].
@@ -107,8 +109,10 @@ pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation,
     let planned = table.plan_with_details(request)?;
     let formulation = Formulation::new(table, request);
     let plan = &planned.plan;
-    let candidates = (0..table.entries.len()).map(|i| list_candidates(table, &formulation, plan, i)).collect();
-    let pulse_widths = WIDTHS.iter().map(|width| evaluate_pulse_width(table, plan, *width)).collect();
+    let candidates =
+        (0..table.entries.len()).map(|i| list_frequencies_of_largest_contrast(table, &formulation, plan, i)).collect();
+    let pulse_widths =
+        WIDTHS.iter().map(|width| evaluate_force_and_harmonics_of_pulse_width(table, plan, *width)).collect();
     let mut alternatives = vec![describe_alternative(table, "this plan".into(), &formulation, plan)];
     let mut add = |change: &str, request: Request| match table.plan_request(&request) {
         Ok(plan) => alternatives.push(describe_alternative(table, change.into(), &formulation, &plan)),
@@ -134,20 +138,28 @@ pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation,
             add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
         }
     }
-    if let Some(more) = try_one_more_actuator(table, request)? {
+    if let Some(more) = describe_best_added_actuator_if_channel_left(table, request)? {
         alternatives.push(more);
     }
     Ok(Explanation { candidates, pulse_widths, alternatives })
 }
 
-/// The maxima over frequency of the contrast that an actuator makes alone.
-fn list_candidates(table: &PlanTable, formulation: &Formulation<'_>, plan: &Plan, actuator: usize) -> Candidates {
+/// The frequencies at which the contrast of an actuator alone has a maximum, best first.
+fn list_frequencies_of_largest_contrast(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    plan: &Plan,
+    actuator: usize,
+) -> Candidates {
     let step_hz = table.frequencies_hz.get(1).zip(table.frequencies_hz.first()).map_or(0.0, |(b, a)| b - a);
     let chosen_hz = plan.drives.get(actuator).map_or(f64::NAN, |drive| drive.frequency_hz);
     let contrast = |k: usize| -> Option<f64> {
         let entry = table.entry(actuator, k)?;
-        let near = formulation.zone.mean_square(&entry.acceleration);
-        Some(contrast_db(near, formulation.energy(entry, &entry.widths[0])))
+        let near = formulation.zone.mean_square_over_zone(&entry.acceleration);
+        Some(clamped_contrast_db(
+            near,
+            formulation.mean_square_elsewhere_with_harmonics_per_n2(entry, &entry.widths[0]),
+        ))
     };
     let values: Vec<Option<f64>> = (0..table.frequencies_hz.len()).map(contrast).collect();
     let is_peak = |k: usize| {
@@ -165,7 +177,8 @@ fn list_candidates(table: &PlanTable, formulation: &Formulation<'_>, plan: &Plan
             Some(Frequency {
                 frequency_hz: table.frequencies_hz[k],
                 contrast_db: values[k]?,
-                reach_g: at_point(shape, &entry.acceleration).norm() * entry.max_force_n / STANDARD_GRAVITY,
+                reach_g: acceleration_at_point_from_coordinates(shape, &entry.acceleration).norm() * entry.max_force_n
+                    / STANDARD_GRAVITY,
                 limit: entry.limit.name(),
                 chosen: (table.frequencies_hz[k] - chosen_hz).abs() <= step_hz,
             })
@@ -181,32 +194,49 @@ fn list_candidates(table: &PlanTable, formulation: &Formulation<'_>, plan: &Plan
     Candidates { actuator: id, frequencies }
 }
 
-fn evaluate_pulse_width(table: &PlanTable, plan: &Plan, pulse_width: f64) -> PulseWidth {
+/// The effect of a pulse width on force and harmonics of a plan.
+fn evaluate_force_and_harmonics_of_pulse_width(table: &PlanTable, plan: &Plan, pulse_width: f64) -> PulseWidth {
     let solver = crate::response::CoordinateSolver::new(&table.model);
-    let (mut fundamental, mut harmonics) = (0.0, 0.0);
+    let (mut fundamental, mut harmonics, mut driven) = (0.0, 0.0, Vec::new());
     for (i, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+        let Some(electrodes) = table.electrodes.get(i) else { continue };
+        let charging = electrodes.charging_at(drive.frequency_hz);
+        driven.push(charging);
         let numbers = (0..).map(|k| f64::from(2 * k + 1));
         for n in numbers.take_while(|n| *n == 1.0 || n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
             let hz = n * drive.frequency_hz;
-            let Ok(coordinates) = solver.solve_at_frequency(hz) else { continue };
+            let Ok(coordinates) = solver.solve_coordinates_per_newton_at(hz) else { continue };
             let Some(q) = coordinates.get(i) else { continue };
-            let force = drive.force_n * harmonic_part(n, pulse_width) * (std::f64::consts::TAU * hz).powi(2);
-            let square = table.mean_square(q) * force * force;
+            let force = drive.force_n
+                * charging.harmonic_phasor_over_fundamental_amplitude(n, pulse_width).norm()
+                * (std::f64::consts::TAU * hz).powi(2);
+            let square = table.mean_square_over_surface(q) * force * force;
             if n == 1.0 { fundamental += square } else { harmonics += square }
         }
     }
     PulseWidth {
         pulse_width,
-        force: (std::f64::consts::FRAC_PI_2 * pulse_width).sin(),
+        force: mean_force_fraction(&driven, pulse_width),
         harmonics_db: (harmonics > 0.0 && fundamental > 0.0)
             .then(|| 10.0 * (harmonics / fundamental).log10())
             .filter(|db| *db >= LEAST_HARMONICS_DB),
     }
 }
 
+/// Fundamental over that of a full-width pulse of electrodes that charge at once, 4/pi of an electrode's steady force: the mean over drives.
+#[expect(clippy::cast_precision_loss, reason = "at most four")]
+fn mean_force_fraction(driven: &[PeriodicCharging], pulse_width: f64) -> f64 {
+    if driven.iter().all(PeriodicCharging::is_instant) {
+        return (FRAC_PI_2 * pulse_width).sin();
+    }
+    let each = driven.iter().map(|charging| charging.harmonic_amplitude_n(FRAC_PI_4, 1.0, pulse_width));
+    each.sum::<f64>() / driven.len() as f64
+}
+
+/// The figures of an alternative plan.
 fn describe_alternative(table: &PlanTable, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
     let power = |(i, drive): (usize, &crate::drive::Drive)| {
-        formulation.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
+        formulation.electrical_power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
     };
     Alternative {
         change,
@@ -215,14 +245,19 @@ fn describe_alternative(table: &PlanTable, change: String, formulation: &Formula
         power_mw: plan.drives.iter().enumerate().map(power).sum::<f64>() * 1e3,
         limited_by: plan.limited_by.clone(),
         weakest_g: (plan.objective == Objective::Reach).then(|| {
-            table.compute_peak_field(plan).into_iter().flatten().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY
+            table.compute_peak_at_each_grid_point_m_per_s2(plan).into_iter().flatten().fold(f64::INFINITY, f64::min)
+                / STANDARD_GRAVITY
         }),
     }
 }
 
-/// One more actuator like the first, at the best of nine places (three on a bar) for the most contrast; `None` where the
-/// board has no channel left.
-fn try_one_more_actuator(table: &PlanTable, request: &Request) -> Result<Option<Alternative>, ExplainError> {
+/// The plan with one more actuator like the first, at the place of nine (three on a bar) with the largest peak, of equal ones
+/// with the most contrast, whether or not it is better than the plan without it;
+/// `None` if the board has no channel left.
+fn describe_best_added_actuator_if_channel_left(
+    table: &PlanTable,
+    request: &Request,
+) -> Result<Option<Alternative>, ExplainError> {
     let Some(like) = table.scene.actuators.first().filter(|_| table.scene.actuators.len() < MAX_ACTUATORS) else {
         return Ok(None);
     };
@@ -240,7 +275,7 @@ fn try_one_more_actuator(table: &PlanTable, request: &Request) -> Result<Option<
         let mut more = like.clone();
         (more.id, more.x_m, more.y_m) = (String::from("one more"), x_m, y_m);
         scene.actuators.push(more);
-        let options = TableOptions::preview();
+        let options = TableOptions::for_preview();
         let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz)?;
         let table = PlanTable::build(&scene, levels.fine, options)?;
         let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };

@@ -1,68 +1,78 @@
-//! What is said of a press: how wrong the figures may be, and which actuators do not bear it.
+//! Error bounds on the effect of a press, and warnings about actuators that do not withstand it.
 
 use crate::model::{Bound, ReducedModel};
+use crate::physics::limits::MAX_TRAVEL_FRACTION;
 use crate::scene::Actuator;
 use crate::table::PlanTable;
-use crate::table::press::{Pressed, Stop, sags_on};
+use crate::table::press::{PressEffect, Stop, recompute_sag_of_each_mass_on_other_model_m};
 
-/// Bound on the relative error of how far a press alone moves an actuator's mass ([`Pressed::alone_m`]), by the coarser models. It is that of the panel, which
+/// Bound on the relative error of how far a press alone moves an actuator's mass ([`PressEffect::alone_m`]), by the coarser models. It is that of the panel, which
 /// is linear, whatever the force and wherever the mass meets an electrode. The furthest place is one of the grid's points, or an actuator's: between
-/// them a mass may go 1 % further.
+/// them a mass may move 2 % further.
 #[must_use]
-pub fn bound_press_travel_error(table: &PlanTable, actuator: usize) -> Bound {
+pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
-        return Bound::Unknown("no coarser model was made to compare with");
+        return Bound::Unknown("no coarser model was computed for a comparison");
     };
     if table.pressed.get(actuator).is_some_and(|pressed| pressed.alone_m.is_infinite()) {
         return Bound::Unknown("nothing holds the panel");
     }
     let Some(pressed) = table.pressed.get(actuator).filter(|pressed| pressed.alone_m > 0.0) else {
-        return Bound::Unknown("nothing is moved");
+        return Bound::Unknown("the press does not move the mass");
     };
     let at = |model: &ReducedModel| {
-        let q = model.steady_coordinates_per_newton(actuator).filter(|_| model.is_surface_held())?;
+        let q = model
+            .steady_coordinates_per_newton_unless_driving_free_motion(actuator)
+            .filter(|_| model.is_surface_held())?;
         Some(model.shape_deflections_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
     };
     let (Some(fine), Some(middle), Some(coarse)) = (at(&table.model), at(middle), at(coarse)) else {
         return Bound::Unknown("nothing holds the panel");
     };
     let difference = |a: f64, b: f64| (a - b).abs() / fine.abs();
-    estimator.steady_deflection_error_bound(difference(coarse, middle), difference(middle, fine))
+    estimator.steady_deflection_bound_from_differences(difference(coarse, middle), difference(middle, fine))
 }
 
-/// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`Pressed::sag_m`]), at the place where the press moves it furthest and
+/// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`PressEffect::sag_m`]), at the place where the press moves it furthest and
 /// with the stops that there are.
 #[must_use]
-pub fn bound_sag_error(table: &PlanTable, actuator: usize) -> Bound {
+pub fn bound_relative_sag_error(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {
-        return Bound::Unknown("no coarser model was made to compare with");
+        return Bound::Unknown("no coarser model was computed for a comparison");
     };
-    let on = |model| sags_on(&table.scene, model, &table.electrodes, &table.pressed).get(actuator).copied();
+    let on = |model| {
+        recompute_sag_of_each_mass_on_other_model_m(&table.scene, model, &table.electrodes, &table.pressed)
+            .get(actuator)
+            .copied()
+    };
     match (on(&table.model), on(middle), on(coarse)) {
-        (Some(fine), Some(middle), Some(coarse)) if fine > 0.0 => {
-            estimator.steady_deflection_error_bound((coarse - middle).abs() / fine, (middle - fine).abs() / fine)
-        }
-        _ => Bound::Unknown("nothing is moved"),
+        (Some(fine), Some(middle), Some(coarse)) if fine > 0.0 => estimator
+            .steady_deflection_bound_from_differences((coarse - middle).abs() / fine, (middle - fine).abs() / fine),
+        _ => Bound::Unknown("the press does not move the mass"),
     }
 }
 
 /// Which actuators do not bear the scene's press, and what would do.
 #[must_use]
-pub fn list_press_warnings(table: &PlanTable) -> Vec<String> {
+pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> Vec<String> {
     let assumed = table.scene.actuators.iter().zip(&table.pressed).filter(|(_, own)| own.stop == Stop::Assumed);
-    let text = |(actuator, pressed): (&Actuator, &Pressed)| {
-        let how_far = if pressed.alone_m <= actuator.air_gap_m {
-            format!("{:.0} um off its middle", pressed.alone_m * 1e6)
-        } else {
-            "onto its electrode".into()
+    let text = |(actuator, pressed): (&Actuator, &PressEffect)| {
+        let how_far = match pressed.alone_m {
+            alone_m if alone_m > actuator.air_gap_m => "as far as its electrode".into(),
+            alone_m if alone_m > MAX_TRAVEL_FRACTION * actuator.air_gap_m => format!("by {:.0} um", alone_m * 1e6),
+            alone_m => format!("by {:.0} um, and its electrodes pull it further", alone_m * 1e6),
         };
         let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
-            format!(", or springs of {} N/m (stiffness_n_per_m, now {})", up(stiffness), actuator.stiffness_n_per_m)
+            format!(
+                ", or use springs of {} N/m (stiffness_n_per_m is {})",
+                round_up_to_two_digits(stiffness),
+                actuator.stiffness_n_per_m
+            )
         });
         format!(
-            "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, and its gap of {:.0} um bears a third of \
-             itself: plans are made for a stop there, which the scene does not have. Fit one and say stop_um = \
-             {:.0}{springs}; [press] force_n names another force",
+            "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, but a mass may move by at most a third of \
+             its gap of {:.0} um. The scene has no stop for this mass, and plans assume one. Fit a stop and set stop_um = \
+             {:.0}{springs}, or set another press force with force_n in [press]",
             table.scene.press_n,
             pressed.at_m.0 * 1e3,
             pressed.at_m.1 * 1e3,
@@ -74,8 +84,8 @@ pub fn list_press_warnings(table: &PlanTable) -> Vec<String> {
     assumed.map(text).collect()
 }
 
-/// The next number with two digits.
-fn up(value: f64) -> f64 {
+/// The next higher number with two digits.
+fn round_up_to_two_digits(value: f64) -> f64 {
     let digit = 10_f64.powf(value.log10().floor() - 1.0);
     (value / digit).ceil() * digit
 }

@@ -1,10 +1,10 @@
 //! What a press does to every actuator, as commands and the Python package print it.
 
 use crate::physics::limits::Electrodes;
-use crate::reports::press_bounds::{bound_press_travel_error, bound_sag_error};
+use crate::reports::press_bounds::{bound_relative_press_travel_error, bound_relative_sag_error};
 use crate::scene::Actuator;
 use crate::table::PlanTable;
-use crate::table::press::{Pressed, Stop};
+use crate::table::press::{PressEffect, Stop};
 use serde::Serialize;
 
 /// What a press does to the gaps of all actuators.
@@ -45,22 +45,22 @@ pub struct PressedActuator {
 
 /// What the scene's press does to every actuator.
 #[must_use]
-pub fn report_press(table: &PlanTable) -> PressReport {
+pub fn build_press_report(table: &PlanTable) -> PressReport {
     let finite = |value: f64| value.is_finite().then_some(value);
     let all = table.scene.actuators.iter().zip(&table.pressed).zip(&table.electrodes).enumerate();
     let report =
-        |(i, ((actuator, pressed), electrodes)): (usize, ((&Actuator, &Pressed), &Electrodes))| PressedActuator {
+        |(i, ((actuator, pressed), electrodes)): (usize, ((&Actuator, &PressEffect), &Electrodes))| PressedActuator {
             actuator: actuator.id.clone(),
             at_mm: [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
             alone_um: finite(pressed.alone_m * 1e6),
-            error_bound: bound_press_travel_error(table, i).known_limit(),
+            error_bound: bound_relative_press_travel_error(table, i).limit_if_known(),
             sag_um: pressed.sag_m * 1e6,
-            sag_error_bound: bound_sag_error(table, i).known_limit(),
+            sag_error_bound: bound_relative_sag_error(table, i).limit_if_known(),
             stop: pressed.stop,
             stop_um: finite(pressed.stop_m * 1e6),
             stiffness_n_per_m: pressed.stiffness_n_per_m,
-            gap_left_um: electrodes.gap_left_m(0.0) * 1e6,
-            holds_v: electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
+            gap_left_um: electrodes.remaining_gap_under_press_m(0.0) * 1e6,
+            holds_v: electrodes.max_voltage_of_remaining_gap_v(0.0).min(electrodes.max_voltage_v),
         };
     PressReport { force_n: table.scene.press_n, actuators: all.map(report).collect() }
 }

@@ -1,18 +1,18 @@
 //! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
 
-use crate::motion::harmonics::compute_drive_harmonics;
-use crate::motion::harmonics_at::compute_harmonics_at;
-use crate::motion::strong_softening::find_moving_harmonics;
-use crate::perception::level_db;
+use crate::motion::harmonics::compute_drive_harmonics_on_finest_model;
+use crate::motion::harmonics_at::compute_harmonics_bounding_error_unless_negligible;
+use crate::motion::strong_softening::hz_and_peaks_of_third_and_fifth_harmonics_if_found;
+use crate::perception::threshold_multiple_to_db_unless_at_rest;
 use crate::plan::{Plan, Planned};
 use crate::table::PlanTable;
 use crate::transient::panel::SwitchedForce;
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use serde::Serialize;
 
-/// Of a plan's first target.
+/// What is told of a plan's first target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct FirstTargetReport {
     /// Peak of the whole waveform at most: softened fundamentals and all odd harmonics up to what is felt, the third and fifth as
     /// they are in moving gaps, in g.
     pub waveform_peak_g: f64,
@@ -41,9 +41,9 @@ pub struct Times {
     pub decays_to_10_ms: Option<f64>,
 }
 
-/// When a plan's first target vibrates, and when it has stopped.
+/// Rise and decay times of a plan at its first target.
 #[must_use]
-pub fn compute_times(table: &PlanTable, plan: &Plan) -> Times {
+pub fn compute_rise_and_decay_times_at_first_target(table: &PlanTable, plan: &Plan) -> Times {
     let shape = plan.targets.first().map(|target| table.model.shape_deflections_at(target.x_m, target.y_m));
     let drives: Vec<SwitchedForce> = plan
         .drives
@@ -54,10 +54,10 @@ pub fn compute_times(table: &PlanTable, plan: &Plan) -> Times {
             actuator,
             frequency_hz: drive.frequency_hz,
             force_n: drive.force_n,
-            phase_rad: drive.phase_rad,
+            phase_rad: drive.force_phase_rad,
         })
         .collect();
-    let timing = table.rise().zip(shape).map(|(rise, shape)| rise.times(&shape, &drives));
+    let timing = table.panel_poles().zip(shape).map(|(rise, shape)| rise.find_rise_and_decay_times(&shape, &drives));
     let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
     Times {
         reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
@@ -67,18 +67,21 @@ pub fn compute_times(table: &PlanTable, plan: &Plan) -> Times {
 
 /// The report on a plan.
 #[must_use]
-pub fn report_plan(table: &PlanTable, planned: &Planned) -> Report {
+pub fn build_harmonics_and_timing_report_at_first_target(table: &PlanTable, planned: &Planned) -> FirstTargetReport {
     let shape = planned.shapes.first();
-    let motions = compute_drive_harmonics(table, &planned.drives, &planned.settled);
-    let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
+    let motions = compute_drive_harmonics_on_finest_model(table, &planned.drives, &planned.settled);
+    let harmonics: Vec<(f64, f64)> =
+        shape.map(|shape| motions.harmonic_hz_and_peaks_at_point(shape).collect()).unwrap_or_default();
     // What comes to them in moving gaps.
-    let moving = shape.and_then(|shape| find_moving_harmonics(table, &planned.drives, &planned.settled, shape));
+    let moving = shape.and_then(|shape| {
+        hz_and_peaks_of_third_and_fifth_harmonics_if_found(table, &planned.drives, &planned.settled, shape)
+    });
     let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
     let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
     let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
     let target = planned.plan.targets.first();
     let at = target.map(|target| {
-        compute_harmonics_at(
+        compute_harmonics_bounding_error_unless_negligible(
             table,
             &planned.drives,
             &planned.settled,
@@ -88,16 +91,16 @@ pub fn report_plan(table: &PlanTable, planned: &Planned) -> Report {
     });
     let sum_m_per_s2 = at.map_or(0.0, |at| at.sum_m_per_s2);
     let bound_db = |part: f64| -20.0 * (1.0 - part).log10();
-    Report {
+    FirstTargetReport {
         waveform_peak_g: planned.plan.predicted.softened_peak_g + (sum_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
         harmonics_g: sum_m_per_s2 / STANDARD_GRAVITY,
-        harmonics_error_bound: at.and_then(|at| at.sum_bound.known_limit()),
-        strongest_harmonic_db: at.and_then(|at| level_db(at.strongest)),
+        harmonics_error_bound: at.and_then(|at| at.sum_bound.limit_if_known()),
+        strongest_harmonic_db: at.and_then(|at| threshold_multiple_to_db_unless_at_rest(at.strongest)),
         // A level goes further down than up by the same part; where all of it may be wrong, by any amount.
         strongest_harmonic_error_db: at
-            .and_then(|at| at.strongest_bound.known_limit())
+            .and_then(|at| at.strongest_bound.limit_if_known())
             .filter(|part| *part < 1.0)
             .map(bound_db),
-        times: compute_times(table, &planned.plan),
+        times: compute_rise_and_decay_times_at_first_target(table, &planned.plan),
     }
 }

@@ -5,8 +5,8 @@
 
 use crate::plan::Plan;
 use crate::reports::report::Times;
-use crate::reports::trade::Trade;
-use crate::request::{MAX_TARGETS, PlanError, Request, within};
+use crate::reports::trade::TradeOffs;
+use crate::request::{MAX_TARGETS, PlanError, Request, check_range};
 use serde::Serialize;
 
 /// Latest end of a window in ms: as long as the board drives in one burst.
@@ -28,9 +28,9 @@ impl Window {
     ///
     /// # Errors
     /// [`PlanError::Range`] that names `from_ms` or `to_ms`.
-    pub fn check(&self) -> Result<(), PlanError> {
-        within("from_ms", self.from_ms, 0.0, MAX_WINDOW_MS - MIN_WINDOW_MS, 1.0)?;
-        within("to_ms", self.to_ms, self.from_ms + MIN_WINDOW_MS, MAX_WINDOW_MS, 1.0)
+    pub fn check_range(&self) -> Result<(), PlanError> {
+        check_range("from_ms", self.from_ms, 0.0, MAX_WINDOW_MS - MIN_WINDOW_MS, 1.0)?;
+        check_range("to_ms", self.to_ms, self.from_ms + MIN_WINDOW_MS, MAX_WINDOW_MS, 1.0)
     }
 }
 
@@ -50,11 +50,11 @@ pub struct Span {
 ///
 /// # Errors
 /// [`PlanError::Range`], [`PlanError::Count`].
-pub fn spans(windows: &[Window]) -> Result<Vec<Span>, PlanError> {
+pub fn cut_windows_into_spans(windows: &[Window]) -> Result<Vec<Span>, PlanError> {
     if windows.is_empty() || windows.len() > MAX_TARGETS {
         return Err(PlanError::Count { count: windows.len() });
     }
-    windows.iter().try_for_each(Window::check)?;
+    windows.iter().try_for_each(Window::check_range)?;
     let mut borders: Vec<f64> = windows.iter().flat_map(|window| [window.from_ms, window.to_ms]).collect();
     borders.push(0.0);
     borders.sort_by(f64::total_cmp);
@@ -88,14 +88,14 @@ pub struct Stretch {
     /// What can be had of it, where it could not be had in full.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(nullable = false))]
-    pub trade: Option<Trade>,
+    pub trade: Option<TradeOffs>,
 }
 
-/// A plan for each span, by `plan_for` (several targets: [`Request::only`]).
+/// A plan for each span, by `plan_for` (several targets: [`Request::with_selected_targets`]).
 ///
 /// # Errors
 /// Those of `plan_for`.
-pub fn stretches<E>(
+pub fn plan_each_span<E>(
     spans: Vec<Span>,
     mut plan_for: impl FnMut(&[usize]) -> Result<Plan, E>,
 ) -> Result<Vec<Stretch>, E> {
@@ -111,8 +111,8 @@ pub fn stretches<E>(
 impl Request {
     /// The same for some of its targets, by their numbers.
     #[must_use]
-    pub fn only(&self, targets: &[usize]) -> Self {
-        let targets = targets.iter().filter_map(|t| self.targets.get(*t).copied()).collect();
+    pub fn with_selected_targets(&self, target_indices: &[usize]) -> Self {
+        let targets = target_indices.iter().filter_map(|t| self.targets.get(*t).copied()).collect();
         Self { targets, ..self.clone() }
     }
 }
@@ -127,7 +127,8 @@ mod tests {
 
     #[test]
     fn time_is_cut_at_every_border() {
-        let found = spans(&[window(100.0, 400.0), window(200.0, 300.0), window(500.0, 600.0)]).unwrap();
+        let found =
+            cut_windows_into_spans(&[window(100.0, 400.0), window(200.0, 300.0), window(500.0, 600.0)]).unwrap();
         let span = |from_ms, to_ms, targets: &[usize]| Span { from_ms, to_ms, targets: targets.to_vec() };
         assert_eq!(
             found,
@@ -141,7 +142,7 @@ mod tests {
             ]
         );
         // One that takes over where another ends leaves no pause, and equal windows are one span.
-        let found = spans(&[window(0.0, 50.0), window(50.0, 80.0), window(50.0, 80.0)]).unwrap();
+        let found = cut_windows_into_spans(&[window(0.0, 50.0), window(50.0, 80.0), window(50.0, 80.0)]).unwrap();
         assert_eq!(found, [span(0.0, 50.0, &[0]), span(50.0, 80.0, &[1, 2])]);
     }
 
@@ -155,10 +156,10 @@ mod tests {
             (5.0, 10_001.0, "to_ms"),
             (5.0, f64::INFINITY, "to_ms"),
         ] {
-            let error = spans(&[window(0.0, 10.0), window(from_ms, to_ms)]).unwrap_err();
+            let error = cut_windows_into_spans(&[window(0.0, 10.0), window(from_ms, to_ms)]).unwrap_err();
             assert!(matches!(error, PlanError::Range { field: named, .. } if named == field), "{error}");
         }
-        assert_eq!(spans(&[]), Err(PlanError::Count { count: 0 }));
-        assert!(spans(&[window(0.0, 1.0); MAX_TARGETS + 1]).is_err());
+        assert_eq!(cut_windows_into_spans(&[]), Err(PlanError::Count { count: 0 }));
+        assert!(cut_windows_into_spans(&[window(0.0, 1.0); MAX_TARGETS + 1]).is_err());
     }
 }

@@ -2,9 +2,9 @@
 //! against what the targets get.
 
 use crate::STANDARD_GRAVITY;
-use crate::chosen_drive::peak;
-use crate::plan::{MET, Plan, Planned};
-use crate::request::surface_y_m;
+use crate::chosen_drive::fundamental_acceleration_peak_at_point_m_per_s2;
+use crate::plan::{MET_FRACTION, Plan, Planned};
+use crate::request::y_or_bar_axis_y_m;
 use crate::request::{Objective, PlanError, Request, Weigh};
 use crate::stop::StopRequest;
 use crate::table::PlanTable;
@@ -28,7 +28,8 @@ const NO_GAIN: f64 = 1e-3;
 /// What can be had.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct Trade {
+#[cfg_attr(feature = "schema", schema(as = Trade))]
+pub struct TradeOffs {
     /// What each target gets if it is the only one, at most its wish, in g.
     pub alone_g: Vec<f64>,
     /// Of one target against all others together: one curve for two targets, one for each of more.
@@ -79,14 +80,24 @@ pub struct QuietPoint {
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
+pub fn plan_and_explore_trade_offs(
+    table: &PlanTable,
+    request: &Request,
+) -> Result<(Planned, Option<TradeOffs>), PlanError> {
     let planned = table.plan_with_details(request)?;
-    let Some((trade, seen)) = collect_trade(table, request, &planned.plan)? else { return Ok((planned, None)) };
+    let Some((trade, seen)) = trace_trade_offs_and_tried_plans_if_wishes_conflict(table, request, &planned.plan)?
+    else {
+        return Ok((planned, None));
+    };
     let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
-    let own = least_part(&peaks(&planned.plan), &wanted_g);
-    let best =
-        seen.iter().max_by(|a, b| least_part(&a.peaks_g, &wanted_g).total_cmp(&least_part(&b.peaks_g, &wanted_g)));
-    let Some(best) = best.filter(|seen| least_part(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
+    let own = least_fraction_of_wishes_met_or_infinity(&peak_at_each_target_g(&planned.plan), &wanted_g);
+    let best = seen.iter().max_by(|a, b| {
+        least_fraction_of_wishes_met_or_infinity(&a.peaks_g, &wanted_g)
+            .total_cmp(&least_fraction_of_wishes_met_or_infinity(&b.peaks_g, &wanted_g))
+    });
+    let Some(best) =
+        best.filter(|seen| least_fraction_of_wishes_met_or_infinity(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN))
+    else {
         return Ok((planned, Some(trade)));
     };
     // What it was made for, and what it gives, which may be more: of the plans for these the better one. Both, as frequencies
@@ -97,7 +108,7 @@ pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned,
         let mut asked = request.clone();
         asked.targets.iter_mut().zip(asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
         let trial = table.plan_with_details(&asked)?;
-        let part = least_part(&peaks(&trial.plan), &wanted_g);
+        let part = least_fraction_of_wishes_met_or_infinity(&peak_at_each_target_g(&trial.plan), &wanted_g);
         if part > found.as_ref().map_or(own, |(part, _)| *part) {
             found = Some((part, trial));
         }
@@ -106,7 +117,7 @@ pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned,
     for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
         target.wanted_g = wanted_g;
     }
-    if part < MET && better.plan.limits.is_empty() {
+    if part < MET_FRACTION && better.plan.limits.is_empty() {
         (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
     }
     // The bound stands; what is known is nearer to it.
@@ -120,12 +131,20 @@ pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned,
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn explore_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
-    Ok(collect_trade(table, request, plan)?.map(|(trade, _)| trade))
+pub fn explore_trade_offs_if_wishes_conflict(
+    table: &PlanTable,
+    request: &Request,
+    plan: &Plan,
+) -> Result<Option<TradeOffs>, PlanError> {
+    Ok(trace_trade_offs_and_tried_plans_if_wishes_conflict(table, request, plan)?.map(|(trade, _)| trade))
 }
 
-/// The same with all plans that were looked at.
-fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Option<(Trade, Vec<Seen>)>, PlanError> {
+/// The trade-off, and all plans that were tried for it.
+fn trace_trade_offs_and_tried_plans_if_wishes_conflict(
+    table: &PlanTable,
+    request: &Request,
+    plan: &Plan,
+) -> Result<Option<(TradeOffs, Vec<TriedPlan>)>, PlanError> {
     let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
     if plan.limited_by.is_none() || !has_parts || request.objective == Objective::Reach || request.weigh == Weigh::Felt
     {
@@ -135,21 +154,24 @@ fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Op
     let shapes: Vec<_> = request
         .targets
         .iter()
-        .map(|target| table.model.shape_deflections_at(target.x_m, surface_y_m(table, target.y_m)))
+        .map(|target| table.model.shape_deflections_at(target.x_m, y_or_bar_axis_y_m(table, target.y_m)))
         .collect();
     let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
     for (t, wanted_g) in wanted_g.iter().enumerate() {
-        let mut only = request.only(&[t]);
+        let mut only = request.with_selected_targets(&[t]);
         only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
-        check_is_wanted()?;
+        fail_if_stop_requested()?;
         let Planned { plan, drives, .. } = table.plan_with_details(&only)?;
         alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
-        let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
+        let peaks_g = shapes
+            .iter()
+            .map(|shape| fundamental_acceleration_peak_at_point_m_per_s2(&drives, shape) / STANDARD_GRAVITY)
+            .collect();
         let asked_g = (0..shapes.len()).map(|other| if other == t { *wanted_g } else { 0.0 }).collect();
-        seen.push(Seen { asked_g, peaks_g });
+        seen.push(TriedPlan { asked_g, peaks_g });
     }
-    seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
-    let mut border = Border { table, request, alone_g: &alone_g, seen };
+    seen.push(TriedPlan { asked_g: wanted_g.clone(), peaks_g: peak_at_each_target_g(plan) });
+    let mut border = TradeFrontier { table, request, peak_of_each_target_alone_g: &alone_g, seen };
     let curves = match alone_g.len() {
         0 | 1 => 0,
         2 => 1,
@@ -157,14 +179,19 @@ fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Op
     };
     let mut targets = Vec::new();
     for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
-        targets.push(border.curve(target)?);
+        targets.push(border.trace_curve_of_alone_peak_fractions(target)?);
     }
     let seen = border.seen;
-    let quiet = explore_quiet_limits(table, request, &wanted_g)?;
-    Ok(Some((Trade { alone_g, targets, quiet }, seen)))
+    let quiet = explore_peaks_at_relaxed_quiet_limits(table, request, &wanted_g)?;
+    Ok(Some((TradeOffs { alone_g, targets, quiet }, seen)))
 }
 
-fn explore_quiet_limits(table: &PlanTable, request: &Request, wanted_g: &[f64]) -> Result<Vec<QuietPoint>, PlanError> {
+/// What the targets get with the quiet zones' limits as they are, doubled again and again, and without limits.
+fn explore_peaks_at_relaxed_quiet_limits(
+    table: &PlanTable,
+    request: &Request,
+    wanted_g: &[f64],
+) -> Result<Vec<QuietPoint>, PlanError> {
     if request.quiet.is_empty() {
         return Ok(Vec::new());
     }
@@ -173,10 +200,10 @@ fn explore_quiet_limits(table: &PlanTable, request: &Request, wanted_g: &[f64]) 
         target.intensity_g = Some(*wanted_g);
     }
     let point = |trial: &Request| -> Result<QuietPoint, PlanError> {
-        check_is_wanted()?;
-        let peaks_g = peaks(&table.plan_request(trial)?);
+        fail_if_stop_requested()?;
+        let peaks_g = peak_at_each_target_g(&table.plan_request(trial)?);
         let limits = trial.quiet.iter().map(|zone| zone.at_most_g).collect::<Vec<_>>();
-        let part = least_part(&peaks_g, wanted_g).min(1.0);
+        let part = least_fraction_of_wishes_met_or_infinity(&peaks_g, wanted_g).min(1.0);
         Ok(QuietPoint { at_most_g: (!limits.is_empty()).then_some(limits), part, peaks_g })
     };
     let free = point(&Request { quiet: Vec::new(), ..trial.clone() })?;
@@ -198,79 +225,102 @@ fn explore_quiet_limits(table: &PlanTable, request: &Request, wanted_g: &[f64]) 
     Ok(points)
 }
 
-/// A plan that was looked at, in g of all targets.
-struct Seen {
+/// A plan that was tried, in g at all targets.
+struct TriedPlan {
     /// What it was made for.
     asked_g: Vec<f64>,
     /// What it gives.
     peaks_g: Vec<f64>,
 }
 
-/// What several targets have had together so far, in all plans looked at.
-struct Border<'a> {
+/// The peaks that several targets have had together so far, in all plans tried.
+struct TradeFrontier<'a> {
     table: &'a PlanTable,
     request: &'a Request,
-    alone_g: &'a [f64],
-    seen: Vec<Seen>,
+    peak_of_each_target_alone_g: &'a [f64],
+    seen: Vec<TriedPlan>,
 }
 
-impl Border<'_> {
-    /// For `target` in steps: what every other one can have.
-    fn curve(&mut self, target: usize) -> Result<Curve, PlanError> {
+impl TradeFrontier<'_> {
+    /// The curve for `target` in steps: what every other target can have.
+    fn trace_curve_of_alone_peak_fractions(&mut self, target: usize) -> Result<Curve, PlanError> {
         // The others never get more for the target's getting more.
         let mut most = 1.0;
         let parts: Vec<f64> = (0..=STEPS).map(|step| f64::from(step) / f64::from(STEPS)).collect();
         for part in &parts {
-            most = self.look(target, *part, most)?;
+            most = self.upper_bound_of_others_fraction(target, *part, most)?;
         }
         let points = parts.into_iter().filter_map(|part| {
-            let (others_part, peaks_g) = self.best(target, part)?;
+            let (others_part, peaks_g) = self.find_best_others_fraction_of_alone_peaks_so_far(target, part)?;
             Some(Point { part, others_part, peaks_g: peaks_g.clone() })
         });
         Ok(Curve { target, points: points.collect() })
     }
 
-    /// Looks for the most that all others can have, at most `most`, while `target` has `part`, and returns what is not less.
-    fn look(&mut self, target: usize, part: f64, most: f64) -> Result<f64, PlanError> {
-        let mut high = most;
+    /// Searches for the largest fraction up to `upper` that all others can have while `target` has `target_fraction_of_alone`;
+    /// returns an upper bound on it.
+    fn upper_bound_of_others_fraction(
+        &mut self,
+        target: usize,
+        target_fraction_of_alone: f64,
+        upper: f64,
+    ) -> Result<f64, PlanError> {
+        let mut high = upper;
         let mut next = high;
         for _ in 0..MOST_ROUNDS {
-            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
+            let low = self
+                .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+                .map_or(0.0, |(others_part, _)| others_part);
             if high - low <= CLOSE {
                 break;
             }
-            if !self.try_parts(target, part, next)? {
+            if !self.try_plan_meeting_fractions_of_alone_peaks(target, target_fraction_of_alone, next)? {
                 high = next;
             }
-            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
+            let low = self
+                .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+                .map_or(0.0, |(others_part, _)| others_part);
             next = 0.5 * (low + high);
         }
         Ok(high)
     }
 
-    /// Plans for these parts; whether they are had.
-    fn try_parts(&mut self, target: usize, part: f64, others_part: f64) -> Result<bool, PlanError> {
-        check_is_wanted()?;
-        let wish = |(t, g): (usize, &f64)| g * if t == target { part } else { others_part };
-        let asked_g: Vec<f64> = self.alone_g.iter().enumerate().map(wish).collect();
+    /// Makes a plan for these fractions; returns whether it gives them.
+    fn try_plan_meeting_fractions_of_alone_peaks(
+        &mut self,
+        target: usize,
+        target_fraction_of_alone: f64,
+        others_fraction_of_alone: f64,
+    ) -> Result<bool, PlanError> {
+        fail_if_stop_requested()?;
+        let wish =
+            |(t, g): (usize, &f64)| g * if t == target { target_fraction_of_alone } else { others_fraction_of_alone };
+        let asked_g: Vec<f64> = self.peak_of_each_target_alone_g.iter().enumerate().map(wish).collect();
         let mut trial = self.request.clone();
         trial.targets.iter_mut().zip(&asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
-        let peaks_g = peaks(&self.table.plan_request(&trial)?);
-        self.seen.push(Seen { asked_g, peaks_g });
-        Ok(self.best(target, part).is_some_and(|(had, _)| had >= others_part * (1.0 - ON_BORDER)))
+        let peaks_g = peak_at_each_target_g(&self.table.plan_request(&trial)?);
+        self.seen.push(TriedPlan { asked_g, peaks_g });
+        Ok(self
+            .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+            .is_some_and(|(had, _)| had >= others_fraction_of_alone * (1.0 - ON_BORDER)))
     }
 
-    /// Of all plans seen that give `target` its part, the one that gives the others most, and how much that is.
-    fn best(&self, target: usize, part: f64) -> Option<(f64, &Vec<f64>)> {
+    /// Of all tried plans that give `target` its fraction, the fraction and the peaks of the one that gives the
+    /// others most.
+    fn find_best_others_fraction_of_alone_peaks_so_far(
+        &self,
+        target: usize,
+        target_fraction_of_alone: f64,
+    ) -> Option<(f64, &Vec<f64>)> {
         // Who cannot have anything has all of it.
-        let of = |t: usize, peaks_g: &[f64]| match self.alone_g[t] {
+        let of = |t: usize, peaks_g: &[f64]| match self.peak_of_each_target_alone_g[t] {
             alone_g if alone_g > 0.0 => peaks_g[t] / alone_g,
             _ => 1.0,
         };
         self.seen
             .iter()
             .map(|seen| &seen.peaks_g)
-            .filter(|peaks_g| of(target, peaks_g) >= part * (1.0 - ON_BORDER))
+            .filter(|peaks_g| of(target, peaks_g) >= target_fraction_of_alone * (1.0 - ON_BORDER))
             .map(|peaks_g| {
                 let others = (0..peaks_g.len()).filter(|t| *t != target).map(|t| of(t, peaks_g));
                 (others.fold(1.0, f64::min), peaks_g)
@@ -279,17 +329,18 @@ impl Border<'_> {
     }
 }
 
-/// Between two plans: whether somebody still waits for the answer.
-fn check_is_wanted() -> Result<(), PlanError> {
+/// Returns an error if nobody waits for the answer any more; called between two plans.
+fn fail_if_stop_requested() -> Result<(), PlanError> {
     if StopRequest::current_request_of_thread().is_stop_requested() { Err(PlanError::Stopped) } else { Ok(()) }
 }
 
-fn peaks(plan: &Plan) -> Vec<f64> {
+/// The peaks at the targets in g.
+fn peak_at_each_target_g(plan: &Plan) -> Vec<f64> {
     plan.targets.iter().map(|target| target.peak_g).collect()
 }
 
-/// The least part of its wish that any target gets that has one; infinite without any.
-fn least_part(peaks_g: &[f64], wishes_g: &[f64]) -> f64 {
+/// The least fraction of its wish that any target with a wish gets; infinite without any.
+fn least_fraction_of_wishes_met_or_infinity(peaks_g: &[f64], wishes_g: &[f64]) -> f64 {
     let parts = peaks_g.iter().zip(wishes_g).filter(|(_, wish)| **wish > 0.0).map(|(peak, wish)| peak / wish);
     parts.fold(f64::INFINITY, f64::min)
 }

@@ -5,7 +5,7 @@
 //! rectangle of the surface, in strips between the places where the set of chords changes its form.
 
 use crate::TARGET_RADIUS_M;
-use crate::model::shape::gauss_legendre_rule;
+use crate::model::shape::gauss_legendre_rule_on_unit_interval;
 use crate::scene::{Scene, SurfaceKind};
 use std::cell::LazyCell;
 use std::f64::consts::{PI, TAU};
@@ -20,42 +20,52 @@ const LEAST_POINTS: [f64; 2] = [4.0, 8.0];
 const MOST_DISC_POINTS: f64 = 256.0;
 
 /// A point (x, y) in m on the surface, and the area in m^2 that it stands for.
-pub(crate) type Point = (f64, f64, f64);
+pub(crate) type WeightedPoint = (f64, f64, f64);
 
 /// Places and weights between 0 and 1.
 type Rule = Vec<(f64, f64)>;
 
-/// The points around each of `targets`, in m, on a panel whose shortest wave has the length `wave_m`.
+/// The quadrature points around each of `targets_m` (in m) on a panel whose shortest wave is `wave_m` long. A point in
+/// several discs belongs to the first of their targets.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-pub(crate) fn around(scene: &Scene, targets: &[(f64, f64)], wave_m: f64) -> Vec<Vec<Point>> {
+pub(crate) fn quadrature_points_around_each_target(
+    scene: &Scene,
+    targets_m: &[(f64, f64)],
+    wave_m: f64,
+) -> Vec<Vec<WeightedPoint>> {
     let reach = TAU / wave_m * TARGET_RADIUS_M;
     // The square of a wave turns by 4 k r across a chord and by 2 pi k r along an arc of half a turn; n points integrate some 2 n
     // radians.
     let [across, along] = LEAST_POINTS;
-    let points = |least: f64, more: f64| gauss_legendre_rule((least + more).ceil().min(MOST_DISC_POINTS) as usize);
+    let points = |least: f64, more: f64| {
+        gauss_legendre_rule_on_unit_interval((least + more).ceil().min(MOST_DISC_POINTS) as usize)
+    };
     // Made when they are needed: seven points, which most touches have, do without them, and they would take a sixth of a plan's time.
     let rules = LazyCell::new(|| [points(across, reach), points(along, 2.0 * reach)]);
-    let own = targets.iter().enumerate().map(|(t, target)| {
-        let earlier = &targets[..t];
+    let own = targets_m.iter().enumerate().map(|(t, target)| {
+        let earlier = &targets_m[..t];
         match scene.surface.kind {
-            SurfaceKind::Bar => segment(scene, target.0, earlier, &rules[1]),
-            SurfaceKind::Plate if reach <= LONG_WAVE && is_whole(scene, *target, earlier) => seven(*target),
-            SurfaceKind::Plate => disc(scene, *target, earlier, &rules),
+            SurfaceKind::Bar => points_along_bar_around_target(scene, target.0, earlier, &rules[1]),
+            SurfaceKind::Plate if reach <= LONG_WAVE && is_uncut_disc(scene, *target, earlier) => {
+                seven_points_of_whole_disc(*target)
+            }
+            SurfaceKind::Plate => chord_rule_points_of_cut_disc(scene, *target, earlier, &rules),
         }
     });
     own.collect()
 }
 
-/// Whether a disc is cut neither by edges nor by cut-outs nor by other discs.
-fn is_whole(scene: &Scene, (x, y): (f64, f64), earlier: &[(f64, f64)]) -> bool {
+/// Whether no edge, cut-out or earlier disc cuts the disc around this target.
+fn is_uncut_disc(scene: &Scene, (x, y): (f64, f64), earlier_targets: &[(f64, f64)]) -> bool {
     let r = TARGET_RADIUS_M;
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let apart = |other: &(f64, f64)| (other.0 - x).hypot(other.1 - y) >= 2.0 * r;
     let is_inside = x >= r && y >= r && x + r <= length && y + r <= width;
-    is_inside && scene.cutouts.is_empty() && earlier.iter().all(apart)
+    is_inside && scene.cutouts.is_empty() && earlier_targets.iter().all(apart)
 }
 
-fn seven((x, y): (f64, f64)) -> Vec<Point> {
+/// The seven points of a whole disc (Abramowitz and Stegun 25.4.61).
+fn seven_points_of_whole_disc((x, y): (f64, f64)) -> Vec<WeightedPoint> {
     let r = TARGET_RADIUS_M;
     let area = PI * r * r;
     let ring = (0..6).map(|k| {
@@ -66,29 +76,41 @@ fn seven((x, y): (f64, f64)) -> Vec<Point> {
     std::iter::once((x, y, area / 4.0)).chain(ring).collect()
 }
 
-fn disc(scene: &Scene, centre: (f64, f64), earlier: &[(f64, f64)], rules: &[Rule; 2]) -> Vec<Point> {
+/// The points of a disc that something cuts: Gauss' rule along chords, in each rectangle of the surface.
+fn chord_rule_points_of_cut_disc(
+    scene: &Scene,
+    centre: (f64, f64),
+    earlier_targets: &[(f64, f64)],
+    rules: &[Rule; 2],
+) -> Vec<WeightedPoint> {
     let mut points = Vec::with_capacity(rules[0].len() * rules[1].len());
     let layout = scene.layout();
     if scene.cutouts.is_empty() {
         let corner = (scene.surface.length_m, scene.surface.width_m);
-        in_rectangle(&mut points, centre, earlier, rules, [(0.0, corner.0), (0.0, corner.1)]);
+        add_disc_points_in_rectangle(&mut points, centre, earlier_targets, rules, [(0.0, corner.0), (0.0, corner.1)]);
         return points;
     }
     for rows in layout.border_lines_y_m().windows(2) {
         for columns in layout.border_lines_x_m().windows(2) {
-            if layout.layer_at(0.5 * (columns[0] + columns[1]), 0.5 * (rows[0] + rows[1])).is_some() {
-                in_rectangle(&mut points, centre, earlier, rules, [(columns[0], columns[1]), (rows[0], rows[1])]);
+            if layout.layer_at_unless_cut_out(0.5 * (columns[0] + columns[1]), 0.5 * (rows[0] + rows[1])).is_some() {
+                add_disc_points_in_rectangle(
+                    &mut points,
+                    centre,
+                    earlier_targets,
+                    rules,
+                    [(columns[0], columns[1]), (rows[0], rows[1])],
+                );
             }
         }
     }
     points
 }
 
-/// Adds the points in a rectangle, `sides` its ends along x and y.
-fn in_rectangle(
-    points: &mut Vec<Point>,
+/// Adds the points of a disc that lie in a rectangle, whose ends along x and y are `sides`.
+fn add_disc_points_in_rectangle(
+    points: &mut Vec<WeightedPoint>,
     (x, y): (f64, f64),
-    earlier: &[(f64, f64)],
+    earlier_targets: &[(f64, f64)],
     [across, along]: &[Rule; 2],
     [(left, right), (bottom, top)]: [(f64, f64); 2],
 ) {
@@ -105,10 +127,10 @@ fn in_rectangle(
         })
     };
     cuts.extend(on_edges((x, y)));
-    for other in earlier {
+    for other in earlier_targets {
         cuts.extend(on_edges(*other));
         cuts.extend([other.0 - r, other.0 + r]);
-        cuts.extend(meetings((x, y), *other));
+        cuts.extend(x_where_target_circles_cross_m((x, y), *other));
     }
     cuts.retain(|cut| (left..=right).contains(cut));
     cuts.sort_by(f64::total_cmp);
@@ -121,11 +143,11 @@ fn in_rectangle(
         for (u, u_weight) in along {
             let angle = from + (to - from) * u;
             let (px, half) = (x + r * angle.sin(), r * angle.cos());
-            let taken = earlier.iter().filter_map(|other| {
+            let taken = earlier_targets.iter().filter_map(|other| {
                 let other_half = (r * r - (px - other.0).powi(2)).max(0.0).sqrt();
                 (other_half > 0.0).then_some((other.1 - other_half, other.1 + other_half))
             });
-            for (low, high) in left_of(((y - half).max(bottom), (y + half).min(top)), taken) {
+            for (low, high) in subtract_intervals(((y - half).max(bottom), (y + half).min(top)), taken) {
                 for (v, v_weight) in across {
                     let weight = u_weight * (to - from) * half * v_weight * (high - low);
                     points.push((px, low + (high - low) * v, weight));
@@ -135,20 +157,20 @@ fn in_rectangle(
     }
 }
 
-/// Where the circles around two places meet, along x.
-fn meetings(a: (f64, f64), b: (f64, f64)) -> impl Iterator<Item = f64> {
-    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+/// The x coordinates at which the circles around two targets cross.
+fn x_where_target_circles_cross_m(centre_m: (f64, f64), other_centre_m: (f64, f64)) -> impl Iterator<Item = f64> {
+    let (dx, dy) = (other_centre_m.0 - centre_m.0, other_centre_m.1 - centre_m.1);
     let distance = dx.hypot(dy);
     let across = (TARGET_RADIUS_M * TARGET_RADIUS_M - 0.25 * distance * distance).max(0.0).sqrt();
-    let middle = 0.5 * (a.0 + b.0);
+    let middle = 0.5 * (centre_m.0 + other_centre_m.0);
     let do_meet = distance > 0.0 && across > 0.0;
     [-1.0, 1.0].into_iter().filter(move |_| do_meet).map(move |side| middle + side * across * dy / distance)
 }
 
-/// What is left of an interval without those that are `taken`.
-fn left_of(whole: (f64, f64), taken: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+/// What remains of an interval without those in `removed`.
+fn subtract_intervals(whole: (f64, f64), removed: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
     let mut left = vec![whole];
-    for (from, to) in taken {
+    for (from, to) in removed {
         left = left.into_iter().flat_map(|(low, high)| [(low, high.min(from)), (low.max(to), high)]).collect();
         left.retain(|(low, high)| high > low);
     }
@@ -156,12 +178,17 @@ fn left_of(whole: (f64, f64), taken: impl Iterator<Item = (f64, f64)>) -> Vec<(f
     left
 }
 
-/// Along a bar, across which nothing changes.
-fn segment(scene: &Scene, x: f64, earlier: &[(f64, f64)], rule: &[(f64, f64)]) -> Vec<Point> {
+/// The points along a bar, across which nothing changes.
+fn points_along_bar_around_target(
+    scene: &Scene,
+    x: f64,
+    earlier_targets: &[(f64, f64)],
+    rule: &[(f64, f64)],
+) -> Vec<WeightedPoint> {
     let r = TARGET_RADIUS_M;
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let whole = ((x - r).max(0.0), (x + r).min(length));
-    let free = left_of(whole, earlier.iter().map(|other| (other.0 - r, other.0 + r)));
+    let free = subtract_intervals(whole, earlier_targets.iter().map(|other| (other.0 - r, other.0 + r)));
     let points = free.into_iter().flat_map(|(from, to)| {
         rule.iter().map(move |(at, weight)| (from + (to - from) * at, 0.5 * width, weight * (to - from) * width))
     });
@@ -201,13 +228,15 @@ mod tests {
             let is_there = |(x, y): &(f64, f64)| {
                 (0.0..=scene.surface.length_m).contains(x)
                     && (0.0..=scene.surface.width_m).contains(y)
-                    && layout.layer_at(*x, *y).is_some()
+                    && layout.layer_at_unless_cut_out(*x, *y).is_some()
             };
-            let many: Vec<Point> = many.filter(near).filter(is_there).map(|(x, y)| (x, y, step * step)).collect();
+            let many: Vec<WeightedPoint> =
+                many.filter(near).filter(is_there).map(|(x, y)| (x, y, step * step)).collect();
             let (x, y) = targets[0];
             // Long waves, and ones that are as long as a disc is wide.
             for wave_m in [0.22, 0.02] {
-                let points: Vec<Point> = around(&scene, targets, wave_m).into_iter().flatten().collect();
+                let points: Vec<WeightedPoint> =
+                    quadrature_points_around_each_target(&scene, targets, wave_m).into_iter().flatten().collect();
                 let moments: [&dyn Fn(f64, f64) -> f64; 4] = [
                     &|_, _| 1.0,
                     &|px, py| (px - x).powi(2) + (py - y).powi(2),
@@ -215,7 +244,8 @@ mod tests {
                     &|px, py| (TAU / wave_m * px).sin().powi(2) + (TAU / wave_m * (px + py) * 0.7).cos().powi(2),
                 ];
                 for (k, moment) in moments.into_iter().enumerate() {
-                    let of = |points: &[Point]| -> f64 { points.iter().map(|(x, y, w)| w * moment(*x, *y)).sum() };
+                    let of =
+                        |points: &[WeightedPoint]| -> f64 { points.iter().map(|(x, y, w)| w * moment(*x, *y)).sum() };
                     let (found, wanted) = (of(&points), of(&many));
                     assert!((found - wanted).abs() < 2e-3 * wanted.abs(), "{k} of {targets:?}: {found} for {wanted}");
                 }
@@ -228,7 +258,7 @@ mod tests {
     fn what_is_near_two_targets_of_a_bar_counts_once() {
         let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
         let width = scene.surface.width_m;
-        let near = around(&scene, &[(2e-3, 0.0), (5e-3, 0.0), (5e-3, 0.0)], 0.2);
+        let near = quadrature_points_around_each_target(&scene, &[(2e-3, 0.0), (5e-3, 0.0), (5e-3, 0.0)], 0.2);
         let area: Vec<f64> =
             near.iter().map(|points| points.iter().map(|(_, _, weight)| weight / width).sum()).collect();
         assert!((area[0] - 12e-3).abs() < 1e-12 && (area[1] - 3e-3).abs() < 1e-12 && area[2] == 0.0, "{area:?}");

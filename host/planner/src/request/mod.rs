@@ -4,8 +4,8 @@ pub(crate) mod disc_quadrature;
 pub mod quiet_zones;
 pub(crate) mod target_zone;
 
-use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, check_coordinate_along_side};
-use crate::table::{PlanTable, Region, View};
+use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, check_and_snap_coordinate_along_side};
+use crate::table::{PlanTable, PointView, Region};
 use crate::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
 use serde::{Deserialize, Serialize};
 
@@ -26,9 +26,9 @@ pub struct Target {
     pub intensity_g: Option<f64>,
 }
 
-/// A place to be spared.
+/// A zone in which the peak acceleration has to stay below a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quiet {
+pub struct QuietZone {
     /// From the left edge in m.
     pub x_m: f64,
     /// From the top edge in m; of no account on a bar.
@@ -39,7 +39,7 @@ pub struct Quiet {
     pub at_most_g: f64,
 }
 
-/// What is made least, or most.
+/// The objective of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -91,14 +91,14 @@ pub enum Weigh {
     /// All the same.
     #[default]
     Equal,
-    // Also the text of `--help`, where a link of rustdoc is none: the weights are those of `crate::perception::weight`.
+    // Also the text of `--help`, where a link of rustdoc is none: the weights are those of `crate::perception::felt_weight_relative_to_reference_hz`.
     /// As they are felt: by the skin's sensitivity at their frequency, at targets and elsewhere. Quiet zones keep their limits in g.
     Felt,
 }
 
-/// How much is looked at where limits bind, before the search ends with what is proven by then.
+/// How much the search may compute where limits bind. After that it ends with what is proven so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Work {
+pub enum SearchEffort {
     /// For a touch: some milliseconds.
     #[default]
     Touch,
@@ -108,26 +108,26 @@ pub enum Work {
     Surface,
 }
 
-impl Work {
-    /// Bounds and allocations of forces worked out over so many candidates, at most: some ten microseconds each, and more the more
-    /// candidates there are. A touch that may choose from thousands, as one far out of reach does, gains 0.1 dB from 400 of them
-    /// over 100 in one case of twenty.
-    pub(crate) fn steps(self, candidates: usize) -> usize {
+impl SearchEffort {
+    /// Largest number of bounds and allocations that the search computes for so many candidates. Each takes some ten
+    /// microseconds, and longer with more candidates. A touch with thousands of candidates, because its wish is far
+    /// out of reach, gains 0.1 dB from 400 steps over 100 in one case of twenty.
+    pub(crate) fn max_search_steps(self, candidates: usize) -> usize {
         match self {
-            Work::Touch => (400_000 / candidates.max(1)).clamp(100, 400),
-            Work::Study => 20_000,
-            Work::Surface => 200_000,
+            SearchEffort::Touch => (400_000 / candidates.max(1)).clamp(100, 400),
+            SearchEffort::Study => 20_000,
+            SearchEffort::Surface => 200_000,
         }
     }
 }
 
-/// A request.
+/// What a plan is requested for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
     /// Where it is to be felt: 1 to [`MAX_TARGETS`].
     pub targets: Vec<Target>,
     /// Where not: at most [`MAX_QUIET_ZONES`].
-    pub quiet: Vec<Quiet>,
+    pub quiet: Vec<QuietZone>,
     /// What is made least, or most.
     pub objective: Objective,
     /// For [`Objective::Reach`]: the part of the surface that counts, if not all of it.
@@ -137,13 +137,13 @@ pub struct Request {
     /// How accelerations count. Only distinct frequencies and contrast or power can be weighed.
     pub weigh: Weigh,
     /// How much may be looked at where limits bind.
-    pub work: Work,
+    pub work: SearchEffort,
 }
 
 impl Request {
     /// What a touch asks for: contrast, distinct frequencies.
     #[must_use]
-    pub fn touch(targets: &[Target]) -> Self {
+    pub fn for_touch(targets: &[Target]) -> Self {
         Self { targets: targets.to_vec(), ..Self::default() }
     }
 }
@@ -156,27 +156,27 @@ pub enum PlanError {
     NoActuators,
     /// More actuators than a board drives.
     #[error(
-        "the scene has {count} actuators, but plans are made for at most {MAX_ACTUATORS}, a board's channels (modes and \
-         responses take any number)"
+        "the scene has {count} actuators, but a plan drives at most {MAX_ACTUATORS}, because a board has that many channels \
+         (modes and responses can be computed for any number of actuators)"
     )]
     Actuators {
         /// In the scene.
         count: usize,
     },
     /// No target, or too many.
-    #[error("touches: {count} given, 1 to {MAX_TARGETS} allowed")]
+    #[error("the request has {count} touches, but must have 1 to {MAX_TARGETS}")]
     Count {
         /// As given.
         count: usize,
     },
     /// Too many quiet zones.
-    #[error("quiet: {count} zones given, at most {MAX_QUIET_ZONES} allowed")]
+    #[error("the request has {count} quiet zones, but at most {MAX_QUIET_ZONES} are allowed")]
     Quiet {
         /// As given.
         count: usize,
     },
     /// A number out of range.
-    #[error("{field}: {value} is not in the allowed range {}", range_text(*min, *max))]
+    #[error("{field} is {value}, but must be {}", describe_range(*min, *max))]
     Range {
         /// The field's name.
         field: &'static str,
@@ -188,29 +188,25 @@ pub enum PlanError {
         max: f64,
     },
     /// A touch where there is no surface.
-    #[error("x_mm, y_mm: ({x_mm}, {y_mm}) lies in cutout[{cutout}] of the scene, where there is no surface")]
-    Cutout {
-        /// In mm.
-        x_mm: f64,
-        /// In mm.
-        y_mm: f64,
-        /// Which, counted from 1.
-        cutout: usize,
-    },
+    #[error("{0}")]
+    Cutout(PlaceError),
     /// No frequencies keep their distance, or the response is unbounded everywhere.
     #[error(
-        "no combination of frequencies is usable: they leave no room for one per actuator, {MIN_SPACING_HZ} Hz apart, or the \
-         response is unbounded at every one (no damping at all?)"
+        "there are no usable frequencies: either the band is too narrow for one frequency per actuator, at least \
+         {MIN_SPACING_HZ} Hz apart, or the response is unbounded at every frequency because the scene has no damping"
     )]
     NoFrequencies,
     /// Whoever asked no longer waits.
-    #[error("stopped before the end")]
+    #[error("the computation was stopped before its end")]
     Stopped,
     /// A zone of which no point is looked at.
-    #[error("zone: none of the points that are looked at is on the surface in there")]
+    #[error(
+        "the zone contains no point of the grid on which plans are computed: make the zone larger, or move the zone out of the \
+         cut-outs"
+    )]
     EmptyZone,
     /// Options that do not go together.
-    #[error("{option}: {value} is for {allowed} only")]
+    #[error("{option} is {value}, which is allowed only with {allowed}")]
     Together {
         /// The option's name.
         option: &'static str,
@@ -225,17 +221,20 @@ impl From<PlaceError> for PlanError {
     fn from(error: PlaceError) -> Self {
         match error {
             PlaceError::Outside { field, value, max } => Self::Range { field, value, min: 0.0, max },
-            PlaceError::Cutout { x_mm, y_mm, cutout } => Self::Cutout { x_mm, y_mm, cutout },
+            PlaceError::Cutout { .. } => Self::Cutout(error),
         }
     }
 }
 
-fn range_text(min: f64, max: f64) -> String {
-    if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
+fn describe_range(min: f64, max: f64) -> String {
+    if max.is_finite() { format!("{min} to {max}") } else { format!("a finite number of at least {min}") }
 }
 
-/// The targets' intensities in g, after everything has been looked at.
-pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<Vec<f64>, PlanError> {
+/// Checks everything about a request; returns the wanted intensity of each target in g.
+pub(crate) fn validate_request_and_return_wanted_g(
+    table: &PlanTable,
+    request: &Request,
+) -> Result<Vec<f64>, PlanError> {
     let targets = &request.targets;
     if table.scene.actuators.is_empty() {
         return Err(PlanError::NoActuators);
@@ -252,12 +251,12 @@ pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<V
     if request.grouping == Grouping::Shared {
         let is_plain = targets.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
         if !is_plain {
-            let allowed = "one target without quiet zones and the objective contrast";
+            let allowed = "one target, no quiet zones and the objective contrast";
             return Err(PlanError::Together { option: "grouping", value: "shared", allowed });
         }
     }
     if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
-        let allowed = "one target without quiet zones";
+        let allowed = "one target and no quiet zones";
         return Err(PlanError::Together { option: "objective", value: "reach", allowed });
     }
     if let Some(zone) = request.zone {
@@ -265,35 +264,38 @@ pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<V
             return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
         }
         for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
-            check_coordinate_along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;
-            check_coordinate_along_side("zone.y_mm", y_m, table.scene.surface.width_m)?;
+            check_and_snap_coordinate_along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;
+            check_and_snap_coordinate_along_side("zone.y_mm", y_m, table.scene.surface.width_m)?;
         }
-        if View::new(table, Some(zone)).is_none() {
+        if PointView::new(table, Some(zone)).is_none() {
             return Err(PlanError::EmptyZone);
         }
     }
     if request.weigh == Weigh::Felt && (request.grouping == Grouping::Shared || request.objective == Objective::Reach) {
-        let allowed = "distinct frequencies and the objectives contrast and power";
+        let allowed = "distinct frequencies and the objective contrast or power";
         return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
     }
     for quiet in &request.quiet {
         table.scene.surface_point_at(quiet.x_m, quiet.y_m)?;
-        within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
-        within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
+        check_range("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
+        check_range("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
     }
     targets
         .iter()
         .map(|target| {
             table.scene.surface_point_at(target.x_m, target.y_m)?;
             let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
-            within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
+            check_range("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
             Ok(intensity_g)
         })
         .collect()
 }
 
-/// The request with its targets and quiet zones where they are on the surface, after [`PlanTable::check`].
-pub(crate) fn snap_to_surface(table: &PlanTable, request: &Request) -> Result<Request, PlanError> {
+/// The request with its targets and quiet zones moved onto the surface; to be called after [`validate_request_and_return_wanted_g`].
+pub(crate) fn move_targets_and_quiet_zones_onto_surface(
+    table: &PlanTable,
+    request: &Request,
+) -> Result<Request, PlanError> {
     let mut request = request.clone();
     for target in &mut request.targets {
         (target.x_m, target.y_m) = table.scene.surface_point_at(target.x_m, target.y_m)?.coordinates_m();
@@ -304,17 +306,24 @@ pub(crate) fn snap_to_surface(table: &PlanTable, request: &Request) -> Result<Re
     Ok(request)
 }
 
-/// A bar's points lie on its axis.
-pub(crate) fn surface_y_m(table: &PlanTable, y_m: f64) -> f64 {
+/// The y coordinate of a point in m: on a bar that of its axis.
+pub(crate) fn y_or_bar_axis_y_m(table: &PlanTable, y_m: f64) -> f64 {
     match table.scene.surface.kind {
         SurfaceKind::Bar => table.scene.surface.width_m / 2.0,
         SurfaceKind::Plate => y_m,
     }
 }
 
-pub(crate) fn within(field: &'static str, value: f64, min: f64, max: f64, scale: f64) -> Result<(), PlanError> {
+/// Checks that a value is finite and in its range. The error states both multiplied by `shown_scale`.
+pub(crate) fn check_range(
+    field: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+    shown_scale: f64,
+) -> Result<(), PlanError> {
     if value.is_finite() && (min..=max).contains(&value) {
         return Ok(());
     }
-    Err(PlanError::Range { field, value: value * scale, min: min * scale, max: max * scale })
+    Err(PlanError::Range { field, value: value * shown_scale, min: min * shown_scale, max: max * shown_scale })
 }

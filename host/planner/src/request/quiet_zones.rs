@@ -6,11 +6,11 @@
 //! scaled away.
 
 use crate::STANDARD_GRAVITY;
-use crate::chosen_drive::Chosen;
-use crate::chosen_drive::peak;
+use crate::chosen_drive::ChosenDrive;
+use crate::chosen_drive::fundamental_acceleration_peak_at_point_m_per_s2;
 use crate::millimetres;
-use crate::request::Quiet;
-use crate::request::surface_y_m;
+use crate::request::QuietZone;
+use crate::request::y_or_bar_axis_y_m;
 use crate::table::PlanTable;
 use nalgebra::DVector;
 use serde::Serialize;
@@ -33,13 +33,13 @@ pub(crate) const NO_PEAK: f64 = 1e-6;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct QuietResult {
     /// From the left edge, in the unit of its name.
-    #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
+    #[serde(rename = "x_mm", serialize_with = "millimetres::serialize_length_in_mm")]
     pub x_m: f64,
     /// From the top edge, in the unit of its name.
-    #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
+    #[serde(rename = "y_mm", serialize_with = "millimetres::serialize_length_in_mm")]
     pub y_m: f64,
     /// In the unit of its name.
-    #[serde(rename = "radius_mm", serialize_with = "millimetres::one")]
+    #[serde(rename = "radius_mm", serialize_with = "millimetres::serialize_length_in_mm")]
     pub radius_m: f64,
     /// Allowed, in g.
     pub at_most_g: f64,
@@ -50,10 +50,10 @@ pub struct QuietResult {
     pub harmonics_g: f64,
 }
 
-/// A zone and its points.
+/// A quiet zone and its points.
 #[derive(Clone, Debug)]
-pub(crate) struct Area {
-    pub(crate) quiet: Quiet,
+pub(crate) struct QuietArea {
+    pub(crate) quiet: QuietZone,
     /// Mode shapes at points all over it.
     pub(crate) points: Vec<DVector<f64>>,
 }
@@ -61,7 +61,7 @@ pub(crate) struct Area {
 /// The quiet zones of a request.
 #[derive(Clone, Debug, Default)]
 pub struct QuietZones {
-    pub(crate) areas: Vec<Area>,
+    pub(crate) areas: Vec<QuietArea>,
     /// Mode shapes at points whose limits are rows, and what these allow in m/s^2.
     pub rows: Vec<(DVector<f64>, f64)>,
 }
@@ -69,7 +69,7 @@ pub struct QuietZones {
 impl QuietZones {
     /// The zones, which have been checked.
     #[must_use]
-    pub fn new(table: &PlanTable, zones: &[Quiet]) -> Self {
+    pub fn new(table: &PlanTable, zones: &[QuietZone]) -> Self {
         let mut made = Self::default();
         let surface = &table.scene.surface;
         for zone in zones {
@@ -79,9 +79,9 @@ impl QuietZones {
                     ((zone.x_m + dx).clamp(0.0, surface.length_m), (zone.y_m + dy).clamp(0.0, surface.width_m));
                 table
                     .scene
-                    .cutout_number_at(x, y)
+                    .cutout_number_counted_from_1_at(x, y)
                     .is_none()
-                    .then(|| table.model.shape_deflections_at(x, surface_y_m(table, y)))
+                    .then(|| table.model.shape_deflections_at(x, y_or_bar_axis_y_m(table, y)))
             };
             let asked = ASKED * zone.at_most_g * STANDARD_GRAVITY;
             made.rows.extend(at(0.0, 0.0).map(|shape| (shape, asked)));
@@ -103,17 +103,19 @@ impl QuietZones {
                 let inside = lattice.filter(|(dx, dy)| dx.hypot(*dy) < zone.radius_m);
                 points.extend(inside.filter_map(|(dx, dy)| at(dx, dy)));
             }
-            made.areas.push(Area { quiet: *zone, points });
+            made.areas.push(QuietArea { quiet: *zone, points });
         }
         made
     }
 
-    /// Adds rows where these drives are too strong, the worst point of each zone; whether there is any.
-    pub fn add_violated(&mut self, drives: &[Chosen]) -> bool {
+    /// For each zone where these drives exceed the limit, adds a row for the point with the largest peak; returns
+    /// whether any row was added.
+    pub fn add_row_per_violated_zone(&mut self, drives: &[ChosenDrive]) -> bool {
         let before = self.rows.len();
         for area in &self.areas {
             let allowed = area.quiet.at_most_g * STANDARD_GRAVITY;
-            let peaks = area.points.iter().map(|shape| (peak(drives, shape), shape));
+            let peaks =
+                area.points.iter().map(|shape| (fundamental_acceleration_peak_at_point_m_per_s2(drives, shape), shape));
             let worst = peaks.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(most, _)| *most > allowed.max(NO_PEAK));
             // A row that is there already is as good as rounding lets it be.
             if let Some((_, shape)) = worst.filter(|(_, shape)| self.rows.iter().all(|(known, _)| known != *shape)) {

@@ -1,11 +1,11 @@
-//! What counts as "at the target": the surface within 10 mm of it.
+//! The zone that counts as "at the target": the surface within 10 mm of it.
 
-use super::disc_quadrature::around;
+use super::disc_quadrature::quadrature_points_around_each_target;
 use crate::physics::PerPair;
 use crate::request::Target;
-use crate::request::surface_y_m;
+use crate::request::y_or_bar_axis_y_m;
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{PlanTable, at_point};
+use crate::table::{PlanTable, acceleration_at_point_from_coordinates};
 use era_model::kernel;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -14,9 +14,9 @@ use pulp::Arch;
 /// Largest part of the surface that targets take: discs may cover a small surface whole; some of it is always "elsewhere".
 const MOST_PART: f64 = 0.9;
 
-/// The targets and the points around them.
+/// The targets and the surface around them.
 #[derive(Clone, Debug)]
-pub struct Zone {
+pub struct TargetZone {
     /// Mode shapes at the targets.
     pub targets: Vec<DVector<f64>>,
     /// Mode shapes at the points of a quadrature over the targets' discs, with weights that add up to 1.
@@ -25,19 +25,23 @@ pub struct Zone {
     pub part: f64,
 }
 
-impl Zone {
+impl TargetZone {
     /// The zone of `targets`, which lie on the surface.
     #[must_use]
     pub fn new(table: &PlanTable, targets: &[Target]) -> Self {
         let shapes: Vec<DVector<f64>> = targets
             .iter()
-            .map(|target| table.model.shape_deflections_at(target.x_m, surface_y_m(table, target.y_m)))
+            .map(|target| table.model.shape_deflections_at(target.x_m, y_or_bar_axis_y_m(table, target.y_m)))
             .collect();
         let places: Vec<(f64, f64)> =
-            targets.iter().map(|target| (target.x_m, surface_y_m(table, target.y_m))).collect();
+            targets.iter().map(|target| (target.x_m, y_or_bar_axis_y_m(table, target.y_m))).collect();
         let mut points = Vec::with_capacity(7 * targets.len());
         let mut area = 0.0;
-        for ((own, place), shape) in around(&table.scene, &places, table.wave_m).into_iter().zip(&places).zip(&shapes) {
+        for ((own, place), shape) in quadrature_points_around_each_target(&table.scene, &places, table.wave_m)
+            .into_iter()
+            .zip(&places)
+            .zip(&shapes)
+        {
             for (x, y, weight) in own {
                 area += weight;
                 let shape = if (x, y) == *place { shape.clone() } else { table.model.shape_deflections_at(x, y) };
@@ -52,23 +56,25 @@ impl Zone {
     }
 
     /// Mode shapes at the points of the quadrature, and their weights.
-    pub fn points(&self) -> Vec<(&DVector<f64>, f64)> {
+    pub fn quadrature_shapes_and_weights(&self) -> Vec<(&DVector<f64>, f64)> {
         self.points.iter().map(|(shape, weight)| (shape, *weight)).collect()
     }
 
-    /// Mean over the zone of |acceleration|^2.
+    /// Mean square over the zone of an acceleration with these coordinates.
     #[must_use]
-    pub fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {
+    pub fn mean_square_over_zone(&self, acceleration: &DVector<Complex64>) -> f64 {
         Arch::new().dispatch(MeanSquare(&self.points, acceleration))
     }
 
-    /// Means over the zone of conj(a_i) a_j, for several motions.
+    /// Means over the zone of conj(a_i) a_j for several motions.
     #[must_use]
-    pub fn products(&self, accelerations: &[&DVector<Complex64>]) -> PerPair {
+    pub fn mean_products_over_zone(&self, accelerations: &[&DVector<Complex64>]) -> PerPair {
         let mut sums = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
         for (shape, weight) in &self.points {
             let mut at = [Complex64::ZERO; MAX_ACTUATORS];
-            at.iter_mut().zip(accelerations).for_each(|(at, acceleration)| *at = at_point(shape, acceleration));
+            at.iter_mut()
+                .zip(accelerations)
+                .for_each(|(at, acceleration)| *at = acceleration_at_point_from_coordinates(shape, acceleration));
             for (row, a) in sums.iter_mut().zip(&at) {
                 for (sum, b) in row.iter_mut().zip(&at) {
                     *sum += a.conj() * b * *weight;
@@ -78,27 +84,34 @@ impl Zone {
         sums
     }
 
-    /// Mean over the zone of |acceleration|.
+    /// Mean over the zone of the magnitude of an acceleration with these coordinates.
     #[must_use]
-    pub fn mean(&self, acceleration: &DVector<Complex64>) -> f64 {
-        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm() * weight).sum()
+    pub fn mean_magnitude_over_zone(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.points
+            .iter()
+            .map(|(shape, weight)| acceleration_at_point_from_coordinates(shape, acceleration).norm() * weight)
+            .sum()
     }
 
-    /// Mean square over the rest of the surface, of what has a mean square of `near` here and one of `all` over the whole.
+    /// Mean square over the rest of the surface of a motion whose mean square is `zone` in the zone and `whole_surface` over
+    /// the whole surface.
     #[must_use]
-    pub fn elsewhere(&self, all: f64, near: f64) -> f64 {
+    pub fn mean_square_elsewhere(&self, whole_surface: f64, zone: f64) -> f64 {
         // The difference may round to nothing on a surface that is all target; it stays positive.
-        ((all - self.part * near) / (1.0 - self.part)).max(1e-9 * all).max(f64::MIN_POSITIVE)
+        ((whole_surface - self.part * zone) / (1.0 - self.part)).max(1e-9 * whole_surface).max(f64::MIN_POSITIVE)
     }
 }
 
-kernel!(MeanSquare<'a>(points: &'a [(DVector<f64>, f64)], acceleration: &'a DVector<Complex64>) -> f64 = mean_square);
+kernel!(MeanSquare<'a>(points: &'a [(DVector<f64>, f64)], acceleration: &'a DVector<Complex64>) -> f64 = mean_squared_acceleration_over_points);
 
 #[inline(always)]
-fn mean_square(points: &[(DVector<f64>, f64)], acceleration: &DVector<Complex64>) -> f64 {
+fn mean_squared_acceleration_over_points(
+    shapes_and_weights: &[(DVector<f64>, f64)],
+    acceleration: &DVector<Complex64>,
+) -> f64 {
     let mut sum = 0.0;
-    for (shape, weight) in points {
-        sum += at_point(shape, acceleration).norm_sqr() * weight;
+    for (shape, weight) in shapes_and_weights {
+        sum += acceleration_at_point_from_coordinates(shape, acceleration).norm_sqr() * weight;
     }
     sum
 }

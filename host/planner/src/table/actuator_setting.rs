@@ -1,11 +1,11 @@
-//! One actuator's part of a setting of all, at a frequency of the table.
+//! The drive of one actuator in a setting of all actuators, at a frequency of the table.
 
 use crate::drive::Drive;
 use serde::Serialize;
 
-/// One actuator's part of a setting.
+/// The drive of one actuator in a setting of all actuators.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Part {
+pub struct ActuatorSetting {
     /// What it does.
     #[serde(flatten)]
     pub drive: Drive,

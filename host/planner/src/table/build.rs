@@ -1,20 +1,22 @@
-//! Filling the table.
+//! Computes the entries of a plan table.
 
-use super::entry::stronger;
+use super::entry::choose_widest_pulse_if_noticeably_stronger;
 use super::forces::{
-    Driver, MotionPerN, WIDEST, WIDTHS, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths,
+    DriverModel, MotionPerN, WIDEST_PULSE, WIDTHS, bound_overshoot_of_each_mass_or_whole_motion_m_per_n,
+    build_pulse_option_with_max_force, choose_quietest_and_widest_pulse, compute_travel_of_each_actuator,
+    compute_travel_overshoots_m_per_n_and_rail_voltage_at_max_force,
 };
-use super::quadrature::products;
-use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
+use super::quadrature::compute_mean_shape_products_over_surface;
+use super::{ComputedTable, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::model::ReducedModel;
 use crate::physics::PerPair;
 use crate::physics::limits::Electrodes;
-use crate::physics::rise::{Onset, RiseTimes};
-use crate::physics::softening::{Transducer, static_receptance};
+use crate::physics::rise::{PanelPoles, SwitchOnModel};
+use crate::physics::softening::{Transducer, static_receptance_magnitude_or_infinity_m_per_n};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{CoordinateSolver, ResponseError};
 use crate::scene::{MAX_ACTUATORS, Scene};
-use crate::table::press::{Pressed, pressed};
+use crate::table::press::{PressEffect, compute_press_effect_on_each_actuator};
 use crate::{HIGHEST_FELT_HZ, perception};
 use era_shared::supply::rail_index_of_channel;
 use nalgebra::{DMatrix, DVector};
@@ -37,9 +39,9 @@ const FAR: f64 = 6.0;
 /// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
 const HELD_FAST: f64 = 1e-9;
 
-/// What a table is for.
+/// What a table is computed for. It decides which figures are left out.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Purpose<'a> {
+pub(super) enum TablePurpose<'a> {
     /// Plans: all of an [`Entry`].
     Plans,
     /// The strongest drives alone. They weigh no energies: mean squares are rough, those of harmonics and figures that take a look at
@@ -49,13 +51,14 @@ pub(super) enum Purpose<'a> {
     Roughly(&'a PlanTable),
 }
 
-impl<'a> Purpose<'a> {
-    fn is_plans(self) -> bool {
+impl<'a> TablePurpose<'a> {
+    /// Whether the table has everything that a plan needs.
+    fn is_for_plans(self) -> bool {
         matches!(self, Self::Plans)
     }
 
-    /// The table of the same panel without a finger.
-    fn untouched(self) -> Option<&'a PlanTable> {
+    /// The table of the same panel without a finger, if the purpose has one.
+    fn table_without_finger(self) -> Option<&'a PlanTable> {
         match self {
             Self::Plans => None,
             Self::Strongest(untouched) => untouched,
@@ -64,92 +67,107 @@ impl<'a> Purpose<'a> {
     }
 }
 
-/// The table of a model; `known` is what a press does to the actuators, where that is not to be told by it.
-pub(super) fn table(
+/// Computes the table of a model. `known_press_effects` holds the effect of a press on the actuators; `None` computes it from this
+/// model.
+pub(super) fn build_table(
     scene: &Scene,
     model: ReducedModel,
     options: TableOptions,
-    known: Option<&[Pressed]>,
+    known_press_effects: Option<&[PressEffect]>,
 ) -> Result<PlanTable, ResponseError> {
-    let mut computed = compute_without_figures(scene, model, options, known)?;
-    surface_figures(scene, &mut computed)?;
-    Ok(PlanTable::of(scene, computed))
+    let mut computed = compute_table_without_mean_max_slope(scene, model, options, known_press_effects)?;
+    fill_surface_figures_of_each_entry(scene, &mut computed)?;
+    Ok(PlanTable::from_computed(scene, computed))
 }
 
-/// What [`table`] is made of, but for the figures that take a look at every point: `mean`, `most_square` and `steepest` of every entry are 0. All limits of voltage, force
-/// and travel are among it.
-pub(super) fn compute_without_figures(
+/// Computes the parts of a table except the figures that need every point of the surface: `mean_magnitude_over_surface`,
+/// `max_square` and `max_slope` of every entry are 0. All limits of voltage, force and travel are included.
+pub(super) fn compute_table_without_mean_max_slope(
     scene: &Scene,
     model: ReducedModel,
     options: TableOptions,
-    known: Option<&[Pressed]>,
-) -> Result<Computed, ResponseError> {
+    known_press_effects: Option<&[PressEffect]>,
+) -> Result<ComputedTable, ResponseError> {
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
-    let products = products(scene, &model);
-    computed(scene, model, options.frequencies_hz(), (grid, products), Purpose::Plans, known)
+    let products = compute_mean_shape_products_over_surface(scene, &model);
+    compute_table_parts(
+        scene,
+        model,
+        options.frequencies_hz(),
+        (grid, products),
+        TablePurpose::Plans,
+        known_press_effects,
+    )
 }
 
-/// A table for the strongest drives, and nothing else, at these frequencies and with these points. Of a panel that a finger touches the purpose has the table without
-/// it, of which this one has what a press does to the actuators, and the quiet pulse widths.
-pub(super) fn strongest(
+/// Computes a table for the strongest drives only, at these frequencies and over these points. For a touched panel
+/// the purpose holds the table without the finger, from which the press effects and the quiet pulse widths are taken.
+pub(super) fn build_table_for_strongest_drives_only(
     scene: &Scene,
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     grid: SurfaceGrid,
-    purpose: Purpose<'_>,
+    purpose: TablePurpose<'_>,
 ) -> Result<PlanTable, ResponseError> {
     let mut weighted = grid.shapes.clone();
     for (mut row, weight) in weighted.row_iter_mut().zip(&grid.weights) {
         row *= *weight;
     }
     let products = grid.shapes.tr_mul(&weighted);
-    let pressed = purpose.untouched().map(|own| &*own.pressed);
-    let computed = computed(scene, model, frequencies_hz, (grid, products), purpose, pressed)?;
-    Ok(PlanTable::of(scene, computed))
+    let pressed = purpose.table_without_finger().map(|own| &*own.pressed);
+    let computed = compute_table_parts(scene, model, frequencies_hz, (grid, products), purpose, pressed)?;
+    Ok(PlanTable::from_computed(scene, computed))
 }
 
-fn computed(
+/// Computes the parts of a table from a model, frequencies, points and shape products.
+fn compute_table_parts(
     scene: &Scene,
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     (grid, products): (SurfaceGrid, DMatrix<f64>),
-    purpose: Purpose<'_>,
-    known: Option<&[Pressed]>,
-) -> Result<Computed, ResponseError> {
-    let receptance = static_receptance(&model);
-    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance, known);
-    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
+    purpose: TablePurpose<'_>,
+    known_press_effects: Option<&[PressEffect]>,
+) -> Result<ComputedTable, ResponseError> {
+    let receptance = static_receptance_magnitude_or_infinity_m_per_n(&model);
+    let (electrodes, pressed) =
+        find_electrodes_and_press_effects(scene, &model, &grid, &receptance, known_press_effects);
+    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::from_actuator).collect();
     let solver = CoordinateSolver::new(&model);
-    let free = if matches!(purpose, Purpose::Roughly(_)) { None } else { free_motion(&model) };
+    let free = if matches!(purpose, TablePurpose::Roughly(_)) {
+        None
+    } else {
+        find_poles_and_switch_on_model_if_converged(&model)
+    };
     let onset = free.as_ref().map(|(_, onset)| onset);
-    let drivers = drivers(&electrodes, &transducers, &receptance);
-    let mass_kg = scene.surface_mass_kg();
-    let panel = Panel { model: &model, mass_kg, products: &products, drivers: &drivers, onset, purpose };
+    let drivers = list_driver_models(&electrodes, &transducers, &receptance);
+    let mass_kg = scene.surface_mass_with_air_kg();
+    let panel = EntryContext { model: &model, mass_kg, products: &products, drivers: &drivers, onset, purpose };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
-        .map(|frequency_hz| entries_at(panel, &solver, *frequency_hz))
+        .map(|frequency_hz| compute_entries_of_all_actuators_unless_unbounded(panel, &solver, *frequency_hz))
         .collect::<Result<_, _>>()?;
     let entries = (0..electrodes.len())
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
         .collect();
-    Ok(Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free })
+    Ok(ComputedTable { model, frequencies_hz, entries, electrodes, pressed, grid, products, free })
 }
 
-/// The panel's free motion.
-fn free_motion(model: &ReducedModel) -> Option<(RiseTimes, Onset)> {
-    let rise = RiseTimes::prepare(model)?;
-    let onset = rise.onset(model);
+/// The poles of the panel's free motion and their effect when drives are switched on; `None` if the poles cannot be
+/// found.
+fn find_poles_and_switch_on_model_if_converged(model: &ReducedModel) -> Option<(PanelPoles, SwitchOnModel)> {
+    let rise = PanelPoles::find_poles_if_converged(model)?;
+    let onset = rise.build_switch_on_model(model);
     Some((rise, onset))
 }
 
-/// What each actuator has for making force.
-fn drivers<'a>(
+/// For each actuator its electrodes, its transducer and its own static receptance.
+fn list_driver_models<'a>(
     electrodes: &'a [Electrodes],
     transducers: &'a [Transducer],
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
-) -> Vec<Driver<'a>> {
+) -> Vec<DriverModel<'a>> {
     let own = electrodes.iter().zip(transducers).enumerate();
-    own.map(|(i, (electrodes, transducer))| Driver {
+    own.map(|(i, (electrodes, transducer))| DriverModel {
         electrodes,
         transducer,
         // Of one too many nothing is known; plans refuse it.
@@ -158,36 +176,40 @@ fn drivers<'a>(
     .collect()
 }
 
-/// What entries are made of.
+/// What all entries of a table have in common.
 #[derive(Clone, Copy)]
-struct Panel<'a> {
+struct EntryContext<'a> {
     model: &'a ReducedModel,
     mass_kg: f64,
     products: &'a DMatrix<f64>,
-    drivers: &'a [Driver<'a>],
-    onset: Option<&'a Onset>,
-    purpose: Purpose<'a>,
+    drivers: &'a [DriverModel<'a>],
+    onset: Option<&'a SwitchOnModel>,
+    purpose: TablePurpose<'a>,
 }
 
-/// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
-/// it. With what a press does to them.
-fn electrodes_of(
+/// The electrodes of the scene's actuators, with the rail's voltage limit and the gap that a press leaves, and the
+/// press effects themselves.
+fn find_electrodes_and_press_effects(
     scene: &Scene,
     model: &ReducedModel,
     grid: &SurfaceGrid,
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
-    known: Option<&[Pressed]>,
-) -> (Vec<Electrodes>, Vec<Pressed>) {
-    let mut electrodes = on_rails(scene.actuators.iter().map(Electrodes::of).collect());
-    let pressed = known.map_or_else(|| pressed(scene, model, grid, &electrodes, static_receptance), <[_]>::to_vec);
+    known_press_effects: Option<&[PressEffect]>,
+) -> (Vec<Electrodes>, Vec<PressEffect>) {
+    let mut electrodes =
+        lower_voltages_to_lowest_on_same_rail(scene.actuators.iter().map(Electrodes::from_actuator).collect());
+    let pressed = known_press_effects.map_or_else(
+        || compute_press_effect_on_each_actuator(scene, model, grid, &electrodes, static_receptance),
+        <[_]>::to_vec,
+    );
     for (own, pressed) in electrodes.iter_mut().zip(&pressed) {
         (own.stop_m, own.sag_m) = (pressed.stop_m, pressed.sag_m);
     }
     (electrodes, pressed)
 }
 
-/// No actuator asks for more voltage than every one on its rail may have.
-fn on_rails(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
+/// Lowers every actuator's highest voltage to the least one of all actuators on its rail.
+fn lower_voltages_to_lowest_on_same_rail(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
     let least = |rail: usize| {
         let own = electrodes.iter().enumerate().filter(|(i, _)| rail_index_of_channel(*i) == rail);
         own.map(|(_, electrodes)| electrodes.max_voltage_v).fold(f64::INFINITY, f64::min)
@@ -197,68 +219,85 @@ fn on_rails(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
     electrodes.iter().enumerate().map(limited).collect()
 }
 
-/// Accelerations of all actuators of a model at many frequencies; `None` where they are unbounded.
-pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<Vec<DVector<Complex64>>>> {
+/// For each frequency the acceleration coordinates of all actuators of a model per newton; `None` where the response
+/// is unbounded.
+pub(super) fn acceleration_coordinates_per_newton_of_each_actuator_by_frequency(
+    model: &ReducedModel,
+    frequencies_hz: &[f64],
+) -> Vec<Option<Vec<DVector<Complex64>>>> {
     let solver = CoordinateSolver::new(model);
     let row = |frequency_hz: &f64| -> Option<Vec<DVector<Complex64>>> {
         let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-        Some(solver.solve_at_frequency(*frequency_hz).ok()?.into_iter().map(|q| q * scale).collect())
+        Some(solver.solve_coordinates_per_newton_at(*frequency_hz).ok()?.into_iter().map(|q| q * scale).collect())
     };
     frequencies_hz.par_iter().map(row).collect()
 }
 
-/// Everything but the figures that take a look at every point; `None` where the response is unbounded.
-fn entries_at(
-    panel: Panel<'_>,
+/// The entries of all actuators at one frequency, without the figures that need every point of the surface; `None`
+/// where the response is unbounded.
+fn compute_entries_of_all_actuators_unless_unbounded(
+    panel: EntryContext<'_>,
     solver: &CoordinateSolver<'_>,
     frequency_hz: f64,
 ) -> Result<Option<Vec<Entry>>, ResponseError> {
-    let Panel { model, mass_kg, products, drivers, onset, purpose } = panel;
-    let coordinates = match solver.solve_at_frequency(frequency_hz) {
+    let EntryContext { model, mass_kg, products, drivers, onset, purpose } = panel;
+    let coordinates = match solver.solve_coordinates_per_newton_at(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(None),
         Err(error) => return Err(error),
     };
-    let harmonics = harmonics(model, solver, purpose.is_plans().then_some(products), frequency_hz);
+    let harmonics =
+        compute_response_at_each_odd_harmonic(model, solver, purpose.is_for_plans().then_some(products), frequency_hz);
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
     let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
-        let travel = travel_by(model, &displacement);
+        let travel = compute_travel_of_each_actuator(model, &displacement);
         let mut harmonic_travel = [[0.0; MAX_ACTUATORS]; HARMONICS.len()];
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
         // With a finger every place has a table of its own, and what two masses share of a limit is not looked at again elsewhere.
-        let is_far =
-            matches!(purpose, Purpose::Strongest(None)) && is_far_from_limits(drivers, driver.electrodes, &travel);
+        let is_far = matches!(purpose, TablePurpose::Strongest(None))
+            && is_far_from_travel_limits_at_max_voltage(drivers, driver.electrodes, frequency_hz, &travel);
         let onset = onset.filter(|_| !is_far);
-        let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, driver.electrodes, &travel);
+        let (overshoot, onset_v) = compute_travel_overshoots_m_per_n_and_rail_voltage_at_max_force(
+            onset,
+            actuator,
+            frequency_hz,
+            driver.electrodes,
+            &travel,
+        );
+        let charging = driver.electrodes.charging_at(frequency_hz);
         let width = |pulse_width: f64| {
-            let square = |harmonic: &Harmonic| {
-                harmonic_part(harmonic.number, pulse_width).powi(2)
+            let square = |harmonic: &HarmonicResponse| {
+                charging.harmonic_phasor_over_fundamental_amplitude(harmonic.number, pulse_width).norm_sqr()
                     * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
             };
             let surface = harmonics.iter().map(square).sum();
-            let felt = |harmonic: &Harmonic| {
+            let felt = |harmonic: &HarmonicResponse| {
                 // What no one feels has no square.
                 let hz = (harmonic.number * frequency_hz).min(HIGHEST_FELT_HZ);
-                perception::weight(hz).powi(2) * square(harmonic)
+                perception::felt_weight_relative_to_reference_hz(hz).powi(2) * square(harmonic)
             };
             let surface = [surface, harmonics.iter().map(felt).sum()];
-            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
-            width_of(*driver, actuator, motion, pulse_width, surface)
+            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot, charging };
+            build_pulse_option_with_max_force(*driver, actuator, motion, frequency_hz, pulse_width, surface)
         };
-        let known = purpose.untouched().and_then(|other| other.quiet_width(actuator, frequency_hz));
-        let quieter =
-            known.as_ref().map_or(if purpose.is_plans() { &WIDTHS[..] } else { &WIDTHS[..1] }, std::slice::from_ref);
-        let widths = widths(frequency_hz, quieter, width);
-        let strongest = *stronger(&widths);
+        let known = purpose
+            .table_without_finger()
+            .and_then(|other| other.quiet_pulse_width_if_frequency_in_table(actuator, frequency_hz));
+        let quieter = known
+            .as_ref()
+            .map_or(if purpose.is_for_plans() { &WIDTHS[..] } else { &WIDTHS[..1] }, std::slice::from_ref);
+        let widths = choose_quietest_and_widest_pulse(frequency_hz, quieter, width);
+        let strongest = *choose_widest_pulse_if_noticeably_stronger(&widths);
         let mut acceleration = displacement * scale;
-        let mean_square = mean_square(products, &acceleration);
+        let mean_square = mean_square_over_surface(products, &acceleration);
         if mean_square.sqrt() <= HELD_FAST / mass_kg {
             // An ERA on an edge that does not move: of what rounding leaves a touch would ask for all its force.
             acceleration.fill(Complex64::ZERO);
         }
         Entry {
+            charging,
             mean_square,
             mean: 0.0,
             most_square: 0.0,
@@ -276,14 +315,20 @@ fn entries_at(
     Ok(Some(entries.collect()))
 }
 
-/// Whether no mass comes near its limit, whatever switching on adds, under the most force that an actuator's voltage makes.
-fn is_far_from_limits(drivers: &[Driver<'_>], driven: &Electrodes, travel: &[Complex64; MAX_ACTUATORS]) -> bool {
-    let most_n = driven.harmonic_per_volt_squared(1, WIDEST) * driven.max_voltage_v.powi(2);
-    travel.iter().zip(drivers).all(|(z, other)| FAR * most_n * z.norm() < other.electrodes.most_travel_m())
+/// Whether every mass stays far below its travel limit under the largest force that the actuator's voltage allows,
+/// whatever switching on adds.
+fn is_far_from_travel_limits_at_max_voltage(
+    drivers: &[DriverModel<'_>],
+    driven: &Electrodes,
+    frequency_hz: f64,
+    travel: &[Complex64; MAX_ACTUATORS],
+) -> bool {
+    let most_n = driven.harmonic_force_n_per_v2(1, frequency_hz, WIDEST_PULSE) * driven.max_voltage_v.powi(2);
+    travel.iter().zip(drivers).all(|(z, other)| FAR * most_n * z.norm() < other.electrodes.max_travel_m())
 }
 
 /// Mean square over the surface of a motion with these coordinates.
-pub(super) fn mean_square(products: &DMatrix<f64>, coordinates: &DVector<Complex64>) -> f64 {
+pub(super) fn mean_square_over_surface(products: &DMatrix<f64>, coordinates: &DVector<Complex64>) -> f64 {
     let part = |of: &dyn Fn(&Complex64) -> f64| {
         let x = DVector::from_iterator(coordinates.len(), coordinates.iter().map(of));
         x.dot(&(products * &x))
@@ -291,8 +336,12 @@ pub(super) fn mean_square(products: &DMatrix<f64>, coordinates: &DVector<Complex
     (part(&|z| z.re) + part(&|z| z.im)).max(0.0)
 }
 
-/// Means over the surface of conj(a_i) a_j at every frequency of the grid; zeros where the response is unbounded.
-pub(super) fn over_surface(products: &DMatrix<f64>, entries: &[Vec<Option<Entry>>]) -> Vec<PerPair> {
+/// For each frequency of the grid the means over the surface of conj(a_i) a_j for all pairs of actuators; zeros where
+/// the response is unbounded.
+pub(super) fn mean_products_over_surface_at_each_frequency(
+    products: &DMatrix<f64>,
+    entries: &[Vec<Option<Entry>>],
+) -> Vec<PerPair> {
     let frequencies = entries.first().map_or(0, Vec::len);
     (0..frequencies)
         .into_par_iter()
@@ -312,8 +361,8 @@ pub(super) fn over_surface(products: &DMatrix<f64>, entries: &[Vec<Option<Entry>
         .collect()
 }
 
-/// What all actuators do at an odd multiple of a frequency, per N.
-struct Harmonic {
+/// Response of all actuators at an odd multiple of a frequency, per newton.
+struct HarmonicResponse {
     number: f64,
     /// Mean square over the surface.
     squares: Vec<f64>,
@@ -321,36 +370,42 @@ struct Harmonic {
     travel: Vec<[f64; MAX_ACTUATORS]>,
 }
 
-/// Every odd harmonic up to the highest frequency that is felt, and [`HARMONICS`] in any case; these alone, and no mean squares,
-/// without `products`. What is unbounded there is left out: a resonance without damping, which an edge of finite length does not meet.
-fn harmonics(
+/// The responses at every odd harmonic up to the highest frequency that is felt, and at [`HARMONICS`] in any case.
+/// Without `products` only [`HARMONICS`] are computed, without mean squares. A harmonic with an unbounded response is
+/// left out: that is an undamped resonance, which a force edge of finite length does not excite.
+fn compute_response_at_each_odd_harmonic(
     model: &ReducedModel,
     solver: &CoordinateSolver<'_>,
     products: Option<&DMatrix<f64>>,
     frequency_hz: f64,
-) -> Vec<Harmonic> {
+) -> Vec<HarmonicResponse> {
     let last = HARMONICS[HARMONICS.len() - 1];
     let is_felt = |number: f64| products.is_some() && number * frequency_hz <= HIGHEST_FELT_HZ;
     let numbers = (1..).map(|k| f64::from(2 * k + 1)).take_while(|n| *n <= last || is_felt(*n));
     numbers
         .map(|number| {
             let scale = Complex64::from(-(TAU * number * frequency_hz).powi(2));
-            let coordinates = solver.solve_at_frequency(number * frequency_hz).unwrap_or_default();
+            let coordinates = solver.solve_coordinates_per_newton_at(number * frequency_hz).unwrap_or_default();
             let square = |q: &DVector<Complex64>| {
-                products.filter(|_| is_felt(number)).map_or(0.0, |products| mean_square(products, &(q * scale)))
+                products
+                    .filter(|_| is_felt(number))
+                    .map_or(0.0, |products| mean_square_over_surface(products, &(q * scale)))
             };
-            Harmonic {
+            HarmonicResponse {
                 number,
                 squares: coordinates.iter().map(square).collect(),
-                travel: coordinates.iter().map(|q| travel_by(model, q).map(|z| z.norm())).collect(),
+                travel: coordinates
+                    .iter()
+                    .map(|q| compute_travel_of_each_actuator(model, q).map(|z| z.norm()))
+                    .collect(),
             }
         })
         .collect()
 }
 
-/// Mean and largest magnitude over the surface.
-fn surface_figures(scene: &Scene, computed: &mut Computed) -> Result<(), ResponseError> {
-    let Computed { model, grid, frequencies_hz, entries, .. } = computed;
+/// Fills in the mean and the largest magnitude and the largest slope of every entry over the surface.
+fn fill_surface_figures_of_each_entry(scene: &Scene, computed: &mut ComputedTable) -> Result<(), ResponseError> {
+    let ComputedTable { model, grid, frequencies_hz, entries, .. } = computed;
     let known: Vec<usize> =
         (0..frequencies_hz.len()).filter(|k| entries.iter().all(|list| list[*k].is_some())).collect();
     let shapes = SurfaceShapes::<f32>::new(scene, model, &grid.x_m, &grid.y_m);
@@ -360,7 +415,11 @@ fn surface_figures(scene: &Scene, computed: &mut Computed) -> Result<(), Respons
             let hz: Vec<f64> = chunk.iter().map(|k| frequencies_hz[*k]).collect();
             let sweep = shapes.compute_accelerations(&hz)?;
             let figures = (0..chunk.len()).flat_map(|k| (0..sweep.actuators).map(move |i| (k, i)));
-            Ok(figures.map(|(k, i)| figures_of(sweep.accelerations_of_all_points(k, i), grid)).collect())
+            Ok(figures
+                .map(|(k, i)| {
+                    mean_magnitude_and_bounds_of_square_and_slope(sweep.accelerations_of_all_points(k, i), grid)
+                })
+                .collect())
         })
         .collect::<Result<_, ResponseError>>()?;
     let mut figures = chunks.into_iter().flatten();
@@ -376,11 +435,15 @@ fn surface_figures(scene: &Scene, computed: &mut Computed) -> Result<(), Respons
     Ok(())
 }
 
-/// Weighted mean of the magnitude, a bound of its square, and one of its slope per m.
-pub(super) fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceGrid) -> [f64; 3] {
+/// Of a field: the weighted mean of its magnitude, an upper bound on the square of its magnitude, and an upper bound
+/// on its slope per m.
+pub(super) fn mean_magnitude_and_bounds_of_square_and_slope(
+    field: impl Iterator<Item = Complex64>,
+    grid: &SurfaceGrid,
+) -> [f64; 3] {
     let (mut mean, mut most, mut steepest) = (0.0, 0.0_f64, 0.0_f64);
     let columns = grid.x_m.len();
-    let (dx, dy) = grid.steps_m();
+    let (dx, dy) = grid.column_and_row_spacing_or_infinity_m();
     let mut above = vec![Complex64::ZERO; columns];
     let mut left = Complex64::ZERO;
     for (at, ((z, weight), there)) in field.zip(&grid.weights).zip(&grid.there).enumerate() {
@@ -399,10 +462,15 @@ pub(super) fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceG
     [mean, BETWEEN * most, BETWEEN * steepest.sqrt()]
 }
 
-/// The entries of all actuators off the grid. The mean magnitude is the mean square's root times what the two have to each
-/// other at the frequencies beside it; harmonics are those of the frequency below. Forces and pulse widths are worked out for
-/// `driven` only, if it is told; the others' are those of the frequency below.
-pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>) -> Result<Vec<Entry>, ResponseError> {
+/// The entries of all actuators at a frequency between those of the grid. The mean magnitude is the root mean square
+/// times the ratio of the two at the neighbouring frequencies; the harmonics are those of the frequency below. If
+/// `compute_limits_only_for` is given, forces and pulse widths are computed for that actuator only, and the others keep those of the
+/// frequency below.
+pub(super) fn compute_entries_of_all_actuators_off_grid(
+    table: &PlanTable,
+    frequency_hz: f64,
+    compute_limits_only_for: Option<usize>,
+) -> Result<Vec<Entry>, ResponseError> {
     let after = table.frequencies_hz.partition_point(|hz| *hz <= frequency_hz);
     let at = |k: Option<usize>| {
         k.and_then(|k| table.entries.iter().map(|list| list.get(k)?.as_ref()).collect::<Option<Vec<_>>>())
@@ -414,16 +482,16 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
         return Ok(below.iter().map(|entry| (*entry).clone()).collect());
     }
     let model = &table.model;
-    let coordinates = CoordinateSolver::new(model).solve_at_frequency(frequency_hz)?;
+    let coordinates = CoordinateSolver::new(model).solve_coordinates_per_newton_at(frequency_hz)?;
     // Without a neighbour there is nothing to say which widths are quiet.
     let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
     let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let drivers = drivers(&table.electrodes, &table.transducers, &table.static_receptance);
+    let drivers = list_driver_models(&table.electrodes, &table.transducers, &table.static_receptance);
     let own = coordinates.into_iter().zip(drivers).zip(nearest).enumerate();
     Ok(own
         .map(|(actuator, ((displacement, driver), nearest))| {
-            let travel = travel_by(model, &displacement);
+            let travel = compute_travel_of_each_actuator(model, &displacement);
             // Those of the frequencies beside it, whichever is more: a harmonic's resonance is seldom narrower than their distance.
             let mut harmonic_travel = nearest.harmonic_travel;
             for other in [&below, &above].into_iter().flatten().filter_map(|row| row.get(actuator)) {
@@ -431,29 +499,38 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
                     *own = own.max(*other);
                 }
             }
-            let is_driven = driven.is_none_or(|driven| driven == actuator);
+            let is_driven = compute_limits_only_for.is_none_or(|driven| driven == actuator);
             let onset_v = nearest.onset_v;
             let overshoot = match is_driven {
-                true => overshoots(table.onset(), actuator, frequency_hz, onset_v, &travel),
+                true => bound_overshoot_of_each_mass_or_whole_motion_m_per_n(
+                    table.switch_on_model(),
+                    actuator,
+                    frequency_hz,
+                    onset_v,
+                    &travel,
+                ),
                 false => nearest.overshoot,
             };
-            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
+            let charging = driver.electrodes.charging_at(frequency_hz);
+            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot, charging };
             let widths = nearest.widths.map(|width| match is_driven {
                 true => {
                     let harmonics = [width.harmonics, width.felt_harmonics];
-                    width_of(driver, actuator, motion, width.pulse_width, harmonics)
+                    let pulse_width = width.pulse_width;
+                    build_pulse_option_with_max_force(driver, actuator, motion, frequency_hz, pulse_width, harmonics)
                 }
                 false => width,
             });
-            let strongest = *stronger(&widths);
+            let strongest = *choose_widest_pulse_if_noticeably_stronger(&widths);
             let acceleration = displacement * scale;
-            let mean_square = mean_square(&table.products, &acceleration);
+            let mean_square = mean_square_over_surface(&table.products, &acceleration);
             let known = [&below, &above].map(|row| row.as_ref().and_then(|row| row.get(actuator).copied()));
             let known = || known.into_iter().flatten().filter(|known| known.mean_square > 0.0);
             let (sum, count) = known()
                 .fold((0.0, 0.0), |(sum, count), known| (sum + known.mean / known.mean_square.sqrt(), count + 1.0));
             let most = known().map(|known| known.most_square / known.mean_square).fold(0.0, f64::max);
             Entry {
+                charging,
                 mean: if count > 0.0 { sum / count * mean_square.sqrt() } else { 0.0 },
                 most_square: most * mean_square,
                 steepest: 0.0,

@@ -1,15 +1,16 @@
-//! Figures of the entries in the order in which a touch asks for them, for bounds.
+//! Bounds on the efficiency of every actuator at every frequency, computed from few figures per entry, so that most
+//! candidates can be excluded before their energies are computed.
 
-use super::{Entry, SINGLE};
+use super::{Entry, SINGLE_PRECISION_ERROR};
 use crate::TARGET_RADIUS_M;
 use crate::scene::{Scene, SurfaceKind};
 use era_model::kernel;
 use pulp::Arch;
 
-/// Of every actuator at every frequency, actuator by actuator: a lower bound of the mean square elsewhere, in terms of the
-/// magnitude h at the target, base - slope h - square h^2, but `least` in any case; in (m/s^2/N)^2.
+/// For every actuator at every frequency a lower bound on the mean square elsewhere, as a function of the magnitude h
+/// at the target: base - slope h - square h^2, but at least `least`; in (m/s^2/N)^2.
 #[derive(Clone, Debug, Default)]
-pub struct Rough {
+pub struct EfficiencyBounds {
     base: Vec<f64>,
     slope: Vec<f64>,
     square: f64,
@@ -22,7 +23,7 @@ pub struct Rough {
     max_force_n: Vec<f64>,
 }
 
-impl Rough {
+impl EfficiencyBounds {
     /// At a distance r from the target the magnitude is at most h + g r, g the steepest slope on the surface, so that its
     /// mean square within R is at most h^2 + 4/3 h g R + g^2 R^2 / 2 on a plate, and on a bar h^2 + h g R + g^2 R^2 / 3,
     /// which is less. Nor is it more than the largest on the surface. With the part of the surface that a whole disc takes; for
@@ -36,7 +37,8 @@ impl Rough {
         };
         let part = (disc / scene.surface_area_m2()).min(0.9);
         let rest = 1.0 - part;
-        let quiet = |entry: &Entry| entry.widths[0].harmonics.min(entry.strong().harmonics);
+        let quiet =
+            |entry: &Entry| entry.widths[0].harmonics.min(entry.widest_pulse_if_noticeably_stronger().harmonics);
         let all = |of: &dyn Fn(&Entry) -> f64| -> Vec<f64> {
             entries.iter().flatten().map(|entry| entry.as_ref().map_or(0.0, of)).collect()
         };
@@ -57,75 +59,110 @@ impl Rough {
         }
     }
 
-    /// How efficient each is at most: h^2 over the bound; 0 without a response.
+    /// Upper bound on the efficiency of each candidate, h^2 over the bound on the energy; 0 without a response.
     #[must_use]
-    pub fn efficiencies(&self, squares: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; squares.len()];
-        Arch::new().dispatch(Efficiencies(self, squares, &mut out));
+    pub fn bound_efficiency_of_each_candidate(&self, squared_accelerations: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; squared_accelerations.len()];
+        Arch::new().dispatch(Efficiencies(self, squared_accelerations, &mut out));
         out
     }
 
-    /// The same where the mean squares `near` the target are known to single precision, over a zone that takes `part` of the
-    /// surface: for the few that are `likely`, 0 for all others.
+    /// Tighter bounds where the mean squares `near_mean_squares` the target are known in single precision, over a zone that covers
+    /// the fraction `zone_fraction` of the surface: for the candidates marked in `likely`; 0 for all others.
     #[must_use]
-    pub fn sharper(&self, squares: &[f64], near: &[f64], part: f64, likely: &[bool]) -> Vec<f64> {
-        let mut out = vec![0.0; squares.len()];
-        let known = squares.iter().zip(near).zip(likely);
+    pub fn sharpen_efficiency_bounds(
+        &self,
+        squared_accelerations: &[f64],
+        near_mean_squares: &[f64],
+        zone_fraction: f64,
+        likely: &[bool],
+    ) -> Vec<f64> {
+        let mut out = vec![0.0; squared_accelerations.len()];
+        let known = squared_accelerations.iter().zip(near_mean_squares).zip(likely);
         let figures = self.whole.iter().zip(&self.harmonics).zip(&self.max_force_n);
-        for ((out, ((square, near), likely)), ((whole, harmonics), force)) in out.iter_mut().zip(known).zip(figures) {
+        for ((out, ((square, near_mean_squares), likely)), ((whole, harmonics), force)) in
+            out.iter_mut().zip(known).zip(figures)
+        {
             if *likely && *force > 0.0 {
                 let all = whole - harmonics;
-                let rest = (all - part * near * (1.0 + SINGLE)) / (1.0 - part);
+                let rest =
+                    (all - zone_fraction * near_mean_squares * (1.0 + SINGLE_PRECISION_ERROR)) / (1.0 - zone_fraction);
                 *out = square / (rest.max(1e-9 * all) + harmonics).max(f64::MIN_POSITIVE);
             }
         }
         out
     }
 
-    /// Most that all actuators together reach at the point with these squared gains, each at its best frequency, in m/s^2.
+    /// Upper bound in m/s^2 on the peak that all actuators together reach at the point with these squared gains, each
+    /// at its best frequency.
     #[must_use]
-    pub fn most_reach(&self, squares: &[f64], actuators: usize, frequencies: usize) -> f64 {
+    pub fn bound_summed_peak_at_best_frequencies_m_per_s2(
+        &self,
+        squared_accelerations: &[f64],
+        actuator_count: usize,
+        frequency_count: usize,
+    ) -> f64 {
         let own = |actuator: usize| {
-            let range = actuator * frequencies..(actuator + 1) * frequencies;
-            let pairs = squares[range.clone()].iter().zip(&self.max_force_n[range]);
+            let range = actuator * frequency_count..(actuator + 1) * frequency_count;
+            let pairs = squared_accelerations[range.clone()].iter().zip(&self.max_force_n[range]);
             pairs.map(|(square, force)| square * force * force).fold(0.0, f64::max).sqrt()
         };
-        (0..actuators).map(own).sum()
+        (0..actuator_count).map(own).sum()
     }
 
-    /// What each reaches, in m/s^2.
+    /// The peak in m/s^2 that each candidate reaches alone.
     #[must_use]
-    pub fn reaches(&self, squares: &[f64]) -> Vec<f64> {
-        squares.iter().zip(&self.max_force_n).map(|(square, force)| square.sqrt() * force).collect()
+    pub fn reach_of_each_candidate_alone_m_per_s2(&self, squared_accelerations: &[f64]) -> Vec<f64> {
+        squared_accelerations.iter().zip(&self.max_force_n).map(|(square, force)| square.sqrt() * force).collect()
     }
 
-    /// The most that each can earn at the dual variable `lambda` of the target: max over 0 <= u <= U of lambda h u - E u^2, with
-    /// the lower bound for E, of which `efficiencies` are made.
+    /// Upper bound on the contribution of each candidate to the Lagrangian at the target's dual variable lambda, its
+    /// `price_of_target_acceleration`: max over 0 <= u <= U of lambda h u - E u^2, with the lower bound on E that `efficiencies` follow from.
     #[must_use]
-    pub fn earnings(&self, squares: &[f64], efficiencies: &[f64], lambda: f64) -> Vec<f64> {
-        let mut out = vec![0.0; squares.len()];
-        Arch::new().dispatch(Earnings(self, squares, efficiencies, lambda, &mut out));
+    pub fn bound_lagrangian_term_of_each_candidate(
+        &self,
+        squared_accelerations: &[f64],
+        efficiencies: &[f64],
+        price_of_target_acceleration: f64,
+    ) -> Vec<f64> {
+        let mut out = vec![0.0; squared_accelerations.len()];
+        Arch::new().dispatch(Earnings(
+            self,
+            squared_accelerations,
+            efficiencies,
+            price_of_target_acceleration,
+            &mut out,
+        ));
         out
     }
 }
 
-kernel!(Efficiencies<'a>(rough: &'a Rough, squares: &'a [f64], out: &'a mut [f64]) -> () = efficiencies);
+kernel!(Efficiencies<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], out: &'a mut [f64]) -> () = fill_efficiency_bounds);
 
 #[inline(always)]
-fn efficiencies(rough: &Rough, squares: &[f64], out: &mut [f64]) {
+fn fill_efficiency_bounds(rough: &EfficiencyBounds, squared_accelerations: &[f64], out: &mut [f64]) {
     let ends = rough.least.iter().zip(&rough.whole);
     let bounds = rough.base.iter().zip(&rough.slope).zip(ends.zip(&rough.max_force_n));
-    for ((out, square), ((base, slope), ((least, whole), force))) in out.iter_mut().zip(squares).zip(bounds) {
+    for ((out, square), ((base, slope), ((least, whole), force))) in
+        out.iter_mut().zip(squared_accelerations).zip(bounds)
+    {
         let energy = (base - slope * square.sqrt() - rough.square * square).max(*least).min(*whole);
         *out = if *force > 0.0 { square / energy } else { 0.0 };
     }
 }
 
-kernel!(Earnings<'a>(rough: &'a Rough, squares: &'a [f64], efficiencies: &'a [f64], lambda: f64, out: &'a mut [f64]) -> () = earnings);
+kernel!(Earnings<'a>(rough: &'a EfficiencyBounds, squares: &'a [f64], efficiencies: &'a [f64], price_of_target_acceleration: f64, out: &'a mut [f64]) -> () = fill_lagrangian_term_bounds);
 
 #[inline(always)]
-fn earnings(rough: &Rough, squares: &[f64], efficiencies: &[f64], lambda: f64, out: &mut [f64]) {
-    let known = squares.iter().zip(efficiencies).zip(&rough.max_force_n);
+fn fill_lagrangian_term_bounds(
+    rough: &EfficiencyBounds,
+    squared_accelerations: &[f64],
+    efficiencies: &[f64],
+    price_of_target_acceleration: f64,
+    out: &mut [f64],
+) {
+    let lambda = price_of_target_acceleration;
+    let known = squared_accelerations.iter().zip(efficiencies).zip(&rough.max_force_n);
     for (out, ((square, efficiency), force)) in out.iter_mut().zip(known) {
         // With e = h^2 / E: free lambda^2 e / 4 at u = lambda e / 2h; at the limit lambda h U - h^2 U^2 / e.
         let reach = square.sqrt() * force;

@@ -15,15 +15,18 @@ pub(super) mod stored;
 pub mod touched;
 mod view;
 
-pub use actuator_setting::Part;
+pub use actuator_setting::ActuatorSetting;
 pub use band::BandError;
-pub use efficiency_bounds::Rough;
-pub use entry::{Entry, HARMONICS, Width, at_point};
-pub use forces::WIDEST;
-pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
-pub use gains::{Gains, SINGLE};
+pub use efficiency_bounds::EfficiencyBounds;
+pub use entry::{Entry, HARMONICS, PulseOption, acceleration_at_point_from_coordinates};
+pub use forces::WIDEST_PULSE;
+pub(super) use forces::{
+    SOFTENING_GROWTH, bound_travel_of_first_harmonics_of_each_actuator_m_per_n,
+    bound_travel_with_harmonics_and_overshoot_m_per_n, compute_travel_of_each_actuator,
+};
+pub use gains::{AccelerationCoordinates, SINGLE_PRECISION_ERROR};
 pub use grid::SurfaceGrid;
-pub use view::{NoPoint, Region, View};
+pub use view::{EmptyRegionError, PointView, Region};
 
 use crate::MIN_SPACING_HZ;
 use crate::model::ReducedModel;
@@ -31,14 +34,14 @@ use crate::model::estimator::ErrorEstimator;
 use crate::model::levels::ReducedLevels;
 use crate::physics::PerPair;
 use crate::physics::limits::Electrodes;
-use crate::physics::rise::{DecayingMode, Onset, RiseTimes};
-use crate::physics::softening::{Transducer, static_receptance};
+use crate::physics::rise::{PanelPoles, PoleDecayAndTravel, SwitchOnModel};
+use crate::physics::softening::{Transducer, static_receptance_magnitude_or_infinity_m_per_n};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
 use era_shared::supply::rail_index_of_channel;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-use press::Pressed;
+use press::PressEffect;
 use shared_limits::SharedLimits;
 use std::sync::OnceLock;
 
@@ -64,7 +67,7 @@ impl Default for TableOptions {
 impl TableOptions {
     /// For a table that is made anew for every picture: half the frequencies.
     #[must_use]
-    pub fn preview() -> Self {
+    pub fn for_preview() -> Self {
         Self { step_hz: 2.0, ..Self::default() }
     }
 
@@ -82,16 +85,16 @@ impl TableOptions {
     }
 }
 
-/// What a table is made of when its scene, model and frequencies are known; everything else follows.
-struct Computed {
+/// The computed parts of a table, from which the rest follows.
+struct ComputedTable {
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     entries: Vec<Vec<Option<Entry>>>,
     electrodes: Vec<Electrodes>,
-    pressed: Vec<Pressed>,
+    pressed: Vec<PressEffect>,
     grid: SurfaceGrid,
     products: DMatrix<f64>,
-    free: Option<(RiseTimes, Onset)>,
+    free: Option<(PanelPoles, SwitchOnModel)>,
 }
 
 /// The table of one scene.
@@ -110,7 +113,7 @@ pub struct PlanTable {
     /// The electrodes of each actuator.
     pub electrodes: Vec<Electrodes>,
     /// What a press does to each of them.
-    pub pressed: Vec<Pressed>,
+    pub pressed: Vec<PressEffect>,
     /// The same as what makes forces in moving gaps.
     pub transducers: Vec<Transducer>,
     /// Travel of every actuator (row) per steady force on every one, in m/N.
@@ -124,18 +127,18 @@ pub struct PlanTable {
     /// Weighted products of the shapes over the surface, n x n.
     products: DMatrix<f64>,
     /// The entries' accelerations, in the order in which a touch asks for them.
-    gains: Gains,
+    gains: AccelerationCoordinates,
     /// Limits that actuators share.
     pub(crate) limits: SharedLimits,
     /// For bounds.
-    pub(super) rough: Rough,
+    pub(super) rough: EfficiencyBounds,
     /// Made when it is first asked for.
     over_surface: OnceLock<Vec<PerPair>>,
     /// The panel's free motion; `None` for a model without poles to tell it by, which no scene is known to have.
-    free: Option<(RiseTimes, Onset)>,
+    free: Option<(PanelPoles, SwitchOnModel)>,
     /// The setting with the largest minimum over the surface and by which part another could have a larger one; of whoever finds
     /// it first.
-    pub(crate) evened: OnceLock<Option<(Vec<Part>, f64)>>,
+    pub(crate) evened: OnceLock<Option<(Vec<ActuatorSetting>, f64)>>,
 }
 
 impl PlanTable {
@@ -143,36 +146,48 @@ impl PlanTable {
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub fn with_levels(scene: &Scene, levels: ReducedLevels, options: TableOptions) -> Result<Self, ResponseError> {
-        Self::of_levels(scene, levels, options, None)
+    pub fn from_levels(scene: &Scene, levels: ReducedLevels, options: TableOptions) -> Result<Self, ResponseError> {
+        Self::build_from_levels(scene, levels, options, None)
     }
 
-    /// The table of `scene`, which is this table's with fingers on it ([`Scene::with_finger_at_places`]), from its own levels. What a press does to the
-    /// gaps is as on this one: a finger that is part of the panel does not hold it against another one.
+    /// Builds the table of `scene`, which is this table's scene with fingers on it ([`Scene::with_finger_at_places`]), from its own
+    /// levels. The press effects are those of this table, because a finger that is part of the panel does not hold it
+    /// against another press.
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub fn touched(&self, scene: &Scene, levels: ReducedLevels, options: TableOptions) -> Result<Self, ResponseError> {
-        Self::of_levels(scene, levels, options, Some(&self.pressed))
-    }
-
-    fn of_levels(
+    pub fn build_with_fingers_on(
+        &self,
         scene: &Scene,
         levels: ReducedLevels,
         options: TableOptions,
-        pressed: Option<&[Pressed]>,
     ) -> Result<Self, ResponseError> {
-        let mut table = build::table(scene, levels.fine, options, pressed)?;
-        table.coarser_rows = levels.coarser.each_ref().map(|model| build::rows(model, &table.frequencies_hz));
+        Self::build_from_levels(scene, levels, options, Some(&self.pressed))
+    }
+
+    /// Builds the table of the finest level and the acceleration rows of the coarser ones.
+    fn build_from_levels(
+        scene: &Scene,
+        levels: ReducedLevels,
+        options: TableOptions,
+        known_press_effects: Option<&[PressEffect]>,
+    ) -> Result<Self, ResponseError> {
+        let mut table = build::build_table(scene, levels.fine, options, known_press_effects)?;
+        table.coarser_rows = levels.coarser.each_ref().map(|model| {
+            build::acceleration_coordinates_per_newton_of_each_actuator_by_frequency(model, &table.frequencies_hz)
+        });
         table.coarser = Some((levels.coarser, levels.estimator));
         Ok(table)
     }
 
-    /// For each actuator the voltage in V at which its rail may stand ready before a touch: what the scene allows and every gap on that
-    /// rail holds under a press, its mass at rest. Plans have no more, as their masses move besides.
+    /// For each actuator the voltage in V that its rail may have before a touch: no more than the scene allows and
+    /// than every gap on that rail withstands under a press with its mass at rest. Plans have lower limits, because
+    /// their masses move.
     #[must_use]
-    pub fn ready_v(&self) -> Vec<f64> {
-        let holds_v = |electrodes: &Electrodes| electrodes.max_voltage_v.min(electrodes.holds_v(0.0)).max(0.0);
+    pub fn standby_voltage_of_each_actuator_v(&self) -> Vec<f64> {
+        let holds_v = |electrodes: &Electrodes| {
+            electrodes.max_voltage_v.min(electrodes.max_voltage_of_remaining_gap_v(0.0)).max(0.0)
+        };
         let of_rail = |i: usize| {
             let fed = self
                 .electrodes
@@ -184,17 +199,17 @@ impl PlanTable {
         (0..self.electrodes.len()).map(of_rail).collect()
     }
 
-    /// The table of what was computed, or kept from when it was.
-    fn of(scene: &Scene, computed: Computed) -> Self {
-        let Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free } = computed;
-        let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
-        let static_receptance = static_receptance(&model);
+    /// Completes a table from its computed parts.
+    fn from_computed(scene: &Scene, computed: ComputedTable) -> Self {
+        let ComputedTable { model, frequencies_hz, entries, electrodes, pressed, grid, products, free } = computed;
+        let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::from_actuator).collect();
+        let static_receptance = static_receptance_magnitude_or_infinity_m_per_n(&model);
         Self {
-            gains: Gains::new(&entries, model.count_coordinates()),
+            gains: AccelerationCoordinates::new(&entries, model.count_coordinates()),
             static_receptance,
             limits: SharedLimits::new(&electrodes, &transducers, static_receptance, &entries),
-            rough: Rough::new(scene, &entries),
-            wave_m: grid::bending_wave_m(scene, frequencies_hz.last().copied().unwrap_or_default()),
+            rough: EfficiencyBounds::new(scene, &entries),
+            wave_m: grid::shortest_bending_wavelength_m(scene, frequencies_hz.last().copied().unwrap_or_default()),
             model,
             coarser: None,
             coarser_rows: [Vec::new(), Vec::new()],
@@ -217,48 +232,55 @@ impl PlanTable {
     /// # Errors
     /// As the response does, other than for a single unbounded frequency, which is left out.
     pub fn build(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<Self, ResponseError> {
-        build::table(scene, model, options, None)
+        build::build_table(scene, model, options, None)
     }
 
-    /// A table for the strongest drives at these frequencies, over these points: it tells no plan, whose energies it has not.
+    /// Builds a table for the strongest drives at these frequencies, over these points. It has no energies, so it
+    /// cannot be used for plans.
     ///
     /// # Errors
     /// As [`PlanTable::build`].
-    pub(crate) fn for_strongest(
+    pub(crate) fn build_for_strongest_drives_only(
         scene: &Scene,
         model: ReducedModel,
         frequencies_hz: Vec<f64>,
         grid: SurfaceGrid,
     ) -> Result<Self, ResponseError> {
-        build::strongest(scene, model, frequencies_hz, grid, build::Purpose::Strongest(None))
+        build::build_table_for_strongest_drives_only(
+            scene,
+            model,
+            frequencies_hz,
+            grid,
+            build::TablePurpose::Strongest(None),
+        )
     }
 
-    /// The table of those of its frequencies that lie between two; `None` if none does.
+    /// The table reduced to its frequencies between two; `None` if there are none.
     #[must_use]
-    pub fn between(self, from_hz: f64, to_hz: f64) -> Option<Self> {
+    pub fn keep_frequencies_between_if_any(self, from_hz: f64, to_hz: f64) -> Option<Self> {
         let kept: Vec<bool> = self.frequencies_hz.iter().map(|hz| (from_hz..=to_hz).contains(hz)).collect();
-        fn keep<T>(list: Vec<T>, kept: &[bool]) -> Vec<T> {
+        fn keep_marked<T>(list: Vec<T>, kept: &[bool]) -> Vec<T> {
             list.into_iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| item).collect()
         }
         let Self { model, coarser, scene, frequencies_hz, entries, electrodes, pressed, grid, coarser_rows, .. } = self;
         let (products, free) = (self.products, self.free);
-        let frequencies_hz = keep(frequencies_hz, &kept);
+        let frequencies_hz = keep_marked(frequencies_hz, &kept);
         if frequencies_hz.is_empty() {
             return None;
         }
-        let entries = entries.into_iter().map(|list| keep(list, &kept)).collect();
-        let computed = Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
-        let mut table = Self::of(&scene, computed);
+        let entries = entries.into_iter().map(|list| keep_marked(list, &kept)).collect();
+        let computed = ComputedTable { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
+        let mut table = Self::from_computed(&scene, computed);
         table.coarser = coarser;
-        table.coarser_rows = coarser_rows.map(|rows| keep(rows, &kept));
+        table.coarser_rows = coarser_rows.map(|rows| keep_marked(rows, &kept));
         Some(table)
     }
 
-    /// The table without the frequencies below and above what is asked for, all of it where nothing is.
+    /// The table reduced to the given band; an end that is `None` stays as it is.
     ///
     /// # Errors
     /// [`BandError`] if what is left has no room for a frequency of each actuator.
-    pub fn in_band(self, from_hz: Option<f64>, to_hz: Option<f64>) -> Result<Self, BandError> {
+    pub fn restrict_to_band(self, from_hz: Option<f64>, to_hz: Option<f64>) -> Result<Self, BandError> {
         if from_hz.is_none() && to_hz.is_none() {
             return Ok(self);
         }
@@ -269,88 +291,100 @@ impl PlanTable {
         // A small count.
         let needed_hz = (1..actuators).fold(0.0, |sum, _| sum + MIN_SPACING_HZ);
         let error = BandError { from_hz, to_hz, least_hz, most_hz, actuators, needed_hz };
-        let table = self.between(from_hz, to_hz).ok_or(error)?;
+        let table = self.keep_frequencies_between_if_any(from_hz, to_hz).ok_or(error)?;
         let (first, last) = ends(&table).unwrap_or_default();
         if last - first < needed_hz { Err(error) } else { Ok(table) }
     }
 
-    /// All entries at a frequency of the grid.
-    pub(crate) fn entries_at(&self, k: usize) -> Vec<Entry> {
-        self.entries.iter().filter_map(|list| list.get(k)?.clone()).collect()
+    /// The entries of all actuators at the k-th frequency of the grid.
+    pub(crate) fn entries_of_all_actuators_at_index(&self, frequency_index: usize) -> Vec<Entry> {
+        self.entries.iter().filter_map(|list| list.get(frequency_index)?.clone()).collect()
     }
 
-    /// The poles that [`crate::plan_motion::PlanMotion`]s tell of.
+    /// The decaying modes that [`crate::plan_motion::PlanMotion`] refers to.
     #[must_use]
-    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
-        self.onset().map_or_else(Vec::new, Onset::decaying_modes)
+    pub fn decay_rate_and_travel_of_each_pole(&self) -> Vec<PoleDecayAndTravel> {
+        self.switch_on_model().map_or_else(Vec::new, SwitchOnModel::list_decay_rate_and_travel_of_each_pole)
     }
 
-    /// The entries of all actuators at one frequency, on the grid or off it.
+    /// The entries of all actuators at any frequency, on the grid or between its frequencies.
     ///
     /// # Errors
     /// [`ResponseError::Unbounded`].
-    pub fn row_at(&self, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
-        build::row_at(self, frequency_hz, None)
+    pub fn compute_entries_of_all_actuators_at_hz(&self, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
+        build::compute_entries_of_all_actuators_off_grid(self, frequency_hz, None)
     }
 
-    /// The same for a drive of one actuator: forces and pulse widths of the others are of no account.
-    pub(super) fn row_for(&self, frequency_hz: f64, driven: usize) -> Result<Vec<Entry>, ResponseError> {
-        build::row_at(self, frequency_hz, Some(driven))
+    /// The same entries, with force limits and pulse widths for `compute_limits_only_for` alone: those of the other actuators are
+    /// not computed.
+    pub(super) fn compute_all_entries_at_hz_with_driven_limits_only(
+        &self,
+        frequency_hz: f64,
+        compute_limits_only_for: usize,
+    ) -> Result<Vec<Entry>, ResponseError> {
+        build::compute_entries_of_all_actuators_off_grid(self, frequency_hz, Some(compute_limits_only_for))
     }
 
     /// Mean square over the surface of a motion with these coordinates.
     #[must_use]
-    pub fn mean_square(&self, coordinates: &DVector<Complex64>) -> f64 {
-        build::mean_square(&self.products, coordinates)
+    pub fn mean_square_over_surface(&self, coordinates: &DVector<Complex64>) -> f64 {
+        build::mean_square_over_surface(&self.products, coordinates)
     }
 
     /// At every frequency of the grid the means over the surface of conj(a_i) a_j for 1 N at each actuator alone.
-    pub(super) fn over_surface(&self) -> &[PerPair] {
-        self.over_surface.get_or_init(|| build::over_surface(&self.products, &self.entries))
+    pub(super) fn mean_products_over_surface_at_each_frequency(&self) -> &[PerPair] {
+        self.over_surface
+            .get_or_init(|| build::mean_products_over_surface_at_each_frequency(&self.products, &self.entries))
     }
 
-    /// What rise and decay are told from; `None` for a model whose free motion has no poles to tell it by.
+    /// The poles of the panel's free motion, from which rise and decay times follow; `None` if they could not be
+    /// found.
     #[must_use]
-    pub fn rise(&self) -> Option<&RiseTimes> {
+    pub fn panel_poles(&self) -> Option<&PanelPoles> {
         self.free.as_ref().map(|(rise, _)| rise)
     }
 
-    /// What switching on is told from.
-    pub(super) fn onset(&self) -> Option<&Onset> {
+    /// The poles as the actuators excite them and as they move the masses, from which the motion during switching on
+    /// follows.
+    pub(super) fn switch_on_model(&self) -> Option<&SwitchOnModel> {
         self.free.as_ref().map(|(_, onset)| onset)
     }
 
-    /// What actuators move at the targets, ready for products with mode shapes.
+    /// The acceleration coordinates of all actuators, ready for products with the mode shapes at targets.
     #[must_use]
-    pub const fn gains(&self) -> &Gains {
+    pub const fn acceleration_coordinates(&self) -> &AccelerationCoordinates {
         &self.gains
     }
 
     /// The entry of an actuator at a frequency of the grid.
     #[must_use]
-    pub fn entry(&self, actuator: usize, frequency: usize) -> Option<&Entry> {
-        self.entries.get(actuator)?.get(frequency)?.as_ref()
+    pub fn entry(&self, actuator: usize, frequency_index: usize) -> Option<&Entry> {
+        self.entries.get(actuator)?.get(frequency_index)?.as_ref()
     }
 
-    /// The quiet pulse width of an actuator at a frequency of the grid.
-    fn quiet_width(&self, actuator: usize, frequency_hz: f64) -> Option<f64> {
+    /// The quiet pulse width of an actuator at a frequency of the grid; `None` between its frequencies.
+    fn quiet_pulse_width_if_frequency_in_table(&self, actuator: usize, frequency_hz: f64) -> Option<f64> {
         let at = self.frequencies_hz.partition_point(|hz| *hz < frequency_hz);
         let is_it = self.frequencies_hz.get(at).is_some_and(|hz| hz.total_cmp(&frequency_hz).is_eq());
         self.entry(actuator, at).filter(|_| is_it).map(|entry| entry.widths[0].pulse_width)
     }
 
-    /// Bytes that the table's arrays and those of its models take.
+    /// Number of bytes in the arrays of the table and of its models.
     #[must_use]
-    pub fn bytes(&self) -> usize {
+    pub fn memory_bytes(&self) -> usize {
         let n = self.model.count_coordinates();
         let entries = self.entries.iter().flatten().flatten().count();
-        let coarser =
-            self.coarser.iter().flat_map(|(models, _)| models).map(ReducedModel::size_in_bytes).sum::<usize>();
+        let coarser = self
+            .coarser
+            .iter()
+            .flat_map(|(models, _)| models)
+            .map(ReducedModel::size_of_matrices_in_bytes)
+            .sum::<usize>();
         let rows = self.coarser_rows.iter().flatten().flatten().flatten().map(DVector::len).sum::<usize>();
         entries * (size_of::<Entry>() + size_of::<Complex64>() * n)
-            + self.gains.bytes()
+            + self.gains.memory_bytes()
             + size_of::<f64>() * (self.grid.shapes.len() + self.products.len())
-            + self.model.size_in_bytes()
+            + self.model.size_of_matrices_in_bytes()
             + coarser
             + size_of::<Complex64>() * rows
     }

@@ -4,10 +4,10 @@
 //! are evenly apart (the grid of pictures) the trapezoidal rule is off there by h^2, 0.5 % with twelve points per wave, and by
 //! h where a cut-out's border is not a line of the grid.
 
-use super::grid::bending_wave_m;
+use super::grid::shortest_bending_wavelength_m;
 use crate::HIGHEST_FELT_HZ;
 use crate::model::ReducedModel;
-use crate::model::shape::gauss_legendre_rule;
+use crate::model::shape::gauss_legendre_rule_on_unit_interval;
 use crate::scene::{Scene, SurfaceKind};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -21,13 +21,13 @@ const MOST_GAUSS_POINTS: f64 = 256.0;
 /// Products of the shapes with each other, as means over the surface, n x n: the mean square of a motion with coordinates q
 /// is q* M q, up to 1 kHz to four digits, three where little but the surroundings of a force moves: there a motion goes as
 /// r^2 log r. A bar's means are over its length.
-pub(super) fn products(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
+pub(super) fn compute_mean_shape_products_over_surface(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
     let layout = scene.layout();
-    let wave_m = bending_wave_m(scene, HIGHEST_FELT_HZ);
-    let x = nodes(layout.border_lines_x_m(), wave_m);
+    let wave_m = shortest_bending_wavelength_m(scene, HIGHEST_FELT_HZ);
+    let x = gauss_points_and_weights(layout.border_lines_x_m(), wave_m);
     let y = match scene.surface.kind {
         SurfaceKind::Bar => vec![(scene.surface.width_m / 2.0, 1.0)],
-        SurfaceKind::Plate => nodes(layout.border_lines_y_m(), wave_m),
+        SurfaceKind::Plate => gauss_points_and_weights(layout.border_lines_y_m(), wave_m),
     };
     let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
     let mut products = DMatrix::zeros(model.count_coordinates(), model.count_coordinates());
@@ -36,7 +36,7 @@ pub(super) fn products(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
         let shapes = model.shape_deflections_on_grid(&x_m, &[*y_m]);
         let mut weighted = shapes.clone();
         for (mut row, (x_m, length)) in weighted.row_iter_mut().zip(&x) {
-            let weight = if layout.layer_at(*x_m, *y_m).is_some() { length * height } else { 0.0 };
+            let weight = if layout.layer_at_unless_cut_out(*x_m, *y_m).is_some() { length * height } else { 0.0 };
             row *= weight;
             area += weight;
         }
@@ -48,11 +48,13 @@ pub(super) fn products(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
 /// Places and weights of Gauss' rule between each two lines. A square of a motion has waves of half the length; the rule
 /// takes pi points for each of them.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_GAUSS_POINTS")]
-fn nodes(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
+fn gauss_points_and_weights(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
     let between = lines_m.windows(2).flat_map(|ends| {
         let (from, side) = (ends[0], ends[1] - ends[0]);
         let count = (TAU * side / wave_m + MORE_POINTS).ceil().min(MOST_GAUSS_POINTS) as usize;
-        gauss_legendre_rule(count).into_iter().map(move |(at, weight)| (from + side * at, side * weight))
+        gauss_legendre_rule_on_unit_interval(count)
+            .into_iter()
+            .map(move |(at, weight)| (from + side * at, side * weight))
     });
     between.collect()
 }
@@ -63,7 +65,7 @@ mod tests {
     use crate::model::{Accuracy, PanelModel};
     use crate::response::CoordinateSolver;
     use crate::scene::EXAMPLE_PLATE;
-    use crate::table::build::mean_square;
+    use crate::table::build::mean_square_over_surface;
     use nalgebra::DVector;
     use num_complex::Complex64;
 
@@ -84,7 +86,7 @@ mod tests {
             let shapes = model.shape_deflections_on_grid(&x_m, &[*y_m]);
             let (re, im) = (&shapes * motion.map(|z| z.re), &shapes * motion.map(|z| z.im));
             for (k, (x_m, length)) in x.iter().enumerate() {
-                if layout.layer_at(*x_m, *y_m).is_some() {
+                if layout.layer_at_unless_cut_out(*x_m, *y_m).is_some() {
                     sum += (re[k] * re[k] + im[k] * im[k]) * length * height;
                     area += length * height;
                 }
@@ -100,12 +102,12 @@ mod tests {
         for text in [EXAMPLE_PLATE, &cut] {
             let scene = Scene::parse("plate", text).unwrap();
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-            let products = products(&scene, &model);
+            let products = compute_mean_shape_products_over_surface(&scene, &model);
             for frequency_hz in [60.0, 287.0, 400.0] {
-                let motions = CoordinateSolver::new(&model).solve_at_frequency(frequency_hz).unwrap();
+                let motions = CoordinateSolver::new(&model).solve_coordinates_per_newton_at(frequency_hz).unwrap();
                 let [few, many] = [100, 200].map(|count| by_midpoints(&scene, &model, &motions[0], count));
                 let wanted = (4.0 * many - few) / 3.0;
-                let found = mean_square(&products, &motions[0]);
+                let found = mean_square_over_surface(&products, &motions[0]);
                 assert!((found / wanted - 1.0).abs() < 2e-4, "{frequency_hz} Hz: {found} for {wanted}");
             }
         }

@@ -6,25 +6,25 @@
 //!   gap stays below it: V^2 + s x <= b is safe everywhere, exact where the travel is at its limit, and 2 % of the
 //!   voltage short at rest.
 //! - Pull-in: the stiffness that electrodes take off their springs, in proportion to their forces, times what a mass yields to
-//!   steady forces there; beyond 1 it is pulled in, and up to [`HELD`] is allowed.
+//!   steady forces there; beyond 1 it is pulled in, and up to [`MAX_SOFTENING_FRACTION`] is allowed.
 //! - Rails: actuators on one rail have its voltage, the highest that one of them asks for.
 
-use crate::physics::limits::{Electrodes, HELD, Limit};
+use crate::physics::limits::{BreakdownTangent, Electrodes, Limit, MAX_SOFTENING_FRACTION};
 use crate::physics::softening::Transducer;
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{Entry, Width};
+use crate::table::{Entry, PulseOption};
 use era_shared::supply::rail_index_of_channel;
 
 /// One row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Row {
+struct LimitRow {
     /// Whose gap.
     actuator: usize,
-    kind: Kind,
+    kind: LimitKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum LimitKind {
     Travel,
     /// Under the voltage of this actuator's drive, which the rail has.
     Breakdown {
@@ -36,7 +36,7 @@ enum Kind {
 /// The rows that can bind in a scene.
 #[derive(Clone, Debug, Default)]
 pub struct SharedLimits {
-    rows: Vec<Row>,
+    rows: Vec<LimitRow>,
     /// What each row allows: metres, square volts, or a part of the static stiffness.
     pub allowed: Vec<f64>,
     /// Of each actuator the slope of the tangent in V^2/m.
@@ -56,11 +56,12 @@ impl SharedLimits {
         static_receptance: [[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
         entries: &[Vec<Option<Entry>>],
     ) -> Self {
-        let lines: Vec<(f64, f64)> = electrodes.iter().map(Electrodes::breakdown_line).collect();
+        let tangents: Vec<BreakdownTangent> =
+            electrodes.iter().map(Electrodes::tangent_of_squared_breakdown_voltage_over_travel).collect();
         let mut limits = Self {
             rows: Vec::new(),
             allowed: Vec::new(),
-            slopes: lines.iter().map(|(slope, _)| *slope).collect(),
+            slopes: tangents.iter().map(|tangent| tangent.slope_v2_per_m).collect(),
             electrodes: electrodes.to_vec(),
             static_receptance,
         };
@@ -73,18 +74,19 @@ impl SharedLimits {
             // What a bias already took off is in the model.
             let counted = static_receptance[actuator].iter().zip(transducers).map(|(g, own)| g * own.counted_n_per_m);
             let mut rows = vec![
-                (Row { actuator, kind: Kind::Travel }, electrodes[actuator].most_travel_m()),
-                (Row { actuator, kind: Kind::PullIn }, HELD + counted.sum::<f64>()),
+                (LimitRow { actuator, kind: LimitKind::Travel }, electrodes[actuator].max_travel_m()),
+                (LimitRow { actuator, kind: LimitKind::PullIn }, MAX_SOFTENING_FRACTION + counted.sum::<f64>()),
             ];
             let on_its_rail = (0..p).filter(|driver| rail_index_of_channel(*driver) == rail_index_of_channel(actuator));
-            rows.extend(
-                on_its_rail.map(|driver| (Row { actuator, kind: Kind::Breakdown { driver } }, lines[actuator].1)),
-            );
+            rows.extend(on_its_rail.map(|driver| {
+                (LimitRow { actuator, kind: LimitKind::Breakdown { driver } }, tangents[actuator].bound_v2)
+            }));
             for (row, allowed) in rows {
                 let most: f64 = (0..p)
                     .map(|j| {
                         let load = |entry: &Entry| {
-                            let of = |width: &Width| limits.load_of(row, j, width) * width.max_force_n;
+                            let of =
+                                |width: &PulseOption| limits.load_per_n_on_limit(row, j, width) * width.max_force_n;
                             entry.widths.iter().map(of).fold(0.0, f64::max)
                         };
                         entries.get(j).into_iter().flatten().flatten().map(load).fold(0.0, f64::max)
@@ -99,47 +101,54 @@ impl SharedLimits {
         limits
     }
 
-    /// What one newton of actuator `j`, driven as `width` says, takes of every row.
-    pub fn loads<'a>(&'a self, j: usize, width: &'a Width) -> impl Iterator<Item = f64> + 'a {
-        self.rows.iter().map(move |row| self.load_of(*row, j, width))
+    /// What one newton of actuator `actuator` with the pulse option `pulse` uses of every row.
+    pub fn load_per_n_on_each_limit<'a>(
+        &'a self,
+        actuator: usize,
+        pulse: &'a PulseOption,
+    ) -> impl Iterator<Item = f64> + 'a {
+        self.rows.iter().map(move |row| self.load_per_n_on_limit(*row, actuator, pulse))
     }
 
-    fn load_of(&self, row: Row, j: usize, width: &Width) -> f64 {
-        let travel = width.travel_m_per_n.get(row.actuator).copied().unwrap_or(0.0);
-        let Some(electrodes) = self.electrodes.get(j) else { return 0.0 };
+    fn load_per_n_on_limit(&self, row: LimitRow, actuator: usize, pulse: &PulseOption) -> f64 {
+        let travel = pulse.travel_m_per_n.get(row.actuator).copied().unwrap_or(0.0);
+        let Some(electrodes) = self.electrodes.get(actuator) else { return 0.0 };
         match row.kind {
-            Kind::Travel => travel,
-            Kind::PullIn => {
-                self.static_receptance[row.actuator].get(j).copied().unwrap_or(f64::INFINITY)
-                    * electrodes.softening_per_newton(width.pulse_width)
-                    * electrodes.pressed_softening()
+            LimitKind::Travel => travel,
+            LimitKind::PullIn => {
+                self.static_receptance[row.actuator].get(actuator).copied().unwrap_or(f64::INFINITY)
+                    * pulse.softening_n_per_m_per_n
+                    * electrodes.press_softening_ratio()
             }
-            Kind::Breakdown { driver } => {
-                let voltage =
-                    if driver == j { 1.0 / electrodes.harmonic_per_volt_squared(1, width.pulse_width) } else { 0.0 };
+            LimitKind::Breakdown { driver } => {
+                let voltage = if driver == actuator { pulse.square_volts_per_n } else { 0.0 };
                 voltage + self.slopes.get(row.actuator).copied().unwrap_or(0.0) * travel
             }
         }
     }
 
-    /// The rows of which forces, one per actuator with its pulse width, use at least this part.
+    /// Indices of the rows of which the given forces, one per actuator with its pulse option, use at least the
+    /// fraction `fraction`.
     #[must_use]
-    pub fn used(&self, forces: &[(Width, f64)], part: f64) -> Vec<usize> {
-        let load = |row: Row| {
-            forces.iter().enumerate().map(move |(j, (width, force_n))| self.load_of(row, j, width) * force_n)
+    pub fn find_limit_rows_used_above_fraction(&self, forces: &[(PulseOption, f64)], fraction: f64) -> Vec<usize> {
+        let load = |row: LimitRow| {
+            forces
+                .iter()
+                .enumerate()
+                .map(move |(j, (width, force_n))| self.load_per_n_on_limit(row, j, width) * force_n)
         };
-        let is_used = |(at, row): &(usize, &Row)| load(**row).sum::<f64>() >= part * self.allowed[*at];
+        let is_used = |(at, row): &(usize, &LimitRow)| load(**row).sum::<f64>() >= fraction * self.allowed[*at];
         self.rows.iter().enumerate().filter(is_used).map(|(at, _)| at).collect()
     }
 
-    /// What a row is about: whose gap, and which limit.
+    /// The actuator whose gap a row is about, and the kind of its limit; `None` if the row does not exist.
     #[must_use]
-    pub fn name(&self, row: usize) -> Option<(usize, Limit)> {
-        let row = self.rows.get(row)?;
+    pub fn actuator_and_limit_of_row_if_in_range(&self, row_index: usize) -> Option<(usize, Limit)> {
+        let row = self.rows.get(row_index)?;
         let limit = match row.kind {
-            Kind::Travel => Limit::Travel,
-            Kind::Breakdown { .. } => Limit::Breakdown,
-            Kind::PullIn => Limit::PullIn,
+            LimitKind::Travel => Limit::Travel,
+            LimitKind::Breakdown { .. } => Limit::Breakdown,
+            LimitKind::PullIn => Limit::PullIn,
         };
         Some((row.actuator, limit))
     }

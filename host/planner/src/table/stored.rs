@@ -5,11 +5,16 @@
 //! which tell how wrong a plan may be, and the figures that take a look at every point of the surface: they say which frequencies the planner
 //! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{compute_without_figures, figures_of, rows};
+use super::build::{
+    acceleration_coordinates_per_newton_of_each_actuator_by_frequency, compute_table_without_mean_max_slope,
+    mean_magnitude_and_bounds_of_square_and_slope,
+};
 use super::{Entry, PlanTable, TableOptions};
 use crate::model::bounded::RefinementLevel;
 use crate::model::levels::ReducedLevels;
-use crate::model::stored::{ImplausibleStore, StoredLevels, complex_to_pairs, expect_size, restore_complex_vector};
+use crate::model::stored::{
+    ImplausibleStore, StoredLevels, check_stored_size, complex_to_pairs, restore_complex_vector,
+};
 use crate::model::{Accuracy, ReducedModel};
 use crate::scene::Scene;
 use nalgebra::DVector;
@@ -34,15 +39,19 @@ type StoredRow = Option<Vec<Vec<[f64; 2]>>>;
 /// Of an entry, `mean`, `most_square` and `steepest`.
 type StoredFigures = [f64; 3];
 
-/// Gives an entry the figures that were kept; `nothing` is the acceleration in (m/s^2)/N up to which they are rounding.
-fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Result<(), ImplausibleStore> {
+/// Gives an entry the figures that were kept; `rounding_level` is the acceleration in (m/s^2)/N up to which they are rounding.
+fn restore_surface_figures_of_entry(
+    entry: &mut Entry,
+    kept: StoredFigures,
+    rounding_level: f64,
+) -> Result<(), ImplausibleStore> {
     if !kept.iter().all(|figure| figure.is_finite() && *figure >= 0.0) {
         return Err(ImplausibleStore::NotFinite("figures over the surface"));
     }
     [entry.mean, entry.most_square, entry.steepest] = kept;
     // No mean is above the root of the mean square, and no mean square above the largest: but for the points that they are taken at.
     let is_above = |low: f64, high: f64| low > OTHER_POINTS * high;
-    let is_motion = entry.most_square.sqrt() > nothing;
+    let is_motion = entry.most_square.sqrt() > rounding_level;
     if is_motion && (is_above(entry.mean.powi(2), entry.mean_square) || is_above(entry.mean_square, entry.most_square))
     {
         return Err(ImplausibleStore::Differs("figures over the surface"));
@@ -50,7 +59,7 @@ fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Resu
     Ok(())
 }
 
-/// What is kept of a [`PlanTable`] made by [`PlanTable::with_levels`], and the steps of its levels.
+/// What is kept of a [`PlanTable`] made by [`PlanTable::from_levels`], and the steps of its levels.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredTable {
     levels: StoredLevels,
@@ -77,49 +86,49 @@ impl StoredTable {
     ///
     /// # Errors
     /// [`ImplausibleStore`], if it cannot be that of this scene with these options.
-    pub fn restore(
+    pub fn restore_table(
         self,
         scene: &Scene,
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<(PlanTable, Vec<RefinementLevel>), ImplausibleStore> {
         let ReducedLevels { fine, coarser, estimator, steps } =
-            self.levels.restore_levels(scene, accuracy, options.to_hz)?;
-        let mut computed =
-            compute_without_figures(scene, fine, options, None).map_err(|_| ImplausibleStore::Differs("model"))?;
-        expect_size("actuators", self.figures.len(), computed.entries.len())?;
-        let nothing = HARDLY_MOVING / scene.surface_mass_kg();
+            self.levels.restore_coarser_and_build_finest_levels(scene, accuracy, options.to_hz)?;
+        let mut computed = compute_table_without_mean_max_slope(scene, fine, options, None)
+            .map_err(|_| ImplausibleStore::Differs("model"))?;
+        check_stored_size("actuators", self.figures.len(), computed.entries.len())?;
+        let nothing = HARDLY_MOVING / scene.surface_mass_with_air_kg();
         for (list, kept) in computed.entries.iter_mut().zip(self.figures) {
-            expect_size("frequencies", kept.len(), list.len())?;
+            check_stored_size("frequencies", kept.len(), list.len())?;
             for (entry, kept) in list.iter_mut().zip(kept) {
                 match (entry, kept) {
-                    (Some(entry), Some(kept)) => restore_figures(entry, kept, nothing)?,
+                    (Some(entry), Some(kept)) => restore_surface_figures_of_entry(entry, kept, nothing)?,
                     (None, None) => {}
                     _ => return Err(ImplausibleStore::Differs("frequencies without a response")),
                 }
             }
         }
-        let mut table = PlanTable::of(scene, computed);
+        let mut table = PlanTable::from_computed(scene, computed);
         let [middle, coarse] = self.coarser_rows;
         table.coarser_rows = [
-            restore_rows(middle, &coarser[0], table.frequencies_hz.len())?,
-            restore_rows(coarse, &coarser[1], table.frequencies_hz.len())?,
+            restore_accelerations_of_coarser_level(middle, &coarser[0], table.frequencies_hz.len())?,
+            restore_accelerations_of_coarser_level(coarse, &coarser[1], table.frequencies_hz.len())?,
         ];
         table.coarser = Some((coarser, estimator));
-        check_samples(&table)?;
+        recompute_and_compare_samples(&table)?;
         Ok((table, steps))
     }
 }
 
-fn restore_rows(
+fn restore_accelerations_of_coarser_level(
     stored: Vec<StoredRow>,
     model: &ReducedModel,
     frequencies: usize,
 ) -> Result<Vec<Option<Vec<DVector<Complex64>>>>, ImplausibleStore> {
     const WHAT: &str = "responses of a coarser level";
-    expect_size(WHAT, stored.len(), frequencies)?;
+    check_stored_size(WHAT, stored.len(), frequencies)?;
     let row = |row: Vec<Vec<[f64; 2]>>| {
-        expect_size(WHAT, row.len(), model.count_actuators())?;
+        check_stored_size(WHAT, row.len(), model.count_actuators())?;
         row.iter().map(|values| restore_complex_vector(WHAT, values, model.count_coordinates())).collect()
     };
     stored.into_par_iter().map(|stored| stored.map(row).transpose()).collect()
@@ -128,33 +137,44 @@ fn restore_rows(
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.
 const HARDLY_MOVING: f64 = 1e-6;
 
-/// Whether an entry's figures over the surface are those of its acceleration.
-fn are_of_the_surface(table: &PlanTable, kept: &Entry) -> bool {
-    let anew = figures_of(table.grid.field(&kept.acceleration).into_iter(), &table.grid);
+/// Whether the stored figures of an entry agree with figures that are computed again from its acceleration.
+fn are_surface_figures_as_recomputed(table: &PlanTable, kept: &Entry) -> bool {
+    let anew = mean_magnitude_and_bounds_of_square_and_slope(
+        table.grid.evaluate_at_each_grid_point(&kept.acceleration).into_iter(),
+        &table.grid,
+    );
     // The steepest slope is a difference of neighbours in single precision: of what rounding makes of the largest value.
     let [mean, most_square, steepest] = anew;
-    let (dx, dy) = table.grid.steps_m();
+    let (dx, dy) = table.grid.column_and_row_spacing_or_infinity_m();
     // Of a force on an edge that does not move there is only rounding, whose figures are not the same twice.
-    let nothing = HARDLY_MOVING / table.scene.surface_mass_kg();
+    let nothing = HARDLY_MOVING / table.scene.surface_mass_with_air_kg();
     if most_square.max(kept.most_square).sqrt() <= nothing {
         return true;
     }
     let slope = most_square.sqrt() / dx.min(dy);
-    is_same(mean, kept.mean, SAME_IN_SINGLE)
-        && is_same(most_square, kept.most_square, SAME_IN_SINGLE)
+    is_nearly_equal(mean, kept.mean, SAME_IN_SINGLE)
+        && is_nearly_equal(most_square, kept.most_square, SAME_IN_SINGLE)
         && (steepest - kept.steepest).abs() <= SAME_IN_SINGLE * slope
 }
 
-/// Computes samples anew: figures over the surface, and responses of the coarser levels.
-fn check_samples(table: &PlanTable) -> Result<(), ImplausibleStore> {
-    for k in samples(table.frequencies_hz.len()) {
-        if !table.entries.iter().filter_map(|list| list[k].as_ref()).all(|kept| are_of_the_surface(table, kept)) {
+/// Computes samples again and compares them: figures over the surface, and responses of the coarser levels.
+fn recompute_and_compare_samples(table: &PlanTable) -> Result<(), ImplausibleStore> {
+    for k in indices_of_few_spread_samples(table.frequencies_hz.len()) {
+        if !table
+            .entries
+            .iter()
+            .filter_map(|list| list[k].as_ref())
+            .all(|kept| are_surface_figures_as_recomputed(table, kept))
+        {
             return Err(ImplausibleStore::Differs("figures over the surface"));
         }
         let hz = table.frequencies_hz[k];
         for (model, kept) in table.coarser.iter().flat_map(|(models, _)| models).zip(&table.coarser_rows) {
-            let is_same = match (rows(model, &[hz]).pop().flatten(), &kept[k]) {
-                (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| is_close(anew, kept)),
+            let is_same = match (
+                acceleration_coordinates_per_newton_of_each_actuator_by_frequency(model, &[hz]).pop().flatten(),
+                &kept[k],
+            ) {
+                (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| is_nearly_equal_row(anew, kept)),
                 (anew, kept) => anew.is_none() && kept.is_none(),
             };
             if !is_same {
@@ -171,14 +191,14 @@ fn check_samples(table: &PlanTable) -> Result<(), ImplausibleStore> {
     clippy::cast_precision_loss,
     reason = "parts of a length"
 )]
-fn samples(length: usize) -> impl Iterator<Item = usize> {
+fn indices_of_few_spread_samples(length: usize) -> impl Iterator<Item = usize> {
     SAMPLES.into_iter().map(move |part| (part * length as f64) as usize).filter(move |at| *at < length)
 }
 
-fn is_same(a: f64, b: f64, tolerance: f64) -> bool {
+fn is_nearly_equal(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() <= tolerance * a.abs().max(b.abs())
 }
 
-fn is_close(a: &DVector<Complex64>, b: &DVector<Complex64>) -> bool {
+fn is_nearly_equal_row(a: &DVector<Complex64>, b: &DVector<Complex64>) -> bool {
     a.len() == b.len() && (a - b).norm() <= SAME_NUMBER * a.norm()
 }

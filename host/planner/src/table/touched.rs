@@ -3,7 +3,7 @@
 //! A finger is a spring, a dashpot and a mass at its place, so that each place is a design of the bare panel ([`BarePanel`]): the place's shapes are in
 //! that design's basis, and with them what a sum of modes misses where a force is, which is a part in a hundred of the receptance there.
 
-use super::build::{self, Purpose};
+use super::build::{self, TablePurpose};
 use super::{PlanTable, SurfaceGrid, TableOptions};
 use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, ReducedModel};
@@ -24,53 +24,59 @@ pub enum TouchedError {
     Response(#[from] ResponseError),
 }
 
-/// A panel whose scene's finger is on one place at a time. What a press does to the gaps is as without it: a finger that is part of the panel does not
-/// hold it against another one.
+/// A panel with the scene's finger at one place at a time. The press effects are those without the finger, because a
+/// finger that is part of the panel does not hold it against another press.
 #[derive(Clone, Copy, Debug)]
-pub struct Touched<'a> {
+pub struct TouchedPanel<'a> {
     panel: &'a BarePanel,
     scene: &'a Scene,
     untouched: &'a PlanTable,
 }
 
-impl<'a> Touched<'a> {
+impl<'a> TouchedPanel<'a> {
     /// The design `scene` of a panel, `untouched` its table without a finger.
     #[must_use]
     pub fn new(panel: &'a BarePanel, scene: &'a Scene, untouched: &'a PlanTable) -> Self {
         Self { panel, scene, untouched }
     }
 
-    /// Asks at each place (m) a table of that place alone, with the finger on it: for the strongest drives at the frequencies that
-    /// `frequencies_hz` takes for the model.
+    /// Builds for each place (in m) a table of that place alone, with the finger on it, for the strongest drives at
+    /// the frequencies that `frequencies_hz` chooses for the model, and returns what `ask` finds in each table.
     ///
     /// # Errors
     /// [`TouchedError`] of the first place that has one.
-    pub fn each<T: Send>(
+    pub fn evaluate_with_finger_on_each_place<T: Send>(
         &self,
         places_m: &[(f64, f64)],
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
-        self.tables(places_m, Purpose::Strongest(Some(self.untouched)), frequencies_hz, ask)
+        self.evaluate_table_at_each_touched_place(
+            places_m,
+            TablePurpose::Strongest(Some(self.untouched)),
+            frequencies_hz,
+            ask,
+        )
     }
 
-    /// The same roughly, and several times as fast: whatever its poles, a mass is taken to move, as it is switched on, by what a single pole's whole free motion adds.
+    /// A faster estimate of the same: the overshoot of every mass when a drive is switched on is that of a single
+    /// pole.
     ///
     /// # Errors
-    /// As [`Self::each`].
-    pub fn each_roughly<T: Send>(
+    /// As [`Self::evaluate_with_finger_on_each_place`].
+    pub fn estimate_with_finger_on_each_place<T: Send>(
         &self,
         places_m: &[(f64, f64)],
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
-        self.tables(places_m, Purpose::Roughly(self.untouched), frequencies_hz, ask)
+        self.evaluate_table_at_each_touched_place(places_m, TablePurpose::Roughly(self.untouched), frequencies_hz, ask)
     }
 
-    fn tables<T: Send>(
+    fn evaluate_table_at_each_touched_place<T: Send>(
         &self,
         places_m: &[(f64, f64)],
-        purpose: Purpose<'_>,
+        purpose: TablePurpose<'_>,
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
@@ -81,26 +87,36 @@ impl<'a> Touched<'a> {
             }
             let touched = self.scene.with_finger_at_places(&[*place]);
             let model = self.panel.couple_to_design(&touched)?;
-            let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at(&model, *place));
-            Ok(ask(&build::strongest(&touched, model, hz, grid, purpose)?))
+            let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at_single_point(&model, *place));
+            Ok(ask(&build::build_table_for_strongest_drives_only(&touched, model, hz, grid, purpose)?))
         };
         places_m.par_iter().map(at).collect()
     }
 
-    /// The table for plans of a place (m) with the finger on it. Without coarser models its plans have no error bound.
+    /// Builds the table for plans at a place (in m) with the finger on it. It has no coarser models, so its plans
+    /// have no error bound.
     ///
     /// # Errors
     /// [`TouchedError`].
-    pub fn table(&self, place_m: (f64, f64), options: TableOptions) -> Result<PlanTable, TouchedError> {
+    pub fn build_plan_table_at_touched_place(
+        &self,
+        place_m: (f64, f64),
+        options: TableOptions,
+    ) -> Result<PlanTable, TouchedError> {
         let touched = self.scene.with_finger_at_places(&[place_m]);
-        Ok(build::table(&touched, self.panel.couple_to_design(&touched)?, options, Some(&self.untouched.pressed))?)
+        Ok(build::build_table(
+            &touched,
+            self.panel.couple_to_design(&touched)?,
+            options,
+            Some(&self.untouched.pressed),
+        )?)
     }
 
-    /// The same from the scene's own elements in three levels: its plans have an error bound.
+    /// Builds that table from the scene's own elements in three levels, so that its plans have an error bound.
     ///
     /// # Errors
     /// [`TouchedError`].
-    pub fn bounded(
+    pub fn build_plan_table_with_error_bounds_at_touched_place(
         &self,
         place_m: (f64, f64),
         accuracy: Accuracy,
@@ -108,6 +124,6 @@ impl<'a> Touched<'a> {
     ) -> Result<PlanTable, TouchedError> {
         let touched = self.scene.with_finger_at_places(&[place_m]);
         let levels = ReducedLevels::build(&touched, accuracy, options.to_hz)?;
-        Ok(PlanTable::of_levels(&touched, levels, options, Some(&self.untouched.pressed))?)
+        Ok(PlanTable::build_from_levels(&touched, levels, options, Some(&self.untouched.pressed))?)
     }
 }

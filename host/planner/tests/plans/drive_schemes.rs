@@ -3,10 +3,10 @@
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
-use era_planner::reach::setting::{command, part};
-use era_planner::reach::{Measure, everywhere};
-use era_planner::study::{Maps, SchemeReach, rigid, schemes};
-use era_planner::table::{Part, Region};
+use era_planner::maps::{ReachMaps, SchemeReach, rigid, schemes};
+use era_planner::reach::setting::{build_setting_with_strongest_pulse, derate_setting_to_safe_fraction_if_any};
+use era_planner::reach::{Measure, max_min_setting_and_relative_gap_if_spacing_can_be_kept};
+use era_planner::table::{ActuatorSetting, Region};
 use era_planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
 
 fn table(text: &str, options: TableOptions) -> PlanTable {
@@ -19,7 +19,7 @@ fn table(text: &str, options: TableOptions) -> PlanTable {
 const COARSE: TableOptions = TableOptions { from_hz: 40.0, to_hz: 240.0, step_hz: 5.0 };
 
 fn compared(table: &PlanTable) -> Vec<SchemeReach> {
-    schemes::compare(table, None, Measure::G).unwrap()
+    schemes::compare_schemes(table, None, Measure::G).unwrap()
 }
 
 /// What is reported is what may be commanded: voltages within the scene's, and nothing left that safety would take away.
@@ -39,7 +39,7 @@ fn settings_are_within_the_limits() {
                 assert!(part.drive.force_n >= 0.0 && (0.5..1.0).contains(&part.drive.pulse_width), "{scheme:?}");
             }
             let mut again = scheme.setting.clone();
-            let scale = command(&table, &mut again).unwrap();
+            let scale = derate_setting_to_safe_fraction_if_any(&table, &mut again).unwrap();
             assert!(scale > 0.995, "{scale}: {scheme:?}");
             assert!(scheme.one_setting.least <= scheme.one_setting_at_most.unwrap_or(f64::INFINITY) * (1.0 + 1e-9));
         }
@@ -85,7 +85,7 @@ fn more_choice_is_not_less_reach() {
 fn a_region_is_a_part_of_the_surface() {
     let table = table(EXAMPLE_BAR, COARSE);
     let region = Region { x_m: [0.1, 0.15], y_m: [0.0, 0.02] };
-    let (whole, part) = (Maps::of(&table, None).unwrap(), Maps::of(&table, Some(region)).unwrap());
+    let (whole, part) = (ReachMaps::compute(&table, None).unwrap(), ReachMaps::compute(&table, Some(region)).unwrap());
     let mut seen = 0;
     for (point, x_mm) in whole.x_mm.iter().enumerate() {
         let within = (100.0 - 1e-6..=150.0 + 1e-6).contains(x_mm);
@@ -98,12 +98,12 @@ fn a_region_is_a_part_of_the_surface() {
         }
     }
     assert!(seen > 3);
-    let of_region = schemes::compare(&table, Some(region), Measure::G).unwrap();
+    let of_region = schemes::compare_schemes(&table, Some(region), Measure::G).unwrap();
     for (whole, part) in compared(&table).iter().zip(&of_region) {
         assert!(part.one_setting.least >= 0.999 * whole.one_setting.least);
     }
     let beside = Region { x_m: [0.1001, 0.1002], y_m: [0.0, 0.02] };
-    assert!(Maps::of(&table, Some(beside)).is_err());
+    assert!(ReachMaps::compute(&table, Some(beside)).is_err());
 }
 
 /// The bar on its two springs moves as a rigid body at 60 Hz, and bends at 200 Hz; free, it would first bend at 1.028 h / L^2
@@ -111,15 +111,15 @@ fn a_region_is_a_part_of_the_surface() {
 #[test]
 fn rigid_motion_is_told_from_bending() {
     let table = table(EXAMPLE_BAR, COARSE);
-    let first = rigid::first_bending_hz(&table).unwrap();
+    let first = rigid::first_driven_bending_mode_if_any_hz(&table).unwrap();
     assert!((100.0..170.0).contains(&first), "{first}");
-    let setting = |hz: f64| -> Vec<Part> {
+    let setting = |hz: f64| -> Vec<ActuatorSetting> {
         let frequency = table.frequencies_hz.iter().position(|other| *other == hz).unwrap();
-        (0..2).map(|i| part(&table, i, frequency, 0.01.into())).collect()
+        (0..2).map(|i| build_setting_with_strongest_pulse(&table, i, frequency, 0.01.into())).collect()
     };
-    let part = |hz: f64| rigid::part_of(&table, &setting(hz)).unwrap();
+    let part = |hz: f64| rigid::rigid_fraction_of_mean_square_unless_at_rest(&table, &setting(hz)).unwrap();
     assert!(part(60.0) > 0.95 && part(200.0) < 0.5, "{} {}", part(60.0), part(200.0));
-    assert_eq!(rigid::part_of(&table, &[]), None);
+    assert_eq!(rigid::rigid_fraction_of_mean_square_unless_at_rest(&table, &[]), None);
 }
 
 /// Frequencies left out of a table, and a table that never had them: the same entries, limits and plans.
@@ -127,7 +127,7 @@ fn rigid_motion_is_told_from_bending() {
 fn a_part_of_a_band_is_that_band() {
     for text in [EXAMPLE_BAR, EXAMPLE_PLATE] {
         let whole = TableOptions { from_hz: 40.0, to_hz: 240.0, step_hz: 4.0 };
-        let cut = table(text, whole).between(119.0, 240.0).unwrap();
+        let cut = table(text, whole).keep_frequencies_between_if_any(119.0, 240.0).unwrap();
         let built = table(text, TableOptions { from_hz: 120.0, ..whole });
         assert_eq!(cut.frequencies_hz, built.frequencies_hz);
         for (a, b) in cut.entries.iter().flatten().zip(built.entries.iter().flatten()) {
@@ -142,11 +142,17 @@ fn a_part_of_a_band_is_that_band() {
             assert!((a.frequency_hz - b.frequency_hz).abs() <= 1e-6 * b.frequency_hz, "{a:?} {b:?}");
             assert!((a.force_n - b.force_n).abs() <= 1e-6 * b.force_n, "{a:?} {b:?}");
         }
-        let (a, b) = (everywhere(&cut, None).unwrap(), everywhere(&built, None).unwrap());
+        let (a, b) = (
+            max_min_setting_and_relative_gap_if_spacing_can_be_kept(&cut, None).unwrap(),
+            max_min_setting_and_relative_gap_if_spacing_can_be_kept(&built, None).unwrap(),
+        );
         assert!(a.0.iter().zip(&b.0).all(|(a, b)| a.frequency == b.frequency));
     }
     let narrow = table(EXAMPLE_BAR, COARSE);
-    assert!(narrow.clone().between(401.0, 500.0).is_none() && narrow.between(200.0, 100.0).is_none());
+    assert!(
+        narrow.clone().keep_frequencies_between_if_any(401.0, 500.0).is_none()
+            && narrow.keep_frequencies_between_if_any(200.0, 100.0).is_none()
+    );
 }
 
 /// A touch for the objective reach, of a part of the surface: nowhere in it is it weaker than the whole surface's is anywhere in it,
@@ -156,10 +162,10 @@ fn a_touch_may_ask_for_the_reach_of_a_region() {
     let table = table(EXAMPLE_BAR, COARSE);
     let target = Target { x_m: 0.12, y_m: 0.0, intensity_g: Some(1e3) };
     let region = Region { x_m: [0.1, 0.15], y_m: [0.0, 0.02] };
-    let request = |zone| Request { objective: Objective::Reach, zone, ..Request::touch(&[target]) };
+    let request = |zone| Request { objective: Objective::Reach, zone, ..Request::for_touch(&[target]) };
     let weakest = |zone| {
         let plan = table.plan_request(&request(zone)).unwrap();
-        let peaks = table.compute_peak_field(&plan);
+        let peaks = table.compute_peak_at_each_grid_point_m_per_s2(&plan);
         let columns = table.grid.x_m.len();
         let own = peaks.iter().enumerate().filter(|(point, _)| (0.1..=0.15).contains(&table.grid.x_m[point % columns]));
         own.filter_map(|(_, peak)| *peak).fold(f64::INFINITY, f64::min)

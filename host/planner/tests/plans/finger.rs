@@ -7,8 +7,8 @@ use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel, PanelModel};
 use era_model::response::compute_curves_with_error_bounds;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
-use era_planner::study::Maps;
-use era_planner::table::touched::Touched;
+use era_planner::maps::ReachMaps;
+use era_planner::table::touched::TouchedPanel;
 use era_planner::{PlanTable, TableOptions, Target};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -42,7 +42,7 @@ fn scene(text: &str) -> Scene {
 fn curves(scene: &Scene, at: (f64, f64)) -> (Vec<Vec<Complex64>>, f64) {
     let found = compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(1e-5).unwrap(), at, &frequencies_hz())
         .unwrap();
-    (found.answer, found.bounds.iter().map(|bound| bound.known_limit().unwrap()).fold(0.0, f64::max))
+    (found.answer, found.bounds.iter().map(|bound| bound.limit_if_known().unwrap()).fold(0.0, f64::max))
 }
 
 /// With accelerances of the panel that nothing touches, from the ERA to the touched place (t) and to another one (x) and between these
@@ -93,7 +93,7 @@ fn few() -> TableOptions {
 
 fn table_for(scene: &Scene, accuracy: Accuracy) -> PlanTable {
     let options = few();
-    PlanTable::with_levels(scene, ReducedLevels::build(scene, accuracy, options.to_hz).unwrap(), options).unwrap()
+    PlanTable::from_levels(scene, ReducedLevels::build(scene, accuracy, options.to_hz).unwrap(), options).unwrap()
 }
 
 fn table(scene: &Scene) -> PlanTable {
@@ -102,7 +102,9 @@ fn table(scene: &Scene) -> PlanTable {
 
 fn touched_for(untouched: &PlanTable, place: (f64, f64), accuracy: Accuracy) -> PlanTable {
     let (scene, options) = (untouched.scene.with_finger_at_places(&[place]), few());
-    untouched.touched(&scene, ReducedLevels::build(&scene, accuracy, options.to_hz).unwrap(), options).unwrap()
+    untouched
+        .build_with_fingers_on(&scene, ReducedLevels::build(&scene, accuracy, options.to_hz).unwrap(), options)
+        .unwrap()
 }
 
 fn touched(untouched: &PlanTable, place: (f64, f64)) -> PlanTable {
@@ -110,10 +112,17 @@ fn touched(untouched: &PlanTable, place: (f64, f64)) -> PlanTable {
 }
 
 /// Peaks at resonances are a hundred times as wrong as these are.
-fn reach(scene: &Scene) -> (PlanTable, Maps) {
+fn reach(scene: &Scene) -> (PlanTable, ReachMaps) {
     let table = table_for(scene, Accuracy::BALANCED);
     let panel = BarePanel::build(scene, Accuracy::BALANCED, few().to_hz).unwrap();
-    let maps = Maps::touched(&table, None, Touched::new(&panel, scene, &table), Accuracy::BALANCED, few()).unwrap();
+    let maps = ReachMaps::compute_with_finger_bounding_weakest_error(
+        &table,
+        None,
+        TouchedPanel::new(&panel, scene, &table),
+        Accuracy::BALANCED,
+        few(),
+    )
+    .unwrap();
     (table, maps)
 }
 
@@ -126,7 +135,7 @@ fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
         let least = maps.strongest_g.iter().enumerate().filter_map(|(at, peak)| Some((at, (*peak)?)));
         let (weakest, _) = least.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
         for point in [weakest, 7, maps.strongest_g.len() / 2 + 5] {
-            let (x_m, y_m) = table.grid.place_m(point);
+            let (x_m, y_m) = table.grid.point_position_m(point);
             let touched = touched_for(&table, (x_m, y_m), Accuracy::BALANCED);
             let plan = touched.plan(&[Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
             let (found, wanted) = (maps.strongest_g[point].unwrap(), plan.predicted.target_peak_g);
@@ -134,7 +143,7 @@ fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
         }
         assert!(maps.error_bound[weakest].is_some_and(|bound| bound < 1e-2));
         assert!(maps.error_bound.iter().flatten().count() < 10);
-        let plain = Maps::of(&table, None).unwrap();
+        let plain = ReachMaps::compute(&table, None).unwrap();
         let changed =
             |(found, plain): (&Option<f64>, &Option<f64>)| (found.unwrap() / plain.unwrap() - 1.0).abs() > 0.1;
         assert!(maps.strongest_g.iter().zip(&plain.strongest_g).filter(|pair| changed(*pair)).count() > 10);
@@ -147,7 +156,7 @@ fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
 fn under_a_finger_of_nothing_nothing_changes() {
     for (scene, _) in examples() {
         let (table, maps) = reach(&Scene { finger: Some(era_model::scene::Finger::default()), ..scene });
-        let plain = Maps::of(&table, None).unwrap();
+        let plain = ReachMaps::compute(&table, None).unwrap();
         for (found, plain) in maps.strongest_g.iter().zip(&plain.strongest_g) {
             let (found, plain) = (found.unwrap(), plain.unwrap());
             assert!((found / plain - 1.0).abs() < 2e-3, "{found} {plain}");
@@ -175,7 +184,10 @@ fn a_plan_is_that_of_a_panel_with_a_mass_and_a_support() {
         let [plain, found, wanted] = [&untouched, &touched, &written].map(|table| table.plan(&target).unwrap());
         assert_eq!(found.predicted, wanted.predicted);
         assert_eq!(found.drives, wanted.drives);
-        assert_eq!(touched.compute_peak_field(&found), written.compute_peak_field(&wanted));
+        assert_eq!(
+            touched.compute_peak_at_each_grid_point_m_per_s2(&found),
+            written.compute_peak_at_each_grid_point_m_per_s2(&wanted)
+        );
         assert_ne!(plain.predicted, found.predicted);
     }
 }
@@ -199,7 +211,9 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
         let scene = scene(&text).with_finger_at_places(&[place]);
         let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[place]).unwrap();
         let shape = model.shape_deflections_at(place.0, place.1);
-        era_model::response::acceleration_curves(&model, &shape, &frequencies_hz()).unwrap().remove(0)
+        era_model::response::compute_acceleration_curves_per_newton(&model, &shape, &frequencies_hz())
+            .unwrap()
+            .remove(0)
     };
     let [none, some, more, most] = [0.0, 2.0, 8.0, 50.0].map(curve);
     for ((none, some), (more, most)) in none.iter().zip(&some).zip(more.iter().zip(&most)) {

@@ -3,8 +3,8 @@
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
 use era_model::scene::Scene;
-use era_planner::report::report_plan;
-use era_planner::{PlanTable, Report, Request, TableOptions, Target};
+use era_planner::report::build_harmonics_and_timing_report_at_first_target;
+use era_planner::{FirstTargetReport, PlanTable, Request, TableOptions, Target};
 
 /// A thin plate of odd size whose resonances near 950 Hz are sharp: on the mesh of its plans harmonics were 6 % off.
 const THIN: &str = r#"
@@ -87,12 +87,15 @@ thickness_mm = 0.228
 material = { youngs_modulus_pa = 1.56e11, density_kg_m3 = 7439.0, poisson_ratio = 0.3 }
 "#;
 
-fn report(scene: &Scene, accuracy: Accuracy, (x_m, y_m): (f64, f64)) -> Report {
+fn report(scene: &Scene, accuracy: Accuracy, (x_m, y_m): (f64, f64)) -> FirstTargetReport {
     let options = TableOptions::default();
     let levels = ReducedLevels::build(scene, accuracy, options.to_hz).unwrap();
-    let table = PlanTable::with_levels(scene, levels, options).unwrap();
+    let table = PlanTable::from_levels(scene, levels, options).unwrap();
     let target = Target { x_m, y_m, intensity_g: Some(2.0) };
-    report_plan(&table, &table.plan_with_details(&Request::touch(&[target])).unwrap())
+    build_harmonics_and_timing_report_at_first_target(
+        &table,
+        &table.plan_with_details(&Request::for_touch(&[target])).unwrap(),
+    )
 }
 
 /// Whatever the plan's tolerance is, the harmonics of its drives are the same within their bounds, and the bound says something.

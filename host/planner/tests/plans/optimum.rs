@@ -6,8 +6,8 @@ use era_model::scene::Scene;
 use era_model::scene::random::random_scene_text;
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
-use era_planner::search::Choices;
-use era_planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
+use era_planner::search::CandidateSet;
+use era_planner::{Objective, PlanTable, QuietZone, Request, STANDARD_GRAVITY, SearchEffort, TableOptions, Target};
 
 /// By which part a touch, which looks at some hundred combinations, may be worse than the best; rounding, as measured here.
 const TOUCH_LACKS: f64 = 1e-3;
@@ -44,18 +44,23 @@ fn the_planner_finds_what_exhaustive_search_finds() {
         // From the bounds alone nothing is dropped that is part of the best, in corners and at ends either.
         for (x, y) in [(0.0, 0.0), (1.0, 0.5), (0.02, 0.97)] {
             for intensity_g in [0.05, 5.0] {
-                let request = Request { work: Work::Study, ..Request::touch(&[target(x, y, None)]) };
+                let request = Request { work: SearchEffort::Study, ..Request::for_touch(&[target(x, y, None)]) };
                 let formulation = Formulation::new(&table, &request);
                 let wanted = intensity_g * STANDARD_GRAVITY;
-                let (all, short) = (formulation.all(&[wanted]), formulation.shortlist(wanted, &any));
-                let both = all.best(&any).zip(short.best(&any));
+                let (all, short) = (
+                    formulation.list_candidates_at_all_table_frequencies(&[wanted]),
+                    formulation.shortlist_candidates_for_one_target(wanted, &any),
+                );
+                let both = all
+                    .find_best_combination_if_spacing_can_be_kept(&any)
+                    .zip(short.find_best_combination_if_spacing_can_be_kept(&any));
                 // At a held edge nothing is reached, and a wish counts as a million times that.
                 if let Some((all, short)) = both.filter(|(all, _)| all.allocation.met > 1e-5) {
                     same(&short.allocation, &all.allocation, &format!("scene {number} at {x}, {y}: {intensity_g} g"));
                 }
             }
         }
-        let zone = |x: f64, y: f64, at_most_g| Quiet { x_m: x * length, y_m: y * width, radius_m: 0.01, at_most_g };
+        let zone = |x: f64, y: f64, at_most_g| QuietZone { x_m: x * length, y_m: y * width, radius_m: 0.01, at_most_g };
         for (objective, quiet, targets) in [
             (Objective::Contrast, vec![], vec![first]),
             (Objective::Power, vec![], vec![first]),
@@ -68,15 +73,20 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                     targets: targets.clone(),
                     quiet: quiet.clone(),
                     objective,
-                    work: Work::Study,
+                    work: SearchEffort::Study,
                     ..Request::default()
                 };
                 let formulation = Formulation::new(&table, &request);
                 let wanted: Vec<f64> = (0..targets.len())
                     .map(|t| intensity_g * STANDARD_GRAVITY / (1.0 + f64::from(u8::from(t > 0))))
                     .collect();
-                let all = formulation.all(&wanted);
-                let (Some(best), Some(found)) = (all.exhaustive(&any).0, all.best(&any)) else { continue };
+                let all = formulation.list_candidates_at_all_table_frequencies(&wanted);
+                let (Some(best), Some(found)) = (
+                    all.find_best_allocation_exhaustively_and_count_combinations(&any).0,
+                    all.find_best_combination_if_spacing_can_be_kept(&any),
+                ) else {
+                    continue;
+                };
                 let what = format!(
                     "scene {number}, {objective:?}, {} targets, {} quiet, {intensity_g} g",
                     targets.len(),
@@ -84,7 +94,9 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 );
                 assert_eq!(found.gap, 0.0, "{what}");
                 same(&found.allocation, &best, &what);
-                let touch = Choices { work: Work::Touch, ..all.clone() }.best(&any).unwrap();
+                let touch = CandidateSet { work: SearchEffort::Touch, ..all.clone() }
+                    .find_best_combination_if_spacing_can_be_kept(&any)
+                    .unwrap();
                 let lack = if best.met < 1.0 {
                     1.0 - touch.allocation.met / best.met
                 } else if touch.allocation.met < 1.0 {
@@ -99,7 +111,12 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 compared[p] += 1;
                 if wanted.len() == 1 && quiet.is_empty() && objective == Objective::Contrast {
                     // From the bounds alone nothing is dropped that is part of it.
-                    let (_, found) = formulation.best_of(formulation.shortlist(wanted[0], &any), &any).unwrap();
+                    let (_, found) = formulation
+                        .find_best_combination_replacing_estimated_energies(
+                            formulation.shortlist_candidates_for_one_target(wanted[0], &any),
+                            &any,
+                        )
+                        .unwrap();
                     same(&found.allocation, &best, &format!("{what}, shortlist"));
                 }
             }

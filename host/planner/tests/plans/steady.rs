@@ -5,15 +5,15 @@ use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
-use era_planner::press_bounds::{bound_press_travel_error, bound_sag_error};
-use era_planner::softening::static_receptance;
+use era_planner::press_bounds::{bound_relative_press_travel_error, bound_relative_sag_error};
+use era_planner::softening::static_receptance_magnitude_or_infinity_m_per_n;
 use era_planner::{PlanTable, TableOptions};
 
 const OPTIONS: TableOptions = TableOptions { from_hz: 60.0, to_hz: 120.0, step_hz: 30.0 };
 
 fn table(scene: &Scene) -> PlanTable {
     let levels = ReducedLevels::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
-    PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
+    PlanTable::from_levels(scene, levels, OPTIONS).unwrap()
 }
 
 /// A change of a panel, and its name.
@@ -136,17 +136,17 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
     all.push(Scene::parse("layers", LAYERED).unwrap());
     for scene in &all {
         let before = table(scene);
-        let yields = static_receptance(&before.model);
+        let yields = static_receptance_magnitude_or_infinity_m_per_n(&before.model);
         let sags = sag(scene);
         for (what, change) in list_changes() {
             let mut changed = scene.clone();
             change(&mut changed);
             let after = table(&changed);
-            let yields_now = static_receptance(&after.model);
+            let yields_now = static_receptance_magnitude_or_infinity_m_per_n(&after.model);
             let said = || format!("{what}: {:?}\n{scene:#?}", scene.name);
             for i in 0..scene.actuators.len() {
-                let bounds =
-                    [&before, &after].map(|own| bound_press_travel_error(own, i).known_limit().unwrap_or(1e-3));
+                let bounds = [&before, &after]
+                    .map(|own| bound_relative_press_travel_error(own, i).limit_if_known().unwrap_or(1e-3));
                 let bound = bounds[0] + bounds[1];
                 let (one, other) = (&before.pressed[i], &after.pressed[i]);
                 assert!(are_equal(one.alone_m, other.alone_m, bound), "{}: {one:?} {other:?} {bound:e}", said());
@@ -174,7 +174,7 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
 fn sag(scene: &Scene) -> Vec<(f64, f64)> {
     let panel = BarePanel::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
     let (x, y) = (0.37 * scene.surface.length_m, 0.71 * scene.surface.width_m);
-    let own = panel.compute_surface_compliance(scene, &[x], &[y]).unwrap();
+    let own = panel.compute_static_compliance_at_grid_points(scene, &[x], &[y]).unwrap();
     own.m_per_n.into_iter().zip(own.error_m_per_n).collect()
 }
 
@@ -186,7 +186,7 @@ fn of_a_finger_the_spring_alone_is_steady() {
         scene.finger = Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m });
         scene.with_finger_at_places(&[(0.1, 0.05)])
     };
-    let yields = |scene: &Scene| static_receptance(&table(scene).model);
+    let yields = |scene: &Scene| static_receptance_magnitude_or_infinity_m_per_n(&table(scene).model);
     let [plain, heavy, soft] =
         [scene(1e-3, 1.0, 800.0), scene(2.0, 1e4, 800.0), scene(1e-3, 1.0, 8.0)].map(|own| yields(&own));
     assert!(are_equal(plain[0][0], heavy[0][0], 1e-4), "{plain:?} {heavy:?}");
@@ -232,7 +232,8 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         for (extra, loss, dashpot) in cases {
             let scene = on_corners(x_mm, extra, loss, dashpot);
             let table = table(&scene);
-            let (found, bound) = (table.pressed[0].alone_m, bound_press_travel_error(&table, 0).known_limit().unwrap());
+            let (found, bound) =
+                (table.pressed[0].alone_m, bound_relative_press_travel_error(&table, 0).limit_if_known().unwrap());
             println!("{x_mm} {extra:?} {loss:?} {dashpot}: {:.5} um, bound {bound:.1e}", found * 1e6);
             // The furthest place is a corner's edge, where the grid has a point.
             assert!((found / expected - 1.0).abs() < bound + 3e-6, "{x_mm} {loss} {dashpot}: {found}, {bound:e}");
@@ -241,8 +242,8 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         // What studies say of the softest place is no less.
         let scene = on_corners(x_mm, "", "loss_factor = 2.0", 1e3);
         let panel = BarePanel::build(&scene, Accuracy::BALANCED, OPTIONS.to_hz).unwrap();
-        let own = panel.compute_surface_compliance(&scene, &[x_mm / 1e3], &[0.1]).unwrap();
-        let by_plan = static_receptance(&table(&scene).model)[0][0];
+        let own = panel.compute_static_compliance_at_grid_points(&scene, &[x_mm / 1e3], &[0.1]).unwrap();
+        let by_plan = static_receptance_magnitude_or_infinity_m_per_n(&table(&scene).model)[0][0];
         assert!((own.m_per_n[0] / by_plan - 1.0).abs() < own.error_m_per_n[0] / by_plan + 1e-4, "{own:?} {by_plan}");
     }
 }
@@ -256,9 +257,9 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     // A support and a grounded ERA: it turns about the line through both.
     let turns = table(&scene);
     assert!(turns.pressed[0].alone_m.is_infinite(), "{:?}", turns.pressed[0]);
-    assert!(bound_press_travel_error(&turns, 0).known_limit().is_none());
+    assert!(bound_relative_press_travel_error(&turns, 0).limit_if_known().is_none());
     // The ERA's own spring still holds its mass against its own electrodes, and the inertial one's against its own.
-    let yields = static_receptance(&turns.model);
+    let yields = static_receptance_magnitude_or_infinity_m_per_n(&turns.model);
     assert!(yields[0][0].is_finite() && yields[0][0] > 0.0 && yields[1][1].is_finite(), "{yields:?}");
     // With dashpots that before stood in for what holds it.
     scene.supports.iter_mut().for_each(|own| (own.stiffness_n_per_m, own.damping_n_s_per_m) = (0.0, 1e5));
@@ -267,7 +268,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     // Two inertial ERAs on a panel in the air: springs of their own, whatever moves with them.
     scene.supports.clear();
     scene.actuators.iter_mut().for_each(|own| own.mount = Mount::Inertial);
-    let free = static_receptance(&table(&scene).model);
+    let free = static_receptance_magnitude_or_infinity_m_per_n(&table(&scene).model);
     for (own, actuator) in (0..2).zip(&scene.actuators) {
         assert!((free[own][own] * actuator.stiffness_n_per_m - 1.0).abs() < 1e-9, "{free:?}");
         assert!(free[own][1 - own].abs() * actuator.stiffness_n_per_m < 1e-9, "{free:?}");
@@ -276,7 +277,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
 
 fn table_at(scene: &Scene, tolerance: f64) -> PlanTable {
     let levels = ReducedLevels::build(scene, Accuracy::from_tolerance(tolerance).unwrap(), 400.0).unwrap();
-    PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
+    PlanTable::from_levels(scene, levels, OPTIONS).unwrap()
 }
 
 /// A panel without its electrodes is linear: how far a press moves it is force times the same, with the same bound, on either side of the force that brings a
@@ -290,12 +291,15 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
             scene.press_n = force_n;
             let table = table_at(&scene, 1e-3);
             for (i, own) in table.pressed.iter().enumerate() {
-                let bound =
-                    bound_press_travel_error(&table, i).known_limit().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                let bound = bound_relative_press_travel_error(&table, i)
+                    .limit_if_known()
+                    .unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
                 per_n.push((i, own.alone_m / force_n, bound));
                 // Between electrodes and springs the sag is known no worse than some times that, and where a stop is exactly.
-                let of_sag = bound_sag_error(&table, i).known_limit().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                let of_sag = bound_relative_sag_error(&table, i)
+                    .limit_if_known()
+                    .unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(of_sag > 0.0 && of_sag < 20.0 * bound + 1e-6, "{force_n} N: {of_sag:e} {bound:e} {own:?}");
             }
         }
@@ -321,7 +325,7 @@ fn moving_masses_take_no_bound_from_a_press() {
         [0, 1].map(|i| {
             (
                 table.pressed[i].alone_m,
-                bound_press_travel_error(&table, i).known_limit().unwrap_or_else(|| panic!("{mass_kg} kg")),
+                bound_relative_press_travel_error(&table, i).limit_if_known().unwrap_or_else(|| panic!("{mass_kg} kg")),
             )
         })
     };
@@ -367,10 +371,10 @@ fn a_tighter_tolerance_takes_no_bound_from_a_press() {
     let found = [1e-2, 1e-3, 1e-4].map(|tolerance| {
         let table = table_at(&scene, tolerance);
         [0, 1, 2].map(|i| {
-            let bound = bound_press_travel_error(&table, i);
+            let bound = bound_relative_press_travel_error(&table, i);
             let own = &table.pressed[i];
             println!("{tolerance} {i}: {:e} {bound:?}", own.alone_m);
-            (own.alone_m, bound.known_limit().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))
+            (own.alone_m, bound.limit_if_known().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))
         })
     });
     for pair in found.windows(2) {

@@ -1,6 +1,6 @@
 //! Plans for ERAs that electrodes nearly hold by themselves, that move nothing, or whose pulses may be wide.
 
-use era_planner::study::Maps;
+use era_planner::maps::ReachMaps;
 use era_planner::{Objective, Request, Target};
 use std::fmt::Write;
 
@@ -79,7 +79,7 @@ fn an_era_that_moves_nothing_is_not_driven() {
 #[test]
 fn contrast_maps_are_of_peaks_that_no_limit_changes() {
     let table = super::build_table(&clamped_bar());
-    let maps = Maps::of(&table, None).unwrap();
+    let maps = ReachMaps::compute(&table, None).unwrap();
     for k in (0..maps.x_mm.len()).step_by(7) {
         let Some(contrast_db) = maps.contrast_db[k] else { continue };
         let peak_g = maps.strongest_g[k].unwrap();
@@ -100,7 +100,7 @@ fn least_power_takes_the_widest_pulses() {
         let table = super::build_table(&text);
         for x_m in [0.05, 0.11, 0.2] {
             let targets = [Target { x_m, y_m: 0.02, intensity_g: Some(0.05) }];
-            let request = Request { objective: Objective::Power, ..Request::touch(&targets) };
+            let request = Request { objective: Objective::Power, ..Request::for_touch(&targets) };
             let plan = table.plan_request(&request).unwrap();
             for drive in plan.drives.iter().filter(|drive| drive.force_n > 0.0) {
                 // A board's guard of 200 us and a tenth.

@@ -1,6 +1,6 @@
 //! First clicks of an idle board: how long until one is answered, with its rails down and after it was armed ahead.
 
-use super::{Figures, await_device_state};
+use super::{LatencyFigures, await_device_state};
 use crate::cli::args::Latency;
 use crate::cli::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
@@ -14,24 +14,30 @@ const DOWN_V: f64 = 60.0;
 const AHEAD: Duration = Duration::from_millis(200);
 
 /// Times `clicks` of them in both ways, by turns, so that a busy moment of the machine meets both.
-pub fn time_first_clicks(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
+pub fn measure_first_click_latency_armed_and_unarmed(
+    options: &Latency,
+    clicks: u32,
+    scene: &Scene,
+    agent: &ureq::Agent,
+    base: &str,
+) -> Outcome {
     let mut points = spread_points(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
     points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {
-        return Err(Failure::failed("no place that was looked at is on the surface"));
+        return Err(Failure::runtime_error("no place that was looked at is on the surface"));
     };
     let (mut armed, mut unarmed) = (Vec::new(), Vec::new());
     // The first round is not counted, while caches and connections warm up.
     for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
-            post_json(agent, &format!("{base}/v1/stop"), &Value::Null)?;
+            post_json_or_fail(agent, &format!("{base}/v1/stop"), &Value::Null)?;
             await_device_state(agent, base, "come to rest", |device| {
                 let rails = device["supply"]["rail_v"].as_array();
                 device["state"] == "safe"
                     && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
             })?;
             if arms {
-                post_json(agent, &format!("{base}/v1/arm"), &Value::Null)?;
+                post_json_or_fail(agent, &format!("{base}/v1/arm"), &Value::Null)?;
                 std::thread::sleep(AHEAD);
             }
             let mut click = json!({"x_px": x_px, "y_px": y_px, "effect": "click"});
@@ -39,20 +45,22 @@ pub fn time_first_clicks(options: &Latency, clicks: u32, scene: &Scene, agent: &
                 click["intensity_g"] = intensity_g.into();
             }
             let begun = Instant::now();
-            post_json(agent, &format!("{base}/v1/touch"), &click)?;
+            post_json_or_fail(agent, &format!("{base}/v1/touch"), &click)?;
             if round > 0 {
                 times.push(begun.elapsed());
             }
         }
     }
-    let (counted, armed, unarmed) = (armed.len(), Figures::of(armed), Figures::of(unarmed));
+    let (counted, armed, unarmed) =
+        (armed.len(), LatencyFigures::from_durations(armed), LatencyFigures::from_durations(unarmed));
     if options.json {
         return print_json(&json!({
-            "first_clicks": counted, "armed_ms": armed.json(), "rails_down_ms": unarmed.json(),
+            "first_clicks": counted, "armed_ms": armed.to_json(), "rails_down_ms": unarmed.to_json(),
         }));
     }
     print_text(&format!(
-        "{counted} first clicks of an idle board on {}, daemon and simulated device in one process, planning included\n\
+        "{counted} first clicks of an idle board on {}; the daemon and the simulated device run in one process, and the times \
+         include planning\n\
          from POST /v1/touch to the answer  median      p99      max\n\
          after POST /v1/arm              {armed}\n\
          with the rails down             {unarmed}",
@@ -60,14 +68,14 @@ pub fn time_first_clicks(options: &Latency, clicks: u32, scene: &Scene, agent: &
     ))
 }
 
-fn post_json(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
+fn post_json_or_fail(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
     let request = agent.post(url);
     let answer = if body.is_null() { request.send_empty() } else { request.send_json(body) };
-    let mut answer = answer.map_err(Failure::failed)?;
+    let mut answer = answer.map_err(Failure::runtime_error)?;
     if answer.status().is_success() {
         return Ok(());
     }
     let problem: Value = answer.body_mut().read_json().unwrap_or_default();
     let detail = problem["detail"].as_str().unwrap_or("no reason given");
-    Err(Failure::failed(format!("{url} was refused with {}: {detail}", answer.status())))
+    Err(Failure::runtime_error(format!("{url} was refused with {}: {detail}", answer.status())))
 }

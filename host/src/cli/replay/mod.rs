@@ -2,16 +2,16 @@
 
 mod pages;
 
-use super::args::{Daemon, Replay};
-use super::client::{self, Answer};
-use super::progress::with_progress;
-use super::signals::do_on_end;
-use super::told::tell_error;
+use super::args::{DaemonOptions, Replay};
+use super::client::{self, DaemonAnswer};
+use super::progress::run_with_progress;
+use super::signals::run_in_thread_on_first_end_signal;
+use super::told::tell_why_command_failed;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::replay::Outcome as Answered;
-use crate::replay::{Asked, Recording, What, difference};
+use crate::replay::TouchOutcome;
+use crate::replay::{RecordedAction, RecordedRequest, Recording, largest_relative_drive_difference};
 use crate::text_file::refuse_utf16;
-use pages::Pages;
+use pages::ReplayedPages;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,10 +26,10 @@ const LAST: Duration = Duration::from_millis(300);
 const TOLD: usize = 20;
 
 /// What became of a request now.
-struct Done {
+struct ReplayedRequest {
     /// Its place in the recording.
     place: usize,
-    result: Result<Answer, Failure>,
+    result: Result<DaemonAnswer, Failure>,
 }
 
 pub fn run_replay(options: &Replay) -> Outcome {
@@ -38,7 +38,7 @@ pub fn run_replay(options: &Replay) -> Outcome {
     refuse_utf16(&bytes).map_err(|error| named(&error))?;
     let recording = Recording::parse(&bytes).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
-    let scene = client::request_body(daemon, "GET", "/v1/scene", None)?;
+    let scene = client::request_body_failing_on_error_status(daemon, "GET", "/v1/scene", None)?;
     let now = scene["name"].as_str().unwrap_or_default();
     if now != recording.scene {
         tracing::warn!("recorded with the scene {:?}, replayed with the scene {now:?}", recording.scene);
@@ -47,151 +47,164 @@ pub fn run_replay(options: &Replay) -> Outcome {
     let driven = daemon.clone();
     let is_ended = Arc::new(AtomicBool::new(false));
     let ended = Arc::clone(&is_ended);
-    do_on_end(move |signal| {
+    run_in_thread_on_first_end_signal(move |signal| {
         // Nothing is asked for after the stop.
         ended.store(true, Ordering::SeqCst);
-        let stopped = client::request_body(&driven, "POST", "/v1/stop", None);
-        let told = stopped.map_or_else(|failure| failure.text(), |_| "everything was stopped".into());
-        tell_error(&format!("ended by {signal}: {told}"));
+        let stopped = client::request_body_failing_on_error_status(&driven, "POST", "/v1/stop", None);
+        let told = stopped.map_or_else(|failure| failure.message(), |_| "everything was stopped".into());
+        tell_why_command_failed(&format!("ended by {signal}: {told}"));
         std::process::exit(1);
     });
     let (done, results) = channel();
-    let mut pages = Pages::new(daemon);
-    with_progress("replaying", || {
+    let mut pages = ReplayedPages::new(daemon);
+    run_with_progress("replaying", || {
         let started = Instant::now();
         for (place, asked) in recording.asked.iter().enumerate() {
-            pages.listen_until(started + asked.at.div_f64(options.speed));
-            wait_for_end_if(&is_ended);
+            pages.read_page_messages_until(started + asked.at.div_f64(options.speed));
+            park_thread_forever_once_ending(&is_ended);
             match &asked.what {
-                What::Touch(_, body) => ask(daemon, "/v1/touch", place, Some(body.clone()), &done),
-                What::Stop => ask(daemon, "/v1/stop", place, None, &done),
-                What::Arm => ask(daemon, "/v1/arm", place, None, &done),
-                What::Clear => ask(daemon, "/v1/faults/clear", place, None, &done),
-                What::Fingers(page, message) => pages.say(*page, message),
-                What::Gone(page) => pages.close(*page),
+                RecordedAction::Touch(_, body) => {
+                    send_request_in_thread(daemon, "/v1/touch", place, Some(body.clone()), &done)
+                }
+                RecordedAction::Stop => send_request_in_thread(daemon, "/v1/stop", place, None, &done),
+                RecordedAction::Arm => send_request_in_thread(daemon, "/v1/arm", place, None, &done),
+                RecordedAction::Clear => send_request_in_thread(daemon, "/v1/faults/clear", place, None, &done),
+                RecordedAction::Fingers(page, message) => pages.send_page_message(*page, message),
+                RecordedAction::Gone(page) => pages.close_page(*page),
             }
         }
         if pages.said > 0 {
-            pages.listen_until(Instant::now() + LAST);
+            pages.read_page_messages_until(Instant::now() + LAST);
         }
     });
-    wait_for_end_if(&is_ended);
+    park_thread_forever_once_ending(&is_ended);
     drop(done);
-    summary(options, &recording, results.into_iter().collect(), &pages)
+    print_summary(options, &recording, results.into_iter().collect(), &pages)
 }
 
 /// Does not return once a signal has come: the thread that stops everything then ends the process.
-fn wait_for_end_if(is_ended: &AtomicBool) {
+fn park_thread_forever_once_ending(is_ended: &AtomicBool) {
     while is_ended.load(Ordering::SeqCst) {
         std::thread::park();
     }
 }
 
 /// Asks in a thread of its own, as requests overlapped when they were recorded.
-fn ask(daemon: &Daemon, path: &'static str, place: usize, body: Option<Value>, done: &Sender<Done>) {
+fn send_request_in_thread(
+    daemon: &DaemonOptions,
+    path: &'static str,
+    place: usize,
+    body: Option<Value>,
+    done: &Sender<ReplayedRequest>,
+) {
     let (daemon, done) = (daemon.clone(), done.clone());
     std::thread::spawn(move || {
         let result = client::request_answer(&daemon, "POST", path, body);
         // Nobody waits for it any more if the command has failed.
-        let _ = done.send(Done { place, result });
+        let _ = done.send(ReplayedRequest { place, result });
     });
 }
 
 /// A touch that was answered otherwise than recorded.
-struct Otherwise<'r> {
-    asked: &'r Asked,
+struct ChangedAnswer<'r> {
+    asked: &'r RecordedRequest,
     id: u64,
     body: &'r Value,
-    then: &'r Answered,
+    then: &'r TouchOutcome,
     /// Nothing: no answer.
-    now: Option<Answered>,
+    now: Option<TouchOutcome>,
     /// What is said of it now.
     detail: String,
 }
 
-impl Otherwise<'_> {
-    fn json(&self) -> Value {
-        let told = |it: &Answered| json!({"status": it.status, "type": it.problem});
+impl ChangedAnswer<'_> {
+    fn to_json(&self) -> Value {
+        let told = |it: &TouchOutcome| json!({"status": it.status, "type": it.problem});
         json!({
             "at_ms": self.asked.at.as_secs_f64() * 1e3, "id": self.id, "body": self.body, "then": told(self.then),
             "now": self.now.as_ref().map(told), "detail": self.detail,
         })
     }
 
-    fn text(&self) -> String {
-        let now = self.now.as_ref().map_or_else(|| "no answer".into(), Answered::to_string);
+    fn format_line(&self) -> String {
+        let now = self.now.as_ref().map_or_else(|| "no answer".into(), TouchOutcome::to_string);
         let detail = if self.detail.is_empty() { String::new() } else { format!(": {}", self.detail) };
         let at = self.asked.at.as_secs_f64();
-        format!("  {at:9.3} s  touch {} {}  {} then, {now} now{detail}", self.id, self.body, self.then)
+        format!("  {at:9.3} s  touch {} {}  {} in the recording, {now} now{detail}", self.id, self.body, self.then)
     }
 }
 
-fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, pages: &Pages<'_>) -> Outcome {
+fn print_summary(
+    options: &Replay,
+    recording: &Recording,
+    mut done: Vec<ReplayedRequest>,
+    pages: &ReplayedPages<'_>,
+) -> Outcome {
     // Threads end in any order.
     done.sort_by_key(|done| done.place);
     let (mut statuses, mut unanswered, mut otherwise) = (BTreeMap::<u16, u64>::new(), 0_u64, Vec::new());
     let (mut compared, mut largest) = (0_u64, 0.0_f64);
-    for Done { place, result } in &done {
+    for ReplayedRequest { place, result } in &done {
         let (now, detail) = match result {
-            Ok(Answer { status, body }) => {
+            Ok(DaemonAnswer { status, body }) => {
                 *statuses.entry(*status).or_default() += 1;
-                (Some(Answered::of(*status, body)), body["detail"].as_str().unwrap_or_default().to_owned())
+                (Some(TouchOutcome::from_answer(*status, body)), body["detail"].as_str().unwrap_or_default().to_owned())
             }
-            Err(failure) => (None, failure.text()),
+            Err(failure) => (None, failure.message()),
         };
         unanswered += u64::from(now.is_none());
         let Some(asked) = recording.asked.get(*place) else { continue };
-        let What::Touch(id, body) = &asked.what else { continue };
+        let RecordedAction::Touch(id, body) = &asked.what else { continue };
         let Some(then) = recording.outcomes.get(id) else { continue };
         match now {
             Some(now) if (now.status, &now.problem) == (then.status, &then.problem) => {
-                if let Some(difference) = difference(&then.drives, &now.drives) {
+                if let Some(difference) = largest_relative_drive_difference(&then.drives, &now.drives) {
                     compared += 1;
                     largest = largest.max(difference);
                 }
             }
-            now => otherwise.push(Otherwise { asked, id: *id, body, then, now, detail }),
+            now => otherwise.push(ChangedAnswer { asked, id: *id, body, then, now, detail }),
         }
     }
     if options.daemon.json {
-        let list: Vec<Value> = otherwise.iter().map(Otherwise::json).collect();
+        let list: Vec<Value> = otherwise.iter().map(ChangedAnswer::to_json).collect();
         print_json(&json!({
             "requests": done.len(), "messages": pages.said, "messages_refused": pages.refused, "messages_lost": pages.lost, "statuses": statuses, "unanswered": unanswered,
             "answered_otherwise": otherwise.len(), "otherwise": list, "drives_compared": compared,
             "drives_differ_by": largest, "left_out": recording.left_out,
         }))?;
-        return all_answered(unanswered, pages.lost);
+        return check_none_unanswered_or_lost(unanswered, pages.lost);
     }
     let refused: Vec<String> = pages.refused.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
     let refused = if refused.is_empty() { "none".into() } else { refused.join(", ") };
     let lost = pages.reason.as_ref().map_or_else(String::new, |reason| format!(", {} lost: {reason}", pages.lost));
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
-    let mut told: Vec<String> = otherwise.iter().take(TOLD).map(Otherwise::text).collect();
+    let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
         told.push(format!("  and {} more: see `otherwise` in --json", otherwise.len() - TOLD));
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
-        "{} requests ({}), {unanswered} without an answer, and {} messages of pages{lost}\n\
-         errors sent to pages: {refused}; the drives of their fingers are not compared\n\
-         touches with other answers than recorded: {}{told}\n\
-         drives compared: {compared}, which differ by {largest:.1e} at most in frequency and voltage\n\
-         lines that are missing in the recording: {}",
+        "{} requests sent again ({}), {unanswered} without an answer; {} messages of recorded pages sent again{lost}\n\
+         errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
+         touches whose answer differs from the recorded answer: {}{told}\n\
+         touches whose drives were compared: {compared}; largest relative difference in frequency or voltage: {largest:.1e}\n\
+         lines that the daemon left out of the recording: {}",
         done.len(),
         if list.is_empty() { "no answer".into() } else { list.join(", ") },
         pages.said,
         otherwise.len(),
         recording.left_out
     ))?;
-    all_answered(unanswered, pages.lost)
+    check_none_unanswered_or_lost(unanswered, pages.lost)
 }
 
 /// It failed where the daemon was not there for something.
-fn all_answered(unanswered: u64, lost: u64) -> Outcome {
+fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> Outcome {
     if unanswered + lost == 0 {
         return Ok(());
     }
-    Err(Failure::failed(format!(
-        "{unanswered} requests had no answer, and {lost} messages of pages were not delivered"
+    Err(Failure::runtime_error(format!(
+        "{unanswered} requests had no answer, and {lost} messages of recorded pages were not delivered"
     )))
 }

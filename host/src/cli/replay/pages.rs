@@ -1,7 +1,7 @@
 //! The live sockets of a recording's pages, while it is replayed.
 
 use crate::cli::Failure;
-use crate::cli::args::Daemon;
+use crate::cli::args::DaemonOptions;
 use crate::cli::live::{self, Socket};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -15,8 +15,8 @@ const LISTEN: Duration = Duration::from_millis(1);
 const EVERY: Duration = Duration::from_millis(50);
 
 /// The pages, and what became of what they said.
-pub struct Pages<'d> {
-    daemon: &'d Daemon,
+pub struct ReplayedPages<'d> {
+    daemon: &'d DaemonOptions,
     open: HashMap<u64, Socket>,
     /// Messages, those that were lost among them.
     pub said: u64,
@@ -28,27 +28,27 @@ pub struct Pages<'d> {
     pub reason: Option<String>,
 }
 
-impl<'d> Pages<'d> {
+impl<'d> ReplayedPages<'d> {
     /// None is open yet.
-    pub fn new(daemon: &'d Daemon) -> Self {
+    pub fn new(daemon: &'d DaemonOptions) -> Self {
         Self { daemon, open: HashMap::new(), said: 0, refused: BTreeMap::new(), lost: 0, reason: None }
     }
 
     /// Waits until then, and reads what comes meanwhile: that answers the daemon's questions for a sign of life, without which it lets a
     /// page go.
-    pub fn listen_until(&mut self, due: Instant) {
+    pub fn read_page_messages_until(&mut self, due: Instant) {
         while Instant::now() < due {
-            self.listen();
+            self.read_page_messages();
             std::thread::sleep(due.saturating_duration_since(Instant::now()).min(EVERY));
         }
     }
 
-    fn listen(&mut self) {
+    fn read_page_messages(&mut self) {
         let refused = &mut self.refused;
         self.open.retain(|_, socket| {
             loop {
                 match socket.read() {
-                    Ok(Message::Text(text)) => note(refused, text.as_str()),
+                    Ok(Message::Text(text)) => count_kind_if_error_message(refused, text.as_str()),
                     Ok(_) => {}
                     Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                         return true;
@@ -62,7 +62,7 @@ impl<'d> Pages<'d> {
 
     /// Says a page's message over a socket of its own. One that the daemon has closed is opened anew; what it takes neither way is lost, and
     /// what was recorded after it goes on.
-    pub fn say(&mut self, page: u64, message: &Value) {
+    pub fn send_page_message(&mut self, page: u64, message: &Value) {
         self.said += 1;
         // One that is no JSON is kept as it came.
         let text = message.as_str().map_or_else(|| message.to_string(), str::to_owned);
@@ -71,8 +71,8 @@ impl<'d> Pages<'d> {
         {
             return;
         }
-        let said = self.opened().and_then(|mut socket| {
-            socket.send(Message::text(text)).map_err(Failure::failed)?;
+        let said = self.open_page_socket().and_then(|mut socket| {
+            socket.send(Message::text(text)).map_err(Failure::runtime_error)?;
             Ok(socket)
         });
         match said {
@@ -82,20 +82,20 @@ impl<'d> Pages<'d> {
             Err(failure) => {
                 self.open.remove(&page);
                 self.lost += 1;
-                self.reason = Some(failure.text());
+                self.reason = Some(failure.message());
             }
         }
     }
 
-    fn opened(&self) -> Result<Socket, Failure> {
-        let socket = live::open(self.daemon, "send=")?;
-        socket.get_ref().tcp_stream().set_read_timeout(Some(LISTEN)).map_err(Failure::failed)?;
+    fn open_page_socket(&self) -> Result<Socket, Failure> {
+        let socket = live::open_live_socket(self.daemon, "send=")?;
+        socket.get_ref().tcp_stream().set_read_timeout(Some(LISTEN)).map_err(Failure::runtime_error)?;
         Ok(socket)
     }
 
     /// A page goes away.
-    pub fn close(&mut self, page: u64) {
-        self.listen();
+    pub fn close_page(&mut self, page: u64) {
+        self.read_page_messages();
         if let Some(mut socket) = self.open.remove(&page) {
             let _ = socket.close(None).and_then(|()| socket.flush());
         }
@@ -103,7 +103,7 @@ impl<'d> Pages<'d> {
 }
 
 /// Counts an error by its kind; nothing else is asked for.
-fn note(refused: &mut BTreeMap<String, u64>, text: &str) {
+fn count_kind_if_error_message(refused: &mut BTreeMap<String, u64>, text: &str) {
     let message: Value = serde_json::from_str(text).unwrap_or_default();
     if message["type"] == "error" {
         let kind = message["problem"]["type"].as_str().and_then(|kind| kind.rsplit(':').next()).unwrap_or("unknown");

@@ -1,6 +1,6 @@
 //! Who asks, as far as turns at the planner are concerned.
 
-use super::sender::Sender;
+use super::sender::RequestSender;
 use axum::extract::FromRequestParts;
 use axum::http::header;
 use axum::http::request::Parts;
@@ -19,7 +19,7 @@ pub enum Peer {
 
 impl Peer {
     /// The end of a connection from this address; of one that is broken already it is not known.
-    pub fn of(address: std::io::Result<SocketAddr>) -> Self {
+    pub fn from_address(address: std::io::Result<SocketAddr>) -> Self {
         address.map_or(Self::Process(None), |address| Self::Address(address.ip().to_canonical()))
     }
 }
@@ -47,7 +47,7 @@ pub struct Asker {
     /// Whose turn it takes.
     pub client: Client,
     /// The other end of its connection.
-    pub sender: Sender,
+    pub sender: RequestSender,
 }
 
 impl<S: Sync> FromRequestParts<S> for Asker {
@@ -55,14 +55,14 @@ impl<S: Sync> FromRequestParts<S> for Asker {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Infallible> {
         let client = Client::from_request_parts(parts, state).await?;
-        Ok(Self { client, sender: Sender::from_request_parts(parts, state).await? })
+        Ok(Self { client, sender: RequestSender::from_request_parts(parts, state).await? })
     }
 }
 
 #[cfg(test)]
 impl Client {
     /// One of several.
-    pub const fn numbered(token: usize) -> Self {
+    pub const fn with_token_number(token: usize) -> Self {
         Self { token: Some(token), place: Place::Unknown }
     }
 }
@@ -70,7 +70,7 @@ impl Client {
 impl Client {
     /// Whether what the one calls its requests is known to the other: with tokens to whoever has the same, from wherever it asks.
     #[must_use]
-    pub fn shares_names(&self, other: &Self) -> bool {
+    pub fn shares_request_names_with(&self, other: &Self) -> bool {
         if self.token.is_some() { self.token == other.token } else { self == other }
     }
 }
@@ -111,7 +111,7 @@ mod tests {
 
     async fn client(peer: &str, name: &str, token: Option<usize>) -> Client {
         let (mut parts, ()) = Request::builder().header("user-agent", name).body(()).unwrap().into_parts();
-        parts.extensions.insert(Peer::of(Ok(peer.parse().unwrap())));
+        parts.extensions.insert(Peer::from_address(Ok(peer.parse().unwrap())));
         if let Some(token) = token {
             parts.extensions.insert(TokenNumber(token));
         }

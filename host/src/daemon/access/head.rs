@@ -1,7 +1,7 @@
 //! What the head of a request must be before anything is done for it: whom it is for, and how its body is written (RFC 9112).
 
 use super::origins::Authority;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, Method, Version, header};
 
@@ -9,25 +9,28 @@ use axum::http::{HeaderMap, HeaderName, Method, Version, header};
 ///
 /// # Errors
 /// [`Problem`] that names the header: it is there twice, or is not plain ASCII.
-pub fn read_header<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Problem> {
+pub fn read_single_header<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Problem> {
     let mut all = headers.get_all(name).iter();
     let Some(value) = all.next() else { return Ok(None) };
     if all.next().is_some() {
-        return Err(bad_header(name, "is there twice, but must be there once"));
+        return Err(bad_header_problem(name, "is given twice, but must be given once"));
     }
-    value.to_str().map(Some).map_err(|_| bad_header(name, "must be plain ASCII"))
+    value.to_str().map(Some).map_err(|_| bad_header_problem(name, "must contain ASCII characters only"))
 }
 
 /// Looks at the head, and says whom the request is for; only before HTTP/1.1 may that be nobody.
 ///
 /// # Errors
 /// [`Problem`]: no host or two, a target that is none, a coding of the body that is not known.
-pub fn check_head(request: &Request) -> Result<Option<Authority>, Problem> {
+pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authority>, Problem> {
     check_transfer_coding(request.headers())?;
-    let host = read_header(request.headers(), &header::HOST)?;
+    let host = read_single_header(request.headers(), &header::HOST)?;
     let uri = request.uri();
     if host.is_none() && request.version() >= Version::HTTP_11 {
-        return Err(bad_header(&header::HOST, "is missing; HTTP/1.1 wants it in every request (RFC 9112, 3.2)"));
+        return Err(bad_header_problem(
+            &header::HOST,
+            "is missing; HTTP/1.1 requires it in every request (RFC 9112, 3.2)",
+        ));
     }
     let is_all = *request.method() == Method::OPTIONS && uri.path() == "*";
     let target = match (uri.scheme_str(), uri.authority()) {
@@ -36,16 +39,20 @@ pub fn check_head(request: &Request) -> Result<Option<Authority>, Problem> {
         (None, None) if uri.path().starts_with('/') || is_all => None,
         (None, Some(_)) if *request.method() == Method::CONNECT => None,
         _ => {
-            let detail = format!(
-                "the request is for {uri}, but must be for a path, as /v1/state, or an address of http or https"
-            );
-            return Err(Problem::new(Kind::BadHeader, detail));
+            let detail =
+                format!("the request target is {uri}, but must be a path such as /v1/state, or an http or https URL");
+            return Err(Problem::new(ProblemKind::BadHeader, detail));
         }
     };
     let wrong = |said: &str| {
         let detail =
-            format!("the request is for {said:?}, but must be for a name and perhaps a port, as localhost:7878");
-        Problem::new(Kind::BadHeader, detail).at("host", said.into(), "NAME or NAME:PORT".into(), None)
+            format!("the host is {said:?}, but must be a host name with or without a port, such as localhost:7878");
+        Problem::new(ProblemKind::BadHeader, detail).with_field_and_value(
+            "host",
+            said.into(),
+            "NAME or NAME:PORT".into(),
+            None,
+        )
     };
     let parse = |said: &str| Authority::parse(said).ok_or_else(|| wrong(said));
     // A Host that is none is refused beside an absolute target, too (RFC 9112, 3.2).
@@ -55,19 +62,20 @@ pub fn check_head(request: &Request) -> Result<Option<Authority>, Problem> {
 
 /// Only chunks are undone; whether their end can be found hyper has looked at.
 fn check_transfer_coding(headers: &HeaderMap) -> Result<(), Problem> {
-    let codings = list(headers, &header::TRANSFER_ENCODING);
+    let codings = list_lowercase_header_values(headers, &header::TRANSFER_ENCODING);
     if let Some(other) = codings.iter().find(|coding| *coding != "chunked") {
-        let detail =
-            format!("the body's transfer coding is {other}, but must be chunked alone, or none with a content-length");
-        let problem = Problem::new(Kind::TransferCoding, detail);
-        return Err(problem.at("transfer-encoding", other.as_str().into(), "chunked".into(), None));
+        let detail = format!(
+            "the header transfer-encoding is {other}, but must be chunked, or absent if there is a content-length"
+        );
+        let problem = Problem::new(ProblemKind::TransferCoding, detail);
+        return Err(problem.with_field_and_value("transfer-encoding", other.as_str().into(), "chunked".into(), None));
     }
     if codings.len() > 1 {
-        return Err(bad_header(&header::TRANSFER_ENCODING, "has chunked twice, but must have it once"));
+        return Err(bad_header_problem(&header::TRANSFER_ENCODING, "contains chunked twice, but must contain it once"));
     }
     // Who lists it there means the header above (RFC 9110, 10.1.4).
-    if list(headers, &header::TE).iter().any(|coding| coding == "chunked") {
-        return Err(bad_header(&header::TE, "has chunked, which stands in transfer-encoding only"));
+    if list_lowercase_header_values(headers, &header::TE).iter().any(|coding| coding == "chunked") {
+        return Err(bad_header_problem(&header::TE, "contains chunked, which is allowed in transfer-encoding only"));
     }
     Ok(())
 }
@@ -77,19 +85,24 @@ fn check_transfer_coding(headers: &HeaderMap) -> Result<(), Problem> {
 /// # Errors
 /// [`Problem`] with status 415, which says that none is taken.
 pub fn check_content_coding(headers: &HeaderMap) -> Result<(), Problem> {
-    match list(headers, &header::CONTENT_ENCODING).into_iter().find(|coding| coding != "identity") {
+    match list_lowercase_header_values(headers, &header::CONTENT_ENCODING)
+        .into_iter()
+        .find(|coding| coding != "identity")
+    {
         None => Ok(()),
         Some(other) => {
-            let detail = format!("the body's content coding is {other}, but must be none: send the JSON as it is");
-            let problem = Problem::new(Kind::ContentCoding, detail);
-            let problem = problem.header(header::ACCEPT_ENCODING, "identity");
-            Err(problem.at("content-encoding", other.into(), "identity".into(), None))
+            let detail = format!(
+                "the header content-encoding is {other}, but must be identity or absent: send the JSON without compression"
+            );
+            let problem = Problem::new(ProblemKind::ContentCoding, detail);
+            let problem = problem.with_header(header::ACCEPT_ENCODING, "identity");
+            Err(problem.with_field_and_value("content-encoding", other.into(), "identity".into(), None))
         }
     }
 }
 
 /// Names in a header's list, over all of its lines, in lower case and without what follows a semicolon.
-fn list(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
+fn list_lowercase_header_values(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
     let lines = headers.get_all(name).iter().map(|line| String::from_utf8_lossy(line.as_bytes()));
     let mut all = Vec::new();
     for line in lines {
@@ -100,6 +113,6 @@ fn list(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
     all
 }
 
-fn bad_header(name: &HeaderName, what: &str) -> Problem {
-    Problem::new(Kind::BadHeader, format!("the header {name} {what}")).about(name.to_string())
+fn bad_header_problem(name: &HeaderName, complaint: &str) -> Problem {
+    Problem::new(ProblemKind::BadHeader, format!("the header {name} {complaint}")).with_field(name.to_string())
 }

@@ -3,9 +3,9 @@
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
-const ORIGIN: &str = "must be an origin as browsers send it: a scheme, a name, a port if it is not the usual one, and nothing after it, as \
+const ORIGIN: &str = "must be an origin as browsers send it: a scheme, a name, a port if it is not the default one, and nothing after it, such as \
                       https://kiosk.example:8443, tauri://localhost or chrome-extension://ID";
-const NAME: &str = "must be a name or an address in numbers, without a scheme, a port or a path, as panel.local";
+const NAME: &str = "must be a host name or an IP address, without a scheme, a port or a path, such as panel.local";
 
 /// An origin as it stands in the header `Origin`: of `https://Kiosk.Example:443` that is `https://kiosk.example`.
 ///
@@ -17,57 +17,57 @@ const NAME: &str = "must be a name or an address in numbers, without a scheme, a
 pub fn normalize_origin(text: &str) -> Result<String, String> {
     let (scheme, rest) = text.split_once("://").ok_or(ORIGIN)?;
     let scheme = scheme.to_ascii_lowercase();
-    check_scheme(&scheme)?;
+    check_scheme_has_origins(&scheme)?;
     let because = |what: &'static str| format!("{ORIGIN}; {what}");
     if rest.contains('*') {
-        return Err(because("there are no wildcards: name each origin by itself"));
+        return Err(because("wildcards are not supported: name each origin"));
     }
     if !rest.is_ascii() {
         return Err(because(
-            "a name beyond ASCII is written as browsers send it, xn--..., which the daemon's log has of a page that was refused",
+            "write a name with other than ASCII characters as browsers send it (xn--...): the daemon's log shows it when a page is refused",
         ));
     }
     let authority = Authority::parse(rest).ok_or(ORIGIN)?;
     match &authority.host {
         // What some applications call their own files.
-        Host::Name(name) if name == "." && default_port(&scheme).is_none() => {}
-        Host::Name(name) => check_name(name).map_err(because)?,
+        Host::Name(name) if name == "." && find_default_port(&scheme).is_none() => {}
+        Host::Name(name) => check_host_name(name).map_err(because)?,
         Host::Address(_) => {}
     }
-    Ok(authority.origin(&scheme))
+    Ok(authority.format_origin(&scheme))
 }
 
 /// That pages of this scheme have an origin of their own.
-fn check_scheme(scheme: &str) -> Result<(), String> {
+fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
     let is_plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "+-.".contains(c);
     if !scheme.starts_with(|c: char| c.is_ascii_lowercase()) || !scheme.chars().all(is_plain) {
         return Err(ORIGIN.into());
     }
     match scheme {
-        "file" => {
-            Err("pages of files have no origin that can be told from others (browsers send null): serve their folder \
+        "file" => Err("pages opened as files have no origin of their own (browsers send null): serve their folder \
                        (python3 -m http.server 8000), and allow http://localhost:8000"
-                .into())
-        }
+            .into()),
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
             Err(format!("{ORIGIN}; the origin of a live socket is that of its page, {page}://"))
         }
-        "about" | "blob" | "data" | "ftp" | "javascript" => Err(format!("{ORIGIN}; pages of {scheme}: have none")),
+        "about" | "blob" | "data" | "ftp" | "javascript" => {
+            Err(format!("{ORIGIN}; pages of the scheme {scheme} have no origin"))
+        }
         _ => Ok(()),
     }
 }
 
 /// That a browser could ask for this name, as it is.
-fn check_name(name: &str) -> Result<(), &'static str> {
+fn check_host_name(name: &str) -> Result<(), &'static str> {
     let last = name.rsplit('.').next().unwrap_or_default();
     if name.ends_with('.') {
-        Err("browsers send a dot at the end only where it was typed: leave it out")
+        Err("the name ends with a dot: leave the dot out")
     } else if name.split('.').any(str::is_empty) {
-        Err("a part of the name is empty")
+        Err("the name begins with a dot, or has two dots in a row")
     } else if last.bytes().all(|byte| byte.is_ascii_digit()) || last.starts_with("0x") {
         // A browser takes it for one, and puts it into its usual form.
-        Err("it ends like an address in numbers, which must be four numbers from 0 to 255")
+        Err("the name ends with a number, as an IPv4 address does, but is not four numbers from 0 to 255")
     } else {
         Ok(())
     }
@@ -77,19 +77,19 @@ fn check_name(name: &str) -> Result<(), &'static str> {
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn normalize_name(text: &str) -> Result<String, String> {
+pub fn normalize_host_name(text: &str) -> Result<String, String> {
     if let Ok(address) = text.parse::<Ipv6Addr>() {
         return Ok(address.to_string());
     }
     if !text.is_ascii() {
-        return Err(format!("{NAME}; a name beyond ASCII is written as browsers send it, xn--..."));
+        return Err(format!("{NAME}; write a name with other than ASCII characters as browsers send it (xn--...)"));
     }
     match Authority::parse(text) {
         Some(Authority { host, port: None }) if !text.ends_with(':') => match host {
             Host::Address(address) => Ok(address.to_string()),
             Host::Name(name) => {
                 let name = name.strip_suffix('.').unwrap_or(&name);
-                check_name(name).map_err(|what| format!("{NAME}; {what}"))?;
+                check_host_name(name).map_err(|what| format!("{NAME}; {what}"))?;
                 Ok(name.to_owned())
             }
         },
@@ -98,7 +98,7 @@ pub fn normalize_name(text: &str) -> Result<String, String> {
 }
 
 /// The port that an origin does not name.
-fn default_port(scheme: &str) -> Option<u16> {
+fn find_default_port(scheme: &str) -> Option<u16> {
     match scheme {
         "http" => Some(80),
         "https" => Some(443),
@@ -147,30 +147,31 @@ impl Authority {
     }
 
     /// Whether it names this machine beyond doubt: localhost, or an address in numbers.
-    pub fn is_own(&self) -> bool {
+    pub fn is_localhost_or_ip_address(&self) -> bool {
         match &self.host {
             Host::Name(name) => name.strip_suffix('.').unwrap_or(name) == "localhost",
             Host::Address(_) => true,
         }
     }
 
-    /// Whether it has this name, which [`normalize_name`] has made.
-    pub fn has_name(&self, name: &str) -> bool {
+    /// Whether it has this name, which [`normalize_host_name`] has made.
+    pub fn has_host_name(&self, name: &str) -> bool {
         match &self.host {
             Host::Name(own) => own.strip_suffix('.').unwrap_or(own) == name,
             Host::Address(own) => own.to_string() == name,
         }
     }
 
-    /// Whether a page of this origin, as its header has it, is this daemon's own; `scheme` is that of the connection, where it has one.
-    pub fn is_origin_of(&self, origin: &str, scheme: Option<&str>) -> bool {
+    /// Whether a page of this origin, as its header has it, is this daemon's own; `connection_scheme` is that of the connection, where it has one.
+    pub fn matches_origin(&self, origin: &str, connection_scheme: Option<&str>) -> bool {
         let Some((own, rest)) = origin.split_once("://") else { return false };
-        let is_ours = default_port(own).is_some() && scheme.is_none_or(|scheme| scheme == own);
-        is_ours && Self::parse(rest).is_some_and(|page| page.origin(own) == self.origin(own))
+        let is_ours = find_default_port(own).is_some()
+            && connection_scheme.is_none_or(|connection_scheme| connection_scheme == own);
+        is_ours && Self::parse(rest).is_some_and(|page| page.format_origin(own) == self.format_origin(own))
     }
 
     /// The origin of its pages.
-    fn origin(&self, scheme: &str) -> String {
+    fn format_origin(&self, scheme: &str) -> String {
         let host = match &self.host {
             Host::Name(name) => name.clone(),
             Host::Address(IpAddr::V4(address)) => address.to_string(),
@@ -180,7 +181,7 @@ impl Authority {
                 _ => format!("[{address}]"),
             },
         };
-        match self.port.filter(|port| default_port(scheme) != Some(*port)) {
+        match self.port.filter(|port| find_default_port(scheme) != Some(*port)) {
             Some(port) => format!("{scheme}://{host}:{port}"),
             None => format!("{scheme}://{host}"),
         }

@@ -33,7 +33,7 @@ enum PacedClient {
 impl From<Peer> for PacedClient {
     fn from(peer: Peer) -> Self {
         match peer {
-            Peer::Address(address) => Self::Network(network_of(address)),
+            Peer::Address(address) => Self::Network(mask_ipv6_to_network(address)),
             Peer::Process(process) => Self::Process(process),
         }
     }
@@ -41,13 +41,13 @@ impl From<Peer> for PacedClient {
 
 /// Of every client when its next request is due at the pace.
 #[derive(Debug, Default)]
-pub struct Pace {
+pub struct RequestRateLimiter {
     due: Mutex<HashMap<PacedClient, Instant>>,
 }
 
-impl Pace {
+impl RequestRateLimiter {
     /// Counts a request of `peer` that has come at `now`, and returns how long it has to wait (the generic cell rate algorithm of ITU-T I.371).
-    fn schedule_request(&self, peer: Peer, now: Instant) -> Duration {
+    fn count_request_and_find_wait(&self, peer: Peer, now: Instant) -> Duration {
         let mut due = self.due.lock().unwrap_or_else(PoisonError::into_inner);
         let client = peer.into();
         if due.len() >= MOST_CLIENTS && !due.contains_key(&client) {
@@ -66,10 +66,14 @@ impl Pace {
 }
 
 /// Has a request wait where its client asks faster than the pace; a stop does not.
-pub async fn keep_pace(State(pace): State<Arc<Pace>>, request: Request, next: Next) -> Response {
+pub async fn delay_requests_except_stop_above_rate(
+    State(pace): State<Arc<RequestRateLimiter>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
     if let Some(peer) = request.extensions().get::<Peer>().copied().filter(|_| !is_stop) {
-        let delay = pace.schedule_request(peer, Instant::now());
+        let delay = pace.count_request_and_find_wait(peer, Instant::now());
         if !delay.is_zero() {
             tokio::time::sleep(delay).await;
         }
@@ -78,7 +82,7 @@ pub async fn keep_pace(State(pace): State<Arc<Pace>>, request: Request, next: Ne
 }
 
 /// What counts as one machine: of IPv6 the network of 64 bits, as every machine has all of its addresses.
-fn network_of(address: IpAddr) -> IpAddr {
+fn mask_ipv6_to_network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) if !v6.is_loopback() => Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64).into(),
         other => other,
@@ -95,38 +99,41 @@ mod tests {
 
     #[test]
     fn only_what_is_faster_than_the_pace_waits() {
-        let (pace, start) = (Pace::default(), Instant::now());
+        let (pace, start) = (RequestRateLimiter::default(), Instant::now());
         let one = parse_peer("192.0.2.1");
         for number in 0..=200 {
-            assert_eq!(pace.schedule_request(one, start), Duration::ZERO, "{number}");
+            assert_eq!(pace.count_request_and_find_wait(one, start), Duration::ZERO, "{number}");
         }
-        assert_eq!(pace.schedule_request(one, start), BETWEEN);
-        assert_eq!(pace.schedule_request(one, start), 2 * BETWEEN);
-        assert_eq!(pace.schedule_request(parse_peer("192.0.2.2"), start), Duration::ZERO);
-        assert_eq!(pace.schedule_request(Peer::Process(Some(7)), start), Duration::ZERO);
+        assert_eq!(pace.count_request_and_find_wait(one, start), BETWEEN);
+        assert_eq!(pace.count_request_and_find_wait(one, start), 2 * BETWEEN);
+        assert_eq!(pace.count_request_and_find_wait(parse_peer("192.0.2.2"), start), Duration::ZERO);
+        assert_eq!(pace.count_request_and_find_wait(Peer::Process(Some(7)), start), Duration::ZERO);
         // One that asks a thousand times a second never waits; one that was too fast does no longer a second later.
         for number in 0..5000 {
             assert_eq!(
-                pace.schedule_request(parse_peer("192.0.2.3"), start + 2 * BETWEEN * number),
+                pace.count_request_and_find_wait(parse_peer("192.0.2.3"), start + 2 * BETWEEN * number),
                 Duration::ZERO,
                 "{number}"
             );
         }
-        assert_eq!(pace.schedule_request(one, start + Duration::from_secs(1)), Duration::ZERO);
+        assert_eq!(pace.count_request_and_find_wait(one, start + Duration::from_secs(1)), Duration::ZERO);
     }
 
     #[test]
     fn a_network_is_one_client_and_many_take_no_more_memory() {
-        let (pace, start) = (Pace::default(), Instant::now());
+        let (pace, start) = (RequestRateLimiter::default(), Instant::now());
         for number in 0..=200 {
-            assert_eq!(pace.schedule_request(parse_peer(&format!("2001:db8:1:2::{number:x}")), start), Duration::ZERO);
+            assert_eq!(
+                pace.count_request_and_find_wait(parse_peer(&format!("2001:db8:1:2::{number:x}")), start),
+                Duration::ZERO
+            );
         }
-        assert!(pace.schedule_request(parse_peer("2001:db8:1:2:ffff::1"), start) > Duration::ZERO);
+        assert!(pace.count_request_and_find_wait(parse_peer("2001:db8:1:2:ffff::1"), start) > Duration::ZERO);
         for number in 0..3 * u32::try_from(MOST_CLIENTS).unwrap() {
-            pace.schedule_request(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start);
+            pace.count_request_and_find_wait(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start);
             assert!(pace.due.lock().unwrap().len() <= MOST_CLIENTS);
         }
         // Who waits longest is not forgotten.
-        assert!(pace.schedule_request(parse_peer("2001:db8:1:2::1"), start) > Duration::ZERO);
+        assert!(pace.count_request_and_find_wait(parse_peer("2001:db8:1:2::1"), start) > Duration::ZERO);
     }
 }

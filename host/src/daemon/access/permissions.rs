@@ -1,10 +1,10 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::client::TokenNumber;
-use super::head::read_header;
-use super::origins::{Authority, normalize_name, normalize_origin};
-use super::refused_pages::Strangers;
-use crate::daemon::api::problem::{Kind, Problem};
+use super::head::read_single_header;
+use super::origins::{Authority, normalize_host_name, normalize_origin};
+use super::refused_pages::RefusedPages;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
@@ -40,12 +40,16 @@ impl Role {
         }
     }
 
-    /// That it does not open what needs `needed`.
+    /// That it does not open what needs `needed_role`.
     #[must_use]
-    pub fn lacks(self, needed: Self) -> Problem {
-        let detail = format!("this token's role is {}, and this needs {}", self.name(), needed.name());
-        let challenge = format!("{CHALLENGE}, error=\"insufficient_scope\", scope=\"{}\"", needed.name());
-        Problem::new(Kind::Role, detail).header(header::WWW_AUTHENTICATE, &challenge)
+    pub fn insufficient_role_problem(self, needed_role: Self) -> Problem {
+        let detail = format!(
+            "the role of this token is {}, but this request needs the role {}",
+            self.name(),
+            needed_role.name()
+        );
+        let challenge = format!("{CHALLENGE}, error=\"insufficient_scope\", scope=\"{}\"", needed_role.name());
+        Problem::new(ProblemKind::Role, detail).with_header(header::WWW_AUTHENTICATE, &challenge)
     }
 }
 
@@ -94,7 +98,7 @@ pub struct Access {
     /// None: no token is asked for.
     pub tokens: Vec<Token>,
     /// Pages that were refused.
-    pub strangers: Arc<Strangers>,
+    pub refused_pages: Arc<RefusedPages>,
 }
 
 impl Access {
@@ -102,7 +106,7 @@ impl Access {
     ///
     /// # Errors
     /// The line and what is wrong with it.
-    pub fn tokens(text: &str) -> Result<Vec<Token>, String> {
+    pub fn parse_tokens(text: &str) -> Result<Vec<Token>, String> {
         let mut tokens = Vec::new();
         // Old systems end lines with a CR alone.
         for (number, line) in (1..).zip(text.replace("\r\n", "\n").split(['\n', '\r'])) {
@@ -118,19 +122,28 @@ impl Access {
                 _ => return Err(format!("line {number}: the first word must be a role: view, touch or arm")),
             };
             match (words.next(), words.next()) {
-                (Some(secret), None) if secret.len() >= MIN_SECRET && secret.chars().all(is_unreserved) => {
+                (Some(secret), None)
+                    if secret.len() >= MIN_SECRET && secret.chars().all(is_unreserved_uri_character) =>
+                {
                     tokens.push(Token::new(secret, role));
                 }
                 (Some(_), None) => {
                     return Err(format!(
-                        "line {number}: a secret must have {MIN_SECRET} or more letters, digits, '-', '_', '.' and '~'"
+                        "line {number}: the secret must have at least {MIN_SECRET} characters, each a letter, a digit or one of \
+                         '-', '_', '.' and '~' (letters without accents)"
                     ));
                 }
-                _ => return Err(format!("line {number}: a role and one secret are wanted")),
+                _ => {
+                    return Err(format!(
+                        "line {number}: the line must have a role and one secret, with a space between them"
+                    ));
+                }
             }
         }
         if tokens.is_empty() {
-            return Err("there is no token in it: a line is a role (view, touch, arm) and a secret".into());
+            return Err(
+                "the file has no token: write one line for each, with a role (view, touch or arm) and a secret".into(),
+            );
         }
         Ok(tokens)
     }
@@ -139,7 +152,7 @@ impl Access {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn origin(text: &str) -> Result<String, String> {
+    pub fn parse_origin(text: &str) -> Result<String, String> {
         normalize_origin(text)
     }
 
@@ -147,15 +160,15 @@ impl Access {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn host(text: &str) -> Result<String, String> {
-        normalize_name(text)
+    pub fn parse_host(text: &str) -> Result<String, String> {
+        normalize_host_name(text)
     }
 
     /// Whether the request comes from where it may, and of another page's request that is allowed the origin that the answer names.
     ///
     /// # Errors
     /// [`Problem`]: a name or an origin that is neither this daemon's own nor allowed.
-    pub fn check_source(
+    pub fn check_host_and_find_allowed_origin(
         &self,
         method: &Method,
         headers: &HeaderMap,
@@ -164,35 +177,35 @@ impl Access {
     ) -> Result<Option<HeaderValue>, Problem> {
         // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
         if let Some(host) = host
-            && !host.is_own()
-            && !self.hosts.iter().any(|own| host.has_name(own))
+            && !host.is_localhost_or_ip_address()
+            && !self.hosts.iter().any(|own| host.has_host_name(own))
         {
             let detail = format!(
-                "requests for {host} are not taken; use localhost or the daemon's address in numbers, or start it with \
+                "requests for the host {host} are refused; use localhost or the daemon's IP address, or start the daemon with \
                  --allow-host"
             );
-            return Err(Problem::new(Kind::ForeignHost, detail));
+            return Err(Problem::new(ProblemKind::ForeignHost, detail));
         }
         let foreign = |who: &str| {
             let detail = format!(
-                "requests from {who} are not taken; open the page of this daemon itself, or start it with --allow-origin"
+                "requests from {who} are refused; open the daemon's own page, or start the daemon with --allow-origin"
             );
-            Problem::new(Kind::ForeignOrigin, detail)
+            Problem::new(ProblemKind::ForeignOrigin, detail)
         };
-        if let Some(origin) = read_header(headers, &header::ORIGIN)? {
+        if let Some(origin) = read_single_header(headers, &header::ORIGIN)? {
             if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
                 return Ok(headers.get(header::ORIGIN).cloned());
             }
-            if !host.is_some_and(|host| host.is_origin_of(origin, scheme.map(|Scheme(own)| own))) {
-                self.strangers.tell(origin, &Access::origin(origin));
+            if !host.is_some_and(|host| host.matches_origin(origin, scheme.map(|Scheme(own)| own))) {
+                self.refused_pages.warn_once_of_refused_origin(origin, &Access::parse_origin(origin));
                 return Err(foreign(&format!("pages of {origin}")));
             }
             return Ok(None);
         }
         // A browser that sends no Origin (for an image, say) tells here where the request comes from. A link on another page
         // may lead to this daemon's.
-        let is_link = *method == Method::GET && read_header(headers, &FETCH_MODE)? == Some("navigate");
-        match read_header(headers, &FETCH_SITE)? {
+        let is_link = *method == Method::GET && read_single_header(headers, &FETCH_MODE)? == Some("navigate");
+        match read_single_header(headers, &FETCH_SITE)? {
             Some("cross-site" | "same-site") if !is_link => Err(foreign("other pages")),
             _ => Ok(None),
         }
@@ -201,51 +214,58 @@ impl Access {
     /// Whether the request's token opens what it wants, and which that is and what else it opens, if one is asked for.
     ///
     /// # Errors
-    /// [`Problem`]: there is no token, it is not known, or its role does not include `needed`.
-    pub fn check_token(&self, request: &Request, needed: Option<Role>) -> Result<Option<(TokenNumber, Role)>, Problem> {
-        let Some(needed) = needed else { return Ok(None) };
+    /// [`Problem`]: there is no token, it is not known, or its role does not include `needed_role`.
+    pub fn check_token_and_find_number_and_role(
+        &self,
+        request: &Request,
+        needed_role: Option<Role>,
+    ) -> Result<Option<(TokenNumber, Role)>, Problem> {
+        let Some(needed_role) = needed_role else { return Ok(None) };
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
             return Ok(None);
         }
-        let bearer = read_header(request.headers(), &header::AUTHORIZATION)?.and_then(bearer);
+        let bearer = read_single_header(request.headers(), &header::AUTHORIZATION)?.and_then(read_bearer_token);
         // A page cannot set its socket's headers. Nothing else takes it so: addresses end up in logs.
         let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
-        let in_query = token_in_query(query);
+        let in_query = read_token_from_query(query);
         let given = bearer.or(in_query.as_deref()).map(str::trim);
         let digest: Option<Digest> = given.map(|given| Sha256::digest(given).into());
-        let role = digest.and_then(|digest| self.role(&digest));
+        let role = digest.and_then(|digest| self.find_highest_role_and_token_index(&digest));
         match role {
-            Some((role, number)) if role >= needed => Ok(Some((TokenNumber(number), role))),
-            Some((role, _)) => Err(role.lacks(needed)),
+            Some((role, number)) if role >= needed_role => Ok(Some((TokenNumber(number), role))),
+            Some((role, _)) => Err(role.insufficient_role_problem(needed_role)),
             None => {
                 let (detail, challenge) = match given {
                     None => (
-                        "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
+                        "the request has no token: send the header Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
                         CHALLENGE.into(),
                     ),
-                    Some(_) => ("this token is not known", format!("{CHALLENGE}, error=\"invalid_token\"")),
+                    Some(_) => (
+                        "this token is not in the daemon's token file",
+                        format!("{CHALLENGE}, error=\"invalid_token\""),
+                    ),
                 };
-                Err(Problem::new(Kind::Token, detail).header(header::WWW_AUTHENTICATE, &challenge))
+                Err(Problem::new(ProblemKind::Token, detail).with_header(header::WWW_AUTHENTICATE, &challenge))
             }
         }
     }
 
     /// The most that a secret with this digest opens, and its place among the tokens. Digests are compared whole, all of them, in
     /// a time that tells nothing of where they differ.
-    fn role(&self, given: &Digest) -> Option<(Role, usize)> {
-        let is_same = |token: &Token| bool::from(token.digest.ct_eq(given));
+    fn find_highest_role_and_token_index(&self, secret_digest: &Digest) -> Option<(Role, usize)> {
+        let is_same = |token: &Token| bool::from(token.digest.ct_eq(secret_digest));
         let same = self.tokens.iter().enumerate().filter(|(_, token)| is_same(token));
         same.map(|(number, token)| (token.role, number)).max()
     }
 }
 
 /// Characters that stand for themselves wherever a secret is written, addresses included (RFC 3986, 2.3).
-const fn is_unreserved(c: char) -> bool {
+const fn is_unreserved_uri_character(c: char) -> bool {
     c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~')
 }
 
 /// The token behind an address, without what was around it in the file that a page has it from: a byte order mark, ends of lines.
-fn token_in_query(query: &str) -> Option<String> {
+fn read_token_from_query(query: &str) -> Option<String> {
     let raw = query.split('&').find_map(|pair| pair.strip_prefix("token="))?;
     // Spaces are written as `+` there, too.
     let plain = percent_decode_str(&raw.replace('+', " ")).decode_utf8_lossy().into_owned();
@@ -253,8 +273,8 @@ fn token_in_query(query: &str) -> Option<String> {
 }
 
 /// The token in an `Authorization` header; the scheme's case is of no account (RFC 9110, 11.1).
-fn bearer(value: &str) -> Option<&str> {
-    let (scheme, token) = value.split_once(' ')?;
+fn read_bearer_token(authorization: &str) -> Option<&str> {
+    let (scheme, token) = authorization.split_once(' ')?;
     scheme.eq_ignore_ascii_case("bearer").then_some(token)
 }
 
@@ -268,8 +288,9 @@ mod tests {
     /// What is compared is digests, and those in constant time (`ct_eq`): a part of a secret opens as little as none of it.
     #[test]
     fn nothing_but_the_whole_secret_opens() {
-        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
-        let role = |given: &str| access.role(&Sha256::digest(given).into()).map(|(role, _)| role);
+        let access = Access { tokens: Access::parse_tokens(TOKENS).unwrap(), ..Access::default() };
+        let role =
+            |given: &str| access.find_highest_role_and_token_index(&Sha256::digest(given).into()).map(|(role, _)| role);
         for (secret, opens) in
             [("A".repeat(22), Role::View), ("B".repeat(24), Role::Touch), ("C".repeat(24), Role::Arm)]
         {
@@ -295,10 +316,10 @@ mod tests {
             ("arm", "secret"),
             ("arm AAAAAAAAAAAAAAAAAAAAA+/=", "letters"),
         ] {
-            let error = Access::tokens(text).unwrap_err();
+            let error = Access::parse_tokens(text).unwrap_err();
             assert!(error.contains(wanted), "{text:?}: {error}");
         }
-        let shown = format!("{:?}", Access::tokens(TOKENS).unwrap());
+        let shown = format!("{:?}", Access::parse_tokens(TOKENS).unwrap());
         assert!(!shown.contains("AAAA") && shown.contains("View"), "{shown}");
     }
 
@@ -314,8 +335,8 @@ mod tests {
             for (name, value) in headers {
                 map.append(*name, HeaderValue::from_bytes(value).unwrap());
             }
-            let host = read_header(&map, &header::HOST)?.and_then(Authority::parse);
-            access.check_source(method, &map, host.as_ref(), Some(Scheme("http")))
+            let host = read_single_header(&map, &header::HOST)?.and_then(Authority::parse);
+            access.check_host_and_find_allowed_origin(method, &map, host.as_ref(), Some(Scheme("http")))
         };
         let good: &[&[(&'static str, &[u8])]] = &[
             &[("host", b"127.0.0.1:7878")],

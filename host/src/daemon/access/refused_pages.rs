@@ -14,34 +14,38 @@ const LONGEST: usize = 300;
 
 /// Origins that have been told.
 #[derive(Debug, Default)]
-pub struct Strangers(Mutex<BTreeSet<String>>);
+pub struct RefusedPages(Mutex<BTreeSet<String>>);
 
-impl Strangers {
+impl RefusedPages {
     /// Whether this origin is told now: the first time, and as long as there are not too many.
-    fn is_new(&self, origin: &str) -> bool {
+    fn add_origin_if_new_and_within_limit(&self, origin: &str) -> bool {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         known.len() < TOLD && origin.len() <= LONGEST && known.insert(origin.to_owned())
     }
 
-    /// Tells of a page that was refused; `allowed` is its origin as `--allow-origin` takes it, or what that wants.
-    pub fn tell(&self, origin: &str, allowed: &Result<String, String>) {
-        if self.is_new(origin) {
-            tracing::warn!(origin, "a page of another origin was refused; {}", advice(origin, allowed));
+    /// Tells of a page that was refused; `option_value` is its origin as `--allow-origin` takes it, or what that wants.
+    pub fn warn_once_of_refused_origin(&self, origin: &str, option_value: &Result<String, String>) {
+        if self.add_origin_if_new_and_within_limit(origin) {
+            tracing::warn!(
+                origin,
+                "refused a request of a page of another origin: {}",
+                advise_how_to_allow_origin(origin, option_value)
+            );
         }
     }
 }
 
 /// What lets its page in.
-fn advice(origin: &str, allowed: &Result<String, String>) -> String {
-    match allowed {
-        Ok(origin) => format!("--allow-origin {origin} lets it in"),
+fn advise_how_to_allow_origin(origin: &str, option_value: &Result<String, String>) -> String {
+    match option_value {
+        Ok(origin) => format!("start the daemon with --allow-origin {origin} to allow it"),
         // What browsers say of pages from a disk, and of frames that are shut off.
         Err(_) if origin == "null" => {
-            "it comes from a file or a frame that is shut off, which cannot be let in: serve its folder \
+            "the page is a file or in a sandboxed frame, and such pages cannot be allowed: serve its folder \
              (python3 -m http.server 8000) and allow http://localhost:8000"
                 .into()
         }
-        Err(wanted) => format!("that cannot be let in: an origin {wanted}"),
+        Err(wanted) => format!("this origin cannot be allowed: an origin {wanted}"),
     }
 }
 
@@ -53,9 +57,12 @@ mod tests {
     #[test]
     fn only_origins_that_the_option_takes_are_advised() {
         let taken = Ok("http://kiosk:8000".to_owned());
-        assert_eq!(advice("http://kiosk:8000", &taken), "--allow-origin http://kiosk:8000 lets it in");
+        assert_eq!(
+            advise_how_to_allow_origin("http://kiosk:8000", &taken),
+            "start the daemon with --allow-origin http://kiosk:8000 to allow it"
+        );
         for cannot in ["null", "", "HTTP://KIOSK", "http://kiosk/page"] {
-            let said = advice(cannot, &Err("must be an origin".into()));
+            let said = advise_how_to_allow_origin(cannot, &Err("must be an origin".into()));
             assert!(!said.contains("--allow-origin"), "{said}");
             assert_eq!(said.contains("http.server"), cannot == "null", "{said}");
         }
@@ -63,10 +70,18 @@ mod tests {
 
     #[test]
     fn each_origin_is_told_once_and_there_is_an_end_to_it() {
-        let strangers = Strangers::default();
-        assert!(strangers.is_new("http://localhost:3000") && !strangers.is_new("http://localhost:3000"));
-        assert!(strangers.is_new("http://127.0.0.1:3000") && !strangers.is_new(&"x".repeat(LONGEST + 1)));
-        let more = (0..100).filter(|port| strangers.is_new(&format!("http://page:{port}"))).count();
+        let refused_pages = RefusedPages::default();
+        assert!(
+            refused_pages.add_origin_if_new_and_within_limit("http://localhost:3000")
+                && !refused_pages.add_origin_if_new_and_within_limit("http://localhost:3000")
+        );
+        assert!(
+            refused_pages.add_origin_if_new_and_within_limit("http://127.0.0.1:3000")
+                && !refused_pages.add_origin_if_new_and_within_limit(&"x".repeat(LONGEST + 1))
+        );
+        let more = (0..100)
+            .filter(|port| refused_pages.add_origin_if_new_and_within_limit(&format!("http://page:{port}")))
+            .count();
         assert_eq!(more, TOLD - 2);
     }
 }

@@ -18,10 +18,10 @@ const LOOK: Duration = Duration::from_millis(20);
 
 /// Who has sent a request: the end of a connection from which something is read.
 #[derive(Clone, Debug, Default)]
-pub struct Sender(Option<Source>);
+pub struct RequestSender(Option<ReadHalf>);
 
 #[derive(Clone, Debug)]
-enum Source {
+enum ReadHalf {
     Tcp(Arc<tcp::OwnedReadHalf>),
     #[cfg(unix)]
     Unix(Arc<unix::OwnedReadHalf>),
@@ -29,12 +29,12 @@ enum Source {
 
 /// A connection whose sender is looked at while it is served.
 #[derive(Debug)]
-pub struct Watched<W> {
-    source: Source,
+pub struct WatchedConnection<W> {
+    source: ReadHalf,
     sink: W,
 }
 
-impl Sender {
+impl RequestSender {
     /// One of which nothing is known: it waits for ever.
     #[must_use]
     pub const fn unknown() -> Self {
@@ -43,29 +43,29 @@ impl Sender {
 
     /// A connection, and who is at its other end.
     #[must_use]
-    pub fn of_tcp(stream: TcpStream) -> (Self, Watched<tcp::OwnedWriteHalf>) {
+    pub fn watch_tcp_stream(stream: TcpStream) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        let source = Source::Tcp(Arc::new(read));
-        (Self(Some(source.clone())), Watched { source, sink })
+        let source = ReadHalf::Tcp(Arc::new(read));
+        (Self(Some(source.clone())), WatchedConnection { source, sink })
     }
 
     /// The same of a connection through the file system.
     #[cfg(unix)]
     #[must_use]
-    pub fn of_unix(stream: UnixStream) -> (Self, Watched<unix::OwnedWriteHalf>) {
+    pub fn watch_unix_stream(stream: UnixStream) -> (Self, WatchedConnection<unix::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        let source = Source::Unix(Arc::new(read));
-        (Self(Some(source.clone())), Watched { source, sink })
+        let source = ReadHalf::Unix(Arc::new(read));
+        (Self(Some(source.clone())), WatchedConnection { source, sink })
     }
 
     /// Resolves once it has closed the connection, or its half of it. The two cannot be told from each other before something is written.
-    pub async fn is_gone(&self) {
+    pub async fn wait_until_connection_closed(&self) {
         let Some(source) = &self.0 else { return std::future::pending().await };
         loop {
             let ready = match source {
-                Source::Tcp(read) => read.ready(Interest::READABLE).await,
+                ReadHalf::Tcp(read) => read.ready(Interest::READABLE).await,
                 #[cfg(unix)]
-                Source::Unix(read) => read.ready(Interest::READABLE).await,
+                ReadHalf::Unix(read) => read.ready(Interest::READABLE).await,
             };
             if ready.map_or(true, |ready| ready.is_read_closed()) {
                 return;
@@ -75,7 +75,7 @@ impl Sender {
     }
 }
 
-impl<S: Sync> FromRequestParts<S> for Sender {
+impl<S: Sync> FromRequestParts<S> for RequestSender {
     type Rejection = Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
@@ -83,8 +83,8 @@ impl<S: Sync> FromRequestParts<S> for Sender {
     }
 }
 
-impl Source {
-    fn poll_ready(&self, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+impl ReadHalf {
+    fn poll_read_ready(&self, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         match self {
             Self::Tcp(read) => AsRef::<TcpStream>::as_ref(&**read).poll_read_ready(context),
             #[cfg(unix)]
@@ -101,10 +101,10 @@ impl Source {
     }
 }
 
-impl<W: Unpin> AsyncRead for Watched<W> {
+impl<W: Unpin> AsyncRead for WatchedConnection<W> {
     fn poll_read(self: Pin<&mut Self>, context: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         loop {
-            ready!(self.source.poll_ready(context))?;
+            ready!(self.source.poll_read_ready(context))?;
             match self.source.try_read(buffer.initialize_unfilled()) {
                 Ok(read) => {
                     buffer.advance(read);
@@ -118,7 +118,7 @@ impl<W: Unpin> AsyncRead for Watched<W> {
     }
 }
 
-impl<W: AsyncWrite + Unpin> AsyncWrite for Watched<W> {
+impl<W: AsyncWrite + Unpin> AsyncWrite for WatchedConnection<W> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         Pin::new(&mut self.sink).poll_write(context, bytes)
     }

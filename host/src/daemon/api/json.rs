@@ -4,70 +4,97 @@ use super::problem::Problem;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
+use std::fmt;
 
-/// A request from JSON; `wanted` says in a message what it should look like.
+/// What a text of JSON should look like: the last sentence of a message about a wrong one.
+#[derive(Clone, Copy, Debug)]
+pub struct ExpectedForm<'a> {
+    /// What the text is, as the subject of the sentence: "the whole body", say, with a capital letter.
+    pub subject: &'static str,
+    /// Its keys with the types of their values.
+    pub form: &'a str,
+}
+
+impl fmt::Display for ExpectedForm<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} has the form {}", self.subject, self.form)
+    }
+}
+
+/// A request from JSON; `expected` says in a message what it should look like.
 ///
 /// # Errors
 /// [`Problem`] with the field, `also[0].x_px` say, where one of them is wrong, not known or missing.
-pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Problem> {
+pub fn parse_json_object<T: DeserializeOwned>(json_text: &[u8], expected: ExpectedForm<'_>) -> Result<T, Problem> {
     // First: what is no JSON is told so, and not of which type of this program a part of it is not.
-    let whole: Value = serde_json::from_slice(text).map_err(|error| {
+    let whole: Value = serde_json::from_slice(json_text).map_err(|error| {
         // A number that is too large may be known as such here or only where it is wanted, by how the library was built.
-        let read = || serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(text)).err();
-        let problem = is_too_large(&error).then(read).flatten();
+        let read =
+            || serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(json_text)).err();
+        let problem = is_number_too_large_error(&error).then(read).flatten();
         problem
-            .and_then(|error| too_large(text, error.path(), error.inner(), wanted))
-            .unwrap_or_else(|| Problem::body(format!("the body is no JSON: {error}; expected {wanted}")))
+            .and_then(|error| number_too_large_problem(json_text, error.path(), error.inner(), expected))
+            .unwrap_or_else(|| Problem::bad_body(format!("the body is not valid JSON: {error}. {expected}")))
     })?;
-    objects(&whole, wanted)?;
-    let mut deserializer = serde_json::Deserializer::from_slice(text);
+    check_body_and_list_entries_are_objects(&whole, expected)?;
+    let mut deserializer = serde_json::Deserializer::from_slice(json_text);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let (path, what) = (error.path(), error.inner().to_string());
-        let known = field_of(&what, path, wanted).or_else(|| too_large(text, path, error.inner(), wanted));
+        let known = missing_unknown_or_duplicate_field_problem(&what, path, expected)
+            .or_else(|| number_too_large_problem(json_text, path, error.inner(), expected));
         if let Some(problem) = known {
             return problem;
         }
-        match expected(&what).zip(found(&whole, path)) {
+        match describe_expected_type(&what).zip(find_value_at_path(&whole, path)) {
             Some((allowed, value)) if path.iter().next().is_some() => {
-                let detail = format!("{path} is {value}, but must be {allowed}; expected {wanted}");
-                Problem::body(detail).at(&path.to_string(), value, allowed, None)
+                let detail = format!("{path} is {value}, but must be {allowed}. {expected}");
+                Problem::bad_body(detail).with_field_and_value(&path.to_string(), value, allowed, None)
             }
-            _ => Problem::body(format!("{what}; expected {wanted}")),
+            _ => Problem::bad_body(format!("{what}. {expected}")),
         }
     })?;
     Ok(value)
 }
 
 /// Whether this is about a number that is beyond all that a 64-bit float holds: JSON, but without a value.
-fn is_too_large(error: &serde_json::Error) -> bool {
+fn is_number_too_large_error(error: &serde_json::Error) -> bool {
     error.to_string().starts_with("number out of range")
 }
 
 /// The problem of such a number, which is at this path.
-fn too_large(text: &[u8], path: &Path, error: &serde_json::Error, wanted: &str) -> Option<Problem> {
-    if !is_too_large(error) {
+fn number_too_large_problem(
+    json_text: &[u8],
+    path: &Path,
+    error: &serde_json::Error,
+    expected: ExpectedForm<'_>,
+) -> Option<Problem> {
+    if !is_number_too_large_error(error) {
         return None;
     }
     path.iter().next()?;
     // The column, from 1, is that of the number's last character.
-    let line = text.split(|byte| *byte == b'\n').nth(error.line().checked_sub(1)?)?;
+    let line = json_text.split(|byte| *byte == b'\n').nth(error.line().checked_sub(1)?)?;
     let before = line.get(..error.column())?;
     let digits = before.iter().rev().take_while(|byte| byte.is_ascii_digit() || b"+-.eE".contains(byte)).count();
     let number = std::str::from_utf8(before.get(before.len() - digits..)?).ok()?;
     let allowed = format!("a number between {:e} and {:e}", f64::MIN, f64::MAX);
-    let detail = format!("{path} is {number}, but must be {allowed}; expected {wanted}");
-    Some(Problem::body(detail).at(&path.to_string(), number.into(), allowed, None))
+    let detail = format!("{path} is {number}, but must be {allowed}. {expected}");
+    Some(Problem::bad_body(detail).with_field_and_value(&path.to_string(), number.into(), allowed, None))
 }
 
 /// The problem that a message of serde's ("missing field `y_px` at line 1 column 9") is about a field that is not there, or that should
 /// not be, of what is at this path.
-fn field_of(message: &str, path: &Path, wanted: &str) -> Option<Problem> {
+fn missing_unknown_or_duplicate_field_problem(
+    serde_message: &str,
+    path: &Path,
+    expected: ExpectedForm<'_>,
+) -> Option<Problem> {
     let kinds = [
         ("missing field `", "is missing"),
-        ("unknown field `", "is not known"),
-        ("duplicate field `", "is there twice"),
+        ("unknown field `", "is not a known field"),
+        ("duplicate field `", "is given twice"),
     ];
-    let (rest, what) = kinds.iter().find_map(|(begin, what)| Some((message.strip_prefix(begin)?, *what)))?;
+    let (rest, what) = kinds.iter().find_map(|(begin, what)| Some((serde_message.strip_prefix(begin)?, *what)))?;
     let (name, _) = rest.split_once('`')?;
     let at = path.to_string();
     let field = match path.iter().next_back() {
@@ -76,38 +103,40 @@ fn field_of(message: &str, path: &Path, wanted: &str) -> Option<Problem> {
         Some(Segment::Map { key }) if key == name => at,
         Some(_) => format!("{at}.{name}"),
     };
-    Some(Problem::body(format!("{field} {what}; expected {wanted}")).about(field))
+    Some(Problem::bad_body(format!("{field} {what}. {expected}")).with_field(field))
 }
 
 /// Refuses lists in place of objects, which serde takes for the fields in their order: requests are objects, and so is every
 /// entry of their lists.
-fn objects(whole: &Value, wanted: &str) -> Result<(), Problem> {
-    fn check(value: &Value, path: &str, wanted: &str) -> Result<(), Problem> {
+fn check_body_and_list_entries_are_objects(body: &Value, expected: ExpectedForm<'_>) -> Result<(), Problem> {
+    fn check_entries_below(value: &Value, path: &str, expected: ExpectedForm<'_>) -> Result<(), Problem> {
         let inside = |name: String| if path.is_empty() { name } else { format!("{path}.{name}") };
         match value {
             Value::Object(map) => map.iter().try_for_each(|(key, value)| match value {
-                Value::Object(_) | Value::Array(_) => check(value, &inside(key.clone()), wanted),
+                Value::Object(_) | Value::Array(_) => check_entries_below(value, &inside(key.clone()), expected),
                 _ => Ok(()),
             }),
             Value::Array(list) => list.iter().enumerate().try_for_each(|(i, entry)| {
                 let path = format!("{path}[{i}]");
                 if entry.is_object() {
-                    return check(entry, &path, wanted);
+                    return check_entries_below(entry, &path, expected);
                 }
-                let detail = format!("{path} is {entry}, but must be an object; expected {wanted}");
-                Err(Problem::body(detail).at(&path, entry.clone(), "an object".into(), None))
+                let detail = format!("{path} is {entry}, but must be an object. {expected}");
+                Err(Problem::bad_body(detail).with_field_and_value(&path, entry.clone(), "an object".into(), None))
             }),
             _ => Ok(()),
         }
     }
-    match whole {
-        Value::Object(_) => check(whole, "", wanted),
-        other => Err(Problem::body(format!("the body is {}, but must be an object; expected {wanted}", kind(other)))),
+    match body {
+        Value::Object(_) => check_entries_below(body, "", expected),
+        other => {
+            Err(Problem::bad_body(format!("the body is {}, but must be an object. {expected}", name_json_kind(other))))
+        }
     }
 }
 
 /// What kind of JSON this is.
-const fn kind(value: &Value) -> &'static str {
+const fn name_json_kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",
         Value::Bool(_) => "true or false",
@@ -120,14 +149,14 @@ const fn kind(value: &Value) -> &'static str {
 
 /// What a message of serde's ("invalid type: string "x", expected f64 at line 1 column 9") says should have been there, if
 /// it is about a value's type.
-fn expected(message: &str) -> Option<String> {
+fn describe_expected_type(serde_message: &str) -> Option<String> {
     // Of a number where one of several texts is wanted, serde_json only says that.
-    if message.starts_with("expected value") {
-        return Some("one of the texts that it takes".into());
+    if serde_message.starts_with("expected value") {
+        return Some("one of the texts that are allowed here".into());
     }
     let is_of_a_value =
-        ["invalid type", "invalid value", "unknown variant"].iter().any(|what| message.starts_with(what));
-    let (_, rest) = message.split_once("expected ").filter(|_| is_of_a_value)?;
+        ["invalid type", "invalid value", "unknown variant"].iter().any(|what| serde_message.starts_with(what));
+    let (_, rest) = serde_message.split_once("expected ").filter(|_| is_of_a_value)?;
     let what = rest.rsplit_once(" at line").map_or(rest, |(what, _)| what);
     Some(match what {
         "f64" | "f32" => "a number".into(),
@@ -144,7 +173,7 @@ fn expected(message: &str) -> Option<String> {
 }
 
 /// The value at a path, if there is one.
-fn found(whole: &Value, path: &Path) -> Option<Value> {
+fn find_value_at_path(whole: &Value, path: &Path) -> Option<Value> {
     let step = |value: &'_ Value, segment: &Segment| match segment {
         Segment::Seq { index } => value.get(index).cloned(),
         Segment::Map { key } => value.get(key).cloned(),
@@ -157,6 +186,8 @@ fn found(whole: &Value, path: &Path) -> Option<Value> {
 mod tests {
     use super::*;
     use crate::daemon::touch::request::TouchRequest;
+
+    const TOUCH: ExpectedForm<'_> = ExpectedForm { subject: "A touch", form: "{...}" };
 
     #[test]
     fn the_field_of_the_wrong_type_is_named() {
@@ -172,7 +203,7 @@ mod tests {
             (r#"{"x_px": 1, "y_px": 2, "trade": 3}"#, "trade", "3", "true or false"),
         ];
         for (text, field, value, allowed) in cases {
-            let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();
+            let problem = parse_json_object::<TouchRequest>(text.as_bytes(), TOUCH).unwrap_err();
             let json = serde_json::to_value(&problem).unwrap();
             assert_eq!((json["field"].as_str(), json["value"].to_string().as_str()), (Some(field), value), "{json}");
             assert!(json["allowed"].as_str().unwrap().contains(allowed), "{json}");
@@ -181,29 +212,33 @@ mod tests {
         // What is not there, or not known, is named.
         for (text, field, what) in [
             (r#"{"x_px": 1}"#, "y_px", "is missing"),
-            (r#"{"x_px": 1, "y_px": 2, "z": 3}"#, "z", "is not known"),
-            (r#"{"x_px": 1, "y_px": 2, "y_px": 3}"#, "y_px", "is there twice"),
+            (r#"{"x_px": 1, "y_px": 2, "z": 3}"#, "z", "is not a known field"),
+            (r#"{"x_px": 1, "y_px": 2, "y_px": 3}"#, "y_px", "is given twice"),
             (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": 3}]}"#, "also[0].y_px", "is missing"),
-            (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": 3, "y_px": 4, "z": 5}]}"#, "also[0].z", "is not known"),
+            (
+                r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": 3, "y_px": 4, "z": 5}]}"#,
+                "also[0].z",
+                "is not a known field",
+            ),
             (
                 r#"{"x_px": 1, "y_px": 2, "quiet": [{"x_px": 3, "y_px": 4, "radius_mm": 5}]}"#,
                 "quiet[0].at_most_g",
                 "is missing",
             ),
         ] {
-            let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();
+            let problem = parse_json_object::<TouchRequest>(text.as_bytes(), TOUCH).unwrap_err();
             let json = serde_json::to_value(&problem).unwrap();
             assert_eq!(json["field"], field, "{json}");
-            assert!(problem.detail().starts_with(&format!("{field} {what}; expected a touch")), "{json}");
+            assert!(problem.detail().starts_with(&format!("{field} {what}. A touch has the form {{...}}")), "{json}");
         }
         // What is no JSON has no field, and no types of this program, though a part before that has the wrong one.
         for text in ["{", "[]", r#"{"x_px": 1, "y_px": 2} x"#, r#"{"x_px": [1, 2}"#] {
-            let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();
+            let problem = parse_json_object::<TouchRequest>(text.as_bytes(), TOUCH).unwrap_err();
             assert!(serde_json::to_value(&problem).unwrap().get("field").is_none(), "{text}");
             assert!(!problem.detail().contains("f64") && !problem.detail().contains("struct"), "{}", problem.detail());
         }
         // Nothing is what an absent field is.
         let null = br#"{"x_px": 1, "y_px": 2, "intensity_g": null}"#;
-        assert!(from_json::<TouchRequest>(null, "a touch").unwrap().intensity_g.is_none());
+        assert!(parse_json_object::<TouchRequest>(null, TOUCH).unwrap().intensity_g.is_none());
     }
 }

@@ -1,6 +1,6 @@
 //! Errors as RFC 9457 "problem+json", with the field, its value and the allowed range where there are any.
 
-pub use super::kinds::Kind;
+pub use super::kinds::ProblemKind;
 use super::kinds::URN;
 use crate::device::{LinkError, SessionError};
 use crate::model::ModelError;
@@ -22,12 +22,12 @@ const LATE_AGAIN_MS: u64 = 100;
 /// One problem, boxed: it travels through many results.
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
-pub struct Problem(Box<Content>);
+pub struct Problem(Box<ProblemContent>);
 
 /// An error, as RFC 9457 has it.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
-struct Content {
+struct ProblemContent {
     /// Kind of problem, stable for programs: `urn:era:problem:` and a word or two.
     #[serde(rename = "type")]
     kind: String,
@@ -86,11 +86,11 @@ struct MistakeView {
 impl Problem {
     /// A problem of a kind.
     #[must_use]
-    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self(Box::new(Content {
+    pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
+        Self(Box::new(ProblemContent {
             kind: format!("{URN}{}", kind.name()),
             title: kind.title(),
-            status: kind.status().as_u16(),
+            status: kind.http_status().as_u16(),
             detail: detail.into(),
             field: None,
             finger: None,
@@ -106,7 +106,7 @@ impl Problem {
 
     /// With the field that is wrong, its value, what is allowed, and its line in the scene.
     #[must_use]
-    pub fn at(mut self, field: &str, value: Value, allowed: String, line: Option<usize>) -> Self {
+    pub fn with_field_and_value(mut self, field: &str, value: Value, allowed: String, line: Option<usize>) -> Self {
         self.0.field = Some(field.into());
         self.0.value = Some(value);
         self.0.allowed = Some(allowed);
@@ -116,22 +116,22 @@ impl Problem {
 
     /// With the field that it is about, which has no value.
     #[must_use]
-    pub fn about(mut self, field: String) -> Self {
+    pub fn with_field(mut self, field: String) -> Self {
         self.0.field = Some(field);
         self
     }
 
     /// To be asked again after so many ms; so many wait before it.
     #[must_use]
-    pub fn retry(mut self, after_ms: u64, depth: Option<usize>) -> Self {
-        self.0.retry_after_ms = Some(after_ms);
-        self.0.depth = depth;
+    pub fn with_retry(mut self, retry_after_ms: u64, queue_depth: Option<usize>) -> Self {
+        self.0.retry_after_ms = Some(retry_after_ms);
+        self.0.depth = queue_depth;
         self
     }
 
     /// With a line in the head of its answer.
     #[must_use]
-    pub fn header(mut self, name: HeaderName, value: &str) -> Self {
+    pub fn with_header(mut self, name: HeaderName, value: &str) -> Self {
         self.0.headers.extend(HeaderValue::from_str(value).ok().map(|value| (name, value)));
         self
     }
@@ -144,27 +144,31 @@ impl Problem {
 
     /// A number outside its range.
     #[must_use]
-    pub fn range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
+    pub fn out_of_range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
         let max = max.to_string();
-        let allowed = if max == "inf" { format!("{min} and above") } else { format!("{min} to {max}") };
-        let detail = format!("{field} is {value}, but must be in {allowed}");
-        Self::new(Kind::OutOfRange, detail).at(field, value.into(), allowed, None)
+        let (allowed, range) = if max == "inf" {
+            (format!("{min} and above"), format!("{min} and above"))
+        } else {
+            (format!("{min} to {max}"), format!("in {min} to {max}"))
+        };
+        let detail = format!("{field} is {value}, but must be {range}");
+        Self::new(ProblemKind::OutOfRange, detail).with_field_and_value(field, value.into(), allowed, None)
     }
 
     /// A body that could not be read.
     #[must_use]
-    pub fn body(detail: String) -> Self {
-        Self::new(Kind::BadBody, detail)
+    pub fn bad_body(detail: String) -> Self {
+        Self::new(ProblemKind::BadBody, detail)
     }
 
     /// The same in a part of the request, `also[0]` say; as it is without one. What is wrong with no field of it is wrong with the
     /// whole part.
     #[must_use]
-    pub fn of(mut self, part: Option<String>) -> Self {
-        let Some(part) = part else { return self };
+    pub fn with_field_prefix(mut self, prefix: Option<String>) -> Self {
+        let Some(prefix) = prefix else { return self };
         let (field, detail) = match &self.0.field {
-            Some(field) => (format!("{part}.{field}"), format!("{part}.{}", self.0.detail)),
-            None => (part.clone(), format!("{part}: {}", self.0.detail)),
+            Some(field) => (format!("{prefix}.{field}"), format!("{prefix}.{}", self.0.detail)),
+            None => (prefix.clone(), format!("{prefix}: {}", self.0.detail)),
         };
         (self.0.field, self.0.detail) = (Some(field), detail);
         self
@@ -172,7 +176,7 @@ impl Problem {
 
     /// With the number of the finger that it is about.
     #[must_use]
-    pub fn finger(mut self, id: i64) -> Self {
+    pub fn with_finger_id(mut self, id: i64) -> Self {
         self.0.finger = Some(id);
         self.0.detail = format!("finger {id}: {}", self.0.detail);
         self
@@ -180,8 +184,8 @@ impl Problem {
 
     /// Whether it is of this kind.
     #[must_use]
-    pub fn is(&self, kind: &str) -> bool {
-        self.0.kind.rsplit(':').next() == Some(kind)
+    pub fn is_kind(&self, kind_name: &str) -> bool {
+        self.0.kind.rsplit(':').next() == Some(kind_name)
     }
 
     /// In words.
@@ -193,17 +197,17 @@ impl Problem {
 
 impl PartialSchema for Problem {
     fn schema() -> RefOr<Schema> {
-        Content::schema()
+        ProblemContent::schema()
     }
 }
 
 impl ToSchema for Problem {
     fn name() -> Cow<'static, str> {
-        Content::name()
+        ProblemContent::name()
     }
 
     fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
-        Content::schemas(schemas);
+        ProblemContent::schemas(schemas);
     }
 }
 
@@ -222,7 +226,7 @@ impl IntoResponse for Problem {
 
 impl From<crate::scene::ScreenError> for Problem {
     fn from(error: crate::scene::ScreenError) -> Self {
-        Self::range(error.field, error.value, error.min, error.max)
+        Self::out_of_range(error.field, error.value, error.min, error.max)
     }
 }
 
@@ -237,7 +241,7 @@ impl From<PixelError> for Problem {
 
 impl From<SceneError> for Problem {
     fn from(error: SceneError) -> Self {
-        let mut problem = Self::new(Kind::BadScene, error.to_string());
+        let mut problem = Self::new(ProblemKind::BadScene, error.to_string());
         let line = |line: usize| (line > 0).then_some(line);
         if let Some(first) = error.mistakes.first() {
             problem.0.line = line(first.line);
@@ -255,30 +259,35 @@ impl From<SceneError> for Problem {
 
 impl From<ModelError> for Problem {
     fn from(error: ModelError) -> Self {
-        Self::new(Kind::NoModel, error.to_string())
+        Self::new(ProblemKind::NoModel, error.to_string())
     }
 }
 
 impl From<ResponseError> for Problem {
     fn from(error: ResponseError) -> Self {
-        Self::new(Kind::NoPlan, error.to_string())
+        Self::new(ProblemKind::NoPlan, error.to_string())
     }
 }
 
 impl From<PlanError> for Problem {
     fn from(error: PlanError) -> Self {
         match error {
-            PlanError::Range { field, value, min, max } => Self::range(field, value, min, max),
-            PlanError::Count { .. } => Self::new(Kind::TouchCount, error.to_string()),
-            PlanError::Quiet { .. } => Self::new(Kind::QuietCount, error.to_string()),
+            PlanError::Range { field, value, min, max } => Self::out_of_range(field, value, min, max),
+            PlanError::Count { .. } => Self::new(ProblemKind::TouchCount, error.to_string()),
+            PlanError::Quiet { .. } => Self::new(ProblemKind::QuietCount, error.to_string()),
             PlanError::Together { option, value, allowed } => {
                 let detail = error.to_string();
-                Self::new(Kind::Options, detail).at(option, value.into(), format!("only with {allowed}"), None)
+                Self::new(ProblemKind::Options, detail).with_field_and_value(
+                    option,
+                    value.into(),
+                    format!("only with {allowed}"),
+                    None,
+                )
             }
-            PlanError::EmptyZone => Self::new(Kind::EmptyZone, error.to_string()),
-            PlanError::Cutout { .. } => Self::new(Kind::InCutout, error.to_string()),
+            PlanError::EmptyZone => Self::new(ProblemKind::EmptyZone, error.to_string()),
+            PlanError::Cutout(_) => Self::new(ProblemKind::InCutout, error.to_string()),
             PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies | PlanError::Stopped => {
-                Self::new(Kind::NoPlan, error.to_string())
+                Self::new(ProblemKind::NoPlan, error.to_string())
             }
         }
     }
@@ -288,30 +297,34 @@ impl From<SessionError> for Problem {
     fn from(error: SessionError) -> Self {
         let detail = error.to_string();
         match error {
-            SessionError::Fault { .. } => {
-                Self::new(Kind::DeviceFault, format!("{detail} (`era clear`, or POST /v1/faults/clear, clears it)"))
-            }
+            SessionError::Fault { .. } => Self::new(
+                ProblemKind::DeviceFault,
+                format!("{detail} (`era clear`, or POST /v1/faults/clear, clears the fault)"),
+            ),
             SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. })) => {
-                Self::new(Kind::DeviceRefused, detail).retry(u64::from(wait_ms), None)
+                Self::new(ProblemKind::DeviceRefused, detail).with_retry(u64::from(wait_ms), None)
             }
             SessionError::Link(LinkError::Refused(_) | LinkError::TooOld { .. }) | SessionError::NotArmed { .. } => {
-                Self::new(Kind::DeviceRefused, detail)
+                Self::new(ProblemKind::DeviceRefused, detail)
             }
-            SessionError::Link(_) | SessionError::Disconnected { .. } => Self::new(Kind::DeviceLost, detail),
-            SessionError::Late { .. } => Self::new(Kind::DeviceLate, detail).retry(LATE_AGAIN_MS, None),
+            SessionError::Link(_) | SessionError::Disconnected { .. } => Self::new(ProblemKind::DeviceLost, detail),
+            SessionError::Late { .. } => Self::new(ProblemKind::DeviceLate, detail).with_retry(LATE_AGAIN_MS, None),
             SessionError::Away { is_faulty, .. } => {
                 let first = if is_faulty {
-                    "it has latched a fault besides: first `era clear`, or POST /v1/faults/clear, clears that; then "
+                    "the device also has a fault: first clear the fault with `era clear` or POST /v1/faults/clear; then "
                 } else {
                     ""
                 };
-                Self::new(Kind::NotArmed, format!("{detail} ({first}`era arm`, or POST /v1/arm, arms it)"))
+                Self::new(
+                    ProblemKind::NotArmed,
+                    format!("{detail} ({first}`era arm`, or POST /v1/arm, arms the device)"),
+                )
             }
-            SessionError::Unfit { .. } => Self::new(Kind::DeviceUnfit, detail),
-            SessionError::Stopped | SessionError::Broken => Self::new(Kind::Stopped, detail),
-            SessionError::Closed => Self::new(Kind::Closing, detail),
-            SessionError::Ended => Self::new(Kind::SessionEnded, detail),
-            SessionError::Hangs => Self::new(Kind::SessionHangs, detail),
+            SessionError::Unfit { .. } => Self::new(ProblemKind::DeviceUnfit, detail),
+            SessionError::Stopped | SessionError::Broken => Self::new(ProblemKind::Stopped, detail),
+            SessionError::Closed => Self::new(ProblemKind::Closing, detail),
+            SessionError::Ended => Self::new(ProblemKind::SessionEnded, detail),
+            SessionError::Hangs => Self::new(ProblemKind::SessionHangs, detail),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What stands behind the `?` of an address, read with the field that is wrong.
 
-use super::problem::{Kind, Problem};
+use super::problem::{Problem, ProblemKind};
 use axum::extract::Query;
 use axum::http::Uri;
 use serde::de::{DeserializeOwned, Error, Unexpected};
@@ -9,14 +9,14 @@ use serde::{Deserialize, Deserializer};
 /// What axum says before what is wrong.
 const BEFORE: &str = "Failed to deserialize query string: ";
 
-/// A query; `wanted` says in a message what it should look like.
+/// A query; `expected` says in a message what it should look like.
 ///
 /// # Errors
 /// [`Problem`] with the field where one of them is wrong, not known, or there twice.
-pub fn read<T: DeserializeOwned>(uri: &Uri, wanted: &str) -> Result<T, Problem> {
+pub fn parse_query<T: DeserializeOwned>(uri: &Uri, expected: &str) -> Result<T, Problem> {
     match Query::<T>::try_from_uri(uri) {
         Ok(Query(query)) => Ok(query),
-        Err(error) => Err(problem(&error.body_text(), uri, wanted)),
+        Err(error) => Err(query_problem_from_error_text(&error.body_text(), uri, expected)),
     }
 }
 
@@ -24,30 +24,40 @@ pub fn read<T: DeserializeOwned>(uri: &Uri, wanted: &str) -> Result<T, Problem> 
 ///
 /// # Errors
 /// That it is none.
-pub fn read_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+pub fn deserialize_present_query_number_as_some<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<f64>, D::Error> {
     let text = String::deserialize(deserializer)?;
     let is_tight = !text.contains(char::is_whitespace);
     let number = serde_json::from_str::<f64>(&text).ok().filter(|_| is_tight);
     number.map(Some).ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&text), &"a float"))
 }
 
-fn problem(text: &str, uri: &Uri, wanted: &str) -> Problem {
-    let text = text.strip_prefix(BEFORE).unwrap_or(text);
-    let bad = |detail: String| Problem::new(Kind::BadQuery, format!("{detail}; expected {wanted}"));
-    for (begin, what) in [("unknown field `", "is not known"), ("duplicate field `", "is there twice")] {
+fn query_problem_from_error_text(error_text: &str, uri: &Uri, expected: &str) -> Problem {
+    let error_text = error_text.strip_prefix(BEFORE).unwrap_or(error_text);
+    let bad =
+        |detail: String| Problem::new(ProblemKind::BadQuery, format!("{detail}. The query has the form {expected}"));
+    for (begin, what) in [("unknown field `", "is not a known field"), ("duplicate field `", "is given twice")] {
         // The field may be named before: `z: unknown field ...`.
-        let rest = text.split_once(begin).and_then(|(_, rest)| rest.split_once('`'));
+        let rest = error_text.split_once(begin).and_then(|(_, rest)| rest.split_once('`'));
         if let Some((field, _)) = rest {
-            return bad(format!("{field} {what}")).about(field.to_owned());
+            return bad(format!("{field} {what}")).with_field(field.to_owned());
         }
     }
-    let Some((field, what)) = text.split_once(": ") else { return bad(format!("the query cannot be read: {text}")) };
+    let Some((field, what)) = error_text.split_once(": ") else {
+        return bad(format!("the query cannot be read: {error_text}"));
+    };
     let allowed = if what.contains("float") { "a number" } else { "a whole number, 0 or more" };
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
-        return bad(format!("{field} must be {allowed}")).about(field.to_owned());
+        return bad(format!("{field} must be {allowed}")).with_field(field.to_owned());
     };
     let value = pairs.into_iter().find(|(name, _)| name == field).map(|(_, value)| value).unwrap_or_default();
-    bad(format!("{field} is {value:?}, but must be {allowed}")).at(field, value.into(), allowed.into(), None)
+    bad(format!("{field} is {value:?}, but must be {allowed}")).with_field_and_value(
+        field,
+        value.into(),
+        allowed.into(),
+        None,
+    )
 }
 
 #[cfg(test)]
@@ -66,18 +76,18 @@ mod tests {
     #[test]
     fn the_field_that_is_wrong_is_named_without_words_of_this_programs_language() {
         for (query, field, words) in [
-            ("x_px=a", "x_px", "x_px is \"a\", but must be a number; expected x_px"),
+            ("x_px=a", "x_px", "x_px is \"a\", but must be a number. The query has the form x_px"),
             ("count=-1", "count", "count is \"-1\", but must be a whole number, 0 or more"),
-            ("x_px=1&z=2", "z", "z is not known"),
-            ("x_px=1&x_px=2", "x_px", "x_px is there twice"),
+            ("x_px=1&z=2", "z", "z is not a known field"),
+            ("x_px=1&x_px=2", "x_px", "x_px is given twice"),
         ] {
             let uri = format!("/v1/field?{query}").parse().unwrap();
-            let problem = read::<Wanted>(&uri, "x_px=NUMBER").unwrap_err();
+            let problem = parse_query::<Wanted>(&uri, "x_px=NUMBER").unwrap_err();
             let json = serde_json::to_value(&problem).unwrap();
             assert_eq!(json["field"], field, "{json}");
             assert!(problem.detail().starts_with(words) && problem.detail().ends_with("x_px=NUMBER"), "{json}");
             assert!(!["eserialize", "literal", "`"].iter().any(|word| problem.detail().contains(word)), "{json}");
         }
-        assert!(read::<Wanted>(&"/v1/field?x_px=1e3".parse().unwrap(), "").is_ok());
+        assert!(parse_query::<Wanted>(&"/v1/field?x_px=1e3".parse().unwrap(), "").is_ok());
     }
 }

@@ -10,16 +10,16 @@ use std::marker::PhantomData;
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// A type of whole numbers.
-pub trait Whole: TryFrom<i64> + TryFrom<u64> {
+pub trait WholeNumber: TryFrom<i64> + TryFrom<u64> {
     /// Its name where a message says what was expected; [`super::json`] puts it into words.
     const NAME: &'static str;
 }
 
-impl Whole for u32 {
+impl WholeNumber for u32 {
     const NAME: &'static str = "u32";
 }
 
-impl Whole for i64 {
+impl WholeNumber for i64 {
     const NAME: &'static str = "i64";
 }
 
@@ -27,28 +27,30 @@ impl Whole for i64 {
 ///
 /// # Errors
 /// What is there instead: no number, one with a fraction, or one beyond the type.
-pub fn read_whole<'de, T: Whole, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+pub fn deserialize_whole_number<'de, T: WholeNumber, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     deserializer.deserialize_i64(WholeVisitor(PhantomData))
 }
 
 /// The same where there may be none, or null; with `#[serde(default)]`.
 ///
 /// # Errors
-/// As [`read_whole`].
-pub fn read_whole_or_null<'de, T: Whole, D: Deserializer<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+/// As [`deserialize_whole_number`].
+pub fn deserialize_whole_number_or_null<'de, T: WholeNumber, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<T>, D::Error> {
     deserializer.deserialize_option(OptionVisitor(PhantomData))
 }
 
 /// The whole number that a float is, within what a float holds exactly; `None` for any other.
 #[expect(clippy::cast_possible_truncation, reason = "whole, and within what a float holds exactly")]
 #[must_use]
-pub fn convert_whole(value: f64) -> Option<i64> {
+pub fn to_exact_whole_number(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() <= EXACT).then_some(value as i64)
 }
 
 struct WholeVisitor<T>(PhantomData<T>);
 
-impl<T: Whole> Visitor<'_> for WholeVisitor<T> {
+impl<T: WholeNumber> Visitor<'_> for WholeVisitor<T> {
     type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -64,14 +66,14 @@ impl<T: Whole> Visitor<'_> for WholeVisitor<T> {
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<T, E> {
-        let whole = convert_whole(value).and_then(|whole| T::try_from(whole).ok());
+        let whole = to_exact_whole_number(value).and_then(|whole| T::try_from(whole).ok());
         whole.ok_or_else(|| E::invalid_value(Unexpected::Float(value), &self))
     }
 }
 
 struct OptionVisitor<T>(PhantomData<T>);
 
-impl<'de, T: Whole> Visitor<'de> for OptionVisitor<T> {
+impl<'de, T: WholeNumber> Visitor<'de> for OptionVisitor<T> {
     type Value = Option<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -87,6 +89,6 @@ impl<'de, T: Whole> Visitor<'de> for OptionVisitor<T> {
     }
 
     fn visit_some<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        read_whole(deserializer).map(Some)
+        deserialize_whole_number(deserializer).map(Some)
     }
 }

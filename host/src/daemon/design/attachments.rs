@@ -2,7 +2,7 @@
 //!
 //! The text is changed, not written anew: comments, order and whatever else is in the file stay as they are.
 
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -43,7 +43,7 @@ pub struct Attachments<'t> {
 impl<'t> Attachments<'t> {
     /// Finds them. Text that is no TOML has none, and entries of a wrong kind are left out: what is wrong with them is told
     /// when the scene is read.
-    pub fn of(text: &'t str) -> Self {
+    pub fn parse(text: &'t str) -> Self {
         let document = DeTable::parse(text);
         let document = document.as_ref().ok().map(toml::Spanned::get_ref);
         let line = |offset: usize| text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1;
@@ -68,13 +68,13 @@ impl<'t> Attachments<'t> {
     }
 
     /// How many entries some of the file's lists have together, attachments or not.
-    pub fn count_of(&self, names: &[&str]) -> usize {
-        names.iter().filter_map(|name| self.counts.get(*name)).sum()
+    pub fn count_entries_of_tables(&self, table_names: &[&str]) -> usize {
+        table_names.iter().filter_map(|name| self.counts.get(*name)).sum()
     }
 
-    /// The line at which the table's `index`-th entry (from 1) begins.
-    pub fn line(&self, table: &str, index: usize) -> Option<usize> {
-        let path = format!("{table}[{index}]");
+    /// The line at which the table's `entry_number`-th entry (from 1) begins.
+    pub fn find_line_of_entry(&self, table: &str, entry_number: usize) -> Option<usize> {
+        let path = format!("{table}[{entry_number}]");
         self.list.iter().find(|known| known.path == path).map(|known| known.line)
     }
 
@@ -82,10 +82,14 @@ impl<'t> Attachments<'t> {
     ///
     /// # Errors
     /// [`Problem`] for a name that no attachment has.
-    pub fn moved(&self, moves: &BTreeMap<String, Place>) -> Result<String, Problem> {
+    pub fn scene_text_with_moves(&self, moves: &BTreeMap<String, Place>) -> Result<String, Problem> {
         let mut changes = Vec::new();
         for (path, place) in moves {
-            let known = self.list.iter().find(|known| known.path == *path).ok_or_else(|| self.unknown(path))?;
+            let known = self
+                .list
+                .iter()
+                .find(|known| known.path == *path)
+                .ok_or_else(|| self.unknown_attachment_problem(path))?;
             changes.extend(known.x_mm.clone().map(|at| (at, place.x_mm)));
             changes.extend(known.y_mm.clone().zip(place.y_mm));
         }
@@ -98,7 +102,7 @@ impl<'t> Attachments<'t> {
         Ok(text)
     }
 
-    fn unknown(&self, path: &str) -> Problem {
+    fn unknown_attachment_problem(&self, name: &str) -> Problem {
         let names: Vec<String> = TABLES
             .iter()
             .filter_map(|table| {
@@ -110,9 +114,9 @@ impl<'t> Attachments<'t> {
                 }
             })
             .collect();
-        let allowed = if names.is_empty() { "nothing: this scene has no attachments".into() } else { names.join(", ") };
-        let detail = format!("moves names {path:?}, but what can be moved is {allowed}");
-        Problem::new(Kind::OutOfRange, detail).at("moves", path.into(), allowed, None)
+        let allowed = if names.is_empty() { "none: this scene has no attachments".into() } else { names.join(", ") };
+        let detail = format!("moves names {name:?}, but can name only these attachments: {allowed}");
+        Problem::new(ProblemKind::OutOfRange, detail).with_field_and_value("moves", name.into(), allowed, None)
     }
 }
 
@@ -120,9 +124,9 @@ impl<'t> Attachments<'t> {
 mod tests {
     use super::*;
 
-    fn moved(text: &str, moves: &[(&str, f64, Option<f64>)]) -> Result<String, Problem> {
+    fn apply_moves(text: &str, moves: &[(&str, f64, Option<f64>)]) -> Result<String, Problem> {
         let moves = moves.iter().map(|(path, x_mm, y_mm)| ((*path).to_owned(), Place { x_mm: *x_mm, y_mm: *y_mm }));
-        Attachments::of(text).moved(&moves.collect())
+        Attachments::parse(text).scene_text_with_moves(&moves.collect())
     }
 
     #[test]
@@ -131,11 +135,14 @@ mod tests {
                     [[actuator]]\nx_mm = 10 # on a bar, without y\n";
         let wanted = "# top\n[[support]]\nx_mm = 1 # left\ny_mm=2.5\n[[support]]\ny_mm = 8.0\nx_mm = 7.25\n\
                       [[actuator]]\nx_mm = 1e20 # on a bar, without y\n";
-        assert_eq!(moved(text, &[("actuator[1]", 1e20, Some(3.0)), ("support[2]", 7.25, Some(8.0))]).unwrap(), wanted);
-        assert_eq!(moved(text, &[]).unwrap(), text);
+        assert_eq!(
+            apply_moves(text, &[("actuator[1]", 1e20, Some(3.0)), ("support[2]", 7.25, Some(8.0))]).unwrap(),
+            wanted
+        );
+        assert_eq!(apply_moves(text, &[]).unwrap(), text);
         let inline = "mass = [{x_mm = 1, y_mm = 2, mass_g = 3}, {y_mm = 5, x_mm = 4}]";
         let wanted = "mass = [{x_mm = 9.0, y_mm = 2, mass_g = 3}, {y_mm = 6.0, x_mm = 7.0}]";
-        assert_eq!(moved(inline, &[("mass[1]", 9.0, None), ("mass[2]", 7.0, Some(6.0))]).unwrap(), wanted);
+        assert_eq!(apply_moves(inline, &[("mass[1]", 9.0, None), ("mass[2]", 7.0, Some(6.0))]).unwrap(), wanted);
     }
 
     #[test]
@@ -143,10 +150,10 @@ mod tests {
         for (text, path, allowed) in [
             ("[[support]]\nx_mm = 1\n[[support]]\n", "support[3]", "support[1] to support[2]"),
             ("[[mass]]\n", "support[0]", "mass[1]"),
-            ("not TOML at all", "mass[1]", "nothing"),
-            ("support = 3\nmass = [1]", "mass[1]", "nothing"),
+            ("not TOML at all", "mass[1]", "no attachments"),
+            ("support = 3\nmass = [1]", "mass[1]", "no attachments"),
         ] {
-            let problem = moved(text, &[(path, 1.0, None)]).unwrap_err();
+            let problem = apply_moves(text, &[(path, 1.0, None)]).unwrap_err();
             assert!(problem.detail().contains(path) && problem.detail().contains(allowed), "{}", problem.detail());
         }
     }
@@ -154,7 +161,14 @@ mod tests {
     #[test]
     fn lines_are_those_of_the_entries() {
         let text = "\n[[support]]\nx_mm = 1\n\n[[support]]\n";
-        let found = Attachments::of(text);
-        assert_eq!((found.count_of(&TABLES), found.line("support", 2), found.line("support", 3)), (2, Some(5), None));
+        let found = Attachments::parse(text);
+        assert_eq!(
+            (
+                found.count_entries_of_tables(&TABLES),
+                found.find_line_of_entry("support", 2),
+                found.find_line_of_entry("support", 3)
+            ),
+            (2, Some(5), None)
+        );
     }
 }

@@ -1,9 +1,9 @@
 //! Work of some seconds that no request waits for: one piece at a time, whatever it is, aside of what serves requests, so that touches and stops are
 //! not held up, and for [`LONGEST`] at most.
 
-use super::low_priority::{Deadline, begin_aside};
-use crate::daemon::api::problem::{Kind, Problem};
-use crate::design::run::StudyObserver;
+use super::low_priority::{Deadline, spawn_low_priority_thread};
+use crate::daemon::api::problem::{Problem, ProblemKind};
+use crate::study::run::StudyObserver;
 use serde::Serialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -34,16 +34,16 @@ pub enum Stage {
 
 /// What may be under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Work {
+pub enum BackgroundWork {
     /// A design study.
     Study,
     /// What tolerances do to a plan.
     Tolerances,
 }
 
-impl Work {
+impl BackgroundWork {
     /// Name of its thread.
-    const fn name(self) -> &'static str {
+    const fn thread_name(self) -> &'static str {
         match self {
             Self::Study => "study",
             Self::Tolerances => "tolerances",
@@ -51,12 +51,14 @@ impl Work {
     }
 
     /// That it is under way, and what else was asked for has to wait.
-    fn runs(self) -> Problem {
+    fn already_under_way_problem(self) -> Problem {
         match self {
-            Self::Study => Problem::new(Kind::StudyRuns, "a study is under way: POST /v1/study/stop ends it"),
+            Self::Study => {
+                Problem::new(ProblemKind::StudyRuns, "a study is already running: POST /v1/study/stop ends it")
+            }
             Self::Tolerances => {
-                let detail = "panels that are off are looked at: POST /v1/tolerances/stop ends it";
-                Problem::new(Kind::TolerancesRun, detail)
+                let detail = "a tolerance study is already running: POST /v1/tolerances/stop ends it";
+                Problem::new(ProblemKind::TolerancesRun, detail)
             }
         }
     }
@@ -64,20 +66,20 @@ impl Work {
 
 /// The daemon's one place for such work.
 #[derive(Clone, Debug, Default)]
-pub struct Place(Arc<Mutex<Option<Work>>>);
+pub struct BackgroundPlace(Arc<Mutex<Option<BackgroundWork>>>);
 
-impl Place {
+impl BackgroundPlace {
     /// Takes it.
     ///
     /// # Errors
     /// [`Problem`]: what is under way there.
-    pub fn take(&self, work: Work) -> Result<Taken, Problem> {
+    pub fn occupy_for(&self, work: BackgroundWork) -> Result<TakenPlace, Problem> {
         let mut place = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match *place {
-            Some(other) => Err(other.runs()),
+            Some(other) => Err(other.already_under_way_problem()),
             None => {
                 *place = Some(work);
-                Ok(Taken { place: self.clone(), work })
+                Ok(TakenPlace { place: self.clone(), work })
             }
         }
     }
@@ -85,12 +87,12 @@ impl Place {
 
 /// The place is taken until this is dropped.
 #[derive(Debug)]
-pub struct Taken {
-    place: Place,
-    work: Work,
+pub struct TakenPlace {
+    place: BackgroundPlace,
+    work: BackgroundWork,
 }
 
-impl Drop for Taken {
+impl Drop for TakenPlace {
     fn drop(&mut self) {
         *self.place.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
@@ -98,7 +100,7 @@ impl Drop for Taken {
 
 /// What is known of a piece of work that finds an `F`.
 #[derive(Clone, Debug)]
-pub struct Told<F> {
+pub struct JobReport<F> {
     /// How far it is.
     pub stage: Stage,
     /// Parts of it that are done.
@@ -113,43 +115,43 @@ pub struct Told<F> {
 
 /// A piece of work.
 #[derive(Debug)]
-pub struct Job<F> {
+pub struct BackgroundJob<F> {
     there: AtomicUsize,
     all: usize,
     deadline: Deadline,
-    known: Mutex<Known<F>>,
+    known: Mutex<JobState<F>>,
 }
 
 #[derive(Debug)]
-struct Known<F> {
+struct JobState<F> {
     stage: Stage,
     found: F,
     problem: Option<String>,
 }
 
-impl<F: Clone> Job<F> {
+impl<F: Clone> BackgroundJob<F> {
     fn new(all: usize, stage: Stage, found: F) -> Self {
-        let known = Mutex::new(Known { stage, found, problem: None });
-        Self { there: AtomicUsize::new(0), all, deadline: Deadline::after(LONGEST), known }
+        let known = Mutex::new(JobState { stage, found, problem: None });
+        Self { there: AtomicUsize::new(0), all, deadline: Deadline::from_now(LONGEST), known }
     }
 
-    fn known(&self) -> MutexGuard<'_, Known<F>> {
+    fn lock_state(&self) -> MutexGuard<'_, JobState<F>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Does a part of it, whose models and plans end when nobody wants it any more: on whichever thread that is.
-    pub fn during<T>(&self, part: impl FnOnce() -> T) -> T {
-        self.deadline.during(part)
+    pub fn run_stoppable_by_cancel<T>(&self, part: impl FnOnce() -> T) -> T {
+        self.deadline.run_stoppable_by_cancel(part)
     }
 
     /// Tells that only the end of it is left.
-    pub fn finishes(&self) {
-        self.known().stage = Stage::Finishing;
+    pub fn set_stage_to_finishing(&self) {
+        self.lock_state().stage = Stage::Finishing;
     }
 
-    fn told(&self) -> Told<F> {
-        let known = self.known();
-        Told {
+    fn report_progress(&self) -> JobReport<F> {
+        let known = self.lock_state();
+        JobReport {
             stage: known.stage,
             there: self.there.load(Ordering::Relaxed),
             all: self.all,
@@ -159,71 +161,72 @@ impl<F: Clone> Job<F> {
     }
 }
 
-impl<F: Send> StudyObserver for Job<F> {
+impl<F: Send> StudyObserver for BackgroundJob<F> {
     fn is_stop_wanted(&self) -> bool {
-        self.deadline.is_over()
+        self.deadline.is_cancelled_or_expired()
     }
 
-    fn report_computed_designs(&self, parts: usize) {
+    fn report_newly_computed_designs(&self, parts: usize) {
         self.there.fetch_add(parts, Ordering::Relaxed);
     }
 }
 
 /// The newest piece of work of one kind; what it has found is kept until the next one begins.
 #[derive(Debug)]
-pub struct Newest<F>(Mutex<Arc<Job<F>>>);
+pub struct NewestJob<F>(Mutex<Arc<BackgroundJob<F>>>);
 
-impl<F: Clone + Send + 'static> Newest<F> {
+impl<F: Clone + Send + 'static> NewestJob<F> {
     /// None yet.
     #[must_use]
-    pub fn none(found: F) -> Self {
-        Self(Mutex::new(Arc::new(Job::new(0, Stage::None, found))))
+    pub fn without_job(empty_findings: F) -> Self {
+        Self(Mutex::new(Arc::new(BackgroundJob::new(0, Stage::None, empty_findings))))
     }
 
-    fn current(&self) -> Arc<Job<F>> {
+    fn current_job(&self) -> Arc<BackgroundJob<F>> {
         Arc::clone(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// How far it is.
     #[must_use]
-    pub fn told(&self) -> Told<F> {
-        self.current().told()
+    pub fn report_progress(&self) -> JobReport<F> {
+        self.current_job().report_progress()
     }
 
     /// No other part of it begins.
-    pub fn stop(&self) {
-        self.current().deadline.cancel();
+    pub fn cancel_current_job(&self) {
+        self.current_job().deadline.cancel();
     }
 
-    /// Begins one of `all` parts. `found` is what there is of it now; `work` gives what there is in the end, `None` where it was
+    /// Begins one of `part_count` parts. `findings_so_far` is what there is of it now; `work` gives what there is in the end, `None` where it was
     /// stopped, or why it could not go on.
     ///
     /// # Errors
     /// [`Problem`] if there is no thread for it.
-    pub fn begin(
+    pub fn start_job(
         &self,
-        taken: Taken,
-        all: usize,
-        found: F,
-        work: impl FnOnce(&Job<F>) -> Result<Option<F>, String> + Send + 'static,
-    ) -> Result<Told<F>, Problem> {
-        let name = taken.work.name();
-        let job = Arc::new(Job::new(all, Stage::Running, found));
+        taken: TakenPlace,
+        part_count: usize,
+        findings_so_far: F,
+        work: impl FnOnce(&BackgroundJob<F>) -> Result<Option<F>, String> + Send + 'static,
+    ) -> Result<JobReport<F>, Problem> {
+        let name = taken.work.thread_name();
+        let job = Arc::new(BackgroundJob::new(part_count, Stage::Running, findings_so_far));
         let own = Arc::clone(&job);
         let whole = move || {
-            let ended = catch_unwind(AssertUnwindSafe(|| own.deadline.during(|| work(&own))));
-            let ended =
-                ended.unwrap_or_else(|_| Err("it ended early; please report it with what was asked for".into()));
-            let mut known = own.known();
+            let ended = catch_unwind(AssertUnwindSafe(|| own.deadline.run_stoppable_by_cancel(|| work(&own))));
+            let ended = ended.unwrap_or_else(|_| {
+                Err("the computation ended early because of an internal error: please report the error, with the request".into())
+            });
+            let mut known = own.lock_state();
             // Whoever sees that it has ended may begin another one.
             drop(taken);
             match ended {
-                Ok(Some(found)) => (known.found, known.stage) = (found, Stage::Done),
+                Ok(Some(findings_so_far)) => (known.found, known.stage) = (findings_so_far, Stage::Done),
                 // A model that was ended on its way is no mistake.
                 Ok(None) | Err(_) if own.deadline.is_cancelled() => known.stage = Stage::Stopped,
-                Ok(None) | Err(_) if own.deadline.has_run_out() => {
+                Ok(None) | Err(_) if own.deadline.is_time_over() => {
                     let problem =
-                        format!("it took longer than {LONGEST:?}, which is the longest here: make it smaller");
+                        format!("the computation took longer than {LONGEST:?}, which is the maximum: ask for less");
                     (known.problem, known.stage) = (Some(problem), Stage::Failed);
                 }
                 Ok(None) => known.stage = Stage::Stopped,
@@ -232,9 +235,9 @@ impl<F: Clone + Send + 'static> Newest<F> {
         };
         let mut current = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         // Who wants to know how it ended asks for it.
-        let _ended = begin_aside(name, whole)?;
+        let _ended = spawn_low_priority_thread(name, whole)?;
         *current = Arc::clone(&job);
-        Ok(job.told())
+        Ok(job.report_progress())
     }
 }
 
@@ -244,78 +247,80 @@ mod tests {
     use std::sync::mpsc::channel;
     use std::time::{Duration, Instant};
 
-    fn ended<F: Clone + Send + 'static>(newest: &Newest<F>) -> Told<F> {
+    fn ended<F: Clone + Send + 'static>(newest: &NewestJob<F>) -> JobReport<F> {
         let deadline = Instant::now() + Duration::from_secs(10);
-        while newest.told().stage == Stage::Running {
+        while newest.report_progress().stage == Stage::Running {
             assert!(Instant::now() < deadline, "it goes on");
             std::thread::sleep(Duration::from_millis(1));
         }
-        newest.told()
+        newest.report_progress()
     }
 
     /// One at a time, of whatever kind; whoever sees that one has ended may begin the next.
     #[test]
     fn the_place_is_for_one_and_free_when_that_has_ended() {
-        let place = Place::default();
-        let newest = Newest::none(0);
-        assert_eq!(newest.told().stage, Stage::None);
+        let place = BackgroundPlace::default();
+        let newest = NewestJob::without_job(0);
+        assert_eq!(newest.report_progress().stage, Stage::None);
         let (go, wait) = channel::<()>();
-        let taken = place.take(Work::Study).unwrap();
-        let work = move |job: &Job<i32>| {
-            job.report_computed_designs(2);
+        let taken = place.occupy_for(BackgroundWork::Study).unwrap();
+        let work = move |job: &BackgroundJob<i32>| {
+            job.report_newly_computed_designs(2);
             wait.recv().map_err(|error| error.to_string())?;
             Ok(Some(7))
         };
-        assert_eq!(newest.begin(taken, 3, 1, work).unwrap().found, 1);
-        assert!(place.take(Work::Study).unwrap_err().is("study-runs"));
-        assert!(place.take(Work::Tolerances).unwrap_err().is("study-runs"));
+        assert_eq!(newest.start_job(taken, 3, 1, work).unwrap().found, 1);
+        assert!(place.occupy_for(BackgroundWork::Study).unwrap_err().is_kind("study-runs"));
+        assert!(place.occupy_for(BackgroundWork::Tolerances).unwrap_err().is_kind("study-runs"));
         go.send(()).unwrap();
         let told = ended(&newest);
         assert_eq!((told.stage, told.found, told.there, told.all), (Stage::Done, 7, 2, 3));
-        let taken = place.take(Work::Tolerances).unwrap();
-        assert!(place.take(Work::Study).unwrap_err().is("tolerances-run"));
+        let taken = place.occupy_for(BackgroundWork::Tolerances).unwrap();
+        assert!(place.occupy_for(BackgroundWork::Study).unwrap_err().is_kind("tolerances-run"));
         // One that is never begun leaves it free.
         drop(taken);
-        place.take(Work::Study).unwrap();
+        place.occupy_for(BackgroundWork::Study).unwrap();
     }
 
     #[test]
     fn what_stops_fails_or_panics_is_told_and_leaves_the_place_free() {
-        let place = Place::default();
-        let newest = Newest::none(0);
+        let place = BackgroundPlace::default();
+        let newest = NewestJob::without_job(0);
         let (began, has_begun) = channel();
-        let until_stopped = move |job: &Job<i32>| {
+        let until_stopped = move |job: &BackgroundJob<i32>| {
             began.send(()).map_err(|error| error.to_string())?;
             while !job.is_stop_wanted() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             Ok(None)
         };
-        newest.begin(place.take(Work::Tolerances).unwrap(), 1, 5, until_stopped).unwrap();
+        newest.start_job(place.occupy_for(BackgroundWork::Tolerances).unwrap(), 1, 5, until_stopped).unwrap();
         has_begun.recv().unwrap();
-        newest.stop();
+        newest.cancel_current_job();
         let told = ended(&newest);
         assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 5, None));
         // A model that was ended on its way says so, which is no mistake.
         let (began, has_begun) = channel();
-        let ended_on_its_way = move |job: &Job<i32>| {
+        let ended_on_its_way = move |job: &BackgroundJob<i32>| {
             began.send(()).map_err(|error| error.to_string())?;
             while !job.is_stop_wanted() {
                 std::thread::sleep(Duration::from_millis(1));
             }
             Err("nobody waits for it".into())
         };
-        newest.begin(place.take(Work::Study).unwrap(), 1, 6, ended_on_its_way).unwrap();
+        newest.start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 6, ended_on_its_way).unwrap();
         has_begun.recv().unwrap();
-        newest.stop();
+        newest.cancel_current_job();
         let told = ended(&newest);
         assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 6, None));
-        newest.begin(place.take(Work::Study).unwrap(), 1, 0, |_| Err("no room".into())).unwrap();
+        newest.start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 0, |_| Err("no room".into())).unwrap();
         let told = ended(&newest);
         assert_eq!((told.stage, told.problem.as_deref()), (Stage::Failed, Some("no room")));
-        newest.begin(place.take(Work::Study).unwrap(), 1, 0, |_| panic!("a mistake, on purpose")).unwrap();
+        newest
+            .start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 0, |_| panic!("a mistake, on purpose"))
+            .unwrap();
         let told = ended(&newest);
         assert!(told.stage == Stage::Failed && told.problem.unwrap().contains("ended early"));
-        place.take(Work::Study).unwrap();
+        place.occupy_for(BackgroundWork::Study).unwrap();
     }
 }

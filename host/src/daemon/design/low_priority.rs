@@ -1,8 +1,8 @@
 //! Work that takes longer than a stop may wait for: on threads of its own, which the system prefers all others to, with half of the processors,
 //! and with an end. No thread that serves requests does any of it, and the daemon's end does not wait for it.
 
-use crate::daemon::access::sender::Sender;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::access::sender::RequestSender;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::device::priority;
 use era_model::stop::StopRequest;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,8 +21,8 @@ pub struct Deadline {
 impl Deadline {
     /// So long from now.
     #[must_use]
-    pub fn after(longest: Duration) -> Self {
-        Self { until: Instant::now() + longest, longest, stop: StopRequest::default() }
+    pub fn from_now(time_limit: Duration) -> Self {
+        Self { until: Instant::now() + time_limit, longest: time_limit, stop: StopRequest::default() }
     }
 
     /// Nobody wants it any more.
@@ -38,42 +38,41 @@ impl Deadline {
 
     /// Whether the work has to end.
     #[must_use]
-    pub fn is_over(&self) -> bool {
-        self.is_cancelled() || self.has_run_out()
+    pub fn is_cancelled_or_expired(&self) -> bool {
+        self.is_cancelled() || self.is_time_over()
     }
 
     /// Whether that is because of the time.
     #[must_use]
-    pub fn has_run_out(&self) -> bool {
+    pub fn is_time_over(&self) -> bool {
         Instant::now() >= self.until
     }
 
     /// Does work whose models and plans end when nobody wants it any more.
-    pub fn during<T>(&self, work: impl FnOnce() -> T) -> T {
+    pub fn run_stoppable_by_cancel<T>(&self, work: impl FnOnce() -> T) -> T {
         self.stop.clone().run_stoppable(work)
     }
 
     /// # Errors
     /// [`Problem`] if the work has to end.
-    pub fn check(&self) -> Result<(), Problem> {
+    pub fn check_not_cancelled_or_expired(&self) -> Result<(), Problem> {
         if self.is_cancelled() {
-            return Err(Problem::new(Kind::PreviewFailed, "nobody waits for it any more"));
+            return Err(Problem::new(ProblemKind::PreviewFailed, "the client no longer waits for the answer"));
         }
-        if self.has_run_out() { Err(self.too_long()) } else { Ok(()) }
+        if self.is_time_over() { Err(self.deadline_exceeded_problem()) } else { Ok(()) }
     }
 
-    fn too_long(&self) -> Problem {
+    fn deadline_exceeded_problem(&self) -> Problem {
         let longest = self.longest;
-        let detail =
-            format!("it takes longer than {longest:?}, which is the longest that the daemon computes for one request");
-        Problem::new(Kind::TooLarge, detail)
+        let detail = format!("the computation takes longer than {longest:?}, which is the maximum for one request");
+        Problem::new(ProblemKind::TooLarge, detail)
     }
 }
 
 /// Cancels the work when whoever waits for it goes.
-struct Cancels(Deadline);
+struct CancelOnDrop(Deadline);
 
-impl Drop for Cancels {
+impl Drop for CancelOnDrop {
     fn drop(&mut self) {
         self.0.cancel();
     }
@@ -83,59 +82,61 @@ impl Drop for Cancels {
 ///
 /// # Errors
 /// [`Problem`] if there is no thread for it.
-pub fn begin_aside<T: Send + 'static>(
+pub fn spawn_low_priority_thread<T: Send + 'static>(
     name: &'static str,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<oneshot::Receiver<T>, Problem> {
     let (result, receiver) = oneshot::channel();
     let whole = move || {
         // A mistake is told where it happens, and whoever waits hears that nothing comes.
-        if let Ok(found) = catch_unwind(AssertUnwindSafe(|| on_half_of_the_processors(work))) {
+        if let Ok(found) = catch_unwind(AssertUnwindSafe(|| run_on_half_the_processors(work))) {
             let _ = result.send(found);
         }
     };
     let started = std::thread::Builder::new().name(name.into()).spawn(whole);
-    started.map_err(|error| Problem::new(Kind::PreviewFailed, format!("no thread for the {name}: {error}")))?;
+    started.map_err(|error| {
+        Problem::new(ProblemKind::PreviewFailed, format!("cannot start a thread for the {name}: {error}"))
+    })?;
     Ok(receiver)
 }
 
-/// Does work for a request: no longer than `longest`, and no longer than its sender waits for the answer.
+/// Does work for a request: no longer than `time_limit`, and no longer than its sender waits for the answer.
 ///
 /// # Errors
 /// [`Problem`]: that of the work, that it took too long, or that its sender is gone.
-pub async fn do_aside<T: Send + 'static>(
+pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     name: &'static str,
-    longest: Duration,
-    sender: &Sender,
+    time_limit: Duration,
+    sender: &RequestSender,
     work: impl FnOnce(&Deadline) -> Result<T, Problem> + Send + 'static,
 ) -> Result<T, Problem> {
-    let deadline = Deadline::after(longest);
-    let _cancels = Cancels(deadline.clone());
+    let deadline = Deadline::from_now(time_limit);
+    let _cancels = CancelOnDrop(deadline.clone());
     let own = deadline.clone();
-    let result = begin_aside(name, move || own.during(|| work(&own)))?;
+    let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel(|| work(&own)))?;
     tokio::select! {
         result = result => result.unwrap_or_else(|_| {
-            let detail = format!("the {name} ended early; please report it with what was asked for");
-            Err(Problem::new(Kind::PreviewFailed, detail))
+            let detail = format!("the {name} ended early because of an internal error: please report it, with the request");
+            Err(Problem::new(ProblemKind::PreviewFailed, detail))
         }),
-        () = sender.is_gone() => Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
-        () = tokio::time::sleep(longest) => Err(deadline.too_long()),
+        () = sender.wait_until_connection_closed() => Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection")),
+        () = tokio::time::sleep(time_limit) => Err(deadline.deadline_exceeded_problem()),
     }
 }
 
 /// Does work on threads of its own, half as many as there are processors, which are to be late rather than others.
-fn on_half_of_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    priority::lower_thread_priority();
+fn run_on_half_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    priority::lower_thread_priority_below_normal();
     let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
-        .start_handler(|_| priority::lower_thread_priority())
+        .start_handler(|_| priority::lower_thread_priority_below_normal())
         .build();
     match pool {
         Ok(pool) => pool.install(work),
         // Threads that cannot be had are done without.
         Err(error) => {
-            tracing::warn!(%error, "no threads of its own for what takes long");
+            tracing::warn!(%error, "cannot start threads for a long computation; it uses those that the program has");
             work()
         }
     }
@@ -153,14 +154,17 @@ mod tests {
     async fn work_ends_with_its_time_and_tells_so() {
         let (seen, ended) = channel();
         let work = move |deadline: &Deadline| {
-            while !deadline.is_over() {
+            while !deadline.is_cancelled_or_expired() {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            let _ = seen.send(deadline.has_run_out());
-            deadline.check()
+            let _ = seen.send(deadline.is_time_over());
+            deadline.check_not_cancelled_or_expired()
         };
-        let problem = do_aside("test", Duration::from_millis(50), &Sender::unknown(), work).await.unwrap_err();
-        assert!(problem.is("too-large") && problem.detail().contains("50ms"), "{}", problem.detail());
+        let problem =
+            run_low_priority_until_deadline("test", Duration::from_millis(50), &RequestSender::unknown(), work)
+                .await
+                .unwrap_err();
+        assert!(problem.is_kind("too-large") && problem.detail().contains("50ms"), "{}", problem.detail());
         assert!(ended.recv_timeout(PATIENCE).unwrap());
     }
 
@@ -169,13 +173,15 @@ mod tests {
         let ((seen, ended), (began, has_begun)) = (channel(), channel());
         let work = move |deadline: &Deadline| {
             let _ = began.send(());
-            while !deadline.is_over() {
+            while !deadline.is_cancelled_or_expired() {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            let _ = seen.send(deadline.has_run_out());
+            let _ = seen.send(deadline.is_time_over());
             Ok(())
         };
-        let waiting = tokio::spawn(async move { do_aside("test", PATIENCE * 10, &Sender::unknown(), work).await });
+        let waiting = tokio::spawn(async move {
+            run_low_priority_until_deadline("test", PATIENCE * 10, &RequestSender::unknown(), work).await
+        });
         tokio::task::spawn_blocking(move || has_begun.recv_timeout(PATIENCE)).await.unwrap().unwrap();
         waiting.abort();
         assert!(waiting.await.unwrap_err().is_cancelled());
@@ -185,8 +191,9 @@ mod tests {
     #[tokio::test]
     async fn a_mistake_in_the_work_is_told() {
         let failed = |_: &Deadline| -> Result<(), Problem> { panic!("a mistake, on purpose") };
-        let problem = do_aside("test", PATIENCE, &Sender::unknown(), failed).await.unwrap_err();
-        assert!(problem.is("internal") && problem.detail().contains("ended early"), "{}", problem.detail());
+        let problem =
+            run_low_priority_until_deadline("test", PATIENCE, &RequestSender::unknown(), failed).await.unwrap_err();
+        assert!(problem.is_kind("internal") && problem.detail().contains("ended early"), "{}", problem.detail());
     }
 
     /// As the system tells it: fields 19 of proc_thread_self's stat (proc_pid_stat(5)).
@@ -200,7 +207,7 @@ mod tests {
             };
             Ok(of_this_thread())
         };
-        let nice = do_aside("test", PATIENCE, &Sender::unknown(), nice).await.unwrap();
+        let nice = run_low_priority_until_deadline("test", PATIENCE, &RequestSender::unknown(), nice).await.unwrap();
         assert!(nice >= 10, "{nice}");
     }
 }

@@ -4,11 +4,11 @@
 //! that waits. Work is bounded by limits on the scene that are checked before anything is built, by its time, and by its sender's waiting for it.
 
 use super::attachments::{Attachments, Place, TABLES};
-use super::low_priority::{Deadline, do_aside};
+use super::low_priority::{Deadline, run_low_priority_until_deadline};
 use super::slots::Slots;
 use crate::daemon::access::client::Client;
-use crate::daemon::access::sender::Sender;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::access::sender::RequestSender;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::touch::plan_view::{FieldView, PlanView};
 use crate::model::Accuracy;
@@ -33,7 +33,7 @@ const MAX_LAYERS: usize = 32;
 const MAX_UNKNOWNS: f64 = 6_000.0;
 /// Most products of unknowns and attachments, as each attachment has functions of its own, which are integrated over all cells: 32 on the example plate, whose finest level has 2436.
 const MAX_PRODUCT: f64 = 80_000.0;
-/// Most modes that are kept ([`ReducedLevels::estimate_mode_count`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
+/// Most modes that are kept ([`ReducedLevels::estimate_kept_mode_count`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
 const MAX_MODES: f64 = 100.0;
 /// Previews that are computed at once, each of another client.
 const AT_ONCE: usize = 2;
@@ -97,38 +97,38 @@ impl Previews {
         Self { own, slots: Slots::new(AT_ONCE, MOST_WAITING) }
     }
 
-    /// Computes a preview for a client once it is its turn; `read` gives what was asked for, which is read in the same slot.
+    /// Computes a preview for a client once it is its turn; `parse_request` gives what was asked for, which is read in the same slot.
     ///
     /// # Errors
     /// [`Problem`]: what is wrong with the request, that a newer one came while it waited, or that it takes too long.
-    pub async fn compute_in_turn(
+    pub async fn compute_preview_in_turn(
         &self,
         client: Client,
-        sender: &Sender,
-        read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
+        sender: &RequestSender,
+        parse_request: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
     ) -> Result<Preview, Problem> {
         let slot = tokio::select! {
-            slot = self.slots.take(client) => slot?,
-            () = sender.is_gone() => return Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
+            slot = self.slots.wait_for_slot(client) => slot?,
+            () = sender.wait_until_connection_closed() => return Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection")),
         };
         let own = Arc::clone(&self.own);
         let work = move |deadline: &Deadline| {
             // Until the work is done, also if nobody waits for it any more.
             let _slot = slot;
-            compute_preview(&read()?, &own, deadline)
+            compute_preview(&parse_request()?, &own, deadline)
         };
-        do_aside("preview", LONGEST, sender, work).await
+        run_low_priority_until_deadline("preview", LONGEST, sender, work).await
     }
 
     /// The daemon's own scene.
-    pub fn own(&self) -> Arc<str> {
+    pub fn own_scene_toml(&self) -> Arc<str> {
         Arc::clone(&self.own)
     }
 }
 
 /// A changed scene with the plan for a touch.
 #[derive(Debug)]
-pub struct Planned {
+pub struct PlannedScene {
     /// Its table, with the scene.
     pub table: PlanTable,
     /// The plan.
@@ -137,51 +137,58 @@ pub struct Planned {
     scene_toml: String,
 }
 
-/// The plan of a preview; `own` is the scene that it is of if it names none.
+/// The plan of a preview; `own_scene_toml` is the scene that it is of if it names none.
 ///
 /// # Errors
 /// [`Problem`]: what is wrong with the request, or that it takes too long.
-pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Planned, Problem> {
-    let text = request.scene.as_deref().unwrap_or(own);
+pub fn plan_touch_on_changed_scene(
+    request: &PreviewRequest,
+    own_scene_toml: &str,
+    deadline: &Deadline,
+) -> Result<PlannedScene, Problem> {
+    let text = request.scene.as_deref().unwrap_or(own_scene_toml);
     if text.len() > MAX_SCENE {
-        return Err(too_large("scene", text.len(), "bytes", MAX_SCENE, None));
+        return Err(limit_exceeded_problem("scene", text.len(), "bytes", MAX_SCENE, None));
     }
-    let attachments = Attachments::of(text);
-    check_counts(&attachments)?;
-    let scene_toml = attachments.moved(&request.moves)?;
+    let attachments = Attachments::parse(text);
+    check_entry_counts(&attachments)?;
+    let scene_toml = attachments.scene_text_with_moves(&request.moves)?;
     let scene = Scene::parse(SOURCE, &scene_toml)?;
     let (x_m, y_m) = scene.surface_point_at_px(request.x_px, request.y_px)?.coordinates_m();
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
-    let options = TableOptions::preview();
-    check_model(&scene, options.to_hz)?;
-    let planned = |levels: ReducedLevels| -> Result<_, Problem> {
-        deadline.check()?;
-        let table = PlanTable::with_levels(&scene, levels, options)?;
-        deadline.check()?;
+    let options = TableOptions::for_preview();
+    check_model_size(&scene, options.to_hz)?;
+    let plan_levels = |levels: ReducedLevels| -> Result<_, Problem> {
+        deadline.check_not_cancelled_or_expired()?;
+        let table = PlanTable::from_levels(&scene, levels, options)?;
+        deadline.check_not_cancelled_or_expired()?;
         let plan = table.plan(&[target])?;
-        deadline.check()?;
+        deadline.check_not_cancelled_or_expired()?;
         Ok((table, plan))
     };
     // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 on the
     // example plate while a corner support is dragged inwards.
-    let (mut table, mut plan) =
-        planned(ReducedLevels::build_with_order(&scene, ACCURACY.choose_element_order(), options.to_hz)?)?;
-    if plan.error_bound.is_none_or(|bound| bound > ACCURACY.relative_tolerance()) {
-        (table, plan) = planned(ReducedLevels::build(&scene, ACCURACY, options.to_hz)?)?;
+    let (mut table, mut plan) = plan_levels(ReducedLevels::build_with_order_and_two_lower(
+        &scene,
+        ACCURACY.choose_element_order_for_tolerance(),
+        options.to_hz,
+    )?)?;
+    if plan.error_bound.is_none_or(|bound| bound > ACCURACY.relative_tolerance_or_tightest()) {
+        (table, plan) = plan_levels(ReducedLevels::build(&scene, ACCURACY, options.to_hz)?)?;
     }
-    Ok(Planned { table, plan, scene_toml })
+    Ok(PlannedScene { table, plan, scene_toml })
 }
 
-fn compute_preview(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Preview, Problem> {
+fn compute_preview(request: &PreviewRequest, own_scene_toml: &str, deadline: &Deadline) -> Result<Preview, Problem> {
     let started = Instant::now();
-    let Planned { table, plan, scene_toml } = planned(request, own, deadline)?;
+    let PlannedScene { table, plan, scene_toml } = plan_touch_on_changed_scene(request, own_scene_toml, deadline)?;
     let field = FieldView::new(&table, Some(&plan), 0);
     Ok(Preview {
         scene: SceneView::new(&table.scene),
         plan: PlanView::new(&table, plan),
         field,
         scene_toml,
-        tolerance: ACCURACY.relative_tolerance(),
+        tolerance: ACCURACY.relative_tolerance_or_tightest(),
         elapsed_ms: started.elapsed().as_secs_f64() * 1e3,
     })
 }
@@ -191,20 +198,20 @@ fn compute_preview(request: &PreviewRequest, own: &str, deadline: &Deadline) -> 
 ///
 /// # Errors
 /// [`Problem`] that says what is too much, with its line where there is one.
-pub(super) fn check_counts(attachments: &Attachments<'_>) -> Result<(), Problem> {
-    let actuators = attachments.count_of(&["actuator"]);
+pub(super) fn check_entry_counts(attachments: &Attachments<'_>) -> Result<(), Problem> {
+    let actuators = attachments.count_entries_of_tables(&["actuator"]);
     if actuators > MAX_ACTUATORS {
-        let line = attachments.line("actuator", MAX_ACTUATORS + 1);
-        return Err(too_large("actuator", actuators, "actuators", MAX_ACTUATORS, line));
+        let line = attachments.find_line_of_entry("actuator", MAX_ACTUATORS + 1);
+        return Err(limit_exceeded_problem("actuator", actuators, "actuators", MAX_ACTUATORS, line));
     }
     for (tables, what, most) in [
         (&TABLES[..], "supports, masses and actuators", MAX_ATTACHMENTS),
         (&["patch", "cutout"], "patches and cut-outs", MAX_RECTANGLES),
         (&["layer"], "layers", MAX_LAYERS),
     ] {
-        let count = attachments.count_of(tables);
+        let count = attachments.count_entries_of_tables(tables);
         if count > most {
-            return Err(too_large("scene", count, what, most, None));
+            return Err(limit_exceeded_problem("scene", count, what, most, None));
         }
     }
     Ok(())
@@ -215,36 +222,42 @@ pub(super) fn check_counts(attachments: &Attachments<'_>) -> Result<(), Problem>
 ///
 /// # Errors
 /// [`Problem`] that says what is too much.
-pub(super) fn check_model(scene: &Scene, to_hz: f64) -> Result<(), Problem> {
+pub(super) fn check_model_size(scene: &Scene, to_hz: f64) -> Result<(), Problem> {
     let attachments = scene.supports.len() + scene.masses.len() + scene.actuators.len();
     if attachments > MAX_ATTACHMENTS {
-        return Err(too_large("scene", attachments, "supports, masses and actuators", MAX_ATTACHMENTS, None));
+        return Err(limit_exceeded_problem(
+            "scene",
+            attachments,
+            "supports, masses and actuators",
+            MAX_ATTACHMENTS,
+            None,
+        ));
     }
     let rectangles = scene.patches.len() + scene.cutouts.len();
     if rectangles > MAX_RECTANGLES {
-        return Err(too_large("scene", rectangles, "patches and cut-outs", MAX_RECTANGLES, None));
+        return Err(limit_exceeded_problem("scene", rectangles, "patches and cut-outs", MAX_RECTANGLES, None));
     }
-    let expected = ReducedLevels::estimate_unknown_count(scene, ACCURACY, to_hz)?;
+    let expected = ReducedLevels::estimate_unknown_count_of_finest_level(scene, ACCURACY, to_hz)?;
     #[expect(clippy::cast_precision_loss, reason = "at most 32")]
     let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.max(1) as f64).floor());
     if expected > most {
-        return Err(too_large("surface", expected, "unknowns", most, None));
+        return Err(limit_exceeded_problem("surface", expected, "unknowns", most, None));
     }
-    let modes = ReducedLevels::estimate_mode_count(scene, to_hz).round();
-    if modes > MAX_MODES { Err(too_large("surface", modes, "modes", MAX_MODES, None)) } else { Ok(()) }
+    let modes = ReducedLevels::estimate_kept_mode_count(scene, to_hz).round();
+    if modes > MAX_MODES { Err(limit_exceeded_problem("surface", modes, "modes", MAX_MODES, None)) } else { Ok(()) }
 }
 
 /// More than is computed here; `line` is that of the scene's text.
-pub(super) fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
+pub(super) fn limit_exceeded_problem<T: std::fmt::Display + Into<serde_json::Value>>(
     field: &str,
     value: T,
     unit: &str,
-    most: T,
+    limit: T,
     line: Option<usize>,
 ) -> Problem {
     let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
     let detail =
-        format!("{place}{field} has {value} {unit}, but the daemon takes at most {most} for what is not driven");
-    let allowed = format!("at most {most} {unit}");
-    Problem::new(Kind::TooLarge, detail).at(field, value.into(), allowed, line)
+        format!("{place}{field} has {value} {unit}, but may have at most {limit} in a preview or study of the daemon");
+    let allowed = format!("at most {limit} {unit}");
+    Problem::new(ProblemKind::TooLarge, detail).with_field_and_value(field, value.into(), allowed, line)
 }

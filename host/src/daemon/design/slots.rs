@@ -1,7 +1,7 @@
 //! Slots for what takes long: each client has one at a time, and one request that waits for the next; a newer one takes its place.
 
 use crate::daemon::access::client::Client;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
@@ -51,20 +51,20 @@ impl Slots {
     ///
     /// # Errors
     /// [`Problem`]: a newer request of this client came while it waited, or too many clients wait.
-    pub async fn take(self: &Arc<Self>, client: Client) -> Result<Slot, Problem> {
+    pub async fn wait_for_slot(self: &Arc<Self>, client: Client) -> Result<Slot, Problem> {
         let (sender, slot) = oneshot::channel();
-        let ticket = self.join(client, sender)?;
-        let _leaves = Leaves { slots: self, ticket };
-        self.hand_on();
+        let ticket = self.join_queue_replacing_own_older(client, sender)?;
+        let _leaves = LeaveOnDrop { slots: self, ticket };
+        self.give_free_slots_to_waiting_clients();
         slot.await.map_err(|_| {
-            let detail = "a newer request of this client came while this one waited";
-            Problem::new(Kind::PreviewSuperseded, detail)
+            let detail = "a newer request of this client replaced this one while it waited";
+            Problem::new(ProblemKind::PreviewSuperseded, detail)
         })
     }
 
     /// Waits in the place of the client's older one, if there is one; its number.
-    fn join(&self, client: Client, slot: oneshot::Sender<Slot>) -> Result<u64, Problem> {
-        let mut state = self.state();
+    fn join_queue_replacing_own_older(&self, client: Client, slot: oneshot::Sender<Slot>) -> Result<u64, Problem> {
+        let mut state = self.lock_state();
         state.last_ticket += 1;
         let waiting = Waiting { client, ticket: state.last_ticket, slot };
         let ticket = waiting.ticket;
@@ -73,9 +73,9 @@ impl Slots {
             Some(older) => *older = waiting,
             None if depth >= self.most_waiting => {
                 let detail = format!(
-                    "{depth} clients wait for work of this kind, which is as many as may; try again in {RETRY_MS} ms"
+                    "{depth} clients already wait for work of this kind, which is the maximum; try again in {RETRY_MS} ms"
                 );
-                return Err(Problem::new(Kind::QueueFull, detail).retry(RETRY_MS, Some(depth)));
+                return Err(Problem::new(ProblemKind::QueueFull, detail).with_retry(RETRY_MS, Some(depth)));
             }
             None => state.waiting.push_back(waiting),
         }
@@ -83,10 +83,10 @@ impl Slots {
     }
 
     /// Gives free slots to those who wait and have none.
-    fn hand_on(self: &Arc<Self>) {
+    fn give_free_slots_to_waiting_clients(self: &Arc<Self>) {
         loop {
             let next = {
-                let mut state = self.state();
+                let mut state = self.lock_state();
                 if state.taken.len() >= self.slots {
                     return;
                 }
@@ -100,19 +100,19 @@ impl Slots {
             // Not under the lock. Who has gone at this moment does not take it, and the next one is asked.
             if let Err(mut back) = next.slot.send(slot) {
                 back.of = None;
-                self.free(next.client);
+                self.mark_slot_of_client_as_free(next.client);
             }
         }
     }
 
-    fn free(&self, client: Client) {
-        let mut state = self.state();
+    fn mark_slot_of_client_as_free(&self, client: Client) {
+        let mut state = self.lock_state();
         if let Some(at) = state.taken.iter().position(|own| *own == client) {
             state.taken.swap_remove(at);
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn lock_state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -120,23 +120,23 @@ impl Slots {
 impl Drop for Slot {
     fn drop(&mut self) {
         if let Some(slots) = self.of.take() {
-            slots.free(self.client);
-            slots.hand_on();
+            slots.mark_slot_of_client_as_free(self.client);
+            slots.give_free_slots_to_waiting_clients();
         }
     }
 }
 
 /// Takes whoever waits no more out of the line.
-struct Leaves<'a> {
+struct LeaveOnDrop<'a> {
     slots: &'a Slots,
     ticket: u64,
 }
 
-impl Drop for Leaves<'_> {
+impl Drop for LeaveOnDrop<'_> {
     fn drop(&mut self) {
         let ticket = self.ticket;
         let gone: Vec<Waiting> = {
-            let mut state = self.slots.state();
+            let mut state = self.slots.lock_state();
             let at = state.waiting.iter().position(|own| own.ticket == ticket);
             at.and_then(|at| state.waiting.remove(at)).into_iter().collect()
         };
@@ -166,32 +166,32 @@ mod tests {
     #[test]
     fn a_client_has_one_slot_whatever_is_free_and_its_newest_request_waits() {
         let slots = Slots::new(2, 2);
-        let take = |client: usize| -> Taking<'_> { Box::pin(slots.take(Client::numbered(client))) };
+        let take = |client: usize| -> Taking<'_> { Box::pin(slots.wait_for_slot(Client::with_token_number(client))) };
         let first = taken(&mut take(1));
         let mut older = take(1);
         assert!(poll(&mut older).is_pending(), "though a slot is free");
         let mut newer = take(1);
         assert!(poll(&mut newer).is_pending());
-        assert!(matches!(poll(&mut older), Poll::Ready(Err(problem)) if problem.is("superseded")));
+        assert!(matches!(poll(&mut older), Poll::Ready(Err(problem)) if problem.is_kind("superseded")));
         // Others are in nobody's way.
         let other = taken(&mut take(2));
         let mut third = take(3);
         assert!(poll(&mut third).is_pending());
         let mut fourth = take(4);
-        assert!(matches!(poll(&mut fourth), Poll::Ready(Err(problem)) if problem.is("busy")));
+        assert!(matches!(poll(&mut fourth), Poll::Ready(Err(problem)) if problem.is_kind("busy")));
         drop(first);
         let newer = taken(&mut newer);
         assert!(poll(&mut third).is_pending());
         drop(other);
         let third = taken(&mut third);
         drop((newer, third));
-        assert!(slots.state().taken.is_empty() && slots.state().waiting.is_empty());
+        assert!(slots.lock_state().taken.is_empty() && slots.lock_state().waiting.is_empty());
     }
 
     #[test]
     fn who_goes_takes_nothing_with_him() {
         let slots = Slots::new(1, 4);
-        let take = |client: usize| -> Taking<'_> { Box::pin(slots.take(Client::numbered(client))) };
+        let take = |client: usize| -> Taking<'_> { Box::pin(slots.wait_for_slot(Client::with_token_number(client))) };
         let first = taken(&mut take(1));
         let (mut second, mut third) = (take(2), take(3));
         assert!(poll(&mut second).is_pending() && poll(&mut third).is_pending());
@@ -201,6 +201,6 @@ mod tests {
         drop(third);
         let last = taken(&mut take(4));
         drop(last);
-        assert!(slots.state().taken.is_empty());
+        assert!(slots.lock_state().taken.is_empty());
     }
 }

@@ -2,18 +2,21 @@
 //! driven by them.
 
 use super::attachments::Attachments;
-use super::background::{Job, Newest, Place, Stage, Told, Work};
-use super::low_priority::{Deadline, do_aside};
-use super::preview::{MAX_SCENE, check_counts, check_model, too_large};
-use crate::daemon::access::sender::Sender;
-use crate::daemon::api::problem::{Kind, Problem};
-use crate::design::bounds::{ExceededBound, StudyBounds, UnusableStudy};
-use crate::design::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
-use crate::design::result::{DesignTable, Finalist};
-use crate::design::run::{RunEnd, Shard, Study, StudyFolder, StudyObserver, run_study_shard};
-use crate::design::spec::WantedFigure;
-use crate::design::written::{verified_figures_of_finalist, verify_and_write_results, worst_figures_of_finalist};
+use super::background::{BackgroundJob, BackgroundPlace, BackgroundWork, JobReport, NewestJob, Stage};
+use super::low_priority::{Deadline, run_low_priority_until_deadline};
+use super::preview::{MAX_SCENE, check_entry_counts, check_model_size, limit_exceeded_problem};
+use crate::daemon::access::sender::RequestSender;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::scene::Scene;
+use crate::study::bounds::{ExceededBound, StudyBounds, UnusableStudy};
+use crate::study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
+use crate::study::result::{DesignTable, Finalist};
+use crate::study::run::{RunEnd, Shard, Study, StudyFolder, StudyObserver, compute_missing_rows_of_shard};
+use crate::study::spec::WantedFigure;
+use crate::study::written::{
+    names_and_verified_figures_unless_failed, names_and_worst_case_wish_figures_if_uncertain,
+    verify_and_write_results_unless_stopped,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -99,13 +102,13 @@ pub struct DesignView {
 pub struct Studies {
     /// The daemon's own scene.
     own: Arc<str>,
-    place: Place,
-    newest: Newest<Found>,
+    place: BackgroundPlace,
+    newest: NewestJob<StudyFindings>,
 }
 
 /// What is known of a study.
 #[derive(Clone, Debug, Default)]
-struct Found {
+struct StudyFindings {
     name: Option<String>,
     as_it_is: Option<DesignView>,
     best: Vec<DesignView>,
@@ -113,10 +116,10 @@ struct Found {
     all_failed: Option<String>,
 }
 
-impl From<Told<Found>> for StudyView {
-    fn from(told: Told<Found>) -> Self {
-        let Told { stage, there, all, found, problem } = told;
-        let Found { name, as_it_is, best, nearest, all_failed } = found;
+impl From<JobReport<StudyFindings>> for StudyView {
+    fn from(told: JobReport<StudyFindings>) -> Self {
+        let JobReport { stage, there, all, found, problem } = told;
+        let StudyFindings { name, as_it_is, best, nearest, all_failed } = found;
         Self { stage, name, there, all, as_it_is, best, nearest, all_failed, problem }
     }
 }
@@ -124,58 +127,58 @@ impl From<Told<Found>> for StudyView {
 impl Studies {
     /// For a daemon whose scene file has this text.
     #[must_use]
-    pub fn new(own: Arc<str>, place: Place) -> Arc<Self> {
-        Arc::new(Self { own, place, newest: Newest::none(Found::default()) })
+    pub fn new(own: Arc<str>, place: BackgroundPlace) -> Arc<Self> {
+        Arc::new(Self { own, place, newest: NewestJob::without_job(StudyFindings::default()) })
     }
 
     /// How far the newest one is.
     #[must_use]
-    pub fn view(&self) -> StudyView {
-        self.newest.told().into()
+    pub fn view_newest_study(&self) -> StudyView {
+        self.newest.report_progress().into()
     }
 
     /// No other task of it begins.
-    pub fn stop(&self) {
-        self.newest.stop();
+    pub fn stop_newest_study(&self) {
+        self.newest.cancel_current_job();
     }
 
-    /// Begins one; `read` gives what was asked for. What it takes is looked at aside, as the study itself is run, and only if no other work is under
+    /// Begins one; `parse_request` gives what was asked for. What it takes is looked at aside, as the study itself is run, and only if no other work is under
     /// way: whoever comes then costs nothing.
     ///
     /// # Errors
     /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or other work that is under way.
-    pub async fn begin(
+    pub async fn begin_study(
         self: &Arc<Self>,
-        sender: &Sender,
-        read: impl FnOnce() -> Result<StudyRequest, Problem> + Send + 'static,
+        sender: &RequestSender,
+        parse_request: impl FnOnce() -> Result<StudyRequest, Problem> + Send + 'static,
     ) -> Result<StudyView, Problem> {
-        let taken = self.place.take(Work::Study)?;
+        let taken = self.place.occupy_for(BackgroundWork::Study)?;
         let studies = Arc::clone(self);
         let work = move |deadline: &Deadline| {
-            let study = studies.read_and_check(&read()?)?;
-            deadline.check()?;
-            let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
-            let (all, work) = (study.count_designs(), move |job: &Job<Found>| computed(&study, job));
-            Ok(studies.newest.begin(taken, all, found, work)?.into())
+            let study = studies.parse_and_check_study(&parse_request()?)?;
+            deadline.check_not_cancelled_or_expired()?;
+            let found = StudyFindings { name: Some(study.spec.name.clone()), ..StudyFindings::default() };
+            let (all, work) = (study.count_designs(), move |job: &BackgroundJob<StudyFindings>| run_study(&study, job));
+            Ok(studies.newest.start_job(taken, all, found, work)?.into())
         };
-        do_aside("study", LONGEST, sender, work).await
+        run_low_priority_until_deadline("study", LONGEST, sender, work).await
     }
 
     /// A study whose cost is bounded.
-    fn read_and_check(&self, request: &StudyRequest) -> Result<Study, Problem> {
+    fn parse_and_check_study(&self, request: &StudyRequest) -> Result<Study, Problem> {
         let scene = request.scene.as_deref().unwrap_or(&self.own);
         for (field, text) in [(STUDY, request.study.as_str()), (SCENE, scene)] {
             if text.len() > MAX_SCENE {
-                return Err(too_large(field, text.len(), "bytes", MAX_SCENE, None));
+                return Err(limit_exceeded_problem(field, text.len(), "bytes", MAX_SCENE, None));
             }
         }
-        check_counts(&Attachments::of(scene))?;
+        check_entry_counts(&Attachments::parse(scene))?;
         let study = Study::parse_within_bounds(&BOUNDS, [STUDY, &request.study], [SCENE, scene])?;
-        check_model(&Scene::parse(SCENE, scene)?, study.spec.method.to_hz)?;
+        check_model_size(&Scene::parse(SCENE, scene)?, study.spec.method.to_hz)?;
         if study.spec.method.thorough {
-            let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
-            let problem = Problem::new(Kind::TooLarge, detail);
-            return Err(problem.at("method.look", "thorough".into(), "\"quick\"".into(), None));
+            let detail = "method.look is \"thorough\", but must be \"quick\" in the daemon: run thorough studies with `era study`";
+            let problem = Problem::new(ProblemKind::TooLarge, detail);
+            return Err(problem.with_field_and_value("method.look", "thorough".into(), "\"quick\"".into(), None));
         }
         Ok(study)
     }
@@ -186,69 +189,72 @@ impl From<UnusableStudy> for Problem {
         match error {
             UnusableStudy::Mistakes(mistakes) => mistakes.into(),
             UnusableStudy::Excess(ExceededBound { field, value, unit, most }) => {
-                too_large(field, value, unit, most, None)
+                limit_exceeded_problem(field, value, unit, most, None)
             }
         }
     }
 }
 
 /// A quick look at designs that are no larger than a preview may be, until nobody wants it any more.
-struct Bounded<'a> {
+struct BoundedEvaluator<'a> {
     quick: QuickEvaluator,
     to_hz: f64,
-    job: &'a Job<Found>,
+    job: &'a BackgroundJob<StudyFindings>,
 }
 
-impl Evaluator for Bounded<'_> {
-    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+impl Evaluator for BoundedEvaluator<'_> {
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
         if self.job.is_stop_wanted() {
             return Err(EvaluateError::Refused("the study was stopped".into()));
         }
-        check_model(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
-        self.job.during(|| self.quick.evaluate(scene, wanted))
+        check_model_size(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
+        self.job.run_stoppable_by_cancel(|| self.quick.compute_scene_figures(scene, wanted))
     }
 }
 
 /// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
-fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
+fn run_study(study: &Study, job: &BackgroundJob<StudyFindings>) -> Result<Option<StudyFindings>, String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
     let folder = StudyFolder::open_or_create(place.path(), study.fingerprint()).map_err(|error| told(&error))?;
     let quick = QuickEvaluator::new(study.table_options());
-    let evaluator = Bounded { quick, to_hz: study.spec.method.to_hz, job };
-    let ended = run_study_shard(study, &folder, &evaluator, Shard::ALL, job);
+    let evaluator = BoundedEvaluator { quick, to_hz: study.spec.method.to_hz, job };
+    let ended = compute_missing_rows_of_shard(study, &folder, &evaluator, Shard::ALL, job);
     if ended.map_err(|error| told(&error))? == RunEnd::Early || job.is_stop_wanted() {
         return Ok(None);
     }
-    job.finishes();
-    let Some(written) =
-        verify_and_write_results(study, &folder, &|| job.is_stop_wanted()).map_err(|error| told(&error))?
+    job.set_stage_to_finishing();
+    let Some(written) = verify_and_write_results_unless_stopped(study, &folder, &|| job.is_stop_wanted())
+        .map_err(|error| told(&error))?
     else {
         return Ok(None);
     };
-    let view = |own: &Finalist| view(study, &written.table, own);
+    let view = |own: &Finalist| build_design_view(study, &written.table, own);
     let nearest = written
         .table
-        .find_design_nearest_to_limits()
+        .find_one_based_least_violating_design_if_none_kept()
         .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
     let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
     let first = || written.table.entries.iter().find_map(|entry| entry.reason.clone());
     let all_failed = written.table.have_all_designs_failed().then(first).flatten();
-    Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest, all_failed }))
+    Ok(Some(StudyFindings { name: Some(study.spec.name.clone()), as_it_is, best, nearest, all_failed }))
 }
 
-fn view(study: &Study, table: &DesignTable, own: &Finalist) -> DesignView {
-    let verified = own.verified.as_ref();
+fn build_design_view(study: &Study, table: &DesignTable, finalist: &Finalist) -> DesignView {
+    let verified = finalist.verified.as_ref();
     DesignView {
-        design: own.design,
-        figures: verified_figures_of_finalist(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
-        error_bound: verified.ok().and_then(|verified| verified.bound),
-        worst: worst_figures_of_finalist(study, table, own)
+        design: finalist.design,
+        figures: names_and_verified_figures_unless_failed(study, finalist)
             .into_iter()
             .filter(|(_, value)| value.is_finite())
             .collect(),
-        breaks: own.describe_broken_limits_of_finalist(study),
+        error_bound: verified.ok().and_then(|verified| verified.bound),
+        worst: names_and_worst_case_wish_figures_if_uncertain(study, table, finalist)
+            .into_iter()
+            .filter(|(_, value)| value.is_finite())
+            .collect(),
+        breaks: finalist.describe_verified_broken_limits_if_any(study),
         failed: verified.err().cloned(),
-        scene_toml: own.text.clone(),
+        scene_toml: finalist.text.clone(),
     }
 }

@@ -1,31 +1,32 @@
 //! What tolerances do to a plan: its drives on panels that are not quite the one it was made for. Nothing is driven for it.
 
 use super::attachments::Place as Moved;
-use super::background::{Job, Newest, Place, Stage, Taken, Told, Work};
-use super::low_priority::{Deadline, do_aside};
-use super::preview::{LONGEST, Planned, PreviewRequest, planned};
-use crate::daemon::access::sender::Sender;
+use super::background::{BackgroundJob, BackgroundPlace, BackgroundWork, JobReport, NewestJob, Stage, TakenPlace};
+use super::low_priority::{Deadline, run_low_priority_until_deadline};
+use super::preview::{LONGEST, PlannedScene, PreviewRequest, plan_touch_on_changed_scene};
+use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::check::check_intensity;
+use crate::daemon::touch::check::check_intensity_range;
 use crate::daemon::touch::plan_view::PlanView;
-use crate::design::tolerances::{
-    RangeError, Spread, ToleranceError, Tolerances, compute_observed_tolerance_spread, count_modelled_panels,
-};
 use crate::planner::{Plan, PlanTable, Target};
+use crate::study::tolerances::{
+    RangeError, Spread, ToleranceError, Tolerances, compute_target_peak_spread_under_tolerances_with_observer,
+    count_varied_panels_of_tolerance_study,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use utoipa::ToSchema;
 
-/// The field of a request that has [`Wanted`].
+/// The field of a request that has [`WantedTolerances`].
 const TOLERANCES: &str = "tolerances";
 
 /// How far things may be off, either way.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[schema(as = WantedTolerances)]
 #[serde(deny_unknown_fields)]
-pub struct Wanted {
+pub struct WantedTolerances {
     /// Stiffness of supports, elastic edges and actuators, each by itself, as a part of it; 0.2 if not given.
     pub springs: Option<f64>,
     /// Young's modulus, the same everywhere, as a part of it; 0.1 if not given.
@@ -36,9 +37,9 @@ pub struct Wanted {
     pub places_mm: Option<f64>,
 }
 
-impl Wanted {
+impl WantedTolerances {
     /// With what is usual for the rest.
-    fn tolerances(self) -> Tolerances {
+    fn with_defaults_for_missing(self) -> Tolerances {
         let usual = Tolerances::default();
         Tolerances {
             springs: self.springs.unwrap_or(usual.springs),
@@ -66,7 +67,7 @@ pub struct TolerancesRequest {
     /// `POST /v1/preview`; without both it is that of `POST /v1/touch`.
     pub moves: Option<BTreeMap<String, Moved>>,
     /// How far things may be off.
-    pub tolerances: Option<Wanted>,
+    pub tolerances: Option<WantedTolerances>,
 }
 
 impl TolerancesRequest {
@@ -74,10 +75,10 @@ impl TolerancesRequest {
     ///
     /// # Errors
     /// [`Problem`] that names a tolerance, or the intensity, that is out of range.
-    pub fn checked(&self) -> Result<Tolerances, Problem> {
-        let tolerances = self.tolerances.unwrap_or_default().tolerances();
+    pub fn check_and_fill_in_defaults(&self) -> Result<Tolerances, Problem> {
+        let tolerances = self.tolerances.unwrap_or_default().with_defaults_for_missing();
         tolerances.check_ranges()?;
-        check_intensity(self.intensity_g)?;
+        check_intensity_range(self.intensity_g)?;
         Ok(tolerances)
     }
 }
@@ -105,103 +106,104 @@ pub struct TolerancesView {
 
 /// What is known of the newest.
 #[derive(Clone, Debug, Default)]
-struct Found {
+struct ToleranceFindings {
     id: u64,
     plan: Option<PlanView>,
     off: Option<Spread>,
 }
 
-impl From<Told<Found>> for TolerancesView {
-    fn from(told: Told<Found>) -> Self {
-        let Told { stage, there, all, found: Found { id, plan, off }, problem } = told;
+impl From<JobReport<ToleranceFindings>> for TolerancesView {
+    fn from(told: JobReport<ToleranceFindings>) -> Self {
+        let JobReport { stage, there, all, found: ToleranceFindings { id, plan, off }, problem } = told;
         Self { id, stage, there, all, plan, words: off.as_ref().map(Spread::describe_in_words), off, problem }
     }
 }
 
 /// The daemon's newest look at tolerances.
 #[derive(Debug)]
-pub struct Looks {
-    place: Place,
-    newest: Newest<Found>,
+pub struct ToleranceStudies {
+    place: BackgroundPlace,
+    newest: NewestJob<ToleranceFindings>,
     /// How many there were.
     count: AtomicU64,
 }
 
-impl Looks {
+impl ToleranceStudies {
     /// None yet.
     #[must_use]
-    pub fn new(place: Place) -> Self {
-        Self { place, newest: Newest::none(Found::default()), count: AtomicU64::new(0) }
+    pub fn new(place: BackgroundPlace) -> Self {
+        Self { place, newest: NewestJob::without_job(ToleranceFindings::default()), count: AtomicU64::new(0) }
     }
 
     /// How far the newest one is.
     #[must_use]
-    pub fn view(&self) -> TolerancesView {
-        self.newest.told().into()
+    pub fn view_newest_study(&self) -> TolerancesView {
+        self.newest.report_progress().into()
     }
 
     /// No other panel of it is begun.
-    pub fn stop(&self) {
-        self.newest.stop();
+    pub fn stop_newest_study(&self) {
+        self.newest.cancel_current_job();
     }
 
     /// Begins to look at what tolerances do to the plan for a touch on the scene of `table`, or on a changed one; drives nothing.
-    /// `own_scene` is the text of the daemon's scene; `read` gives what was asked for.
+    /// `own_scene` is the text of the daemon's scene; `parse_request` gives what was asked for.
     ///
     /// # Errors
     /// [`Problem`]: a touch, tolerance, scene or move that cannot be used, a scene without a plan, or work that is under way.
-    pub async fn begin_for_request(
+    pub async fn begin_study_for_request_unless_busy(
         self: &Arc<Self>,
         table: &Arc<PlanTable>,
         own_scene: Arc<str>,
-        sender: &Sender,
-        read: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
+        sender: &RequestSender,
+        parse_request: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
     ) -> Result<TolerancesView, Problem> {
         // First: whoever comes while another is under way costs nothing.
-        let taken = self.place.take(Work::Tolerances)?;
+        let taken = self.place.occupy_for(BackgroundWork::Tolerances)?;
         let (looks, table) = (Arc::clone(self), Arc::clone(table));
         let work = move |deadline: &Deadline| {
-            let request = read()?;
-            let tolerances = request.checked()?;
+            let request = parse_request()?;
+            let tolerances = request.check_and_fill_in_defaults()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
             if scene.is_none() && moves.is_none() {
                 let (x_m, y_m) = table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
-                deadline.check()?;
-                return looks.begin(taken, &table, plan, tolerances);
+                deadline.check_not_cancelled_or_expired()?;
+                return looks.begin_study_of_plan(taken, &table, plan, tolerances);
             }
             let request = PreviewRequest { x_px, y_px, intensity_g, scene, moves: moves.unwrap_or_default() };
-            let Planned { table, plan, .. } = planned(&request, &own_scene, deadline)?;
-            deadline.check()?;
-            looks.begin(taken, &table, plan, tolerances)
+            let PlannedScene { table, plan, .. } = plan_touch_on_changed_scene(&request, &own_scene, deadline)?;
+            deadline.check_not_cancelled_or_expired()?;
+            looks.begin_study_of_plan(taken, &table, plan, tolerances)
         };
-        do_aside("tolerances", LONGEST, sender, work).await
+        run_low_priority_until_deadline("tolerances", LONGEST, sender, work).await
     }
 
     /// Begins one, of a table's plan.
-    fn begin(
+    fn begin_study_of_plan(
         &self,
-        taken: Taken,
+        taken: TakenPlace,
         table: &PlanTable,
         plan: Plan,
         tolerances: Tolerances,
     ) -> Result<TolerancesView, Problem> {
         let id = 1 + self.count.fetch_add(1, Ordering::Relaxed);
         let scene = table.scene.clone();
-        let found = Found { id, plan: Some(PlanView::new(table, plan.clone())), off: None };
-        let (all, known) = (count_modelled_panels(&scene), found.clone());
-        let work = move |job: &Job<Found>| match compute_observed_tolerance_spread(&scene, &[], &plan, tolerances, job)
-        {
-            Ok(off) => Ok(Some(Found { off: Some(off), ..known })),
-            Err(ToleranceError::Stopped) => Ok(None),
-            Err(error) => Err(error.to_string()),
+        let found = ToleranceFindings { id, plan: Some(PlanView::new(table, plan.clone())), off: None };
+        let (all, known) = (count_varied_panels_of_tolerance_study(&scene), found.clone());
+        let work = move |job: &BackgroundJob<ToleranceFindings>| {
+            match compute_target_peak_spread_under_tolerances_with_observer(&scene, &[], &plan, tolerances, job) {
+                Ok(off) => Ok(Some(ToleranceFindings { off: Some(off), ..known })),
+                Err(ToleranceError::Stopped) => Ok(None),
+                Err(error) => Err(error.to_string()),
+            }
         };
-        Ok(self.newest.begin(taken, all, found, work)?.into())
+        Ok(self.newest.start_job(taken, all, found, work)?.into())
     }
 }
 
 impl From<RangeError> for Problem {
     fn from(RangeError { field, value, most }: RangeError) -> Self {
-        Self::range(field, value, 0, most).of(Some(TOLERANCES.into()))
+        Self::out_of_range(field, value, 0, most).with_field_prefix(Some(TOLERANCES.into()))
     }
 }

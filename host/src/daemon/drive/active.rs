@@ -1,19 +1,17 @@
 //! What is driven, and what a touch has led to.
 
-use crate::daemon::touch::answer::{Achieved, PlayedEffect, TouchedView};
+use crate::daemon::touch::answer::PlayedEffect;
 use crate::daemon::touch::plan_view::{FieldView, PlanView};
 use crate::daemon::touch::request::Finger;
-use crate::planner::schedule::Stretch;
-use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanTable};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// What is driven now, as it is shown.
 #[derive(Clone, Debug)]
-pub struct Current {
+pub struct CurrentPlan {
     /// The plan.
-    pub active: Arc<Active>,
+    pub active: Arc<ActivePlan>,
     /// When its drive ends.
     pub until: Instant,
     /// [`AskedAt::stops`] of its touch.
@@ -22,7 +20,7 @@ pub struct Current {
 
 /// The current plan and what goes with it.
 #[derive(Clone, Debug)]
-pub struct Active {
+pub struct ActivePlan {
     /// Counts plans from 1.
     pub id: u64,
     /// The plan as sent to clients.
@@ -35,7 +33,7 @@ pub struct Active {
     pub effect: Option<PlayedEffect>,
 }
 
-impl Active {
+impl ActivePlan {
     /// What is driven for these fingers.
     #[must_use]
     pub const fn new(id: u64, plan: PlanView, touches: Vec<Finger>, effect: Option<PlayedEffect>) -> Self {
@@ -44,15 +42,15 @@ impl Active {
 
     /// The same with what is shown of its plan changed; its field stays.
     #[must_use]
-    pub fn shown_as(&self, plan: PlanView) -> Self {
+    pub fn with_plan_view(&self, plan: PlanView) -> Self {
         Self { plan, ..self.clone() }
     }
 
     /// Its field. Worked out when it is first asked for: most plans of a moving finger, and all where no page is open, are never looked
     /// at, and 1600 points at each touch would take the processor from the touches after it.
     #[must_use]
-    pub fn field(&self, table: &PlanTable) -> &FieldView {
-        self.field.get_or_init(|| self.plan.field(table, self.id))
+    pub fn get_or_compute_field(&self, table: &PlanTable) -> &FieldView {
+        self.field.get_or_init(|| self.plan.compute_field(table, self.id))
     }
 }
 
@@ -60,57 +58,35 @@ impl Active {
 #[derive(Clone, Debug)]
 pub enum Update {
     /// There is a new plan.
-    Plan(Arc<Active>),
+    Plan(Arc<ActivePlan>),
     /// Everything was stopped.
     Stopped,
     /// The plan ends sooner than it was to.
     Ends,
 }
 
-/// What a touch has led to.
-#[derive(Clone, Debug)]
-pub struct Touched {
-    /// The plan, of several stretches that in which the first target begins.
-    pub active: Arc<Active>,
-    /// What the device achieves with what begins at once.
-    pub device: Achieved,
-    /// All stretches, where there are time windows.
-    pub stretches: Option<Vec<Stretch>>,
-    /// What can be had, where it cannot be had in full and that was asked for.
-    pub trade: Option<Trade>,
-}
-
-impl Touched {
-    /// As its sender is answered.
-    #[must_use]
-    pub fn view(self) -> TouchedView {
-        let Self { active, device, stretches, trade, .. } = self;
-        TouchedView { plan: active.plan.clone(), plan_id: active.id, device, stretches, trade }
-    }
-}
-
 /// When a touch was asked for: it is not driven if any of this has happened since.
 #[derive(Clone, Copy, Debug)]
 pub struct AskedAt {
-    /// `Session::stops` at its arrival.
+    /// `Session::stop_count` at its arrival.
     pub stops: u64,
-    /// `DeviceSnapshot::breaks` then, for what begins later or is driven again.
-    pub breaks: Option<u64>,
+    /// `DeviceSnapshot::interruptions` then, for what begins later or is driven again.
+    pub interruptions: Option<u64>,
 }
 
 /// An even drive that the controller looks after for as long as it goes on.
 #[derive(Clone, Debug)]
-pub struct Sustained {
-    /// Its drives are the last that have begun for as long as `DriveState::begin` has returned no other number.
+pub struct SustainedDrive {
+    /// Its drives are the last that have begun for as long as `DriveState::note_and_count_begun_drives` has returned no other number.
     pub begun: u64,
     /// When its touch was asked for.
-    pub since: AskedAt,
+    pub asked_at: AskedAt,
     /// The plan first made.
-    pub whole: Plan,
+    pub whole_plan: Plan,
     /// The fraction of its forces that the channels' credit allows ([`super::credit`]).
-    pub thin: f64,
+    pub credit_fraction: f64,
     /// The fraction of these for which there is room beside what is left of the touches before.
-    pub part: f64,
+    pub force_fraction: f64,
     /// What is shown of it.
-    pub active: Arc<Active>,
+    pub active: Arc<ActivePlan>,
 }

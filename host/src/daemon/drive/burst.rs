@@ -26,32 +26,32 @@ pub struct Burst {
 impl Burst {
     /// A drive begins at `now` that is to end at `until`, with the period that it is in then; what there is of a burst then.
     #[must_use]
-    pub fn begun(before: Option<Self>, now: Instant, until: Instant, lowest_hz: f64) -> Self {
-        let late = Duration::try_from_secs_f64(1.0 / lowest_hz).unwrap_or_default();
-        let goes_on = before.filter(|burst| now < burst.rested());
+    pub fn begin_or_continue(previous: Option<Self>, now: Instant, until: Instant, lowest_drive_hz: f64) -> Self {
+        let late = Duration::try_from_secs_f64(1.0 / lowest_drive_hz).unwrap_or_default();
+        let goes_on = previous.filter(|burst| now < burst.find_end_of_rest());
         Self { since: goes_on.map_or(now, |burst| burst.since), until, late }
     }
 
     /// The last drive ends at `when`, if it does not before.
-    pub fn end_by(&mut self, when: Instant) {
+    pub fn end_no_later_than(&mut self, when: Instant) {
         self.until = self.until.min(when);
     }
 
     /// The last drive goes on until `until`.
-    pub fn go_on(&mut self, until: Instant) {
+    pub fn end_no_earlier_than(&mut self, until: Instant) {
         self.until = self.until.max(until);
     }
 
     /// When the board has rested, with nothing driven in between.
     #[must_use]
-    pub fn rested(&self) -> Instant {
+    pub fn find_end_of_rest(&self) -> Instant {
         self.until + self.late + REST
     }
 
-    /// When it has to be interrupted by a rest, if what is driven is to go on until `until`.
+    /// When it has to be interrupted by a rest, if what is driven is to go on until `drive_end`.
     #[must_use]
-    pub fn due(&self, until: Instant) -> Option<Instant> {
-        (until > self.since + LONGEST + JUST).then(|| self.since + LONGEST - AHEAD)
+    pub fn start_of_rest_needed_if_driven_until(&self, drive_end: Instant) -> Option<Instant> {
+        (drive_end > self.since + LONGEST + JUST).then(|| self.since + LONGEST - AHEAD)
     }
 }
 
@@ -65,19 +65,19 @@ mod tests {
     fn a_burst_lasts_until_a_rest() {
         let zero = Instant::now();
         let at = |ms: u32| zero + MS * ms;
-        let touch = |before, ms| Burst::begun(before, at(ms), at(ms + 1000), 50.0);
+        let touch = |before, ms| Burst::begin_or_continue(before, at(ms), at(ms + 1000), 50.0);
         let mut burst = touch(None, 0);
-        assert_eq!(burst.due(at(1000)), None);
-        assert_eq!(burst.due(at(10_000)), None, "a touch of 10 s is driven whole");
-        assert_eq!(burst.due(at(10_200)), Some(at(9500)));
+        assert_eq!(burst.start_of_rest_needed_if_driven_until(at(1000)), None);
+        assert_eq!(burst.start_of_rest_needed_if_driven_until(at(10_000)), None, "a touch of 10 s is driven whole");
+        assert_eq!(burst.start_of_rest_needed_if_driven_until(at(10_200)), Some(at(9500)));
         for ms in (0..9000).step_by(33) {
             burst = touch(Some(burst), ms);
-            assert_eq!(burst.due(at(ms + 20_000)), Some(at(9500)), "at {ms} ms");
+            assert_eq!(burst.start_of_rest_needed_if_driven_until(at(ms + 20_000)), Some(at(9500)), "at {ms} ms");
         }
-        burst.end_by(at(9500));
+        burst.end_no_later_than(at(9500));
         // 100 ms are the board's rest; the last period may take 20 ms to end.
-        assert!((at(9620)..at(9700)).contains(&burst.rested()));
-        assert_eq!(touch(Some(burst), 9600).due(at(30_000)), Some(at(9500)));
-        assert_eq!(touch(Some(burst), 9700).due(at(30_000)), Some(at(19_200)));
+        assert!((at(9620)..at(9700)).contains(&burst.find_end_of_rest()));
+        assert_eq!(touch(Some(burst), 9600).start_of_rest_needed_if_driven_until(at(30_000)), Some(at(9500)));
+        assert_eq!(touch(Some(burst), 9700).start_of_rest_needed_if_driven_until(at(30_000)), Some(at(19_200)));
     }
 }

@@ -1,18 +1,19 @@
 //! What is told to the task that owns what is driven, and what it publishes.
 
-use super::active::{Current, Touched};
-use super::equipment::Equipment;
-use super::order::Order;
-use crate::daemon::api::kinds::Kind;
+use super::active::CurrentPlan;
+use super::equipment::DriveEquipment;
+use super::order::TouchOrder;
+use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::answer::TouchedView;
 use std::time::Instant;
 use tokio::sync::oneshot;
 
 /// What is told to the task.
 #[derive(Debug)]
-pub enum Command {
+pub enum DriveCommand {
     /// Drive a touch.
-    Drive(Box<Request>),
+    Drive(Box<DriveRequest>),
     /// End what is driven for touches before this one, which drives nothing yet.
     Overtake { id: u64, reply: oneshot::Sender<()> },
     /// End the drive of a touch.
@@ -27,14 +28,14 @@ pub enum Command {
 
 /// A touch that is to be driven, and who waits for it.
 #[derive(Debug)]
-pub struct Request {
+pub struct DriveRequest {
     /// What to drive.
-    pub order: Order,
+    pub order: TouchOrder,
     /// Where the answer goes.
-    pub reply: oneshot::Sender<Result<Touched, Problem>>,
+    pub reply: oneshot::Sender<Result<TouchedView, Problem>>,
 }
 
-impl Request {
+impl DriveRequest {
     /// Answers that it is not driven.
     pub fn refuse(self, problem: impl Into<Problem>) {
         // Whoever has asked may have gone.
@@ -44,20 +45,20 @@ impl Request {
 
 /// What others see of the task's state.
 #[derive(Clone, Debug, Default)]
-pub struct Published {
+pub struct PublishedDriveState {
     /// The newest touch that is driven, or is to be.
     pub newest: u64,
     /// What is driven.
-    pub current: Option<Current>,
+    pub current: Option<CurrentPlan>,
 }
 
 /// Whether it is still driven: neither is its time over, nor has everything been stopped since it was asked for.
-pub fn is_current(current: &Current, equipment: &Equipment, now: Instant) -> bool {
+pub fn is_plan_neither_over_nor_stopped(current: &CurrentPlan, equipment: &DriveEquipment, now: Instant) -> bool {
     now < current.until && current.stops == equipment.session.stop_count()
 }
 
 /// That a newer touch stands in this one's place.
 #[must_use]
-pub fn say_superseded() -> Problem {
-    Problem::new(Kind::Superseded, "a newer touch was driven meanwhile")
+pub fn superseded_problem() -> Problem {
+    Problem::new(ProblemKind::Superseded, "a newer touch replaced this one")
 }

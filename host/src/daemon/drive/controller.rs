@@ -1,11 +1,14 @@
 //! How others talk to the task that owns what is driven ([`super::task`]).
 
-use super::active::{Current, Touched, Update};
-use super::command::{Command, Published, Request, is_current, say_superseded};
-use super::equipment::Equipment;
-use super::order::Order;
-use super::task::Task;
+use super::active::{CurrentPlan, Update};
+use super::command::{
+    DriveCommand, DriveRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
+};
+use super::equipment::DriveEquipment;
+use super::order::TouchOrder;
+use super::task::DriveTask;
 use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::answer::TouchedView;
 use crate::device::SessionError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -16,29 +19,29 @@ const EVENTS: usize = 16;
 
 /// Sends commands to the task, and reads what it publishes.
 #[derive(Debug)]
-pub struct Controller {
-    equipment: Arc<Equipment>,
-    commands: mpsc::UnboundedSender<Command>,
-    published: watch::Receiver<Published>,
+pub struct DriveController {
+    equipment: Arc<DriveEquipment>,
+    commands: mpsc::UnboundedSender<DriveCommand>,
+    published: watch::Receiver<PublishedDriveState>,
     updates: broadcast::Sender<Update>,
     /// Until it is started: there may be no runtime before.
-    task: Mutex<Option<Task>>,
+    task: Mutex<Option<DriveTask>>,
 }
 
-impl Controller {
+impl DriveController {
     /// A controller for a panel at rest. Its task ends when the controller is dropped.
     #[must_use]
-    pub fn new(equipment: Arc<Equipment>) -> Self {
+    pub fn new(equipment: Arc<DriveEquipment>) -> Self {
         let (commands, inbox) = mpsc::unbounded_channel();
-        let (publish, published) = watch::channel(Published::default());
+        let (publish, published) = watch::channel(PublishedDriveState::default());
         let updates = broadcast::channel(EVENTS).0;
-        let task = Mutex::new(Some(Task::new(&equipment, inbox, publish, updates.clone())));
+        let task = Mutex::new(Some(DriveTask::new(&equipment, inbox, publish, updates.clone())));
         Self { equipment, commands, published, updates, task }
     }
 
-    fn send(&self, command: Command) {
+    fn send_command_to_task(&self, command: DriveCommand) {
         if let Some(task) = self.task.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            tokio::spawn(task.run());
+            tokio::spawn(task.run_until_closed());
         }
         // The task ends with its runtime only, and then nothing is driven any more.
         let _ = self.commands.send(command);
@@ -48,65 +51,65 @@ impl Controller {
     ///
     /// # Errors
     /// [`Problem`]: there was a newer touch or a stop, or what the session says.
-    pub async fn drive(&self, order: Order) -> Result<Touched, Problem> {
+    pub async fn drive_touch_order(&self, order: TouchOrder) -> Result<TouchedView, Problem> {
         let (reply, answer) = oneshot::channel();
-        self.send(Command::Drive(Box::new(Request { order, reply })));
+        self.send_command_to_task(DriveCommand::Drive(Box::new(DriveRequest { order, reply })));
         answer.await.unwrap_or_else(|_| Err(SessionError::Closed.into()))
     }
 
     /// Ends what is driven for touches before `id`, which drives nothing yet.
-    pub async fn overtake(&self, id: u64) {
+    pub async fn end_drives_of_touches_before(&self, id: u64) {
         let (reply, done) = oneshot::channel();
-        self.send(Command::Overtake { id, reply });
+        self.send_command_to_task(DriveCommand::Overtake { id, reply });
         let _ = done.await;
     }
 
     /// Ends the drive of touch `id` at `when`: its fingers have been lifted.
-    pub fn release(&self, id: u64, when: Instant) {
-        self.send(Command::Release { id, when });
+    pub fn end_touch_at(&self, id: u64, when: Instant) {
+        self.send_command_to_task(DriveCommand::Release { id, when });
     }
 
     /// Has the drive of touch `id` go on until `until`: its fingers are still down. Whether it is still what is shown; one that the board does
     /// not drive is given no more time.
-    pub async fn renew(&self, id: u64, until: Instant) -> bool {
+    pub async fn extend_touch_and_check_if_still_shown(&self, id: u64, until: Instant) -> bool {
         let (reply, answer) = oneshot::channel();
-        self.send(Command::Renew { id, until, reply });
+        self.send_command_to_task(DriveCommand::Renew { id, until, reply });
         answer.await.unwrap_or(false)
     }
 
     /// Drops touch `id` if it waits for what is left of those before: nobody wants it any more.
-    pub fn withdraw(&self, id: u64) {
-        self.send(Command::Withdraw { id });
+    pub fn drop_waiting_touch(&self, id: u64) {
+        self.send_command_to_task(DriveCommand::Withdraw { id });
     }
 
     /// Says that everything has been stopped. The session has been told before.
-    pub fn end_stopped(&self) {
-        self.send(Command::Stopped { when: Instant::now() });
+    pub fn tell_task_all_stopped(&self) {
+        self.send_command_to_task(DriveCommand::Stopped { when: Instant::now() });
     }
 
     /// Refuses touch `id` if there is a newer one.
     ///
     /// # Errors
     /// [`Problem`]: there is.
-    pub fn check_newest(&self, id: u64) -> Result<(), Problem> {
-        if id < self.published.borrow().newest { Err(say_superseded()) } else { Ok(()) }
+    pub fn check_not_superseded(&self, id: u64) -> Result<(), Problem> {
+        if id < self.published.borrow().newest { Err(superseded_problem()) } else { Ok(()) }
     }
 
     /// What is driven now.
     #[must_use]
-    pub fn find_current(&self) -> Option<Current> {
+    pub fn find_current_plan(&self) -> Option<CurrentPlan> {
         let current = self.published.borrow().current.clone();
-        current.filter(|current| is_current(current, &self.equipment, Instant::now()))
+        current.filter(|current| is_plan_neither_over_nor_stopped(current, &self.equipment, Instant::now()))
     }
 
     /// Plans and stops as they happen.
     #[must_use]
-    pub fn subscribe(&self) -> broadcast::Receiver<Update> {
+    pub fn subscribe_updates(&self) -> broadcast::Receiver<Update> {
         self.updates.subscribe()
     }
 
     /// Tells pages that everything has been stopped.
-    pub fn tell_stopped(&self) {
+    pub fn tell_pages_all_stopped(&self) {
         // Nobody listening is no error.
         let _ = self.updates.send(Update::Stopped);
     }

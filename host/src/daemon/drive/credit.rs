@@ -16,37 +16,42 @@ const TOO_STRONG: f64 = 0.02;
 /// ... and by which it may be larger before it is: changes up come from touches that ask for less in between.
 const TOO_WEAK: f64 = 0.1;
 
-/// The part of the forces of `drives` that every channel's credit allows for ever, on channels for at most `most_v`. A board
+/// The part of the forces of `drives` that every channel's credit allows for ever, on channels for at most `max_voltages_v`. A board
 /// that charges by time, whatever the force, gains nothing by less.
 #[must_use]
-pub fn part(drives: &[SiDrive], most_v: &[f64], credit: &CreditReply) -> f64 {
+pub fn find_force_fraction_allowed_by_credit(drives: &[SiDrive], max_voltages_v: &[f64], credit: &CreditReply) -> f64 {
     if credit.rule != ChargeRule::ForceSquared {
         return 1.0;
     }
     let of = |drive: &SiDrive| {
         let channel = usize::from(drive.channel);
-        let (Some(most_v), Some(left)) = (most_v.get(channel), credit.channels.get(channel)) else { return 1.0 };
-        let allowed = allowed(f64::from(credit.earned_ppm) / 1e6, f64::from(left.left_ms) / 1e3);
-        let charge = charge(drive, *most_v);
+        let (Some(max_voltage_v), Some(left)) = (max_voltages_v.get(channel), credit.channels.get(channel)) else {
+            return 1.0;
+        };
+        let allowed =
+            compute_allowed_squared_force_fraction(f64::from(credit.earned_ppm) / 1e6, f64::from(left.left_ms) / 1e3);
+        let charge = compute_squared_force_fraction(drive, *max_voltage_v);
         if charge <= allowed { 1.0 } else { (allowed / charge).sqrt() }
     };
     drives.iter().map(of).fold(1.0, f64::min)
 }
 
-/// Whether a drive with `is` of its forces is to be changed to have `wanted` of them.
+/// Whether a drive with `driven_fraction` of its forces is to be changed to have `wanted_fraction` of them.
 #[must_use]
-pub fn is_worth_it(is: f64, wanted: f64) -> bool {
-    wanted < is * (1.0 - TOO_STRONG) || wanted > is * (1.0 + TOO_WEAK) || (wanted >= 1.0 && is < 1.0)
+pub fn is_force_change_worthwhile(driven_fraction: f64, wanted_fraction: f64) -> bool {
+    wanted_fraction < driven_fraction * (1.0 - TOO_STRONG)
+        || wanted_fraction > driven_fraction * (1.0 + TOO_WEAK)
+        || (wanted_fraction >= 1.0 && driven_fraction < 1.0)
 }
 
-/// Most charge, as a part of the largest force's, for `earned` all the time and `left_s` of credit.
-fn allowed(earned: f64, left_s: f64) -> f64 {
-    (earned + (left_s - KEPT_S) * USED_PER_S).max(LEAST_EARNED * earned)
+/// Most charge, as a part of the largest force's, for `earned_charge_rate` all the time and `credit_left_s` of credit.
+fn compute_allowed_squared_force_fraction(earned_charge_rate: f64, credit_left_s: f64) -> f64 {
+    (earned_charge_rate + (credit_left_s - KEPT_S) * USED_PER_S).max(LEAST_EARNED * earned_charge_rate)
 }
 
 /// (F / F_max)^2, which a board charges; see `docs/src/safety.md`.
-fn charge(drive: &SiDrive, most_v: f64) -> f64 {
-    let force = (drive.voltage_v / most_v).powi(2) * (std::f64::consts::FRAC_PI_2 * drive.pulse_width).sin();
+fn compute_squared_force_fraction(drive: &SiDrive, max_voltage_v: f64) -> f64 {
+    let force = (drive.voltage_v / max_voltage_v).powi(2) * (std::f64::consts::FRAC_PI_2 * drive.pulse_width).sin();
     force * force
 }
 
@@ -75,8 +80,8 @@ mod tests {
             for look in 0..4 * 3600 {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 60 s in ms")]
                 let told = (left_s * 1e3) as u32;
-                let wanted = part(&[drive(0, 2000.0)], &[2000.0], &credit([told, 0]));
-                if look == 0 || is_worth_it(is, wanted) {
+                let wanted = find_force_fraction_allowed_by_credit(&[drive(0, 2000.0)], &[2000.0], &credit([told, 0]));
+                if look == 0 || is_force_change_worthwhile(is, wanted) {
                     (is, changes) = (wanted, changes + 1);
                 }
                 let used = is * is - f64::from(EARNED_PPM) / 1e6;
@@ -93,8 +98,13 @@ mod tests {
 
     #[test]
     fn what_is_earned_is_never_thinned_and_the_poorest_channel_counts() {
-        let of =
-            |volts: [f64; 2], left_ms| part(&[drive(0, volts[0]), drive(1, volts[1])], &[2000.0; 2], &credit(left_ms));
+        let of = |volts: [f64; 2], left_ms| {
+            find_force_fraction_allowed_by_credit(
+                &[drive(0, volts[0]), drive(1, volts[1])],
+                &[2000.0; 2],
+                &credit(left_ms),
+            )
+        };
         // Half the voltage is a quarter of the force, and a sixteenth of the charge: less than the tenth that is earned.
         assert_eq!(of([1000.0; 2], [1100; 2]), 1.0);
         assert_eq!(of([2000.0; 2], [60_000; 2]), 1.0);
@@ -103,6 +113,6 @@ mod tests {
         // 0.1 of what is earned and 2 s over 20 s.
         assert!((poor - 0.2_f64.sqrt()).abs() < 1e-3, "{poor}");
         let by_time = CreditReply { rule: ChargeRule::Time, ..credit([100; 2]) };
-        assert_eq!(part(&[drive(0, 2000.0)], &[2000.0], &by_time), 1.0);
+        assert_eq!(find_force_fraction_allowed_by_credit(&[drive(0, 2000.0)], &[2000.0], &by_time), 1.0);
     }
 }

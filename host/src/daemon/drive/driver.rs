@@ -1,17 +1,18 @@
 //! The one way from a touch to the board: a place at the planner, the plan, and having it driven.
 
-use super::active::{Active, AskedAt, Touched, Update};
-use super::{Controller, Equipment};
+use super::active::{ActivePlan, AskedAt, Update};
+use super::{DriveController, DriveEquipment};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::api::problem::Problem;
 use crate::daemon::observe::metrics::Metrics;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::admission::Admission;
+use crate::daemon::touch::answer::TouchedView;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
 use crate::device::sim::TouchPeak;
 use crate::device::{DeviceSnapshot, SessionError};
-use crate::planner::residual::Board;
+use crate::planner::residual::RailState;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use std::sync::Arc;
 use std::task::Poll;
@@ -20,77 +21,77 @@ use tokio::sync::{broadcast, watch};
 
 /// Everything that a touch needs once it has been checked.
 #[derive(Debug)]
-pub struct Driver {
+pub struct TouchDriver {
     /// The planner's table, with scene and model.
     pub table: Arc<PlanTable>,
     /// Whose turn it is at the planner, and what became of each request.
     pub admission: Admission,
     /// Counters.
     pub metrics: Arc<Metrics>,
-    equipment: Arc<Equipment>,
-    pub(super) controller: Controller,
+    equipment: Arc<DriveEquipment>,
+    pub(super) controller: DriveController,
     closing: watch::Sender<bool>,
 }
 
-impl Driver {
+impl TouchDriver {
     /// A driver for a panel at rest.
     #[must_use]
-    pub fn new(equipment: Equipment, metrics: Arc<Metrics>) -> Self {
+    pub fn new(equipment: DriveEquipment, metrics: Arc<Metrics>) -> Self {
         let equipment = Arc::new(equipment);
         Self {
             table: Arc::clone(&equipment.table),
             admission: Admission::default(),
             metrics,
-            controller: Controller::new(Arc::clone(&equipment)),
+            controller: DriveController::new(Arc::clone(&equipment)),
             equipment,
             closing: watch::channel(false).0,
         }
     }
 
-    /// Plans for a touch, the request `id` of `asker`, and drives it, unless everything was stopped since [`Driver::stops`] was
-    /// `stops`.
+    /// Plans for a touch, the request `request_id` of `asker`, and drives it, unless everything was stopped since [`TouchDriver::stop_count`] was
+    /// `stop_count_at_arrival`.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn drive_touch(
         self: &Arc<Self>,
         asker: &Asker,
-        id: u64,
-        stops: u64,
+        request_id: u64,
+        stop_count_at_arrival: u64,
         touch: &Touch,
-    ) -> Result<Touched, Problem> {
-        let result = self.try_drive_touch(asker, id, stops, touch).await;
+    ) -> Result<TouchedView, Problem> {
+        let result = self.plan_and_drive_touch(asker, request_id, stop_count_at_arrival, touch).await;
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_drive_touch(
+    async fn plan_and_drive_touch(
         self: &Arc<Self>,
         asker: &Asker,
-        id: u64,
-        stops: u64,
+        request_id: u64,
+        stop_count_at_arrival: u64,
         touch: &Touch,
-    ) -> Result<Touched, Problem> {
+    ) -> Result<TouchedView, Problem> {
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        let breaks = self.breaks();
-        let place = self.admission.place(asker.client).await?;
+        let interruptions = self.count_unrequested_board_interruptions();
+        let place = self.admission.wait_for_planner_place_unless_queue_full(asker.client).await?;
         // A newer touch, or a stop, may have come while this one waited.
-        self.controller.check_newest(id)?;
-        if self.stops() != stops {
+        self.controller.check_not_superseded(request_id)?;
+        if self.stop_count() != stop_count_at_arrival {
             return Err(SessionError::Stopped.into());
         }
         if let Some(spans) = &touch.spans {
-            let asked_at = AskedAt { stops, breaks: Some(breaks) };
-            return self.drive_stretches(asker, place, id, touch, spans.clone(), asked_at).await;
+            let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: Some(interruptions) };
+            return self.plan_and_drive_time_spans(asker, place, request_id, touch, spans.clone(), asked_at).await;
         }
-        let plan = tokio::task::block_in_place(|| self.plan_request(touch, &touch.request))?;
+        let plan = tokio::task::block_in_place(|| self.plan_touch_request(touch, &touch.request))?;
         drop(place);
-        let asked_at = AskedAt { stops, breaks: None };
-        let driven = self.drive_plan(id, asked_at, plan.clone(), touch.fingers.clone(), touch.mode).await?;
-        let trade = self.compute_trade(asker, id, touch, &touch.request, &plan).await;
-        Ok(Touched { trade, ..driven })
+        let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: None };
+        let driven = self.drive_plan(request_id, asked_at, plan.clone(), touch.fingers.clone(), touch.mode).await?;
+        let trade = self.compute_trade_off_if_wanted_and_needed(asker, request_id, touch, &touch.request, &plan).await;
+        Ok(TouchedView { trade, ..driven })
     }
 
     /// Has the board drive a plan, and shows it.
@@ -101,92 +102,92 @@ impl Driver {
         plan: Plan,
         fingers: Vec<Finger>,
         mode: DriveMode,
-    ) -> Result<Touched, Problem> {
-        let prepare = || self.equipment.prepare_order(id, asked_at, plan, fingers, mode);
+    ) -> Result<TouchedView, Problem> {
+        let prepare = || self.equipment.prepare_touch_order(id, asked_at, plan, fingers, mode);
         let order = tokio::task::block_in_place(prepare)?;
-        self.controller.drive(order).await
+        self.controller.drive_touch_order(order).await
     }
 
     /// What is known of the device, kept up to date.
     #[must_use]
-    pub fn device(&self) -> watch::Receiver<DeviceSnapshot> {
+    pub fn subscribe_device_snapshots(&self) -> watch::Receiver<DeviceSnapshot> {
         self.equipment.session.subscribe_snapshots()
     }
 
     /// What is known of the device now.
     #[must_use]
-    pub fn known(&self) -> DeviceSnapshot {
+    pub fn current_device_snapshot(&self) -> DeviceSnapshot {
         self.equipment.session.current_snapshot()
     }
 
     /// How long ago the device last answered; `None` if it never did.
     #[must_use]
-    pub fn heard_ago(&self) -> Option<Duration> {
+    pub fn time_since_last_answer(&self) -> Option<Duration> {
         let is_known = self.equipment.session.subscribe_snapshots().borrow().identity.is_some();
         is_known.then(|| self.equipment.session.time_since_last_answer())
     }
 
     /// Whether the thread that looks after the device does its work.
     #[must_use]
-    pub fn is_alive(&self) -> bool {
+    pub fn is_session_thread_working(&self) -> bool {
         self.equipment.session.is_thread_working()
     }
 
     /// Resolves when the thread that looks after the device has ended.
-    pub async fn session_ended(&self) {
+    pub async fn wait_for_session_end(&self) {
         let mut device = self.equipment.session.subscribe_snapshots();
         while device.changed().await.is_ok() {}
     }
 
     /// Plans and stops as they happen.
     #[must_use]
-    pub fn updates(&self) -> broadcast::Receiver<Update> {
-        self.controller.subscribe()
+    pub fn subscribe_updates(&self) -> broadcast::Receiver<Update> {
+        self.controller.subscribe_updates()
     }
 
     /// How often everything was stopped so far: what was asked for before a stop is not driven after it.
     #[must_use]
-    pub fn stops(&self) -> u64 {
+    pub fn stop_count(&self) -> u64 {
         self.equipment.session.stop_count()
     }
 
-    /// [`DeviceSnapshot::breaks`].
+    /// [`DeviceSnapshot::interruptions`].
     #[must_use]
-    pub fn breaks(&self) -> u64 {
-        self.equipment.count_breaks()
+    pub fn count_unrequested_board_interruptions(&self) -> u64 {
+        self.equipment.count_unrequested_board_interruptions()
     }
 
     /// Whether the board is off: it has to be armed before it drives.
     #[must_use]
-    pub fn is_off(&self) -> bool {
-        self.equipment.read_board() == Board::Down
+    pub fn is_board_known_to_be_disarmed(&self) -> bool {
+        self.equipment.read_rail_state_down_up_or_driving() == RailState::Down
     }
 
     /// The plan that is being driven.
     #[must_use]
-    pub fn active(&self) -> Option<Arc<Active>> {
-        self.controller.find_current().map(|current| current.active)
+    pub fn find_active_plan(&self) -> Option<Arc<ActivePlan>> {
+        self.controller.find_current_plan().map(|current| current.active)
     }
 
     /// When what is shown ends, if that is plan `id` or a newer one.
     #[must_use]
-    pub fn end_of(&self, id: u64) -> Option<Instant> {
-        self.controller.find_current().filter(|current| current.active.id >= id).map(|current| current.until)
+    pub fn find_end_of_current_plan_if_not_older(&self, id: u64) -> Option<Instant> {
+        self.controller.find_current_plan().filter(|current| current.active.id >= id).map(|current| current.until)
     }
 
     /// Ends the drive of plan `id` at `when`: its fingers have been lifted.
-    pub fn release(&self, id: u64, when: Instant) {
-        self.controller.release(id, when);
+    pub fn end_touch_at(&self, id: u64, when: Instant) {
+        self.controller.end_touch_at(id, when);
     }
 
     /// Has the drive of plan `id` go on until `until`: its fingers are still down. Whether it is still what is shown.
-    pub async fn renew(&self, id: u64, until: Instant) -> bool {
-        self.controller.renew(id, until).await
+    pub async fn extend_touch_and_check_if_still_shown(&self, id: u64, until: Instant) -> bool {
+        self.controller.extend_touch_and_check_if_still_shown(id, until).await
     }
 
     /// Drops touch `id` if it waits for what is left of those before: there is something newer.
-    pub fn withdraw(&self, id: u64) {
-        self.controller.withdraw(id);
+    pub fn drop_waiting_touch(&self, id: u64) {
+        self.controller.drop_waiting_touch(id);
     }
 
     /// Switches everything off. What is asked for once this has been polled comes after it.
@@ -194,16 +195,16 @@ impl Driver {
     /// # Errors
     /// [`SessionError`]; the board was told to stop all the same where there was a port, and goes off 250 ms after the last frame that
     /// it heard.
-    pub async fn stop(&self) -> Result<(), SessionError> {
+    pub async fn stop_device(&self) -> Result<(), SessionError> {
         // On its way before anything is waited for, a lock as well.
         let mut stopping = std::pin::pin!(self.equipment.session.stop());
         let at_once = std::future::poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await;
-        self.controller.end_stopped();
+        self.controller.tell_task_all_stopped();
         let result = match at_once {
             Poll::Ready(result) => result,
-            Poll::Pending => self.equipment.wait_for_answer(stopping).await,
+            Poll::Pending => self.equipment.await_session_answer_unless_thread_hangs(stopping).await,
         };
-        self.controller.tell_stopped();
+        self.controller.tell_pages_all_stopped();
         result
     }
 
@@ -211,13 +212,13 @@ impl Driver {
     ///
     /// # Errors
     /// [`Problem`]; [`SessionError::Stopped`] if everything was stopped while this waited for its turn.
-    pub async fn arm(&self, client: Client) -> Result<(), Problem> {
-        let (stops, asked) = (self.stops(), Instant::now());
-        let _place = self.admission.place_by_hand(client).await?;
+    pub async fn arm_device(&self, client: Client) -> Result<(), Problem> {
+        let (stops, asked) = (self.stop_count(), Instant::now());
+        let _place = self.admission.wait_for_arm_or_clear_place_unless_queue_full(client).await?;
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
-        Ok(self.equipment.wait_for_answer(self.equipment.session.arm(stops, asked)).await?)
+        Ok(self.equipment.await_session_answer_unless_thread_hangs(self.equipment.session.arm(stops, asked)).await?)
     }
 
     /// Clears the device's latched fault.
@@ -225,20 +226,20 @@ impl Driver {
     /// # Errors
     /// [`Problem`].
     pub async fn clear_faults(&self, client: Client) -> Result<(), Problem> {
-        let _place = self.admission.place_by_hand(client).await?;
-        Ok(self.equipment.wait_for_answer(self.equipment.session.clear_faults()).await?)
+        let _place = self.admission.wait_for_arm_or_clear_place_unless_queue_full(client).await?;
+        Ok(self.equipment.await_session_answer_unless_thread_hangs(self.equipment.session.clear_faults()).await?)
     }
 
-    /// What the sensor has shown under each of the last `most` touches, the newest first; nothing without a simulated sensor.
+    /// What the sensor has shown under each of the last `max_count` touches, the newest first; nothing without a simulated sensor.
     #[must_use]
-    pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
-        self.equipment.sim.as_ref().map(|sim| sim.touch_peaks(most)).unwrap_or_default()
+    pub fn list_newest_touch_peaks(&self, max_count: usize) -> Vec<TouchPeak> {
+        self.equipment.sim.as_ref().map(|sim| sim.peaks_of_newest_touches(max_count)).unwrap_or_default()
     }
 
     /// The largest acceleration under touch `id`, in g; `None` without a simulated sensor.
     #[must_use]
-    pub fn touch_peak_g(&self, id: u64) -> Option<f64> {
-        self.equipment.sim.as_ref()?.touch_peak(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
+    pub fn find_touch_peak_g(&self, id: u64) -> Option<f64> {
+        self.equipment.sim.as_ref()?.peak_of_touch_if_kept(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 
     /// Whether nothing is driven any more because the daemon ends.
@@ -249,7 +250,7 @@ impl Driver {
 
     /// Becomes true when the daemon shuts down.
     #[must_use]
-    pub fn closing(&self) -> watch::Receiver<bool> {
+    pub fn subscribe_closing(&self) -> watch::Receiver<bool> {
         self.closing.subscribe()
     }
 

@@ -23,15 +23,15 @@ mod stretches;
 mod sustained;
 mod task;
 
-pub use command::say_superseded;
-pub use controller::Controller;
-pub use driver::Driver;
-pub use equipment::Equipment;
+pub use command::superseded_problem;
+pub use controller::DriveController;
+pub use driver::TouchDriver;
+pub use equipment::DriveEquipment;
 
 use tokio::sync::watch;
 
 /// Resolves when the daemon ends.
-pub async fn closed(closing: &mut watch::Receiver<bool>) {
+pub async fn wait_for_closing(closing: &mut watch::Receiver<bool>) {
     // An error means that it is gone already.
     let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
 }

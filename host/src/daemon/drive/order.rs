@@ -3,54 +3,54 @@
 use super::active::AskedAt;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
-use crate::effects::Design;
+use crate::effects::EffectDesign;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::{Drive, Plan};
 use std::time::Duration;
 
 /// A touch's plan on its way to the board.
 #[derive(Debug)]
-pub struct Order {
+pub struct TouchOrder {
     /// The touch's number.
     pub id: u64,
     /// When the touch was asked for.
-    pub since: AskedAt,
+    pub asked_at: AskedAt,
     /// The fingers it is for.
     pub touches: Vec<Finger>,
     /// For how long, and how.
-    pub manner: DriveMode,
+    pub drive_mode: DriveMode,
     /// The plan first made.
-    pub whole: Plan,
+    pub whole_plan: Plan,
     /// The fraction of its forces that the channels' credit allows.
-    pub thin: f64,
+    pub credit_fraction: f64,
     /// The plan with that fraction.
-    pub first: Drivable,
+    pub first: PreparedPlan,
 }
 
 /// A plan, and what it takes to drive it.
 #[derive(Clone, Debug)]
-pub struct Drivable {
+pub struct PreparedPlan {
     /// The plan.
     pub plan: Plan,
     /// How the masses move under it.
     pub motion: PlanMotion,
     /// How the board drives it.
-    pub mode: Mode,
+    pub mode: PreparedMode,
 }
 
 /// How the board drives a plan.
 #[derive(Clone, Debug)]
-pub enum Mode {
+pub enum PreparedMode {
     /// Evenly, for as long.
     Hold(Duration),
     /// As an effect.
-    Effect(Box<Design>),
+    Effect(Box<EffectDesign>),
 }
 
-impl Drivable {
+impl PreparedPlan {
     /// The drives of a plan that is driven evenly.
     #[must_use]
-    pub fn even_drives(&self) -> Option<&[Drive]> {
-        matches!(self.mode, Mode::Hold(_)).then_some(self.plan.drives.as_slice())
+    pub fn steady_drives(&self) -> Option<&[Drive]> {
+        matches!(self.mode, PreparedMode::Hold(_)).then_some(self.plan.drives.as_slice())
     }
 }

@@ -2,83 +2,113 @@
 
 use super::active::AskedAt;
 use super::credit;
-use super::equipment::Equipment;
-use super::order::{Drivable, Mode, Order};
-use crate::daemon::api::kinds::Kind;
+use super::equipment::DriveEquipment;
+use super::order::{PreparedMode, PreparedPlan, TouchOrder};
+use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
-use crate::effects::{DesignError, design};
+use crate::effects::{DesignError, design_effect, design_effect_with_windows, is_click_of_windows};
 use crate::planner::Plan;
-use crate::planner::drive::on_channels;
+use crate::planner::click::ClickOptions;
+use crate::planner::drive::assign_channels;
 use crate::planner::limitation::Limitation;
 
-impl Equipment {
+/// The first protocol version with single windows.
+const WINDOWS_VERSION: u8 = 4;
+
+impl DriveEquipment {
     /// Prepares a plan for the board: an even drive as strong as the channels' credit allows for as long as it may be held.
     ///
     /// # Errors
     /// [`Problem`]: an effect that cannot be designed, or a plan of which nobody can tell what it leaves.
-    pub fn prepare_order(
+    pub fn prepare_touch_order(
         &self,
         id: u64,
-        since: AskedAt,
-        whole: Plan,
+        asked_at: AskedAt,
+        whole_plan: Plan,
         touches: Vec<Finger>,
-        manner: DriveMode,
-    ) -> Result<Order, Problem> {
-        let thin = if matches!(manner, DriveMode::Hold(_)) { self.find_credit_fraction(&whole) } else { 1.0 };
-        let first = self.prepare_fraction(&whole, thin, 1.0, manner)?;
-        Ok(Order { id, since, touches, manner, whole, thin, first })
+        drive_mode: DriveMode,
+    ) -> Result<TouchOrder, Problem> {
+        let credit_fraction = if matches!(drive_mode, DriveMode::Hold(_)) {
+            self.find_force_fraction_allowed_by_credit(&whole_plan)
+        } else {
+            1.0
+        };
+        let first = self.prepare_scaled_plan(&whole_plan, credit_fraction, 1.0, drive_mode)?;
+        Ok(TouchOrder { id, asked_at, touches, drive_mode, whole_plan, credit_fraction, first })
     }
 
-    /// The fraction of a plan's forces that the channels' credit allows ([`credit::part`]), as far as the credit is known.
+    /// The fraction of a plan's forces that the channels' credit allows ([`credit::find_force_fraction_allowed_by_credit`]), as far as the credit is known.
     #[must_use]
-    pub fn find_credit_fraction(&self, plan: &Plan) -> f64 {
+    pub fn find_force_fraction_allowed_by_credit(&self, plan: &Plan) -> f64 {
         let snapshots = self.session.subscribe_snapshots();
         let snapshot = snapshots.borrow();
         let (Some(credit), Some(identity)) = (&snapshot.credit, &snapshot.identity) else { return 1.0 };
         let most_v: Vec<f64> =
             identity.channels.iter().map(|channel| f64::from(channel.max_voltage_millivolts) / 1e3).collect();
-        credit::part(&on_channels(&plan.drives), &most_v, credit)
+        credit::find_force_fraction_allowed_by_credit(&assign_channels(&plan.drives), &most_v, credit)
     }
 
-    /// Prepares the fraction `thin` of a plan's forces, which credit allows, and of these the fraction `part`, for which there is room.
+    /// Whether the device plays single windows, as those of protocol version 4 on do; if none is known, it is taken for one that does.
+    fn plays_windows(&self) -> bool {
+        self.session.subscribe_snapshots().borrow().protocol.is_none_or(|version| version >= WINDOWS_VERSION)
+    }
+
+    /// Prepares the fraction `credit_fraction` of a plan's forces, which credit allows, and of these the fraction `force_fraction`, for which there is room.
     ///
     /// # Errors
-    /// As [`Self::prepare_order`].
-    pub fn prepare_fraction(&self, whole: &Plan, thin: f64, part: f64, manner: DriveMode) -> Result<Drivable, Problem> {
-        let mut plan = if thin * part < 1.0 {
-            crate::planner::plan::derate_plan(&self.table, whole, thin * part)?
+    /// As [`Self::prepare_touch_order`].
+    pub fn prepare_scaled_plan(
+        &self,
+        whole_plan: &Plan,
+        credit_fraction: f64,
+        force_fraction: f64,
+        drive_mode: DriveMode,
+    ) -> Result<PreparedPlan, Problem> {
+        let mut plan = if credit_fraction * force_fraction < 1.0 {
+            crate::planner::plan::derate_plan(&self.table, whole_plan, credit_fraction * force_fraction)?
         } else {
-            whole.clone()
+            whole_plan.clone()
         };
-        if part >= 1.0 {
+        if force_fraction >= 1.0 {
             // Nothing is left of the touches before that would be in its way.
-            (plan.limits, plan.limited_by) = (whole.limits.clone(), whole.limited_by.clone());
+            (plan.limits, plan.limited_by) = (whole_plan.limits.clone(), whole_plan.limited_by.clone());
         }
-        self.prepare_plan(plan, part, manner)
+        self.prepare_plan(plan, force_fraction, drive_mode)
     }
 
-    /// Works out what it takes to drive a plan that has the fraction `part` of the forces first planned.
-    fn prepare_plan(&self, plan: Plan, part: f64, manner: DriveMode) -> Result<Drivable, Problem> {
-        let (motion, mode) = match manner {
-            DriveMode::Hold(hold) => (self.table.predict_motion(&plan), Mode::Hold(hold)),
+    /// Works out what it takes to drive a plan that has the fraction `force_fraction` of the forces first planned.
+    fn prepare_plan(&self, plan: Plan, force_fraction: f64, drive_mode: DriveMode) -> Result<PreparedPlan, Problem> {
+        let (motion, mode) = match drive_mode {
+            DriveMode::Hold(hold) => {
+                (self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan), PreparedMode::Hold(hold))
+            }
             DriveMode::Effect(request) => {
-                let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
+                let rise = self.table.panel_poles().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();
-                wished.targets.iter_mut().for_each(|target| target.wanted_g *= part);
-                let mut design = design(&self.table, rise, &wished, request)?;
-                if part < 1.0 {
-                    design.add_limit(Limitation::StillMoving);
+                let is_burst = self.plays_windows() && is_click_of_windows(&plan, request);
+                let mut design = if is_burst {
+                    // A weaker wish may have another click: the same one is weakened.
+                    let options = ClickOptions { force_fraction, ..ClickOptions::default() };
+                    design_effect_with_windows(&self.table, rise, &wished, request, options)?
+                } else {
+                    wished.targets.iter_mut().for_each(|target| target.wanted_g *= force_fraction);
+                    design_effect(&self.table, rise, &wished, request)?
+                };
+                if force_fraction < 1.0 {
+                    design.add_limitation_if_new(Limitation::StillMoving);
                 }
-                (design.motion(&self.table), Mode::Effect(Box::new(design)))
+                (
+                    design.predict_travel_and_free_motion_of_effect_if_poles_known(&self.table),
+                    PreparedMode::Effect(Box::new(design)),
+                )
             }
         };
         let untold = || {
-            let detail =
-                "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
-            Problem::new(Kind::NoPlan, detail)
+            let detail = "the vibration that remains after the plan cannot be predicted: a drive excites an undamped mode at its resonance";
+            Problem::new(ProblemKind::NoPlan, detail)
         };
-        Ok(Drivable { plan, motion: motion.ok_or_else(untold)?, mode })
+        Ok(PreparedPlan { plan, motion: motion.ok_or_else(untold)?, mode })
     }
 }

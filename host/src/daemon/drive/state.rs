@@ -1,11 +1,11 @@
 //! What has been driven, what is left of it, and what is shown of it. Times are handed in, and nothing is asked of the device.
 
-use super::active::{Active, Current, Sustained};
+use super::active::{ActivePlan, CurrentPlan, SustainedDrive};
 use super::burst::Burst;
 use crate::planner::Drive;
 use crate::planner::plan_motion::PlanMotion;
-use crate::planner::residual::{Board, Ending, ResidualVibration, Room};
-use crate::planner::rise::DecayingMode;
+use crate::planner::residual::{Ending, RailState, ResidualVibration, StartHeadroom};
+use crate::planner::rise::PoleDecayAndTravel;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,134 +19,155 @@ pub struct DriveState {
     residual: ResidualVibration,
     burst: Option<Burst>,
     /// What is driven.
-    pub current: Option<Current>,
+    pub current: Option<CurrentPlan>,
     /// What is looked after.
-    pub sustained: Option<Sustained>,
+    pub sustained: Option<SustainedDrive>,
 }
 
 impl DriveState {
     /// A panel at rest with these poles.
     #[must_use]
-    pub fn new(modes: Vec<DecayingMode>, zero: Instant) -> Self {
+    pub fn new(modes: Vec<PoleDecayAndTravel>, zero: Instant) -> Self {
         let residual = ResidualVibration::new(modes);
         Self { zero, newest: 0, residual, burst: None, current: None, sustained: None }
     }
 
     /// The newest plan that has been driven, or for which older ones have been ended.
     #[must_use]
-    pub const fn newest(&self) -> u64 {
+    pub const fn newest_plan_id(&self) -> u64 {
         self.newest
     }
 
     /// Takes plan `id` for the newest, if it is; the newest before.
-    pub fn raise_newest(&mut self, id: u64) -> u64 {
+    pub fn raise_newest_and_return_previous_id(&mut self, id: u64) -> u64 {
         let before = self.newest;
         self.newest = before.max(id);
         before
     }
 
-    /// Takes back [`Self::raise_newest`]: the plan has driven nothing, so that it has taken nobody's place.
-    pub const fn restore_newest(&mut self, before: u64) {
-        self.newest = before;
+    /// Takes back [`Self::raise_newest_and_return_previous_id`]: the plan has driven nothing, so that it has taken nobody's place.
+    pub const fn restore_newest_plan_id(&mut self, previous_id: u64) {
+        self.newest = previous_id;
     }
 
     /// When a plan may begin on top of what is left of the touches before, and with which fraction of its forces. Of a plan that is
-    /// driven evenly, `even` are its drives.
+    /// driven evenly, `steady_drives` are its drives.
     #[must_use]
-    pub fn find_room(&self, motion: &PlanMotion, even: Option<&[Drive]>, board: Board, now: Instant) -> Room {
-        self.residual.room(motion, even, self.since_zero_s(now), board)
+    pub fn find_wait_and_fraction_beside_earlier_touches(
+        &self,
+        motion: &PlanMotion,
+        steady_drives: Option<&[Drive]>,
+        board: RailState,
+        now: Instant,
+    ) -> StartHeadroom {
+        self.residual.find_headroom(motion, steady_drives, self.seconds_since_start(now), board)
     }
 
     /// The fraction of a plan's forces for which there is room now.
     #[must_use]
-    pub fn find_fraction(&self, motion: &PlanMotion, even: Option<&[Drive]>, board: Board, now: Instant) -> f64 {
-        self.residual.part(motion, even, self.since_zero_s(now), board)
+    pub fn max_force_fraction_beside_earlier_touches(
+        &self,
+        motion: &PlanMotion,
+        steady_drives: Option<&[Drive]>,
+        board: RailState,
+        now: Instant,
+    ) -> f64 {
+        self.residual.max_force_fraction_that_fits_without_wait(
+            motion,
+            steady_drives,
+            self.seconds_since_start(now),
+            board,
+        )
     }
 
     /// The plan whose drives were the last to begin and have not been ended, even if their time is over.
     #[must_use]
-    pub fn find_driven(&self) -> Option<u64> {
-        self.residual.driven()
+    pub fn last_plan_id_even_if_time_over(&self) -> Option<u64> {
+        self.residual.current_drive_id_even_if_past_its_end()
     }
 
     /// Takes note that a plan's drives have begun and will end at `until`; how many have begun until now.
-    pub fn begin(
+    pub fn note_and_count_begun_drives(
         &mut self,
         id: u64,
         motion: &PlanMotion,
-        even: Option<&[Drive]>,
-        board: Board,
+        steady_drives: Option<&[Drive]>,
+        board: RailState,
         span: [Instant; 2],
     ) -> u64 {
         let [now, until] = span;
-        let (now_s, until_s) = (self.since_zero_s(now), self.since_zero_s(until));
-        self.residual.begin(id, motion, even, board, now_s, until_s);
+        let (now_s, until_s) = (self.seconds_since_start(now), self.seconds_since_start(until));
+        self.residual.record_drives_that_begin_in_place_of_others(id, motion, steady_drives, board, now_s, until_s);
         let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
-        self.burst = Some(Burst::begun(self.burst, Instant::now(), until, lowest_hz));
-        self.residual.begun()
+        self.burst = Some(Burst::begin_or_continue(self.burst, Instant::now(), until, lowest_hz));
+        self.residual.count_begun_drives()
     }
 
-    /// Whether the drives of plan `id` that were the `begun`th to begin are still the last, on a board that has not gone off.
+    /// Whether the drives of plan `id` that were the `begun_count`th to begin are still the last, on a board that has not gone off.
     #[must_use]
-    pub fn is_last(&self, id: u64, begun: u64, board: Board) -> bool {
-        id >= self.newest && self.residual.begun() == begun && board != Board::Down
+    pub fn is_newest_drive(&self, id: u64, begun_count: u64, board: RailState) -> bool {
+        id >= self.newest && self.residual.count_begun_drives() == begun_count && board != RailState::Down
     }
 
     /// Takes note that whatever is driven ends now.
-    pub fn end_all(&mut self, how: Ending, now: Instant) {
-        self.residual.end(self.since_zero_s(now), how);
+    pub fn note_all_drives_ended(&mut self, ending: Ending, now: Instant) {
+        self.residual.record_end_of_current_drives(self.seconds_since_start(now), ending);
         if let Some(burst) = &mut self.burst {
-            burst.end_by(now);
+            burst.end_no_later_than(now);
         }
     }
 
     /// Takes note that the last drives end, of which the burst counts on until newer ones begin.
-    pub fn end_residual(&mut self, now: Instant) {
-        self.residual.end(self.since_zero_s(now), Ending::AtItsBoundary);
+    pub fn note_drives_ended_but_burst_continuing(&mut self, now: Instant) {
+        self.residual.record_end_of_current_drives(self.seconds_since_start(now), Ending::AtItsBoundary);
     }
 
     /// Takes note that the drives of plan `id` end at `when`; whether what is shown ends sooner by it.
-    pub fn end_plan(&mut self, id: u64, when: Instant) -> bool {
-        self.residual.end_of(id, self.since_zero_s(when));
-        if self.residual.driven() == Some(id)
+    pub fn note_plan_end_and_check_if_current_ends_sooner(&mut self, id: u64, when: Instant) -> bool {
+        self.residual.record_end_of_drives_with_id(id, self.seconds_since_start(when));
+        if self.residual.current_drive_id_even_if_past_its_end() == Some(id)
             && let Some(burst) = &mut self.burst
         {
-            burst.end_by(when);
+            burst.end_no_later_than(when);
         }
         let current = self.current.as_mut().filter(|current| current.active.id == id && when < current.until);
         current.map(|current| current.until = when).is_some()
     }
 
     /// Takes note that the drives of plan `id`, if they are on, go on until `until`.
-    pub fn prolong_plan(&mut self, id: u64, now: Instant, until: Instant) {
-        self.residual.prolong(id, self.since_zero_s(now), self.since_zero_s(until));
-        if self.residual.driven() == Some(id)
+    pub fn note_plan_extended(&mut self, id: u64, now: Instant, until: Instant) {
+        self.residual.record_extension_of_drives_with_id(
+            id,
+            self.seconds_since_start(now),
+            self.seconds_since_start(until),
+        );
+        if self.residual.current_drive_id_even_if_past_its_end() == Some(id)
             && let Some(burst) = &mut self.burst
         {
-            burst.go_on(until);
+            burst.end_no_earlier_than(until);
         }
     }
 
-    /// When the board has to rest, if what is driven goes on until `until`.
+    /// When the board has to rest, if what is driven goes on until `drive_end`.
     #[must_use]
-    pub fn find_rest_due(&self, until: Instant) -> Option<Instant> {
-        self.burst.as_ref().and_then(|burst| burst.due(until))
+    pub fn start_of_rest_needed_if_driven_until(&self, drive_end: Instant) -> Option<Instant> {
+        self.burst.as_ref().and_then(|burst| burst.start_of_rest_needed_if_driven_until(drive_end))
     }
 
     /// When the board has rested, if nothing is driven from the last end on; `None` if nothing was driven.
     #[must_use]
-    pub fn find_rest_end(&self) -> Option<Instant> {
-        self.burst.as_ref().map(Burst::rested)
+    pub fn find_end_of_rest(&self) -> Option<Instant> {
+        self.burst.as_ref().map(Burst::find_end_of_rest)
     }
 
     /// When what is shown ends; `None` if it has ended, or something else is shown.
     #[must_use]
-    pub fn find_end(&self, active: &Arc<Active>, now: Instant) -> Option<Instant> {
-        let is_it = |current: &&Current| Arc::ptr_eq(&current.active, active) && now < current.until;
+    pub fn find_end_of_plan_if_still_shown(&self, active: &Arc<ActivePlan>, now: Instant) -> Option<Instant> {
+        let is_it = |current: &&CurrentPlan| Arc::ptr_eq(&current.active, active) && now < current.until;
         self.current.as_ref().filter(is_it).map(|current| current.until)
     }
 
-    fn since_zero_s(&self, when: Instant) -> f64 {
+    fn seconds_since_start(&self, when: Instant) -> f64 {
         when.saturating_duration_since(self.zero).as_secs_f64()
     }
 }
@@ -172,26 +193,31 @@ mod tests {
     fn only_the_last_drives_are_changed_again() {
         let (mut state, motion, span) = rest();
         let drive = |state: &mut DriveState, id: u64| {
-            state.raise_newest(id);
-            state.begin(id, &motion, Some(&[]), Board::Driving, span)
+            state.raise_newest_and_return_previous_id(id);
+            state.note_and_count_begun_drives(id, &motion, Some(&[]), RailState::Driving, span)
         };
         let first = drive(&mut state, 1);
-        assert!(state.is_last(1, first, Board::Driving) && !state.is_last(1, first, Board::Down));
+        assert!(
+            state.is_newest_drive(1, first, RailState::Driving) && !state.is_newest_drive(1, first, RailState::Down)
+        );
         let second = drive(&mut state, 1);
-        assert!(!state.is_last(1, first, Board::Driving) && state.is_last(1, second, Board::Driving));
+        assert!(
+            !state.is_newest_drive(1, first, RailState::Driving)
+                && state.is_newest_drive(1, second, RailState::Driving)
+        );
         drive(&mut state, 2);
-        assert!(!state.is_last(1, second, Board::Driving));
+        assert!(!state.is_newest_drive(1, second, RailState::Driving));
     }
 
     /// A newer one that is refused leaves the older one what it was: there to be looked after.
     #[test]
     fn one_that_drives_nothing_takes_nobodys_place() {
         let (mut state, motion, span) = rest();
-        state.raise_newest(5);
-        let begun = state.begin(5, &motion, Some(&[]), Board::Driving, span);
-        let before = state.raise_newest(7);
-        assert!(!state.is_last(5, begun, Board::Driving));
-        state.restore_newest(before);
-        assert!(state.is_last(5, begun, Board::Driving));
+        state.raise_newest_and_return_previous_id(5);
+        let begun = state.note_and_count_begun_drives(5, &motion, Some(&[]), RailState::Driving, span);
+        let before = state.raise_newest_and_return_previous_id(7);
+        assert!(!state.is_newest_drive(5, begun, RailState::Driving));
+        state.restore_newest_plan_id(before);
+        assert!(state.is_newest_drive(5, begun, RailState::Driving));
     }
 }

@@ -4,20 +4,22 @@
 //! the board, or the board rests. Commands are taken meanwhile: a newer touch takes the place of one that waits; a release, or more time,
 //! goes to the session at once. A stop goes to the session first and is told here afterwards, so that nothing here can hold it up.
 
-use super::active::{Active, AskedAt, Current, Sustained, Touched, Update};
-use super::command::{Command, Published, Request, is_current, say_superseded};
-use super::equipment::{Begun, Equipment, NotBegun};
-use super::order::{Drivable, Mode, Order};
+use super::active::{ActivePlan, AskedAt, CurrentPlan, SustainedDrive, Update};
+use super::command::{
+    DriveCommand, DriveRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
+};
+use super::equipment::{BegunDrive, DriveEquipment, RefusedDrive};
+use super::order::{PreparedMode, PreparedPlan, TouchOrder};
 use super::state::DriveState;
-use crate::daemon::api::kinds::Kind;
+use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::answer::Achieved;
+use crate::daemon::touch::answer::{Achieved, TouchedView};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::plan_view::{PlanView, Thinned};
 use crate::daemon::touch::request::Finger;
 use crate::device::SessionError;
 use crate::planner::Plan;
-use crate::planner::residual::{Board, Ending, Room, fitted};
+use crate::planner::residual::{Ending, RailState, StartHeadroom, find_fraction_and_plan_within_headroom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::Pin;
 use std::sync::{Arc, Weak};
@@ -26,28 +28,28 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 /// The task.
 #[derive(Debug)]
-pub struct Task {
+pub struct DriveTask {
     /// Of the daemon, which may end in between.
-    equipment: Weak<Equipment>,
-    inbox: mpsc::UnboundedReceiver<Command>,
-    publish: watch::Sender<Published>,
+    equipment: Weak<DriveEquipment>,
+    inbox: mpsc::UnboundedReceiver<DriveCommand>,
+    publish: watch::Sender<PublishedDriveState>,
     updates: broadcast::Sender<Update>,
     pub(super) state: DriveState,
-    pub(super) lane: Lane,
+    pub(super) activity: BoardActivity,
     /// What waits for the lane: the newest.
-    next: Option<Next>,
+    next: Option<NextRequest>,
     /// When what goes on was looked at last.
-    pub(super) looked: Instant,
+    pub(super) last_look: Instant,
 }
 
 /// What waits for the lane.
 #[derive(Debug)]
-enum Next {
-    Drive(Box<Request>),
+enum NextRequest {
+    Drive(Box<DriveRequest>),
     Overtake { id: u64, reply: oneshot::Sender<()> },
 }
 
-impl Next {
+impl NextRequest {
     const fn touch_id(&self) -> u64 {
         match self {
             Self::Drive(request) => request.order.id,
@@ -56,21 +58,21 @@ impl Next {
     }
 }
 
-type Answer = Pin<Box<dyn Future<Output = Result<Begun, NotBegun>> + Send>>;
+type Answer = Pin<Box<dyn Future<Output = Result<BegunDrive, RefusedDrive>> + Send>>;
 
 /// What there is to do with the board.
-pub enum Lane {
+pub enum BoardActivity {
     /// Nothing.
     Free,
     /// A touch waits for what is left of those before.
-    Settling { request: Box<Request>, since: Instant, until: Instant },
+    Settling { request: Box<DriveRequest>, since: Instant, until: Instant },
     /// The board has been told to drive, and has not answered yet.
-    Ordered { sent: Box<Sent>, answer: Answer },
+    Ordered { sent: Box<SentDrive>, answer: Answer },
     /// The board rests, at least until `until`, for a drive that goes on afterwards.
-    Resting { held: Box<Sustained>, until: Instant, looks: u32 },
+    Resting { held: Box<SustainedDrive>, until: Instant, looks: u32 },
 }
 
-impl std::fmt::Debug for Lane {
+impl std::fmt::Debug for BoardActivity {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         out.write_str(match self {
             Self::Free => "Free",
@@ -81,8 +83,8 @@ impl std::fmt::Debug for Lane {
     }
 }
 
-impl Lane {
-    async fn wait_for_answer(&mut self) -> Result<Begun, NotBegun> {
+impl BoardActivity {
+    async fn await_board_answer(&mut self) -> Result<BegunDrive, RefusedDrive> {
         match self {
             Self::Ordered { answer, .. } => answer.await,
             _ => std::future::pending().await,
@@ -92,48 +94,57 @@ impl Lane {
 
 /// What the board has been told to drive.
 #[derive(Debug)]
-pub struct Sent {
+pub struct SentDrive {
     /// What for.
-    pub purpose: Purpose,
+    pub purpose: DrivePurpose,
     /// The plan, with the fraction of its forces for which there is room.
-    pub drivable: Drivable,
+    pub prepared: PreparedPlan,
     /// That fraction.
-    pub part: f64,
+    pub force_fraction: f64,
     /// What the board did before.
-    pub board: Board,
+    pub board: RailState,
     /// When it was told.
     pub since: Instant,
-    /// [`DriveState::newest`] before.
+    /// [`DriveState::newest_plan_id`] before.
     pub newest: u64,
 }
 
 /// What the board has been told to drive something for.
 #[derive(Debug)]
-pub enum Purpose {
+pub enum DrivePurpose {
     /// A touch, which has waited for what is left of those before.
-    Touch { request: Box<Request>, waited: Option<Duration> },
+    Touch { request: Box<DriveRequest>, waited: Option<Duration> },
     /// A drive that goes on, after a rest or with other forces.
-    Again { held: Box<Sustained>, has_rested: bool },
+    Again { held: Box<SustainedDrive>, has_rested: bool },
 }
 
-impl Task {
+impl DriveTask {
     /// A task for a panel at rest.
     #[must_use]
     pub fn new(
-        equipment: &Arc<Equipment>,
-        inbox: mpsc::UnboundedReceiver<Command>,
-        publish: watch::Sender<Published>,
+        equipment: &Arc<DriveEquipment>,
+        inbox: mpsc::UnboundedReceiver<DriveCommand>,
+        publish: watch::Sender<PublishedDriveState>,
         updates: broadcast::Sender<Update>,
     ) -> Self {
-        let state = DriveState::new(equipment.table.decaying_modes(), Instant::now());
+        let state = DriveState::new(equipment.table.decay_rate_and_travel_of_each_pole(), Instant::now());
         let equipment = Arc::downgrade(equipment);
-        Self { equipment, inbox, publish, updates, state, lane: Lane::Free, next: None, looked: Instant::now() }
+        Self {
+            equipment,
+            inbox,
+            publish,
+            updates,
+            state,
+            activity: BoardActivity::Free,
+            next: None,
+            last_look: Instant::now(),
+        }
     }
 
     /// Carries out commands until nobody is there to send any.
-    pub async fn run(mut self) {
+    pub async fn run_until_closed(mut self) {
         loop {
-            let due = self.find_due();
+            let due = self.find_next_due_time();
             let sleep = async {
                 match due {
                     Some(due) => tokio::time::sleep_until(due.into()).await,
@@ -144,7 +155,7 @@ impl Task {
             let is_due = due.is_some_and(|due| due <= Instant::now());
             let (command, answer) = tokio::select! {
                 biased;
-                answer = self.lane.wait_for_answer() => (None, Some(answer)),
+                answer = self.activity.await_board_answer() => (None, Some(answer)),
                 () = std::future::ready(()), if is_due => (None, None),
                 command = self.inbox.recv() => match command {
                     Some(command) => (Some(command), None),
@@ -155,68 +166,70 @@ impl Task {
             // Held only meanwhile, so that the daemon can end in between.
             let Some(equipment) = self.equipment.upgrade() else { return };
             match (command, answer) {
-                (_, Some(answer)) => self.take_answer(&equipment, answer),
+                (_, Some(answer)) => self.handle_board_answer(&equipment, answer),
                 (Some(command), _) => self.carry_out_command(&equipment, command),
-                (None, None) => self.do_what_is_due(&equipment),
+                (None, None) => self.carry_out_due_activity(&equipment),
             }
-            self.start_next(&equipment);
+            self.start_queued_request(&equipment);
             self.publish_state();
         }
     }
 
     /// When something is to be done without being told.
-    fn find_due(&self) -> Option<Instant> {
-        match &self.lane {
-            Lane::Free => self.find_next_look(),
-            Lane::Settling { until, .. } | Lane::Resting { until, .. } => Some(*until),
-            Lane::Ordered { .. } => None,
+    fn find_next_due_time(&self) -> Option<Instant> {
+        match &self.activity {
+            BoardActivity::Free => self.find_next_supervision_time(),
+            BoardActivity::Settling { until, .. } | BoardActivity::Resting { until, .. } => Some(*until),
+            BoardActivity::Ordered { .. } => None,
         }
     }
 
-    fn do_what_is_due(&mut self, equipment: &Arc<Equipment>) {
-        match std::mem::replace(&mut self.lane, Lane::Free) {
-            Lane::Free => self.look_after(equipment),
-            Lane::Settling { request, since, .. } => {
-                if request.order.since.stops == equipment.session.stop_count() {
-                    self.drive_touch(equipment, request, Some(since));
+    fn carry_out_due_activity(&mut self, equipment: &Arc<DriveEquipment>) {
+        match std::mem::replace(&mut self.activity, BoardActivity::Free) {
+            BoardActivity::Free => self.supervise_sustained_drive(equipment),
+            BoardActivity::Settling { request, since, .. } => {
+                if request.order.asked_at.stops == equipment.session.stop_count() {
+                    self.send_touch_to_board(equipment, request, Some(since));
                 } else {
                     request.refuse(SessionError::Stopped);
                 }
             }
-            Lane::Resting { held, looks, .. } => self.end_rest(equipment, held, looks),
-            ordered @ Lane::Ordered { .. } => self.lane = ordered,
+            BoardActivity::Resting { held, looks, .. } => {
+                self.resume_drive_once_board_stopped_driving(equipment, held, looks)
+            }
+            ordered @ BoardActivity::Ordered { .. } => self.activity = ordered,
         }
     }
 
-    fn carry_out_command(&mut self, equipment: &Arc<Equipment>, command: Command) {
+    fn carry_out_command(&mut self, equipment: &Arc<DriveEquipment>, command: DriveCommand) {
         match command {
-            Command::Drive(request) => {
+            DriveCommand::Drive(request) => {
                 // Nobody waits for a place that a newer one has.
-                if request.order.id < self.find_newest() {
-                    request.refuse(say_superseded());
+                if request.order.id < self.find_newest_driven_or_waiting_touch_id() {
+                    request.refuse(superseded_problem());
                 } else {
-                    self.replace_next(Next::Drive(request));
+                    self.queue_request_superseding_waiting(NextRequest::Drive(request));
                 }
             }
-            Command::Overtake { id, reply } => {
-                if id >= self.find_newest() {
-                    self.replace_next(Next::Overtake { id, reply });
+            DriveCommand::Overtake { id, reply } => {
+                if id >= self.find_newest_driven_or_waiting_touch_id() {
+                    self.queue_request_superseding_waiting(NextRequest::Overtake { id, reply });
                 }
             }
-            Command::Release { id, when } => self.release(equipment, id, when),
-            Command::Renew { id, until, reply } => {
-                let _ = reply.send(self.renew(equipment, id, until));
+            DriveCommand::Release { id, when } => self.end_touch_at(equipment, id, when),
+            DriveCommand::Renew { id, until, reply } => {
+                let _ = reply.send(self.extend_touch_and_check_if_still_shown(equipment, id, until));
             }
-            Command::Withdraw { id } => {
-                if matches!(&self.lane, Lane::Settling { request, .. } if request.order.id == id) {
-                    self.refuse_settling(say_superseded);
+            DriveCommand::Withdraw { id } => {
+                if matches!(&self.activity, BoardActivity::Settling { request, .. } if request.order.id == id) {
+                    self.refuse_waiting_touch(superseded_problem);
                 }
             }
-            Command::Stopped { when } => {
-                self.state.end_all(Ending::AtOnce, when);
-                self.refuse_settling(|| SessionError::Stopped.into());
-                if matches!(self.lane, Lane::Resting { .. }) {
-                    self.lane = Lane::Free;
+            DriveCommand::Stopped { when } => {
+                self.state.note_all_drives_ended(Ending::AtOnce, when);
+                self.refuse_waiting_touch(|| SessionError::Stopped.into());
+                if matches!(self.activity, BoardActivity::Resting { .. }) {
+                    self.activity = BoardActivity::Free;
                 }
                 self.state.current.take_if(|current| current.stops != equipment.session.stop_count());
             }
@@ -224,40 +237,40 @@ impl Task {
     }
 
     /// The newest touch that is driven, or is to be.
-    fn find_newest(&self) -> u64 {
-        let waiting = match &self.lane {
-            Lane::Settling { request, .. } => request.order.id,
+    fn find_newest_driven_or_waiting_touch_id(&self) -> u64 {
+        let waiting = match &self.activity {
+            BoardActivity::Settling { request, .. } => request.order.id,
             _ => 0,
         };
-        self.state.newest().max(self.next.as_ref().map_or(0, Next::touch_id)).max(waiting)
+        self.state.newest_plan_id().max(self.next.as_ref().map_or(0, NextRequest::touch_id)).max(waiting)
     }
 
-    fn replace_next(&mut self, next: Next) {
-        self.refuse_settling(say_superseded);
-        if let Some(Next::Drive(older)) = self.next.replace(next) {
-            older.refuse(say_superseded());
+    fn queue_request_superseding_waiting(&mut self, next: NextRequest) {
+        self.refuse_waiting_touch(superseded_problem);
+        if let Some(NextRequest::Drive(older)) = self.next.replace(next) {
+            older.refuse(superseded_problem());
         }
     }
 
-    fn refuse_settling(&mut self, problem: impl Fn() -> Problem) {
-        match std::mem::replace(&mut self.lane, Lane::Free) {
-            Lane::Settling { request, .. } => request.refuse(problem()),
-            other => self.lane = other,
+    fn refuse_waiting_touch(&mut self, make_problem: impl Fn() -> Problem) {
+        match std::mem::replace(&mut self.activity, BoardActivity::Free) {
+            BoardActivity::Settling { request, .. } => request.refuse(make_problem()),
+            other => self.activity = other,
         }
     }
 
-    fn start_next(&mut self, equipment: &Arc<Equipment>) {
-        while matches!(self.lane, Lane::Free)
+    fn start_queued_request(&mut self, equipment: &Arc<DriveEquipment>) {
+        while matches!(self.activity, BoardActivity::Free)
             && let Some(next) = self.next.take()
         {
             match next {
-                Next::Drive(request) => self.take_turn(equipment, request),
-                Next::Overtake { id, reply } => {
-                    self.state.raise_newest(id);
+                NextRequest::Drive(request) => self.drive_touch_or_wait_for_decay(equipment, request),
+                NextRequest::Overtake { id, reply } => {
+                    self.state.raise_newest_and_return_previous_id(id);
                     let older =
                         self.state.current.as_ref().map(|current| current.active.id).filter(|older| *older < id);
                     if let Some(older) = older {
-                        self.release(equipment, older, Instant::now());
+                        self.end_touch_at(equipment, older, Instant::now());
                     }
                     let _ = reply.send(());
                 }
@@ -267,214 +280,285 @@ impl Task {
 
     /// Has a touch wait for as long as that makes its drives much stronger on top of what is left of the touches before, which end then;
     /// or drives it.
-    fn take_turn(&mut self, equipment: &Arc<Equipment>, request: Box<Request>) {
-        if request.order.since.stops != equipment.session.stop_count() {
+    fn drive_touch_or_wait_for_decay(&mut self, equipment: &Arc<DriveEquipment>, request: Box<DriveRequest>) {
+        if request.order.asked_at.stops != equipment.session.stop_count() {
             return request.refuse(SessionError::Stopped);
         }
         let (id, now, first) = (request.order.id, Instant::now(), &request.order.first);
-        let board = equipment.read_board();
-        let find_room = || Ok(self.state.find_room(&first.motion, first.even_drives(), board, now));
-        let Room { after_s, part, goes_on } = match compute(find_room) {
+        let board = equipment.read_rail_state_down_up_or_driving();
+        let find_headroom = || {
+            Ok(self.state.find_wait_and_fraction_beside_earlier_touches(
+                &first.motion,
+                first.steady_drives(),
+                board,
+                now,
+            ))
+        };
+        let StartHeadroom { wait_s, force_fraction, goes_on } = match compute_catching_panics(find_headroom) {
             Ok(room) => room,
             Err(problem) => return request.refuse(problem),
         };
-        if after_s <= 0.0 {
-            return self.drive_touch(equipment, request, None);
+        if wait_s <= 0.0 {
+            return self.send_touch_to_board(equipment, request, None);
         }
         if !goes_on {
-            if let Some(driven) = self.state.find_driven() {
-                self.release(equipment, driven, now);
+            if let Some(driven) = self.state.last_plan_id_even_if_time_over() {
+                self.end_touch_at(equipment, driven, now);
             }
-            self.state.end_residual(now);
+            self.state.note_drives_ended_but_burst_continuing(now);
         }
-        tracing::info!(plan = id, wait_ms = after_s * 1e3, part, "waits for what is left of the touches before");
+        tracing::info!(
+            plan = id,
+            wait_ms = wait_s * 1e3,
+            force_fraction,
+            "the touch waits until the vibration of earlier touches has decayed"
+        );
         // Whatever becomes of it, those before have made way.
-        self.state.raise_newest(id);
-        self.lane = Lane::Settling { request, since: now, until: now + Duration::from_secs_f64(after_s) };
+        self.state.raise_newest_and_return_previous_id(id);
+        self.activity = BoardActivity::Settling { request, since: now, until: now + Duration::from_secs_f64(wait_s) };
     }
 
     /// Has the board drive a touch that has waited `since` then, with as much of its forces as there is room for.
-    fn drive_touch(&mut self, equipment: &Arc<Equipment>, request: Box<Request>, since: Option<Instant>) {
-        let (board, now) = (equipment.read_board(), Instant::now());
-        let Order { id, thin, manner, ref whole, ref first, .. } = request.order;
-        match self.fit(equipment, (id, first.clone()), whole, thin, manner, (board, now)) {
+    fn send_touch_to_board(
+        &mut self,
+        equipment: &Arc<DriveEquipment>,
+        request: Box<DriveRequest>,
+        since: Option<Instant>,
+    ) {
+        let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
+        let TouchOrder { id, credit_fraction, drive_mode, ref whole_plan, ref first, .. } = request.order;
+        match self.scale_plan_to_room_beside_earlier_touches(
+            equipment,
+            (id, first.clone()),
+            whole_plan,
+            credit_fraction,
+            drive_mode,
+            (board, now),
+        ) {
             Err(problem) => request.refuse(problem),
-            Ok((part, drivable)) => {
-                equipment.place_sensor(id, &drivable.plan);
+            Ok((force_fraction, prepared)) => {
+                equipment.place_simulated_sensor_under_first_target(id, &prepared.plan);
                 // Until it goes to the board: what that takes to answer is no wait.
                 let waited = since.map(|since| since.elapsed());
-                let asked = request.order.since;
-                let purpose = Purpose::Touch { request, waited };
-                self.send(equipment, (id, asked), Sent { purpose, drivable, part, board, since: now, newest: 0 });
+                let asked = request.order.asked_at;
+                let purpose = DrivePurpose::Touch { request, waited };
+                self.send_drive_to_board(
+                    equipment,
+                    (id, asked),
+                    SentDrive { purpose, prepared, force_fraction, board, since: now, newest: 0 },
+                );
             }
         }
     }
 
-    /// As much of `first`, the fraction `thin` of a `whole` plan, as there is room for on top of what is left of the touches before,
+    /// As much of `first`, the fraction `credit_fraction` of a `whole_plan` plan, as there is room for on top of what is left of the touches before,
     /// and the fraction of its forces that this is.
-    pub(super) fn fit(
+    pub(super) fn scale_plan_to_room_beside_earlier_touches(
         &self,
-        equipment: &Equipment,
-        (id, first): (u64, Drivable),
-        whole: &Plan,
-        thin: f64,
-        manner: DriveMode,
-        (board, now): (Board, Instant),
-    ) -> Result<(f64, Drivable), Problem> {
-        let weaker = |part: f64| {
-            tracing::info!(plan = id, part, "weaker, for what is left of the touches before");
-            equipment.prepare_fraction(whole, thin, part, manner)
+        equipment: &DriveEquipment,
+        (id, first): (u64, PreparedPlan),
+        whole_plan: &Plan,
+        credit_fraction: f64,
+        drive_mode: DriveMode,
+        (board, now): (RailState, Instant),
+    ) -> Result<(f64, PreparedPlan), Problem> {
+        let weaker = |force_fraction: f64| {
+            tracing::info!(
+                plan = id,
+                force_fraction,
+                "the touch is driven with less force because earlier touches still vibrate"
+            );
+            equipment.prepare_scaled_plan(whole_plan, credit_fraction, force_fraction, drive_mode)
         };
-        let room = |drivable: &Drivable| self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now);
-        compute(|| fitted(first, weaker, room))
+        let room = |prepared: &PreparedPlan| {
+            self.state.max_force_fraction_beside_earlier_touches(&prepared.motion, prepared.steady_drives(), board, now)
+        };
+        compute_catching_panics(|| find_fraction_and_plan_within_headroom(first, weaker, room))
     }
 
     /// Tells the board.
-    pub(super) fn send(&mut self, equipment: &Arc<Equipment>, (id, asked): (u64, AskedAt), sent: Sent) {
-        let newest = self.state.raise_newest(id);
-        let is_soft = sent.board == Board::Down;
-        let answer = Arc::clone(equipment).begin_drive(id, asked, sent.drivable.clone(), is_soft);
-        self.lane = Lane::Ordered { sent: Box::new(Sent { newest, ..sent }), answer: Box::pin(answer) };
+    pub(super) fn send_drive_to_board(
+        &mut self,
+        equipment: &Arc<DriveEquipment>,
+        (id, asked): (u64, AskedAt),
+        sent: SentDrive,
+    ) {
+        let newest = self.state.raise_newest_and_return_previous_id(id);
+        let is_soft = sent.board == RailState::Down;
+        let answer = Arc::clone(equipment).begin_drive(id, asked, sent.prepared.clone(), is_soft);
+        self.activity =
+            BoardActivity::Ordered { sent: Box::new(SentDrive { newest, ..sent }), answer: Box::pin(answer) };
     }
 
-    fn take_answer(&mut self, equipment: &Arc<Equipment>, answer: Result<Begun, NotBegun>) {
-        let Lane::Ordered { sent, .. } = std::mem::replace(&mut self.lane, Lane::Free) else { return };
-        let Sent { purpose, drivable, part, board, since, newest } = *sent;
+    fn handle_board_answer(&mut self, equipment: &Arc<DriveEquipment>, answer: Result<BegunDrive, RefusedDrive>) {
+        let BoardActivity::Ordered { sent, .. } = std::mem::replace(&mut self.activity, BoardActivity::Free) else {
+            return;
+        };
+        let SentDrive { purpose, prepared, force_fraction, board, since, newest } = *sent;
         let id = match &purpose {
-            Purpose::Touch { request, .. } => request.order.id,
-            Purpose::Again { held, .. } => held.active.id,
+            DrivePurpose::Touch { request, .. } => request.order.id,
+            DrivePurpose::Again { held, .. } => held.active.id,
         };
         let begin = |state: &mut DriveState, until: Instant| {
-            state.begin(id, &drivable.motion, drivable.even_drives(), board, [since, until])
+            state.note_and_count_begun_drives(id, &prepared.motion, prepared.steady_drives(), board, [since, until])
         };
         let begun = match answer {
-            Ok(Begun { achieved, until }) => Ok((achieved, until, begin(&mut self.state, until))),
-            Err(NotBegun { error, may_drive }) => {
+            Ok(BegunDrive { achieved, until }) => Ok((achieved, until, begin(&mut self.state, until))),
+            Err(RefusedDrive { error, may_drive }) => {
                 if may_drive {
                     begin(&mut self.state, Instant::now());
                 } else {
-                    self.state.restore_newest(newest);
+                    self.state.restore_newest_plan_id(newest);
                 }
                 Err(Problem::from(error))
             }
         };
         match (purpose, begun) {
-            (Purpose::Touch { request, .. }, Err(problem)) => {
-                if let Some(current) =
-                    self.state.current.as_ref().filter(|it| is_current(it, equipment, Instant::now()))
+            (DrivePurpose::Touch { request, .. }, Err(problem)) => {
+                if let Some(current) = self
+                    .state
+                    .current
+                    .as_ref()
+                    .filter(|it| is_plan_neither_over_nor_stopped(it, equipment, Instant::now()))
                 {
                     // What was driven before goes on, and so does its measurement.
-                    equipment.place_sensor(current.active.id, current.active.plan.plan());
+                    equipment.place_simulated_sensor_under_first_target(current.active.id, current.active.plan.plan());
                 }
                 request.refuse(problem);
             }
-            (Purpose::Touch { request, waited }, Ok((achieved, until, begun))) => {
-                let achieved = achieved.delayed(waited);
-                let Request { order, reply } = *request;
-                let touched = self.show_touch(equipment, order, drivable, part, (begun, until), achieved);
+            (DrivePurpose::Touch { request, waited }, Ok((achieved, until, begun))) => {
+                let achieved = achieved.with_delay(waited);
+                let DriveRequest { order, reply } = *request;
+                let touched =
+                    self.publish_begun_touch(equipment, order, prepared, force_fraction, (begun, until), achieved);
                 // Before its sender hears of it.
                 self.publish_state();
                 let _ = reply.send(touched);
             }
-            (Purpose::Again { held, has_rested }, begun) => {
+            (DrivePurpose::Again { held, has_rested }, begun) => {
                 let begun = begun.map(|(_, _, begun)| begun);
-                self.go_on(equipment, *held, drivable.plan, part, begun, has_rested);
+                self.show_and_sustain_restarted_drive(
+                    equipment,
+                    *held,
+                    prepared.plan,
+                    force_fraction,
+                    begun,
+                    has_rested,
+                );
             }
         }
     }
 
     /// Shows what has begun for a touch, unless everything was stopped meanwhile.
-    fn show_touch(
+    fn publish_begun_touch(
         &mut self,
-        equipment: &Equipment,
-        order: Order,
-        drivable: Drivable,
-        part: f64,
+        equipment: &DriveEquipment,
+        order: TouchOrder,
+        prepared: PreparedPlan,
+        force_fraction: f64,
         (begun, until): (u64, Instant),
         device: Achieved,
-    ) -> Result<Touched, Problem> {
-        let Order { id, since, touches, manner, whole, thin, .. } = order;
-        let stops = since.stops;
+    ) -> Result<TouchedView, Problem> {
+        let TouchOrder { id, asked_at, touches, drive_mode, whole_plan, credit_fraction, .. } = order;
+        let stops = asked_at.stops;
         if equipment.session.stop_count() != stops {
             // The stop came after the board's answer: what was entered since then is not driven.
-            self.state.end_plan(id, Instant::now());
+            self.state.note_plan_end_and_check_if_current_ends_sooner(id, Instant::now());
             return Err(SessionError::Stopped.into());
         }
-        let Drivable { plan, mode, .. } = drivable;
+        let PreparedPlan { plan, mode, .. } = prepared;
         let active = match mode {
-            Mode::Hold(_) => show_even(equipment, id, plan, touches, Thinned::by_credit(thin)),
+            PreparedMode::Hold(_) => build_active_plan_of_steady_drive(
+                equipment,
+                id,
+                plan,
+                touches,
+                Thinned::for_credit_if_below_full_force(credit_fraction),
+            ),
             // What is told is what the effect does, and not the even motion that it was designed from.
-            Mode::Effect(design) => {
-                let plan = compute(|| Ok(PlanView::played(plan, &design)));
-                plan.map(|plan| Arc::new(Active::new(id, plan, touches, device.effect().cloned())))
+            PreparedMode::Effect(design) => {
+                let plan = compute_catching_panics(|| Ok(PlanView::for_effect(plan, &design)));
+                plan.map(|plan| Arc::new(ActivePlan::new(id, plan, touches, device.played_effect().cloned())))
             }
         };
         // What cannot be shown is not driven on.
-        let active = active.inspect_err(|_| self.release(equipment, id, Instant::now()))?;
-        self.state.current = Some(Current { active: Arc::clone(&active), until, stops });
-        self.tell_pages(Update::Plan(Arc::clone(&active)));
-        self.looked = Instant::now();
-        self.state.sustained = matches!(manner, DriveMode::Hold(_)).then(|| {
-            let breaks = since.breaks.or_else(|| Some(equipment.count_breaks()));
-            let since = AskedAt { stops, breaks };
-            Sustained { begun, since, whole, thin, part, active: Arc::clone(&active) }
+        let active = active.inspect_err(|_| self.end_touch_at(equipment, id, Instant::now()))?;
+        self.state.current = Some(CurrentPlan { active: Arc::clone(&active), until, stops });
+        self.publish_state_and_send_update_to_pages(Update::Plan(Arc::clone(&active)));
+        self.last_look = Instant::now();
+        self.state.sustained = matches!(drive_mode, DriveMode::Hold(_)).then(|| {
+            let interruptions =
+                asked_at.interruptions.or_else(|| Some(equipment.count_unrequested_board_interruptions()));
+            let asked_at = AskedAt { stops, interruptions };
+            SustainedDrive { begun, asked_at, whole_plan, credit_fraction, force_fraction, active: Arc::clone(&active) }
         });
-        Ok(Touched { active, device, stretches: None, trade: None })
+        Ok(TouchedView { plan: active.plan.clone(), plan_id: active.id, device, stretches: None, trade: None })
     }
 
     /// Ends the drive of touch `id` at `when`.
-    pub(super) fn release(&mut self, equipment: &Equipment, id: u64, when: Instant) {
-        equipment.session.end_drive_at(id, when);
-        if self.state.end_plan(id, when) {
-            self.tell_pages(Update::Ends);
+    pub(super) fn end_touch_at(&mut self, equipment: &DriveEquipment, id: u64, when: Instant) {
+        equipment.session.end_drive_no_later_than(id, when);
+        if self.state.note_plan_end_and_check_if_current_ends_sooner(id, when) {
+            self.publish_state_and_send_update_to_pages(Update::Ends);
         }
     }
 
     /// Has the drive of touch `id` go on until `until`; whether it is still what is shown.
-    pub(super) fn renew(&mut self, equipment: &Equipment, id: u64, until: Instant) -> bool {
-        let (board, now) = (equipment.read_board(), Instant::now());
+    pub(super) fn extend_touch_and_check_if_still_shown(
+        &mut self,
+        equipment: &DriveEquipment,
+        id: u64,
+        until: Instant,
+    ) -> bool {
+        let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
         let Some(current) = self.state.current.as_mut() else { return false };
-        if current.active.id != id || !is_current(current, equipment, now) {
+        if current.active.id != id || !is_plan_neither_over_nor_stopped(current, equipment, now) {
             return false;
         }
-        if board == Board::Driving || current.active.plan.rests() {
+        if board == RailState::Driving || current.active.plan.is_board_resting() {
             current.until = until.max(current.until);
             let until = current.until;
-            equipment.session.extend_drive_until(id, until);
-            self.state.prolong_plan(id, now, until);
+            equipment.session.move_drive_end_to(id, until);
+            self.state.note_plan_extended(id, now, until);
         }
         true
     }
 
     /// Publishes first what is told: whoever is told of it may ask for it.
-    pub(super) fn tell_pages(&self, update: Update) {
+    pub(super) fn publish_state_and_send_update_to_pages(&self, update: Update) {
         self.publish_state();
         // Nobody listening is no error.
         let _ = self.updates.send(update);
     }
 
     fn publish_state(&self) {
-        self.publish.send_replace(Published { newest: self.find_newest(), current: self.state.current.clone() });
+        self.publish.send_replace(PublishedDriveState {
+            newest: self.find_newest_driven_or_waiting_touch_id(),
+            current: self.state.current.clone(),
+        });
     }
 }
 
 /// An evenly driven plan as it is shown.
-pub(super) fn show_even(
-    equipment: &Equipment,
+pub(super) fn build_active_plan_of_steady_drive(
+    equipment: &DriveEquipment,
     id: u64,
     plan: Plan,
     touches: Vec<Finger>,
     thinned: Option<Thinned>,
-) -> Result<Arc<Active>, Problem> {
-    compute(|| {
-        let plan = PlanView::new(&equipment.table, plan).thinned(thinned);
-        Ok(Arc::new(Active::new(id, plan, touches, None)))
+) -> Result<Arc<ActivePlan>, Problem> {
+    compute_catching_panics(|| {
+        let plan = PlanView::new(&equipment.table, plan).with_thinned(thinned);
+        Ok(Arc::new(ActivePlan::new(id, plan, touches, None)))
     })
 }
 
 /// Works something out. A mistake there takes the one touch with it, and not the task.
-pub(super) fn compute<T>(work: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
+pub(super) fn compute_catching_panics<T>(work: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
     tokio::task::block_in_place(|| catch_unwind(AssertUnwindSafe(work))).unwrap_or_else(|_| {
-        Err(Problem::new(Kind::Internal, "working out the drives failed; the daemon's log says why"))
+        Err(Problem::new(
+            ProblemKind::Internal,
+            "the computation of the drives failed; the daemon's log has the details",
+        ))
     })
 }

@@ -1,7 +1,7 @@
 //! Whether a request may be carried out: the role that its path needs, and the middleware that asks for it.
 
 use super::page_files;
-use crate::daemon::access::head::check_head;
+use crate::daemon::access::head::check_head_and_find_authority;
 use crate::daemon::access::permissions::{Access, Role};
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, Method, StatusCode, header};
@@ -12,22 +12,22 @@ use std::sync::Arc;
 /// For how long a browser may remember that another page's requests are allowed, in s.
 const PREFLIGHT_S: u32 = 600;
 /// The role that a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
-pub fn needed_role(method: &Method, path: &str) -> Option<Role> {
+pub fn find_needed_role_unless_public(method: &Method, path: &str) -> Option<Role> {
     let only_reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
     match path {
         "/v1/arm" | "/v1/faults/clear" => Some(Role::Arm),
         "/openapi.json" if only_reads => None,
-        path if only_reads && page_files::paths().any(|known| known == path) => None,
+        path if only_reads && page_files::list_page_paths().any(|known| known == path) => None,
         _ if only_reads => Some(Role::View),
         _ => Some(Role::Touch),
     }
 }
 
 /// Lets a request through whose origin, name and token are allowed, or answers why not.
-pub async fn authorize(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
-    let source = check_head(&request).and_then(|host| {
+pub async fn authorize_request(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+    let source = check_head_and_find_authority(&request).and_then(|host| {
         let scheme = request.extensions().get().copied();
-        access.check_source(request.method(), request.headers(), host.as_ref(), scheme)
+        access.check_host_and_find_allowed_origin(request.method(), request.headers(), host.as_ref(), scheme)
     });
     let origin = match source {
         Ok(origin) => origin,
@@ -44,7 +44,10 @@ pub async fn authorize(State(access): State<Arc<Access>>, mut request: Request, 
         let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
-        match access.check_token(&request, needed_role(request.method(), request.uri().path())) {
+        match access.check_token_and_find_number_and_role(
+            &request,
+            find_needed_role_unless_public(request.method(), request.uri().path()),
+        ) {
             Ok(token) => {
                 if let Some((token, role)) = token {
                     request.extensions_mut().insert(token);
@@ -72,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_token_opens_its_role_and_those_below() {
-        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
+        let access = Access { tokens: Access::parse_tokens(TOKENS).unwrap(), ..Access::default() };
         let status = |method: &str, path: &str, token: Option<&str>| {
             let mut request = axum::http::Request::builder().method(method).uri(path);
             if let Some(token) = token {
@@ -80,7 +83,10 @@ mod tests {
             }
             let result = {
                 let request = request.body(axum::body::Body::empty()).unwrap();
-                access.check_token(&request, needed_role(request.method(), request.uri().path()))
+                access.check_token_and_find_number_and_role(
+                    &request,
+                    find_needed_role_unless_public(request.method(), request.uri().path()),
+                )
             };
             result.err().map_or(200, |problem| problem.status().as_u16())
         };

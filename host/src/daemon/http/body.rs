@@ -1,7 +1,7 @@
 //! Bodies, read whole and in time, and the headers that say what they are.
 
 use crate::daemon::access::head::check_content_coding;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::body::{Body, HttpBody};
@@ -19,23 +19,23 @@ const TAKEN: [&str; 4] =
 ///
 /// # Errors
 /// [`Problem`] with status 415.
-pub fn check_type(headers: &HeaderMap) -> Result<(), Problem> {
+pub fn check_content_type(headers: &HeaderMap) -> Result<(), Problem> {
     let Some(value) = headers.get(header::CONTENT_TYPE) else { return Ok(()) };
     let said = value.to_str().unwrap_or("not ASCII");
     let kind = said.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
     if kind.is_empty() || TAKEN.contains(&kind.as_str()) || kind.ends_with("+json") {
         return Ok(());
     }
-    let detail = format!("the content type is {said:?}, but must be application/json");
-    let problem = Problem::new(Kind::ContentType, detail);
-    Err(problem.at("content-type", said.into(), "application/json".into(), None))
+    let detail = format!("the header content-type is {said:?}, but must be application/json");
+    let problem = Problem::new(ProblemKind::ContentType, detail);
+    Err(problem.with_field_and_value("content-type", said.into(), "application/json".into(), None))
 }
 
 /// What the client calls its request, in the header `x-request-id`.
 ///
 /// # Errors
 /// [`Problem`] if that is too long, or not made of letters, digits and `-_.`.
-pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+pub fn read_client_request_name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(value) = headers.get("x-request-id") else { return Ok(None) };
     let is_plain = |text: &&str| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
@@ -47,17 +47,19 @@ pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
         Some(text) => Ok(Some(text.to_owned())),
         None => {
             let said = String::from_utf8_lossy(value.as_bytes()).into_owned();
-            let allowed = format!("1 to {MAX_NAME} letters, digits, '-', '_' and '.', not digits alone");
+            let allowed = format!(
+                "1 to {MAX_NAME} characters (letters, digits, '-', '_' and '.'), at least one of them not a digit"
+            );
             let detail = format!("the header x-request-id is {said:?}, but must be {allowed}");
-            let problem = Problem::new(Kind::BadHeader, detail);
-            Err(problem.at("x-request-id", said.into(), allowed, None))
+            let problem = Problem::new(ProblemKind::BadHeader, detail);
+            Err(problem.with_field_and_value("x-request-id", said.into(), allowed, None))
         }
     }
 }
 
 /// How long a body may be in bytes, and in time.
 #[derive(Clone, Copy, Debug)]
-pub struct Most {
+pub struct BodyLimit {
     /// Bytes.
     pub bytes: usize,
     /// From the headers to the last byte.
@@ -65,7 +67,11 @@ pub struct Most {
 }
 
 /// Reads a request's body before anything is done with it.
-pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request: Request, next: Next) -> Response {
+pub async fn read_body_within_limit(
+    State(BodyLimit { bytes: most, time }): State<BodyLimit>,
+    request: Request,
+    next: Next,
+) -> Response {
     let (parts, body) = request.into_parts();
     // Before anything is read: whoever asks whether to send it (`Expect: 100-continue`) is told to with the first look.
     if !body.is_end_stream()
@@ -75,8 +81,8 @@ pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request:
     }
     let announced = body.size_hint().lower();
     if usize::try_from(announced).is_ok_and(|announced| announced > most) {
-        let detail = format!("the body has {announced} bytes; at most {most} bytes are taken");
-        return Problem::new(Kind::LongBody, detail).into_response();
+        let detail = format!("the body has {announced} bytes, but may have at most {most} bytes");
+        return Problem::new(ProblemKind::LongBody, detail).into_response();
     }
     match tokio::time::timeout(time, axum::body::to_bytes(body, most)).await {
         Ok(Ok(mut bytes)) => {
@@ -86,22 +92,22 @@ pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request:
             }
             next.run(Request::from_parts(parts, Body::from(bytes))).await
         }
-        Ok(Err(error)) => unreadable(&error, most).into_response(),
+        Ok(Err(error)) => unreadable_body_problem(&error, most).into_response(),
         Err(_) => {
-            let detail = format!("the body was not complete after {time:?}");
-            Problem::new(Kind::SlowBody, detail).into_response()
+            let detail = format!("the body was not complete {time:?} after the headers");
+            Problem::new(ProblemKind::SlowBody, detail).into_response()
         }
     }
 }
 
-fn unreadable(error: &axum::Error, most: usize) -> Problem {
-    let (mut kind, mut cause) = (Kind::BadBody, Some(error as &dyn std::error::Error));
+fn unreadable_body_problem(error: &axum::Error, max_bytes: usize) -> Problem {
+    let (mut kind, mut cause) = (ProblemKind::BadBody, Some(error as &dyn std::error::Error));
     while let Some(error) = cause {
         if error.is::<http_body_util::LengthLimitError>() {
-            kind = Kind::LongBody;
+            kind = ProblemKind::LongBody;
         }
         cause = error.source();
     }
-    let detail = format!("{error}; at most {most} bytes are taken");
+    let detail = format!("the body cannot be read: {error}; it may have at most {max_bytes} bytes");
     Problem::new(kind, detail)
 }

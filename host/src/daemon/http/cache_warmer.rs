@@ -12,7 +12,7 @@ use super::routes;
 use crate::daemon::access::client::Peer;
 use crate::daemon::access::permissions::Owner;
 use crate::daemon::app::App;
-use crate::daemon::drive::closed;
+use crate::daemon::drive::wait_for_closing;
 use crate::device::DeviceSnapshot;
 use crate::planner::Target;
 use axum::Router;
@@ -28,30 +28,30 @@ use tower_service::Service;
 const EVERY: Duration = Duration::from_millis(50);
 
 /// Does so until the daemon ends.
-pub async fn keep(app: Arc<App>) {
-    let (router, mut closing) = (routes::router(Arc::clone(&app)), app.driver.closing());
+pub async fn keep_caches_warm_while_armed_and_idle(app: Arc<App>) {
+    let (router, mut closing) = (routes::build_router(Arc::clone(&app)), app.driver.subscribe_closing());
     let mut ticks = interval(EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
-            () = closed(&mut closing) => return,
+            () = wait_for_closing(&mut closing) => return,
             _ = ticks.tick() => {}
         }
         // Touches that are under way keep it at hand themselves.
-        if is_on(&app.driver.device().borrow()) && app.driver.admission.is_idle() {
-            tokio::task::block_in_place(|| app.plan_for_nobody());
-            ask(router.clone()).await;
+        if is_board_live(&app.driver.subscribe_device_snapshots().borrow()) && app.driver.admission.is_planner_idle() {
+            tokio::task::block_in_place(|| app.plan_touch_without_driving());
+            send_cache_warming_request(router.clone()).await;
         }
     }
 }
 
 /// Whether somebody may touch next: the board is there, and armed.
-fn is_on(device: &DeviceSnapshot) -> bool {
+fn is_board_live(device: &DeviceSnapshot) -> bool {
     device.connected && device.state().is_some_and(SafetyState::is_live)
 }
 
 /// A request that changes nothing, by the way that all take.
-async fn ask(mut router: Router) {
+async fn send_cache_warming_request(mut router: Router) {
     let mut request = Request::new(Body::empty());
     *request.uri_mut() = axum::http::Uri::from_static("/v1/scene");
     request.headers_mut().insert(header::HOST, header::HeaderValue::from_static("localhost"));
@@ -62,19 +62,19 @@ async fn ask(mut router: Router) {
 
 impl App {
     /// What a touch where the last one was, or in the middle of the screen, would take.
-    fn plan_for_nobody(&self) {
+    fn plan_touch_without_driving(&self) {
         let screen = &self.table.scene.screen;
         let middle = || {
             self.table.scene.surface_point_at_px(f64::from(screen.width_px) / 2.0, f64::from(screen.height_px) / 2.0)
         };
         let last = self
             .driver
-            .active()
+            .find_active_plan()
             .and_then(|active| active.plan.plan().targets.first().map(|target| (target.x_m, target.y_m)));
         let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.coordinates_m())) else { return };
         // A place in a cut-out has no plan, and nothing is lost.
         if let Ok(plan) = self.table.plan(&[Target { x_m, y_m, intensity_g: None }]) {
-            std::hint::black_box(self.table.predict_motion(&plan));
+            std::hint::black_box(self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan));
         }
     }
 }

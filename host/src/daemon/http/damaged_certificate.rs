@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// Has a folder for this process alone until what is returned is dropped. Other programs are not kept out.
-pub(super) fn lock_folder(folder: &Path) -> io::Result<File> {
+pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
     let (opened, begun) = (File::open(folder)?, Instant::now());
     loop {
         match opened.try_lock() {
@@ -18,7 +18,7 @@ pub(super) fn lock_folder(folder: &Path) -> io::Result<File> {
                 std::thread::sleep(Duration::from_millis(10));
             }
             Err(TryLockError::WouldBlock) => {
-                let reason = format!("another process has had the folder locked for {LONGEST_WAIT:?}");
+                let reason = format!("another process has locked the folder for {LONGEST_WAIT:?}");
                 return Err(io::Error::new(io::ErrorKind::WouldBlock, reason));
             }
             // A file system without locks: there the second of two daemons may be late.
@@ -30,19 +30,19 @@ pub(super) fn lock_folder(folder: &Path) -> io::Result<File> {
 
 /// Which of the two files in a folder for certificates that the daemon makes is damaged, and how; `None` where both or none are there and whole, and where only a whole certificate is there: clients may
 /// have been given that. The key is written before the certificate, so that one without a certificate has never been used.
-pub(super) fn find_damage(certificate: &Path, key: &Path) -> Option<(PathBuf, &'static str)> {
+pub(super) fn find_damaged_file(certificate: &Path, key: &Path) -> Option<(PathBuf, &'static str)> {
     let (text, secret) = (std::fs::read(certificate).ok(), std::fs::read(key).ok());
-    if text.as_ref().is_some_and(|text| is_cut_off(text)) {
-        return Some((certificate.to_owned(), "holds no whole certificate"));
+    if text.as_ref().is_some_and(|text| is_pem_cut_off(text)) {
+        return Some((certificate.to_owned(), "does not contain a whole certificate"));
     }
-    if secret.as_ref().is_some_and(|secret| is_cut_off(secret)) {
-        return Some((key.to_owned(), "holds no whole key"));
+    if secret.as_ref().is_some_and(|secret| is_pem_cut_off(secret)) {
+        return Some((key.to_owned(), "does not contain a whole key"));
     }
-    (secret.is_some() && !certificate.exists()).then(|| (key.to_owned(), "is there without its certificate"))
+    (secret.is_some() && !certificate.exists()).then(|| (key.to_owned(), "has no certificate beside it"))
 }
 
 /// Gives damaged files other names, with `.damaged` at their end, so that their places are free and nothing is lost.
-pub(super) fn move_aside(files: [&Path; 2]) -> io::Result<()> {
+pub(super) fn rename_damaged_files(files: [&Path; 2]) -> io::Result<()> {
     for path in files {
         let mut name = path.as_os_str().to_owned();
         name.push(".damaged");
@@ -55,7 +55,7 @@ pub(super) fn move_aside(files: [&Path; 2]) -> io::Result<()> {
 }
 
 /// Whether a file in PEM has no end, or holes where its bytes never came onto the disk. Whatever else may be wrong with it is a mistake that somebody made, and is told when it is read.
-fn is_cut_off(bytes: &[u8]) -> bool {
+fn is_pem_cut_off(bytes: &[u8]) -> bool {
     const BEGIN: &[u8] = b"-----BEGIN ";
     const END: &[u8] = b"-----END ";
     let last = |words: &[u8]| bytes.windows(words.len()).rposition(|window| window == words);
@@ -79,11 +79,11 @@ mod tests {
     fn every_beginning_of_a_key_is_cut_off() {
         let ends = WHOLE.trim_end().len();
         for length in 0..=WHOLE.len() {
-            assert_eq!(is_cut_off(&WHOLE.as_bytes()[..length]), length < ends, "{length}");
+            assert_eq!(is_pem_cut_off(&WHOLE.as_bytes()[..length]), length < ends, "{length}");
         }
         let chain = [WHOLE, WHOLE].concat();
-        assert!(!is_cut_off(chain.as_bytes()) && is_cut_off(&chain.as_bytes()[..WHOLE.len() + 30]));
-        assert!(is_cut_off(&[0; 200]) && is_cut_off(WHOLE.replace("MC4C", "\0\0\0\0").as_bytes()));
+        assert!(!is_pem_cut_off(chain.as_bytes()) && is_pem_cut_off(&chain.as_bytes()[..WHOLE.len() + 30]));
+        assert!(is_pem_cut_off(&[0; 200]) && is_pem_cut_off(WHOLE.replace("MC4C", "\0\0\0\0").as_bytes()));
     }
 
     /// What somebody has put there, though it may be of no use, is not taken for the daemon's own.
@@ -92,7 +92,7 @@ mod tests {
         let marked = format!("\u{feff}{WHOLE}");
         let encrypted = WHOLE.replace("PRIVATE", "ENCRYPTED PRIVATE");
         for bytes in [marked.as_bytes(), encrypted.as_bytes(), b"0\x82\x01\x00\x00", b"some notes"] {
-            assert!(!is_cut_off(bytes), "{}", String::from_utf8_lossy(bytes));
+            assert!(!is_pem_cut_off(bytes), "{}", String::from_utf8_lossy(bytes));
         }
     }
 }

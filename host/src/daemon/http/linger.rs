@@ -43,7 +43,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin + Send + 'static> Drop for Lingering<S> {
         let place = Arc::clone(&PLACES).try_acquire_owned();
         if let (Ok(place), Ok(runtime)) = (place, tokio::runtime::Handle::try_current()) {
             runtime.spawn(async move {
-                let _ = tokio::time::timeout(MOMENT, throw_away(stream)).await;
+                let _ = tokio::time::timeout(MOMENT, shut_down_and_discard_input(stream)).await;
                 drop(place);
             });
         }
@@ -51,7 +51,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin + Send + 'static> Drop for Lingering<S> {
 }
 
 /// Ends what is sent, and reads until the other end has ended, too.
-async fn throw_away(mut stream: impl AsyncRead + AsyncWrite + Unpin) -> io::Result<u64> {
+async fn shut_down_and_discard_input(mut stream: impl AsyncRead + AsyncWrite + Unpin) -> io::Result<u64> {
     stream.shutdown().await?;
     tokio::io::copy(&mut stream.take(MOST), &mut tokio::io::sink()).await
 }

@@ -18,7 +18,7 @@ use tokio_rustls::rustls::{self, ServerConfig};
 
 /// A place where connections come in.
 pub enum Listener {
-    /// Plain TCP; loopback only, which [`Listener::tcp`] sees to.
+    /// Plain TCP; loopback only, which [`Listener::bind_tcp`] sees to.
     Tcp(TcpListener),
     /// TCP with TLS.
     Tls(TcpListener, TlsAcceptor),
@@ -53,15 +53,15 @@ impl fmt::Debug for Listener {
 pub enum ListenError {
     /// Two kilovolts for everybody.
     #[error(
-        "--listen {address} is not loopback: whoever reaches it could drive the panel. It takes --token-file and --tls-cert \
-         with --tls-key (or --tls-dir, which makes a certificate)"
+        "--listen {address} is not a loopback address: everybody who reaches this address could drive the panel. Such an \
+         address also needs --token-file, and --tls-cert with --tls-key (or --tls-dir, which makes a certificate)"
     )]
     Open {
         /// As asked for.
         address: SocketAddr,
     },
     /// The system gives no port.
-    #[error("cannot listen on {address}: {source}. {}", advise_on_port(.source))]
+    #[error("cannot listen on {address}: {source}. {}", advise_on_port_error(.source))]
     Port {
         /// As asked for.
         address: SocketAddr,
@@ -70,7 +70,7 @@ pub enum ListenError {
     },
     /// The name has no address.
     #[error(
-        "cannot listen on {place}: {source}. --listen takes an address of this machine, or a name of it that has one"
+        "cannot listen on {place}: {source}. --listen needs an IP address of this machine, or a host name that has one"
     )]
     Name {
         /// As asked for.
@@ -87,7 +87,7 @@ pub enum ListenError {
         source: io::Error,
     },
     /// A running daemon has it.
-    #[error("another daemon listens on the socket {path}; --socket takes another path, or none")]
+    #[error("another daemon listens on the socket {path}: give another path with --socket, or --socket none")]
     Taken {
         /// Where.
         path: String,
@@ -113,21 +113,21 @@ pub enum ListenError {
 impl ListenError {
     /// Whether this file of certificate and key is what is wrong.
     #[must_use]
-    pub fn is_of(&self, path: &Path) -> bool {
+    pub fn is_about_tls_file(&self, path: &Path) -> bool {
         matches!(self, Self::Tls { file, .. } if *file == path.display().to_string())
     }
 }
 
 /// What to do where the system gives no port.
-fn advise_on_port(error: &io::Error) -> &'static str {
+fn advise_on_port_error(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrNotAvailable => {
-            "This machine has no such address: 127.0.0.1 is its own, 0.0.0.0 all of them"
+            "This machine does not have this address: use 127.0.0.1 for connections from this machine, or 0.0.0.0 for all of its addresses"
         }
-        io::ErrorKind::PermissionDenied => "Ports below 1024 are for root, or for who has CAP_NET_BIND_SERVICE",
+        io::ErrorKind::PermissionDenied => "Ports below 1024 need root or the capability CAP_NET_BIND_SERVICE",
         _ => {
-            "Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another port (0: any that is free), which \
-             clients are told with --url"
+            "Is another daemon running? Choose another port with `era serve --listen 127.0.0.1:PORT` (0: any free port), and \
+             give it to clients with --url"
         }
     }
 }
@@ -143,7 +143,7 @@ pub struct TlsFiles {
 
 impl TlsFiles {
     /// Those that are made in a folder.
-    fn of(folder: &Path) -> Self {
+    fn default_paths_in_folder(folder: &Path) -> Self {
         Self { certificate: folder.join("era-cert.pem"), key: folder.join("era-key.pem") }
     }
 
@@ -151,37 +151,37 @@ impl TlsFiles {
     ///
     /// # Errors
     /// [`ListenError::Tls`].
-    pub fn check(&self) -> Result<(), ListenError> {
-        acceptor(self).map(drop)
+    pub fn check_usable(&self) -> Result<(), ListenError> {
+        build_tls_acceptor(self).map(drop)
     }
 
     /// What is wrong with the dates of the certificates at this time, in words.
     #[must_use]
-    pub fn find_date_faults(&self) -> Vec<String> {
+    pub fn list_date_faults(&self) -> Vec<String> {
         let name = self.certificate.display();
         let all = read_certificates(&self.certificate).unwrap_or_default();
         let told = |(number, certificate)| {
             let fault = describe_date_fault(&find_date_fault(certificate, UnixTime::now())?)?;
             let which =
                 if number == 1 { "the certificate".into() } else { format!("certificate {number} of the chain") };
-            Some(format!("{name}: {which} {fault}; clients refuse it: have another one made"))
+            Some(format!("{name}: {which} {fault}; clients refuse it: replace it"))
         };
         (1..).zip(&all).filter_map(told).collect()
     }
 
     /// Whether the certificate is for no name of a host, so that most clients refuse it.
     #[must_use]
-    pub fn is_nameless(&self) -> bool {
+    pub fn has_no_host_name(&self) -> bool {
         read_certificates(&self.certificate).is_ok_and(|all| all.first().is_some_and(is_nameless))
     }
 
-    /// Those in a folder; `None` if neither is there, or what is there was left half-written, which [`first_certificate`] replaces.
+    /// Those in a folder; `None` if neither is there, or what is there was left half-written, which [`find_or_make_certificate`] replaces.
     ///
     /// # Errors
     /// [`ListenError::Tls`]: one of them alone.
-    pub fn found_in(folder: &Path) -> Result<Option<Self>, ListenError> {
-        let files = Self::of(folder);
-        if damaged_certificate::find_damage(&files.certificate, &files.key).is_some() {
+    pub fn find_pair_in_folder_or_none_if_absent_or_damaged(folder: &Path) -> Result<Option<Self>, ListenError> {
+        let files = Self::default_paths_in_folder(folder);
+        if damaged_certificate::find_damaged_file(&files.certificate, &files.key).is_some() {
             return Ok(None);
         }
         let (there, missing) = match (files.certificate.exists(), files.key.exists()) {
@@ -192,7 +192,10 @@ impl TlsFiles {
         };
         Err(ListenError::Tls {
             file: missing.display().to_string(),
-            reason: format!("is missing, and {} is there: move that away, and both are made anew", there.display()),
+            reason: format!(
+                "is missing, but {} is there: move that file away, and the daemon makes both again",
+                there.display()
+            ),
         })
     }
 }
@@ -202,15 +205,15 @@ impl Listener {
     ///
     /// # Errors
     /// [`ListenError`].
-    pub async fn tcp(address: SocketAddr, tls: Option<&TlsFiles>, has_tokens: bool) -> Result<Self, ListenError> {
-        Self::over(Self::port(address, tls.is_some(), has_tokens).await?, tls)
+    pub async fn bind_tcp(address: SocketAddr, tls: Option<&TlsFiles>, has_tokens: bool) -> Result<Self, ListenError> {
+        Self::from_bound_port(Self::bind_port(address, tls.is_some(), has_tokens).await?, tls)
     }
 
     /// Whether an address may be listened on so.
     ///
     /// # Errors
     /// [`ListenError::Open`].
-    pub fn check(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<(), ListenError> {
+    pub fn check_address_allowed(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<(), ListenError> {
         if address.ip().is_loopback() || (has_tls && has_tokens) { Ok(()) } else { Err(ListenError::Open { address }) }
     }
 
@@ -219,18 +222,22 @@ impl Listener {
     ///
     /// # Errors
     /// [`ListenError`]. Of a name, an address that this machine does not have is no error as long as it has another.
-    pub async fn ports(place: &HostPort, has_tls: bool, has_tokens: bool) -> Result<Vec<TcpListener>, ListenError> {
+    pub async fn bind_ports_of_all_addresses(
+        place: &HostPort,
+        has_tls: bool,
+        has_tokens: bool,
+    ) -> Result<Vec<TcpListener>, ListenError> {
         let named = |source| ListenError::Name { place: place.to_string(), source };
         let addresses = place.find_addresses().map_err(named)?;
         for address in &addresses {
-            Self::check(*address, has_tls, has_tokens)?;
+            Self::check_address_allowed(*address, has_tls, has_tokens)?;
         }
         let (mut ports, mut missing) = (Vec::<TcpListener>::new(), None);
         for mut address in addresses {
             if let Some(first) = ports.first().filter(|_| address.port() == 0) {
                 address.set_port(first.local_addr().map_err(|source| ListenError::Port { address, source })?.port());
             }
-            match Self::port(address, has_tls, has_tokens).await {
+            match Self::bind_port(address, has_tls, has_tokens).await {
                 Ok(port) => ports.push(port),
                 Err(ListenError::Port { address, source })
                     if place.address().is_none()
@@ -247,12 +254,12 @@ impl Listener {
         }
     }
 
-    /// The port of [`Self::tcp`].
+    /// The port of [`Self::bind_tcp`].
     ///
     /// # Errors
     /// [`ListenError`].
-    pub async fn port(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<TcpListener, ListenError> {
-        Self::check(address, has_tls, has_tokens)?;
+    pub async fn bind_port(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<TcpListener, ListenError> {
+        Self::check_address_allowed(address, has_tls, has_tokens)?;
         TcpListener::bind(address).await.map_err(|source| ListenError::Port { address, source })
     }
 
@@ -260,8 +267,8 @@ impl Listener {
     ///
     /// # Errors
     /// [`ListenError::Tls`].
-    pub fn over(port: TcpListener, tls: Option<&TlsFiles>) -> Result<Self, ListenError> {
-        Ok(match tls.map(acceptor).transpose()? {
+    pub fn from_bound_port(port: TcpListener, tls: Option<&TlsFiles>) -> Result<Self, ListenError> {
+        Ok(match tls.map(build_tls_acceptor).transpose()? {
             Some(acceptor) => Self::Tls(port, acceptor),
             None => Self::Tcp(port),
         })
@@ -272,7 +279,7 @@ impl Listener {
     /// # Errors
     /// [`ListenError`].
     #[cfg(unix)]
-    pub fn unix(path: &Path) -> Result<Self, ListenError> {
+    pub fn bind_unix(path: &Path) -> Result<Self, ListenError> {
         use std::os::unix::fs::PermissionsExt;
         let named = || path.display().to_string();
         let failed = |source| ListenError::Socket { path: named(), source };
@@ -290,7 +297,7 @@ impl Listener {
             Err(_) => {}
         }
         // Bound in a folder that nobody else may enter, whatever the umask is, and moved once nobody else may open it.
-        let hidden = hidden(path);
+        let hidden = temporary_socket_path(path);
         let folder = hidden.parent().unwrap_or(path);
         // What a killed daemon that had this number has left.
         let _ = std::fs::remove_file(&hidden);
@@ -315,9 +322,9 @@ impl Listener {
     /// # Errors
     /// [`ListenError::Socket`]: the path is too long, or something else is there.
     #[cfg(unix)]
-    pub fn check_unix(path: &Path) -> Result<(), ListenError> {
+    pub fn check_unix_path(path: &Path) -> Result<(), ListenError> {
         let failed = |source| ListenError::Socket { path: path.display().to_string(), source };
-        for longest in [path, hidden(path).as_path()] {
+        for longest in [path, temporary_socket_path(path).as_path()] {
             std::os::unix::net::SocketAddr::from_pathname(longest).map_err(failed)?;
         }
         if path.exists() && !is_socket(path) { Err(failed(io::ErrorKind::AlreadyExists.into())) } else { Ok(()) }
@@ -369,7 +376,7 @@ pub enum Incoming {
 
 /// What a socket is called until nobody else may open it.
 #[cfg(unix)]
-fn hidden(path: &Path) -> PathBuf {
+fn temporary_socket_path(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{}", std::process::id())).join("s")
 }
 
@@ -379,13 +386,13 @@ fn is_socket(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|known| known.file_type().is_socket())
 }
 
-fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
+fn build_tls_acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
     let wrong = |file: &Path, reason: String| ListenError::Tls { file: file.display().to_string(), reason };
     let certificates = read_certificates(&files.certificate).map_err(|reason| wrong(&files.certificate, reason))?;
     let key = read_private_key(&files.key).map_err(|reason| wrong(&files.key, reason))?;
     any_supported_type(&key).map_err(|error| {
-        let reason = "the key is damaged, or of a kind that is not taken: RSA of 2048 to 8192 bits, ECDSA on P-256 or P-384, and \
-                      Ed25519 are";
+        let reason = "the key is damaged, or its type is not supported: supported are RSA with 2048 to 8192 bits, ECDSA on P-256 or \
+                      P-384, and Ed25519";
         wrong(&files.key, format!("{reason} ({error})"))
     })?;
     let config = ServerConfig::builder().with_no_client_auth().with_single_cert(certificates, key);
@@ -395,7 +402,7 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
             wrong(
                 &files.key,
                 format!(
-                    "the key does not belong to the certificate in {certificate} (of several, to the first one there)"
+                    "the key does not belong to the certificate in {certificate} (if the file has several, to the first one)"
                 ),
             )
         }
@@ -407,7 +414,7 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
 /// Those of `names` by which a certificate does not let the daemon be called: clients look for theirs in it. None where it cannot
 /// be read, which listening says.
 #[must_use]
-pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
+pub fn list_names_missing_in_certificate<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
     let Ok(certificates) = read_certificates(&files.certificate) else { return Vec::new() };
     let Some(Ok(parsed)) = certificates.first().map(ParsedCertificate::try_from) else { return Vec::new() };
     let is_lacking = |name: &&str| {
@@ -418,15 +425,15 @@ pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
 
 /// A certificate and its key in a folder: those that are there, or new ones for these names and this machine's loopback. Clients
 /// trust the certificate itself; nobody else vouches for it. So one that is there stays, though it may lack a name (see
-/// [`lacking`]): another one would shut out every client that has been given it. What was left half-written is replaced.
+/// [`list_names_missing_in_certificate`]): another one would shut out every client that has been given it. What was left half-written is replaced.
 ///
 /// # Errors
 /// [`ListenError`].
-pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
-    if let Some(files) = TlsFiles::found_in(folder)? {
+pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
+    if let Some(files) = TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder)? {
         return Ok(files);
     }
-    let files = TlsFiles::of(folder);
+    let files = TlsFiles::default_paths_in_folder(folder);
     let wrong =
         |reason: &dyn fmt::Display| ListenError::Tls { file: folder.display().to_string(), reason: reason.to_string() };
     let unwritten = |file: &Path| {
@@ -435,18 +442,18 @@ pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, Li
     };
     make_private_folder(folder).map_err(unwritten(folder))?;
     // Daemons that are started at the same time would each write a key beside the certificate of another.
-    let _alone = damaged_certificate::lock_folder(folder).map_err(unwritten(folder))?;
-    if let Some(files) = TlsFiles::found_in(folder)? {
+    let _alone = damaged_certificate::lock_folder_exclusively(folder).map_err(unwritten(folder))?;
+    if let Some(files) = TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder)? {
         return Ok(files);
     }
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
     all.extend(names.iter().cloned());
     let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
-    if let Some((damaged, reason)) = damaged_certificate::find_damage(&files.certificate, &files.key) {
-        damaged_certificate::move_aside([&files.certificate, &files.key]).map_err(unwritten(folder))?;
+    if let Some((damaged, reason)) = damaged_certificate::find_damaged_file(&files.certificate, &files.key) {
+        damaged_certificate::rename_damaged_files([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(
-            "{} {reason}, as if its writing had been cut off: certificate and key are made anew, and what was there ends in .damaged; \
-             clients need the new certificate",
+            "{} {reason}, probably because a write was interrupted: the daemon makes certificate and key again, and adds \
+             .damaged to the names of the old files; clients need the new certificate",
             damaged.display()
         );
     }
@@ -457,6 +464,6 @@ pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, Li
         let _ = std::fs::remove_file(&files.key);
         return Err(unwritten(&files.certificate)(source));
     }
-    tracing::info!("made a certificate: clients on other machines trust {}", files.certificate.display());
+    tracing::info!("made a certificate: clients on other machines must trust {}", files.certificate.display());
     Ok(files)
 }

@@ -29,17 +29,17 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
 };
 
 /// Paths of all files of the page.
-pub fn paths() -> impl Iterator<Item = &'static str> {
+pub fn list_page_paths() -> impl Iterator<Item = &'static str> {
     ASSETS.iter().map(|(path, ..)| *path)
 }
 
 /// The same with what they are.
-pub fn files() -> impl Iterator<Item = (&'static str, &'static str)> {
+pub fn list_page_paths_and_types() -> impl Iterator<Item = (&'static str, &'static str)> {
     ASSETS.iter().map(|(path, kind, _)| (*path, *kind))
 }
 
 /// One file of the page.
-pub fn asset(path: &str) -> Response {
+pub fn serve_page_file(path: &str) -> Response {
     match ASSETS.iter().find(|(known, ..)| *known == path) {
         Some((_, kind, body)) => {
             let headers = [

@@ -1,25 +1,25 @@
 //! The HTTP interface.
 
-use super::authorize::authorize;
-use super::body::{Most, whole_body};
+use super::authorize::authorize_request;
+use super::body::{BodyLimit, read_body_within_limit};
 use super::{description, page_files};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::access::limits::Limits;
-use crate::daemon::access::pace::keep_pace;
-use crate::daemon::access::sender::Sender;
-use crate::daemon::api::json::from_json;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::access::pace::delay_requests_except_stop_above_rate;
+use crate::daemon::access::sender::RequestSender;
+use crate::daemon::api::json::{ExpectedForm, parse_json_object};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::App;
 use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
 use crate::daemon::design::studies::{StudyRequest, StudyView};
 use crate::daemon::design::tolerances::{TolerancesRequest, TolerancesView};
 use crate::daemon::live;
-use crate::daemon::live::message::Message;
+use crate::daemon::live::message::LiveMessage;
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::answer::TouchedView;
-use crate::daemon::touch::outcome::Told;
+use crate::daemon::touch::outcome::RequestOutcome;
 use crate::daemon::touch::plan_view::FieldView;
 use crate::daemon::touch::request::TouchRequest;
 use crate::planner::STANDARD_GRAVITY;
@@ -56,61 +56,61 @@ const MAX_STUDY_BODY: usize = 4 * MAX_SCENE + MAX_BODY;
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The description of this interface.
 static DESCRIPTION: LazyLock<String> =
-    LazyLock::new(|| description::text(&declared(Limits::default().body).into_openapi()));
+    LazyLock::new(|| description::build_openapi_json(&declare_routes(Limits::default().body).into_openapi()));
 
 /// The description of this interface (OpenAPI 3.1), as JSON text.
 #[must_use]
-pub fn described() -> &'static str {
+pub fn openapi_description_json() -> &'static str {
     &DESCRIPTION
 }
 
 /// What is said on the live socket, and problems, which no path names as a whole.
 #[derive(OpenApi)]
-#[openapi(components(schemas(live::Incoming, Message, Problem)))]
-struct Common;
+#[openapi(components(schemas(live::PageMessage, LiveMessage, Problem)))]
+struct CommonSchemas;
 
 /// All routes with what they declare: there is no other way to add one. A body has `time` to come.
-fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
-    let mut router = OpenApiRouter::with_openapi(Common::openapi())
-        .routes(routes!(touch))
-        .routes(routes!(request))
-        .routes(routes!(arm))
-        .routes(routes!(clear_faults))
-        .routes(routes!(state))
-        .routes(routes!(scene))
-        .routes(routes!(field))
-        .routes(routes!(study))
+fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
+    let mut router = OpenApiRouter::with_openapi(CommonSchemas::openapi())
+        .routes(routes!(post_touch))
+        .routes(routes!(get_request))
+        .routes(routes!(post_arm))
+        .routes(routes!(post_clear_faults))
+        .routes(routes!(get_state))
+        .routes(routes!(get_scene))
+        .routes(routes!(get_field))
+        .routes(routes!(get_study))
         .routes(routes!(stop_study))
-        .routes(routes!(tolerances))
-        .routes(routes!(stop_tolerances))
-        .routes(routes!(live::upgrade))
-        .routes(routes!(metrics))
-        .routes(routes!(openapi));
-    for (path, kind) in page_files::files() {
-        router = router.routes(page(path, kind));
+        .routes(routes!(get_tolerances))
+        .routes(routes!(stop_tolerance_study))
+        .routes(routes!(live::upgrade_to_live_socket))
+        .routes(routes!(get_metrics))
+        .routes(routes!(get_openapi));
+    for (path, kind) in page_files::list_page_paths_and_types() {
+        router = router.routes(declare_page_file_route(path, kind));
     }
-    let most = |bytes: usize| Most { bytes, time };
+    let most = |bytes: usize| BodyLimit { bytes, time };
     let large = OpenApiRouter::new()
-        .routes(routes!(preview))
-        .routes(routes!(begin_tolerances))
-        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
+        .routes(routes!(post_preview))
+        .routes(routes!(begin_tolerance_study))
+        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), read_body_within_limit));
     let larger = OpenApiRouter::new()
         .routes(routes!(begin_study))
-        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), whole_body));
+        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), read_body_within_limit));
     router
-        .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
+        .layer(middleware::from_fn_with_state(most(MAX_BODY), read_body_within_limit))
         .merge(large)
         .merge(larger)
         // Of a stop nothing is read: it counts though its body never comes.
-        .routes(routes!(stop))
+        .routes(routes!(post_stop))
 }
 
 /// A file of the page.
-fn page(path: &'static str, kind: &'static str) -> UtoipaMethodRouter<Arc<App>> {
+fn declare_page_file_route(path: &'static str, content_type: &'static str) -> UtoipaMethodRouter<Arc<App>> {
     let text = ObjectBuilder::new().schema_type(Type::String).build();
     let file = ResponseBuilder::new()
         .description("The file")
-        .content(kind, ContentBuilder::new().schema(Some(text)).build())
+        .content(content_type, ContentBuilder::new().schema(Some(text)).build())
         .build();
     let name = if path == "/" { "page".to_owned() } else { path.trim_start_matches('/').replace('.', "_") };
     let operation = OperationBuilder::new()
@@ -120,56 +120,56 @@ fn page(path: &'static str, kind: &'static str) -> UtoipaMethodRouter<Arc<App>> 
         .build();
     let mut paths = Paths::new();
     paths.add_path_operation(path, vec![HttpMethod::Get], operation);
-    (Vec::new(), paths, get(move || async move { page_files::asset(path) }))
+    (Vec::new(), paths, get(move || async move { page_files::serve_page_file(path) }))
 }
 
 /// All routes.
-pub fn router(app: Arc<App>) -> Router {
-    Router::from(declared(app.limits.body))
-        .fallback(not_found)
-        .method_not_allowed_fallback(wrong_method)
+pub fn build_router(app: Arc<App>) -> Router {
+    Router::from(declare_routes(app.limits.body))
+        .fallback(answer_not_found)
+        .method_not_allowed_fallback(answer_wrong_method)
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize))
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), keep_pace))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_except_stop_above_rate))
         .with_state(app)
 }
 
 /// Only the way to stop, where all other places are taken.
-pub fn stop_only(app: Arc<App>) -> Router {
+pub fn build_stop_only_router(app: Arc<App>) -> Router {
     Router::new()
-        .route("/v1/stop", post(stop))
-        .fallback(busy)
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize))
-        .layer(middleware::map_response(closes))
+        .route("/v1/stop", post(post_stop))
+        .fallback(answer_too_many_connections)
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
+        .layer(middleware::map_response(close_connection_after_failure))
         .with_state(app)
 }
 
 /// Whoever is not stopped by this connection is to come again on another, which may have all paths by then.
-async fn closes(mut response: Response) -> Response {
+async fn close_connection_after_failure(mut response: Response) -> Response {
     if !response.status().is_success() {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response
 }
 
-async fn busy() -> Problem {
-    let detail = "as many connections are open as there may be; only POST /v1/stop is taken on this one";
-    Problem::new(Kind::ConnectionsFull, detail).retry(1000, None)
+async fn answer_too_many_connections() -> Problem {
+    let detail = "the maximum number of connections is open; this connection accepts POST /v1/stop only";
+    Problem::new(ProblemKind::ConnectionsFull, detail).with_retry(1000, None)
 }
 
-/// The request in a JSON body; `wanted` says in a message what it should look like.
-fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &str) -> Result<T, Problem> {
-    super::body::check_type(headers)?;
-    from_json(body, wanted)
+/// The request in a JSON body; `expected` says in a message what it should look like.
+fn parse_json_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, expected: &str) -> Result<T, Problem> {
+    super::body::check_content_type(headers)?;
+    parse_json_object(body, ExpectedForm { subject: "The whole body", form: expected })
 }
 
 /// Plan for a touch and drive it
 #[utoipa::path(
     post,
-    path = "/v1/touch",
-    params(("x-request-id" = Option<String>, Header, description = "The client's own name for the request: 1 to 64 letters, \
-        digits, '-', '_' and '.', not digits alone")),
+    path = "/v1/touch", operation_id = "touch",
+    params(("x-request-id" = Option<String>, Header, description = "The client's own name for the request: 1 to 64 \
+        characters (letters, digits, '-', '_' and '.'), at least one of them not a digit")),
     request_body = TouchRequest,
     responses((
         status = 200,
@@ -178,19 +178,19 @@ fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &st
         headers(("x-request-id" = String, description = "The client's name for the request, or its number")),
     )),
 )]
-async fn touch(
+async fn post_touch(
     State(app): State<Arc<App>>,
     asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
-    let stops = app.driver.stops();
+    let stops = app.driver.stop_count();
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
-    let request: TouchRequest = from_body(&headers, &body, wanted)?;
-    let name = super::body::name(&headers)?;
-    let id = app.driver.admission.arrived(asker.client, name.clone());
+    let request: TouchRequest = parse_json_body(&headers, &body, wanted)?;
+    let name = super::body::read_client_request_name(&headers)?;
+    let id = app.driver.admission.register_request(asker.client, name.clone());
     // It has just been read as such.
-    app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
+    app.record_line("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
     let touched = match Touch::from_request(&request, &app.table.scene) {
         Ok(touch) => app.driver.drive_touch(&asker, id, stops, &touch).await,
         Err(problem) => {
@@ -198,9 +198,9 @@ async fn touch(
             Err(problem)
         }
     };
-    let answer = touched.map(|touched| json!(touched.view()));
-    app.note("outcome", || outcome(id, &answer));
-    app.driver.admission.done(id, answer.clone());
+    let answer = touched.map(|touched| json!(touched));
+    app.record_line("outcome", || summarize_outcome_for_recording(id, &answer));
+    app.driver.admission.record_outcome(id, answer.clone());
     let mut response = answer.map(Json).into_response();
     let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
     response.headers_mut().extend(name.ok().map(|name| (REQUEST_ID, name)));
@@ -208,7 +208,7 @@ async fn touch(
 }
 
 /// What a recording keeps of an outcome: what was driven, or why not.
-fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
+fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> Value {
     match answer {
         Ok(answer) => json!({
             "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
@@ -221,29 +221,29 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
 /// What became of a touch; the last 256 are kept
 #[utoipa::path(
     get,
-    path = "/v1/requests/{id}",
+    path = "/v1/requests/{id}", operation_id = "request",
     params(("id" = String, Path, description = "Its number (plan_id of its answer) or its client's name for it")),
-    responses((status = 200, description = "Its outcome", body = Told)),
+    responses((status = 200, description = "Its outcome", body = RequestOutcome)),
 )]
-async fn request(
+async fn get_request(
     State(app): State<Arc<App>>,
     client: Client,
     key: Result<Path<String>, PathRejection>,
 ) -> Result<Response, Problem> {
-    let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
-    let mut told = app.driver.admission.told(client, &key)?;
-    told.acceleration_peak_g = app.driver.touch_peak_g(told.id);
+    let Path(key) = key.map_err(|error| Problem::new(ProblemKind::BadPath, error.body_text()))?;
+    let mut told = app.driver.admission.find_outcome(client, &key)?;
+    told.acceleration_peak_g = app.driver.find_touch_peak_g(told.id);
     Ok(Json(told).into_response())
 }
 
 /// Arm, if need be, so that the next touch need not wait for the self-test
-#[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
-async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
-    app.note("arm", || json!({}));
-    let armed = app.driver.arm(client).await;
-    app.note("armed", || json!({"problem": armed.as_ref().err()}));
+#[utoipa::path(post, path = "/v1/arm", operation_id = "arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
+async fn post_arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
+    app.record_line("arm", || json!({}));
+    let armed = app.driver.arm_device(client).await;
+    app.record_line("armed", || json!({"problem": armed.as_ref().err()}));
     armed?;
-    Ok(Json(app.view_state()).into_response())
+    Ok(Json(app.build_state_view()).into_response())
 }
 
 /// Plan for a touch on a changed scene, and its field, without driving anything
@@ -252,18 +252,18 @@ async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Pr
 /// is answered with 409. One ends when its sender closes the connection, and after 10 s. The model is made for a tolerance of 1e-2.
 #[utoipa::path(
     post,
-    path = "/v1/preview",
+    path = "/v1/preview", operation_id = "preview",
     request_body = PreviewRequest,
     responses((status = 200, description = "What the scene would do", body = Preview)),
 )]
-async fn preview(
+async fn post_preview(
     State(app): State<Arc<App>>,
     asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
-    let read = move || from_body::<PreviewRequest>(&headers, &body, wanted);
+    let read = move || parse_json_body::<PreviewRequest>(&headers, &body, wanted);
     Ok(Json(app.compute_preview(&asker, read).await?).into_response())
 }
 
@@ -278,26 +278,26 @@ async fn preview(
 )]
 async fn begin_study(
     State(app): State<Arc<App>>,
-    sender: Sender,
+    sender: RequestSender,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let wanted = r#"{"study": TOML text, "scene"?: TOML text}"#;
-    let read = move || from_body::<StudyRequest>(&headers, &body, wanted);
-    Ok(Json(app.studies.begin(&sender, read).await?).into_response())
+    let read = move || parse_json_body::<StudyRequest>(&headers, &body, wanted);
+    Ok(Json(app.studies.begin_study(&sender, read).await?).into_response())
 }
 
 /// How far the study is, and what it has found
-#[utoipa::path(get, path = "/v1/study", responses((status = 200, description = "The study", body = StudyView)))]
-async fn study(State(app): State<Arc<App>>) -> Response {
-    Json(app.studies.view()).into_response()
+#[utoipa::path(get, path = "/v1/study", operation_id = "study", responses((status = 200, description = "The study", body = StudyView)))]
+async fn get_study(State(app): State<Arc<App>>) -> Response {
+    Json(app.studies.view_newest_study()).into_response()
 }
 
 /// End the study; designs that have begun are ended first
 #[utoipa::path(post, path = "/v1/study/stop", responses((status = 200, description = "The study", body = StudyView)))]
 async fn stop_study(State(app): State<Arc<App>>) -> Response {
-    app.studies.stop();
-    Json(app.studies.view()).into_response()
+    app.studies.stop_newest_study();
+    Json(app.studies.view_newest_study()).into_response()
 }
 
 /// Begin to look at what tolerances do to a plan, without driving anything
@@ -307,75 +307,75 @@ async fn stop_study(State(app): State<Arc<App>>) -> Response {
 /// the next one begins.
 #[utoipa::path(
     post,
-    path = "/v1/tolerances",
+    path = "/v1/tolerances", operation_id = "begin_tolerances",
     request_body = TolerancesRequest,
     responses((status = 200, description = "It has begun", body = TolerancesView)),
 )]
-async fn begin_tolerances(
+async fn begin_tolerance_study(
     State(app): State<Arc<App>>,
     asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}, "tolerances"?: {"springs"?: number, "youngs_modulus"?: number, "thickness"?: number, "places_mm"?: number}}"#;
-    let read = move || from_body::<TolerancesRequest>(&headers, &body, wanted);
-    Ok(Json(app.begin_tolerances(&asker, read).await?).into_response())
+    let read = move || parse_json_body::<TolerancesRequest>(&headers, &body, wanted);
+    Ok(Json(app.begin_tolerance_study(&asker, read).await?).into_response())
 }
 
 /// How far the look at tolerances is, and what it has found
 #[utoipa::path(
     get,
-    path = "/v1/tolerances",
+    path = "/v1/tolerances", operation_id = "tolerances",
     responses((status = 200, description = "The plan and what tolerances do to it", body = TolerancesView)),
 )]
-async fn tolerances(State(app): State<Arc<App>>) -> Response {
-    Json(app.looks.view()).into_response()
+async fn get_tolerances(State(app): State<Arc<App>>) -> Response {
+    Json(app.tolerances.view_newest_study()).into_response()
 }
 
 /// End the look at tolerances; panels that have begun are ended first
 #[utoipa::path(
     post,
-    path = "/v1/tolerances/stop",
+    path = "/v1/tolerances/stop", operation_id = "stop_tolerances",
     responses((status = 200, description = "What is known of it", body = TolerancesView)),
 )]
-async fn stop_tolerances(State(app): State<Arc<App>>) -> Response {
-    app.looks.stop();
-    Json(app.looks.view()).into_response()
+async fn stop_tolerance_study(State(app): State<Arc<App>>) -> Response {
+    app.tolerances.stop_newest_study();
+    Json(app.tolerances.view_newest_study()).into_response()
 }
 
 /// Everything off, session disarmed
 ///
 /// Where the device does not answer (502), it is told to stop all the same, and its dead-man timer switches it off 250 ms after the last frame that it heard.
-#[utoipa::path(post, path = "/v1/stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
-async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
-    app.note("stop", || json!({}));
-    app.stop().await?;
-    Ok(Json(app.view_state()).into_response())
+#[utoipa::path(post, path = "/v1/stop", operation_id = "stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
+async fn post_stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.record_line("stop", || json!({}));
+    app.stop_device().await?;
+    Ok(Json(app.build_state_view()).into_response())
 }
 
 /// Clear the device's latched fault
 #[utoipa::path(
     post,
-    path = "/v1/faults/clear",
+    path = "/v1/faults/clear", operation_id = "clear_faults",
     responses((status = 200, description = "The state afterwards", body = StateView)),
 )]
-async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
-    app.note("clear", || json!({}));
+async fn post_clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
+    app.record_line("clear", || json!({}));
     let cleared = app.driver.clear_faults(client).await;
-    app.note("cleared", || json!({"problem": cleared.as_ref().err()}));
+    app.record_line("cleared", || json!({"problem": cleared.as_ref().err()}));
     cleared?;
-    Ok(Json(app.view_state()).into_response())
+    Ok(Json(app.build_state_view()).into_response())
 }
 
 /// Device, plan, telemetry and link as last seen
-#[utoipa::path(get, path = "/v1/state", responses((status = 200, description = "The state", body = StateView)))]
-async fn state(State(app): State<Arc<App>>) -> Response {
-    Json(app.view_state()).into_response()
+#[utoipa::path(get, path = "/v1/state", operation_id = "state", responses((status = 200, description = "The state", body = StateView)))]
+async fn get_state(State(app): State<Arc<App>>) -> Response {
+    Json(app.build_state_view()).into_response()
 }
 
 /// The scene, as a page draws it
-#[utoipa::path(get, path = "/v1/scene", responses((status = 200, description = "The scene", body = SceneView)))]
-async fn scene(State(app): State<Arc<App>>) -> Response {
+#[utoipa::path(get, path = "/v1/scene", operation_id = "scene", responses((status = 200, description = "The scene", body = SceneView)))]
+async fn get_scene(State(app): State<Arc<App>>) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], app.scene.answer.clone()).into_response()
 }
 
@@ -386,35 +386,35 @@ async fn scene(State(app): State<Arc<App>>) -> Response {
 struct FieldQuery {
     /// Of a touch here, in pixels from the screen's left edge, which is not driven; of the current plan if neither it nor `y_px` is
     /// given.
-    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     x_px: Option<f64>,
     /// From the screen's top edge; with `x_px`.
-    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     y_px: Option<f64>,
     /// Peak wanted there in g; 0.5 if not given.
-    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     intensity_g: Option<f64>,
 }
 
 /// Predicted peak acceleration over the surface
 #[utoipa::path(
     get,
-    path = "/v1/field",
+    path = "/v1/field", operation_id = "field",
     params(FieldQuery),
     responses((status = 200, description = "The field", body = FieldView)),
 )]
-async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
-    let query: FieldQuery = crate::daemon::api::query::read(
+async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
+    let query: FieldQuery = crate::daemon::api::query::parse_query(
         &uri,
-        "x_px=NUMBER&y_px=NUMBER, with &intensity_g=NUMBER or without, or nothing",
+        "x_px=NUMBER&y_px=NUMBER, with or without &intensity_g=NUMBER, or is empty",
     )?;
     // Whether or not it is used.
-    crate::daemon::touch::check::check_intensity(query.intensity_g)?;
+    crate::daemon::touch::check::check_intensity_range(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
-            let _place = app.driver.admission.place(client).await?;
+            let _place = app.driver.admission.wait_for_planner_place_unless_queue_full(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
                 Ok(FieldView::new(&app.table, Some(&plan), 0))
@@ -422,14 +422,14 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
         }
         (None, None) => {
             let _one = FIELDS.acquire().await;
-            tokio::task::block_in_place(|| match app.driver.active() {
-                Some(active) => active.field(&app.table).clone(),
+            tokio::task::block_in_place(|| match app.driver.find_active_plan() {
+                Some(active) => active.get_or_compute_field(&app.table).clone(),
                 None => FieldView::new(&app.table, None, 0),
             })
         }
         _ => {
-            let detail = "give both x_px and y_px, or neither for the field of the current plan";
-            return Err(Problem::new(Kind::BadQuery, detail));
+            let detail = "only one of x_px and y_px is given: give both, or neither for the field of the current plan";
+            return Err(Problem::new(ProblemKind::BadQuery, detail));
         }
     };
     Ok(Json(view).into_response())
@@ -438,41 +438,49 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
 /// Counters in the Prometheus text format
 #[utoipa::path(
     get,
-    path = "/metrics",
+    path = "/metrics", operation_id = "metrics",
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
-async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let peak_g = app.driver.touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
-    let text = app.metrics.text(&app.driver.known(), app.driver.heard_ago(), &app.driver.admission, peak_g);
+async fn get_metrics(State(app): State<Arc<App>>) -> Response {
+    let peak_g = app.driver.list_newest_touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
+    let text = app.metrics.format_prometheus(
+        &app.driver.current_device_snapshot(),
+        app.driver.time_since_last_answer(),
+        &app.driver.admission,
+        peak_g,
+    );
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 
 /// This description
 #[utoipa::path(
     get,
-    path = "/openapi.json",
+    path = "/openapi.json", operation_id = "openapi",
     responses((status = 200, description = "OpenAPI 3.1", body = Object, content_type = "application/json")),
 )]
-async fn openapi() -> Response {
-    ([(header::CONTENT_TYPE, "application/json")], described()).into_response()
+async fn get_openapi() -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], openapi_description_json()).into_response()
 }
 
-async fn not_found(uri: Uri) -> Problem {
-    let detail = format!("there is nothing at {}; see /openapi.json for what there is", uri.path());
-    Problem::new(Kind::NotFound, detail)
+async fn answer_not_found(uri: Uri) -> Problem {
+    let detail = format!("the path {} does not exist; /openapi.json lists all paths", uri.path());
+    Problem::new(ProblemKind::NotFound, detail)
 }
 
-async fn wrong_method(method: Method, uri: Uri) -> Problem {
-    let detail =
-        format!("{} does not take {method}, but {}; see /openapi.json", uri.path(), methods(uri.path()).join(", "));
-    Problem::new(Kind::WrongMethod, detail)
+async fn answer_wrong_method(method: Method, uri: Uri) -> Problem {
+    let detail = format!(
+        "the path {} accepts {}, but not {method}; /openapi.json lists all paths",
+        uri.path(),
+        list_methods_of_path(uri.path()).join(", ")
+    );
+    Problem::new(ProblemKind::WrongMethod, detail)
 }
 
 /// The methods that a path takes.
-fn methods(path: &str) -> &'static [String] {
+fn list_methods_of_path(path: &str) -> &'static [String] {
     /// Every path with its methods, as the description has them.
     static METHODS: LazyLock<Vec<(String, Vec<String>)>> = LazyLock::new(|| {
-        let description: Value = serde_json::from_str(described()).unwrap_or_default();
+        let description: Value = serde_json::from_str(openapi_description_json()).unwrap_or_default();
         let paths = description["paths"].as_object().into_iter().flatten();
         let names = |item: &Value| -> Vec<String> {
             item.as_object().into_iter().flatten().map(|(name, _)| name.to_uppercase()).collect()

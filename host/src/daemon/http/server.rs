@@ -6,15 +6,15 @@
 use super::linger::Lingering;
 use super::listener::{Incoming, Listener};
 use super::routes;
-use super::stop_places::{Guest, Guests};
+use super::stop_places::{StopConnection, StopConnections};
 use crate::daemon::access::client::Peer;
 use crate::daemon::access::limits::Limits;
 use crate::daemon::access::permissions::{Owner, Scheme};
-use crate::daemon::access::sender::Sender;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::access::sender::RequestSender;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::App;
-use crate::daemon::drive::closed;
-use crate::daemon::observe::measurements::record_measurements;
+use crate::daemon::drive::wait_for_closing;
+use crate::daemon::observe::measurements::record_every_change_and_measurements_while_rails_up;
 use crate::device::{DeviceSnapshot, SessionError};
 use axum::Router;
 use axum::response::{IntoResponse, Response};
@@ -35,7 +35,7 @@ const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
 
 /// Why a daemon has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum EndReason {
     /// It was asked to.
     Asked,
     /// The thread that looks after the device is no more, by a mistake in this program.
@@ -45,18 +45,18 @@ pub enum Ended {
 /// As [`serve`], and no longer than the session with the device lasts. Its thread is not started anew: it ended by a panic, so what it knew of
 /// the board is worth nothing. The board has gone off by its dead-man time and can only be driven by a daemon that begins with its hello;
 /// one that went on without would look alive and answer every touch with 503.
-pub async fn serve_while_alive(
+pub async fn serve_until_shutdown_or_session_end(
     app: Arc<App>,
     listeners: Vec<Listener>,
     shutdown: impl Future<Output = ()> + Send + 'static,
-) -> Ended {
-    let (watched, (told, ended)) = (Arc::clone(&app), watch::channel(Ended::Asked));
+) -> EndReason {
+    let (watched, (told, ended)) = (Arc::clone(&app), watch::channel(EndReason::Asked));
     let until = async move {
         tokio::select! {
             () = shutdown => {}
-            () = watched.driver.session_ended() => {
-                tracing::error!("{}; the daemon ends, to be started anew", SessionError::Ended);
-                told.send_replace(Ended::Session);
+            () = watched.driver.wait_for_session_end() => {
+                tracing::error!("{}; the daemon exits so that it is started again", SessionError::Ended);
+                told.send_replace(EndReason::Session);
             }
         }
     };
@@ -66,115 +66,130 @@ pub async fn serve_while_alive(
 
 /// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.
 pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Future<Output = ()> + Send + 'static) {
-    let closing = app.driver.closing();
+    let closing = app.driver.subscribe_closing();
     let mut all = JoinSet::new();
     for listener in listeners {
         // Each with places of its own: a crowd at one is in nobody's way at another.
-        all.spawn(listen(listener, Doors::new(&app), closing.clone()));
+        all.spawn(accept_connections(listener, ConnectionServer::new(&app), closing.clone()));
     }
-    all.spawn(super::cache_warmer::keep(Arc::clone(&app)));
+    all.spawn(super::cache_warmer::keep_caches_warm_while_armed_and_idle(Arc::clone(&app)));
     if app.record.is_some() {
-        all.spawn(record_device(Arc::clone(&app)));
+        all.spawn(record_device_measurements(Arc::clone(&app)));
     }
     shutdown.await;
-    app.close().await;
+    app.stop_studies_and_device_at_shutdown().await;
     // Pages are told so before the process ends.
-    let told = tokio::time::timeout(app.limits.goodbye, app.sockets_closed());
+    let told = tokio::time::timeout(app.limits.goodbye, app.wait_until_all_sockets_closed());
     let _ = tokio::join!(told, async { while all.join_next().await.is_some() {} });
 }
 
-async fn record_device(app: Arc<App>) {
+async fn record_device_measurements(app: Arc<App>) {
     let Some(recorder) = &app.record else { return };
-    let view = |device: &DeviceSnapshot| app.view_measured(device);
-    record_measurements(app.driver.device(), app.driver.closing(), recorder, view).await;
+    let view = |device: &DeviceSnapshot| app.build_recorded_device_view(device);
+    record_every_change_and_measurements_while_rails_up(
+        app.driver.subscribe_device_snapshots(),
+        app.driver.subscribe_closing(),
+        recorder,
+        view,
+    )
+    .await;
 }
 
 /// Accepts connections until the daemon ends, and gives those that are open then a moment.
-async fn listen(listener: Listener, doors: Doors, mut closing: watch::Receiver<bool>) {
+async fn accept_connections(listener: Listener, server: ConnectionServer, mut closing: watch::Receiver<bool>) {
     let mut tasks = JoinSet::new();
     loop {
         tokio::select! {
-            () = closed(&mut closing) => break,
+            () = wait_for_closing(&mut closing) => break,
             Some(_) = tasks.join_next(), if !tasks.is_empty() => {}
             accepted = listener.accept() => match accepted {
-                Ok(incoming) => doors.enter(incoming, &mut tasks),
+                Ok(incoming) => server.serve_incoming(incoming, &mut tasks),
                 Err(error) => {
-                    tracing::warn!(%error, "a connection could not be accepted");
+                    tracing::warn!(%error, "cannot accept a connection");
                     tokio::time::sleep(ACCEPT_AGAIN).await;
                 }
             },
         }
     }
     drop(listener);
-    let goodbye = doors.limits.goodbye;
+    let goodbye = server.limits.goodbye;
     let all = async { while tasks.join_next().await.is_some() {} };
     if tokio::time::timeout(goodbye, all).await.is_err() {
-        tracing::info!(open = tasks.len(), "connections that do not end are closed");
+        tracing::info!(open = tasks.len(), "closing connections that did not end in time");
     }
 }
 
 /// What connections are served with.
-struct Doors {
+struct ConnectionServer {
     all: Router,
     stop_only: Router,
     places: Arc<Semaphore>,
     stop_places: Arc<Semaphore>,
-    guests: Guests,
+    guests: StopConnections,
     limits: Limits,
     closing: watch::Receiver<bool>,
 }
 
-impl Doors {
+impl ConnectionServer {
     fn new(app: &Arc<App>) -> Self {
         Self {
-            all: routes::router(Arc::clone(app)),
-            stop_only: routes::stop_only(Arc::clone(app)),
+            all: routes::build_router(Arc::clone(app)),
+            stop_only: routes::build_stop_only_router(Arc::clone(app)),
             places: Arc::new(Semaphore::new(app.limits.connections)),
             stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
-            guests: Guests::default(),
+            guests: StopConnections::default(),
             limits: app.limits,
-            closing: app.driver.closing(),
+            closing: app.driver.subscribe_closing(),
         }
     }
 
     /// Serves a connection in a task of its own, or drops it where there is no place.
-    fn enter(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
+    fn serve_incoming(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
         let place = |places: &Arc<Semaphore>| Arc::clone(places).try_acquire_owned().ok();
         let mut limits = self.limits;
         let (router, guest) = match place(&self.places) {
-            Some(place) => (self.all.clone(), Arc::new(Guest::new(place))),
-            None => match place(&self.stop_places).or_else(|| self.guests.make_way()) {
+            Some(place) => (self.all.clone(), Arc::new(StopConnection::new(place))),
+            None => match place(&self.stop_places).or_else(|| self.guests.evict_oldest_silent_connection()) {
                 Some(place) => {
                     limits.handshake = limits.handshake.min(limits.stop_headers);
                     limits.headers = limits.headers.min(limits.stop_headers);
-                    let guest = Arc::new(Guest::new(place));
-                    self.guests.add(&guest);
+                    let guest = Arc::new(StopConnection::new(place));
+                    self.guests.add_connection(&guest);
                     (self.stop_only.clone(), guest)
                 }
-                None => return tracing::warn!("too many connections; one is refused"),
+                None => return tracing::warn!("too many connections are open; a new one is refused"),
             },
         };
         let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let peer = Peer::of(stream.peer_addr());
-                let (sender, stream) = Sender::of_tcp(stream);
-                let (end, stream) =
-                    (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
-                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
+                let peer = Peer::from_address(stream.peer_addr());
+                let (sender, stream) = RequestSender::watch_tcp_stream(stream);
+                let (end, stream) = (
+                    ConnectionEnd { peer, sender, scheme: Some(Scheme("http")) },
+                    Lingering::new(guest.watch_stream(stream)),
+                );
+                tasks.spawn(async move {
+                    guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
+                })
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                let (sender, stream) = Sender::of_unix(stream);
-                let (end, stream) = (End { peer, sender, scheme: None }, Lingering::new(guest.listened(stream)));
-                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
+                let (sender, stream) = RequestSender::watch_unix_stream(stream);
+                let (end, stream) =
+                    (ConnectionEnd { peer, sender, scheme: None }, Lingering::new(guest.watch_stream(stream)));
+                tasks.spawn(async move {
+                    guest.serve_until_evicted(serve_connection(stream, end, router, limits, closing)).await
+                })
             }
             Incoming::Tls(stream, acceptor) => {
-                let peer = Peer::of(stream.peer_addr());
-                let (sender, stream) = Sender::of_tcp(stream);
-                let (end, stream) =
-                    (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
+                let peer = Peer::from_address(stream.peer_addr());
+                let (sender, stream) = RequestSender::watch_tcp_stream(stream);
+                let (end, stream) = (
+                    ConnectionEnd { peer, sender, scheme: Some(Scheme("https")) },
+                    Lingering::new(guest.watch_stream(stream)),
+                );
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
                         Ok(Ok(stream)) => serve_connection(stream, end, router, limits, closing).await,
@@ -182,7 +197,7 @@ impl Doors {
                         Err(_) => tracing::debug!("a handshake took too long"),
                     }
                 };
-                tasks.spawn(async move { guest.served(serving).await })
+                tasks.spawn(async move { guest.serve_until_evicted(serving).await })
             }
         };
     }
@@ -190,15 +205,15 @@ impl Doors {
 
 /// The other end of a connection, for whoever answers its requests.
 #[derive(Clone)]
-struct End {
+struct ConnectionEnd {
     peer: Peer,
-    sender: Sender,
+    sender: RequestSender,
     /// `None` through the socket in the file system, whose permissions have asked who it is.
     scheme: Option<Scheme>,
 }
 
-impl End {
-    fn put_into(&self, extensions: &mut hyper::http::Extensions) {
+impl ConnectionEnd {
+    fn insert_into_extensions(&self, extensions: &mut hyper::http::Extensions) {
         extensions.insert(self.peer);
         extensions.insert(self.sender.clone());
         match self.scheme {
@@ -209,8 +224,13 @@ impl End {
 }
 
 /// One connection to its end.
-async fn serve_connection<S>(stream: S, end: End, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
-where
+async fn serve_connection<S>(
+    stream: S,
+    end: ConnectionEnd,
+    router: Router,
+    limits: Limits,
+    mut closing: watch::Receiver<bool>,
+) where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
     // Of answers that nobody takes; hyper has limits for what comes in only.
@@ -218,7 +238,7 @@ where
     stream.set_write_timeout(Some(limits.answer));
     let stream = Box::pin(stream);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
-        end.put_into(request.extensions_mut());
+        end.insert_into_extensions(request.extensions_mut());
         let mut router = router.clone();
         // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
         // it waits for.
@@ -228,7 +248,7 @@ where
                 Ok(answer) => answer,
                 Err(error) => {
                     tracing::error!(%error, "a request failed");
-                    Ok(failed().into_response())
+                    Ok(failed_request_problem().into_response())
                 }
             };
             answer
@@ -240,7 +260,7 @@ where
     let mut connection = std::pin::pin!(builder.serve_connection(TokioIo::new(stream), service).with_upgrades());
     let result = tokio::select! {
         result = &mut connection => result,
-        () = closed(&mut closing) => {
+        () = wait_for_closing(&mut closing) => {
             connection.as_mut().graceful_shutdown();
             connection.await
         }
@@ -250,7 +270,7 @@ where
     }
 }
 
-fn failed() -> Problem {
-    let detail = "the daemon made a mistake with this request; its log says which";
-    Problem::new(Kind::Internal, detail)
+fn failed_request_problem() -> Problem {
+    let detail = "this request caused an internal error of the daemon; its log has the details";
+    Problem::new(ProblemKind::Internal, detail)
 }

@@ -11,13 +11,13 @@ use tokio::sync::{Notify, OwnedSemaphorePermit};
 
 /// A connection's place, for as long as it has it.
 #[derive(Debug)]
-pub struct Guest {
+pub struct StopConnection {
     place: Mutex<Option<OwnedSemaphorePermit>>,
     has_spoken: Arc<AtomicBool>,
     leaves: Notify,
 }
 
-impl Guest {
+impl StopConnection {
     /// In this place.
     pub fn new(place: OwnedSemaphorePermit) -> Self {
         let has_spoken = Arc::new(AtomicBool::new(false));
@@ -25,14 +25,16 @@ impl Guest {
     }
 
     /// Its connection, listened to.
-    pub fn listened<S>(&self, stream: S) -> Listened<S> {
-        Listened { stream, has_spoken: Arc::clone(&self.has_spoken) }
+    pub fn watch_stream<S>(&self, stream: S) -> WatchedStream<S> {
+        WatchedStream { stream, has_spoken: Arc::clone(&self.has_spoken) }
     }
 
     /// Serves it until it is done or has to make way.
-    pub async fn served(&self, serving: impl Future<Output = ()>) {
+    pub async fn serve_until_evicted(&self, serving: impl Future<Output = ()>) {
         tokio::select! {
-            () = self.leaves.notified() => tracing::debug!("a connection that said nothing makes way"),
+            () = self.leaves.notified() => tracing::debug!(
+                "closing a connection that has sent nothing, because a new connection needs its place"
+            ),
             () = serving => {}
         }
     }
@@ -40,20 +42,20 @@ impl Guest {
 
 /// Guests in their order.
 #[derive(Debug, Default)]
-pub struct Guests(Mutex<VecDeque<Weak<Guest>>>);
+pub struct StopConnections(Mutex<VecDeque<Weak<StopConnection>>>);
 
-impl Guests {
+impl StopConnections {
     /// One more.
-    pub fn add(&self, guest: &Arc<Guest>) {
+    pub fn add_connection(&self, connection: &Arc<StopConnection>) {
         let mut guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         guests.retain(|known| known.strong_count() > 0);
-        guests.push_back(Arc::downgrade(guest));
+        guests.push_back(Arc::downgrade(connection));
     }
 
     /// The place of the oldest that has said nothing, which is sent away.
-    pub fn make_way(&self) -> Option<OwnedSemaphorePermit> {
+    pub fn evict_oldest_silent_connection(&self) -> Option<OwnedSemaphorePermit> {
         let guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let silent = |guest: &Arc<Guest>| !guest.has_spoken.load(Ordering::SeqCst);
+        let silent = |guest: &Arc<StopConnection>| !guest.has_spoken.load(Ordering::SeqCst);
         guests.iter().filter_map(Weak::upgrade).filter(silent).find_map(|guest| {
             let place = guest.place.lock().unwrap_or_else(PoisonError::into_inner).take()?;
             guest.leaves.notify_one();
@@ -64,12 +66,12 @@ impl Guests {
 
 /// A connection of which is known whether anything has come over it.
 #[derive(Debug)]
-pub struct Listened<S> {
+pub struct WatchedStream<S> {
     stream: S,
     has_spoken: Arc<AtomicBool>,
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Listened<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for WatchedStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -84,7 +86,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Listened<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Listened<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for WatchedStream<S> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         Pin::new(&mut self.stream).poll_write(context, bytes)
     }

@@ -3,10 +3,10 @@
 //! The list of fingers is cut out of the message as text, so that whatever is wrong with the text of one (a number that no float holds, a key
 //! twice, `NaN`, which some libraries write) stays its own.
 
-use super::Incoming;
-use crate::daemon::api::json::from_json;
-use crate::daemon::api::problem::{Kind, Problem};
-use crate::daemon::api::whole_numbers::convert_whole;
+use super::PageMessage;
+use crate::daemon::api::json::{ExpectedForm, parse_json_object};
+use crate::daemon::api::problem::{Problem, ProblemKind};
+use crate::daemon::api::whole_numbers::to_exact_whole_number;
 use crate::daemon::touch::check::CheckedFinger;
 use crate::daemon::touch::request::Finger;
 use crate::planner::request::MAX_TARGETS;
@@ -21,15 +21,18 @@ use std::ops::Range;
 const EDGE_PART: f64 = 0.01;
 /// Most fingers of one message that are told to be wrong one by one.
 const MOST_TOLD: usize = 10;
-const WANTED_MESSAGE: &str = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
-const WANTED_FINGER: &str =
-    r#"{"id": number, "x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: text}"#;
+const WANTED_MESSAGE: ExpectedForm<'_> =
+    ExpectedForm { subject: "The whole message", form: r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"# };
+const WANTED_FINGER: ExpectedForm<'_> = ExpectedForm {
+    subject: "Each finger",
+    form: r#"{"id": number, "x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: text}"#,
+};
 
 /// A message: what it says besides the fingers, and the text of each finger; `None` where it has no list of fingers.
 #[derive(Debug)]
-pub struct Message {
+pub struct IncomingMessage {
     /// All but the fingers, whose list is empty in it; or what is wrong with that.
-    pub rest: Result<Incoming, Problem>,
+    pub rest: Result<PageMessage, Problem>,
     /// Whether it is about fingers, whatever is wrong with the rest.
     pub is_touch: bool,
     fingers: Option<Vec<String>>,
@@ -37,38 +40,38 @@ pub struct Message {
 
 /// Fingers that count, and what is wrong with those that do not.
 #[derive(Debug, Default)]
-pub struct Read {
+pub struct CheckedFingers {
     /// With their places on the screen.
     pub fingers: Vec<CheckedFinger>,
     /// One for each of the others, the first ten of them.
     pub problems: Vec<Problem>,
 }
 
-impl Message {
+impl IncomingMessage {
     /// Reads a message as far as that goes.
     #[must_use]
     pub fn from_text(text: &str) -> Self {
         let text = quote_bare_words(text);
-        let (rest, fingers) = match find_fingers(&text) {
+        let (rest, fingers) = match find_finger_list_and_entries(&text) {
             Some((list, fingers)) => {
                 let rest = [text.get(..list.start), text.get(list.end..)].map(Option::unwrap_or_default).join("[]");
                 let fingers = fingers.into_iter().filter_map(|finger| text.get(finger)).map(str::to_owned).collect();
                 (Cow::Owned(rest), Some(fingers))
             }
-            None => match parse_fingers(&text) {
+            None => match parse_strict_json_and_split_off_fingers(&text) {
                 Some((rest, fingers)) => (Cow::Owned(rest), Some(fingers)),
                 None => (text, None),
             },
         };
-        let types = list_types(rest.as_bytes());
+        let types = list_type_values_of_message(rest.as_bytes());
         let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
-        Self { rest: from_json(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
+        Self { rest: parse_json_object(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
     }
 
     /// What is wrong where it is about fingers and has no list of them.
     #[must_use]
-    pub fn lacks_fingers() -> Problem {
-        Problem::body(format!("touches is missing; expected {WANTED_MESSAGE}")).about("touches".into())
+    pub fn missing_fingers_problem() -> Problem {
+        Problem::bad_body(format!("touches is missing. {WANTED_MESSAGE}")).with_field("touches".into())
     }
 
     /// How many fingers its list has; `None` where it has no list.
@@ -79,21 +82,21 @@ impl Message {
 
     /// The fingers that can be made out by their numbers, whatever else is wrong with them or the message.
     #[must_use]
-    pub fn ids(&self) -> Vec<i64> {
-        self.fingers.iter().flatten().filter_map(|finger| id_of(finger)).collect()
+    pub fn list_finger_ids(&self) -> Vec<i64> {
+        self.fingers.iter().flatten().filter_map(|finger| parse_finger_id_or_zero_if_absent(finger)).collect()
     }
 
-    /// The fingers on this scene's screen. Those that were `down` before come before others where there are more than can be driven.
+    /// The fingers on this scene's screen. Those that were `ids_down` before come before others where there are more than can be driven.
     #[must_use]
-    pub fn read_fingers(&self, scene: &Scene, down: &[i64]) -> Read {
-        let mut read = Read::default();
+    pub fn check_fingers(&self, scene: &Scene, ids_down: &[i64]) -> CheckedFingers {
+        let mut read = CheckedFingers::default();
         let mut seen = Vec::new();
         let mut wrong = 0_usize;
         let mut refuse = |problem: Problem, id: Option<i64>, problems: &mut Vec<Problem>| {
             wrong += 1;
             if wrong <= MOST_TOLD {
                 problems.push(match id {
-                    Some(id) => problem.finger(id),
+                    Some(id) => problem.with_finger_id(id),
                     None => problem,
                 });
             }
@@ -103,28 +106,34 @@ impl Message {
             let part = format!("touches[{t}]");
             if !text.trim_start().starts_with('{') {
                 let shown: Value = serde_json::from_str(text).unwrap_or_else(|_| text.trim().into());
-                let detail = format!("{part} is {shown}, but must be an object; expected {WANTED_FINGER}");
-                refuse(Problem::body(detail).at(&part, shown, "an object".into(), None), None, &mut read.problems);
+                let detail = format!("{part} is {shown}, but must be an object. {WANTED_FINGER}");
+                refuse(
+                    Problem::bad_body(detail).with_field_and_value(&part, shown, "an object".into(), None),
+                    None,
+                    &mut read.problems,
+                );
                 continue;
             }
-            let finger = read_finger(text, scene);
-            let id = finger.as_ref().map_or_else(|_| id_of(text), |finger| Some(finger.finger.id));
+            let finger = parse_and_check_finger(text, scene);
+            let id = finger
+                .as_ref()
+                .map_or_else(|_| parse_finger_id_or_zero_if_absent(text), |finger| Some(finger.finger.id));
             if let Some(id) = id.filter(|id| seen.contains(id)) {
-                refuse(same_id(t, id), Some(id), &mut read.problems);
+                refuse(duplicate_finger_id_problem(t, id), Some(id), &mut read.problems);
                 continue;
             }
             seen.extend(id);
             match finger {
                 Ok(finger) => good.push((t, finger)),
-                Err(problem) => refuse(problem.of(Some(part)), id, &mut read.problems),
+                Err(problem) => refuse(problem.with_field_prefix(Some(part)), id, &mut read.problems),
             }
         }
         // Stable: in the order of the message otherwise.
-        good.sort_by_key(|(_, checked)| !down.contains(&checked.finger.id));
+        good.sort_by_key(|(_, checked)| !ids_down.contains(&checked.finger.id));
         for (t, checked) in good.split_off(good.len().min(MAX_TARGETS)) {
-            let detail = format!("touches[{t}] is one more than the {MAX_TARGETS} fingers that are driven at once");
+            let detail = format!("touches[{t}] is not driven: at most {MAX_TARGETS} fingers are driven at once");
             refuse(
-                Problem::new(Kind::TouchCount, detail).about(format!("touches[{t}]")),
+                Problem::new(ProblemKind::TouchCount, detail).with_field(format!("touches[{t}]")),
                 Some(checked.finger.id),
                 &mut read.problems,
             );
@@ -137,7 +146,7 @@ impl Message {
 
 /// The texts of all keys `type` of a message's own object, or of each where there are several behind each other or in a list: one that is there twice counts
 /// too. What the message has besides need not be JSON, nor end: a stop counts that has `NaN` beside it, a comma too many, or another message behind it.
-pub fn list_types(message: &[u8]) -> Vec<String> {
+pub fn list_type_values_of_message(message: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(message);
     let (bytes, mut types) = (text.as_bytes(), Vec::new());
     let (mut at, mut depth) = (0, 0_usize);
@@ -146,7 +155,7 @@ pub fn list_types(message: &[u8]) -> Vec<String> {
     while let Some(byte) = bytes.get(at) {
         match byte {
             b'"' => {
-                let end = end_of_string(bytes, at);
+                let end = find_index_after_closing_quote(bytes, at);
                 let word = text.get(at..end).and_then(|word| serde_json::from_str::<String>(word).ok());
                 if is_value {
                     types.extend(word.filter(|_| depth == 1 && key.as_deref() == Some("type")));
@@ -169,7 +178,7 @@ pub fn list_types(message: &[u8]) -> Vec<String> {
 }
 
 /// Where the string that begins at `start` ends, quotes included; the text's end where it does not.
-fn end_of_string(bytes: &[u8], start: usize) -> usize {
+fn find_index_after_closing_quote(bytes: &[u8], start: usize) -> usize {
     let mut at = start + 1;
     while let Some(byte) = bytes.get(at) {
         match byte {
@@ -182,8 +191,8 @@ fn end_of_string(bytes: &[u8], start: usize) -> usize {
 }
 
 /// One finger, on the screen.
-fn read_finger(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
-    let mut finger: Finger = from_json(text.as_bytes(), WANTED_FINGER)?;
+fn parse_and_check_finger(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
+    let mut finger: Finger = parse_json_object(text.as_bytes(), WANTED_FINGER)?;
     let screen = &scene.screen;
     for (place, side) in [(&mut finger.x_px, screen.width_px), (&mut finger.y_px, screen.height_px)] {
         let side = f64::from(side);
@@ -191,32 +200,33 @@ fn read_finger(text: &str, scene: &Scene) -> Result<CheckedFinger, Problem> {
             *place = place.clamp(0.0, side);
         }
     }
-    finger.check(scene)
+    finger.check_on_scene(scene)
 }
 
 /// The number of a finger whatever else is wrong with it, if that can be read: 0 where it has none.
-fn id_of(text: &str) -> Option<i64> {
+fn parse_finger_id_or_zero_if_absent(text: &str) -> Option<i64> {
     #[derive(Deserialize)]
     struct OnlyId {
         id: Option<serde_json::Number>,
     }
     let id = serde_json::from_str::<OnlyId>(text).ok()?.id;
-    id.map_or(Some(0), |id| id.as_i64().or_else(|| convert_whole(id.as_f64()?)))
+    id.map_or(Some(0), |id| id.as_i64().or_else(|| to_exact_whole_number(id.as_f64()?)))
 }
 
 /// That two fingers have the same number: nobody could say then which of them was lifted. The first one counts.
-fn same_id(t: usize, id: i64) -> Problem {
-    let detail = format!("touches[{t}].id is {id}, as that of a finger before it, but must be another one");
-    Problem::new(Kind::OutOfRange, detail).at(
-        &format!("touches[{t}].id"),
+fn duplicate_finger_id_problem(finger_index: usize, id: i64) -> Problem {
+    let detail =
+        format!("touches[{finger_index}].id is {id}, but an earlier finger has this id already: ids must differ");
+    Problem::new(ProblemKind::OutOfRange, detail).with_field_and_value(
+        &format!("touches[{finger_index}].id"),
         id.into(),
-        "numbers that differ".into(),
+        "a number that no other finger has".into(),
         None,
     )
 }
 
 /// What is in a text, for whoever looks for places in it: each byte with whether it is in a string, quotes included.
-fn with_strings(text: &str) -> impl Iterator<Item = (usize, u8, bool)> + '_ {
+fn scan_bytes_marking_strings(text: &str) -> impl Iterator<Item = (usize, u8, bool)> + '_ {
     let (mut inside, mut escaped) = (false, false);
     text.bytes().enumerate().map(move |(at, byte)| {
         let was_inside = inside;
@@ -231,12 +241,12 @@ fn with_strings(text: &str) -> impl Iterator<Item = (usize, u8, bool)> + '_ {
 }
 
 /// Where a message has its list of fingers, brackets included, and where each of them is; `None` where there is none, or where it does not end.
-fn find_fingers(text: &str) -> Option<(Range<usize>, Vec<Range<usize>>)> {
+fn find_finger_list_and_entries(text: &str) -> Option<(Range<usize>, Vec<Range<usize>>)> {
     const KEY: &str = "\"touches\"";
     let (mut depth, mut start, mut finger_start, mut fingers) = (0_usize, None, 0, Vec::new());
     // The key has been read, and its colon; nothing else has come.
     let mut is_next = false;
-    for (at, byte, in_string) in with_strings(text) {
+    for (at, byte, in_string) in scan_bytes_marking_strings(text) {
         if in_string {
             if start.is_none() && depth == 1 {
                 is_next = is_next || text.get(..=at).is_some_and(|read| read.ends_with(KEY));
@@ -268,7 +278,7 @@ fn find_fingers(text: &str) -> Option<(Range<usize>, Vec<Range<usize>>)> {
 }
 
 /// The rest of a message and its fingers where the key of their list is written with escapes (`"touche\u0073"`), so that the text does not show it.
-fn parse_fingers(text: &str) -> Option<(String, Vec<String>)> {
+fn parse_strict_json_and_split_off_fingers(text: &str) -> Option<(String, Vec<String>)> {
     let mut message: serde_json::Map<String, Value> = serde_json::from_str(text).ok()?;
     let list = message.get_mut("touches")?.as_array_mut()?;
     let fingers = list.drain(..).map(|finger| finger.to_string()).collect();
@@ -279,7 +289,7 @@ fn parse_fingers(text: &str) -> Option<(String, Vec<String>)> {
 fn quote_bare_words(text: &str) -> Cow<'_, str> {
     let is_of_word = |byte: u8| byte.is_ascii_alphanumeric() || b"+-._".contains(&byte);
     let mut words: Vec<Range<usize>> = Vec::new();
-    for (at, byte, in_string) in with_strings(text) {
+    for (at, byte, in_string) in scan_bytes_marking_strings(text) {
         match words.last_mut() {
             Some(word) if !in_string && is_of_word(byte) && word.end == at => word.end = at + 1,
             _ if !in_string && is_of_word(byte) => words.push(at..at + 1),
@@ -313,7 +323,7 @@ mod tests {
     use super::*;
 
     fn fingers(text: &str) -> Option<Vec<String>> {
-        Message::from_text(text).fingers.map(|all| all.iter().map(|one| one.trim().to_owned()).collect())
+        IncomingMessage::from_text(text).fingers.map(|all| all.iter().map(|one| one.trim().to_owned()).collect())
     }
 
     #[test]
@@ -329,7 +339,7 @@ mod tests {
         // A key may be written with escapes.
         let escaped = r#"{"type": "touch", "touche\u0073": [{"id": 1}]}"#;
         assert_eq!(fingers(escaped), of(&[r#"{"id":1}"#]));
-        assert!(Message::from_text(escaped).rest.is_ok());
+        assert!(IncomingMessage::from_text(escaped).rest.is_ok());
         // A value is no key, and a list that does not end is none.
         assert_eq!(fingers(r#"{"kind": "touches", "x": [1]}"#), None);
         assert_eq!(fingers(r#"{"touches": [{"id": 1}"#), None);
@@ -362,9 +372,9 @@ mod tests {
             r#"{"type":"stop","x":"\ud800"}"#,
             r#"{"type":"stop","x":"#,
         ] {
-            assert!(list_types(stop.as_bytes()).contains(&"stop".to_owned()), "{stop}");
+            assert!(list_type_values_of_message(stop.as_bytes()).contains(&"stop".to_owned()), "{stop}");
         }
-        assert!(list_types(b"{\"type\":\"stop\",\"x\":\"\xff\"}").contains(&"stop".to_owned()));
+        assert!(list_type_values_of_message(b"{\"type\":\"stop\",\"x\":\"\xff\"}").contains(&"stop".to_owned()));
         for other in [
             "",
             "\"",
@@ -377,7 +387,7 @@ mod tests {
             r#"{"type":{"x":"stop"}}"#,
             r#"{"type"}"stop""#,
         ] {
-            assert!(!list_types(other.as_bytes()).contains(&"stop".to_owned()), "{other}");
+            assert!(!list_type_values_of_message(other.as_bytes()).contains(&"stop".to_owned()), "{other}");
         }
     }
 
@@ -388,8 +398,8 @@ mod tests {
             r#"{"type":"touch","touches":[{"id":2}]}x"#,
             r#"{"type":"touch","touches":[{"id":2}],}"#,
         ] {
-            let message = Message::from_text(text);
-            assert!(message.rest.is_err() && message.is_touch && message.ids() == [2], "{text}");
+            let message = IncomingMessage::from_text(text);
+            assert!(message.rest.is_err() && message.is_touch && message.list_finger_ids() == [2], "{text}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a page is told on its live socket.
 
 use crate::daemon::api::problem::Problem;
-use crate::daemon::drive::active::Active;
+use crate::daemon::drive::active::ActivePlan;
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::answer::PlayedEffect;
@@ -15,7 +15,7 @@ use utoipa::ToSchema;
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = LiveOut)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Message {
+pub enum LiveMessage {
     /// The scene, once.
     #[expect(dead_code, reason = "part of the description; `SceneTexts` writes it once for all pages")]
     Scene(Box<SceneView>),
@@ -51,14 +51,14 @@ pub struct ErrorMessage {
     problem: Problem,
 }
 
-impl Message {
+impl LiveMessage {
     /// The plan, with its field by this table or without.
     #[must_use]
-    pub fn plan(active: &Active, table: Option<&PlanTable>) -> Self {
+    pub fn from_plan(active: &ActivePlan, table: Option<&PlanTable>) -> Self {
         Self::Plan(Box::new(PlanMessage {
             plan: Some(active.plan.clone()),
             plan_id: Some(active.id),
-            field: table.map(|table| active.field(table).clone()),
+            field: table.map(|table| active.get_or_compute_field(table).clone()),
             touches: active.touches.clone(),
             effect: active.effect.clone(),
         }))
@@ -66,13 +66,13 @@ impl Message {
 
     /// That no plan is driven any more.
     #[must_use]
-    pub fn no_plan() -> Self {
+    pub fn without_plan() -> Self {
         Self::Plan(Box::new(PlanMessage { plan: None, plan_id: None, field: None, touches: Vec::new(), effect: None }))
     }
 
     /// What is wrong.
     #[must_use]
-    pub fn error(problem: &Problem) -> Self {
+    pub fn from_problem(problem: &Problem) -> Self {
         Self::Error(ErrorMessage { problem: problem.clone() })
     }
 }

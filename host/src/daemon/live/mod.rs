@@ -10,9 +10,9 @@ pub mod message;
 mod writer;
 
 use crate::daemon::access::client::Client;
-use crate::daemon::access::head::read_header;
+use crate::daemon::access::head::read_single_header;
 use crate::daemon::access::permissions::Role;
-use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::{App, SOCKETS};
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::request::Feel;
@@ -25,9 +25,9 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
-use fingers::Fingers;
+use fingers::PageFingers;
 use futures_util::{FutureExt, StreamExt};
-use message::Message as Told;
+use message::LiveMessage;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -35,7 +35,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use utoipa::{IntoParams, ToSchema};
-use writer::Wants;
+use writer::PageTopics;
 
 /// Longest message in bytes: ten fingers take under 1 kB.
 const MAX_MESSAGE: usize = 16 * 1024;
@@ -54,10 +54,10 @@ const REPLIES: usize = 32;
     json!({"type": "stop"}),
 ))]
 #[serde(deny_unknown_fields)]
-pub struct Incoming {
+pub struct PageMessage {
     /// What it is about.
     #[serde(rename = "type")]
-    kind: Said,
+    kind: PageMessageKind,
     /// The fingers that are down now; none when all are lifted. With `touch` only.
     touches: Option<Vec<Finger>>,
     /// Peak wanted in g, for fingers that have none of their own.
@@ -69,7 +69,7 @@ pub struct Incoming {
     /// Plays this when a finger comes down instead of driving evenly.
     effect: Option<NamedEffect>,
     /// How many pulses a `pulse_train` has.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole_or_null")]
+    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number_or_null")]
     count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
@@ -79,7 +79,7 @@ pub struct Incoming {
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = LiveKind)]
 #[serde(rename_all = "lowercase")]
-enum Said {
+enum PageMessageKind {
     /// Its fingers.
     Touch,
     /// Everything off.
@@ -88,7 +88,7 @@ enum Said {
 
 /// What the reader has the writer send.
 #[derive(Debug)]
-enum Letter {
+enum WriterCommand {
     Ping,
     /// The last one.
     Close(CloseFrame),
@@ -119,7 +119,7 @@ struct LiveQuery {
     params(LiveQuery),
     responses((status = 101, description = "Switching protocols")),
 )]
-pub async fn upgrade(
+pub async fn upgrade_to_live_socket(
     State(app): State<Arc<App>>,
     client: Client,
     role: Option<Extension<Role>>,
@@ -131,32 +131,32 @@ pub async fn upgrade(
         let is_other_version = matches!(rejection, WebSocketUpgradeRejection::InvalidWebSocketVersionHeader(_))
             && headers.contains_key(header::SEC_WEBSOCKET_VERSION);
         let kind = match rejection.status().as_u16() {
-            405 => Kind::NoWebsocketMethod,
-            426 => Kind::NoWebsocketUpgrade,
-            _ if is_other_version => Kind::NoWebsocketUpgrade,
-            _ => Kind::NoWebsocket,
+            405 => ProblemKind::NoWebsocketMethod,
+            426 => ProblemKind::NoWebsocketUpgrade,
+            _ if is_other_version => ProblemKind::NoWebsocketUpgrade,
+            _ => ProblemKind::NoWebsocket,
         };
-        no_websocket(kind, rejection.body_text())
+        no_websocket_problem(kind, rejection.body_text())
     })?;
-    check_handshake(&headers)?;
-    let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
-    let query: LiveQuery = crate::daemon::api::query::read(&uri, "send=NAMES, or nothing")?;
+    check_websocket_version_and_key_headers(&headers)?;
+    let bad = |detail: String| Problem::new(ProblemKind::BadQuery, detail);
+    let query: LiveQuery = crate::daemon::api::query::parse_query(&uri, "send=NAMES, or is empty")?;
     let wants = match &query.send {
-        None => Wants::DEFAULT,
-        Some(text) => Wants::parse(text).map_err(|name| {
-            let detail = format!("send names {name:?}, but takes {}", Wants::NAMES);
-            bad(detail).at("send", text.as_str().into(), Wants::NAMES.into(), None)
+        None => PageTopics::DEFAULT,
+        Some(text) => PageTopics::parse(text).map_err(|name| {
+            let detail = format!("send contains {name:?}, but may contain only {}", PageTopics::NAMES);
+            bad(detail).with_field_and_value("send", text.as_str().into(), PageTopics::NAMES.into(), None)
         })?,
     };
     // Without tokens everybody may do all.
     let role = role.map_or(Role::Arm, |Extension(role)| role);
     let places = if role < Role::Touch { &app.watchers } else { &app.sockets };
     let place = Arc::clone(places).try_acquire_owned().map_err(|_| {
-        let detail = format!("{SOCKETS} sockets are open, which is as many as there may be");
-        Problem::new(Kind::SocketsFull, detail).retry(1000, Some(SOCKETS))
+        let detail = format!("{SOCKETS} live sockets are open, which is the maximum");
+        Problem::new(ProblemKind::SocketsFull, detail).with_retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
-        serve(app, client, role, socket, wants).await;
+        serve_page_socket(app, client, role, socket, wants).await;
         drop(place);
     };
     // Of both: what is announced as longer is not waited for.
@@ -164,40 +164,49 @@ pub async fn upgrade(
 }
 
 /// What is no WebSocket, with what is spoken here (RFC 6455, 4.4; RFC 9110, 15.5.22).
-fn no_websocket(kind: Kind, detail: String) -> Problem {
-    let problem = Problem::new(kind, detail).header(header::SEC_WEBSOCKET_VERSION, "13");
+fn no_websocket_problem(kind: ProblemKind, detail: String) -> Problem {
+    let problem = Problem::new(kind, detail).with_header(header::SEC_WEBSOCKET_VERSION, "13");
     match kind {
-        Kind::NoWebsocketUpgrade => problem.header(header::CONNECTION, "upgrade").header(header::UPGRADE, "websocket"),
+        ProblemKind::NoWebsocketUpgrade => {
+            problem.with_header(header::CONNECTION, "upgrade").with_header(header::UPGRADE, "websocket")
+        }
         _ => problem,
     }
 }
 
 /// That the version is there once, and a key of 16 bytes in base64 (RFC 6455, 4.2.1): 22 letters and what fills up to 24.
-fn check_handshake(headers: &HeaderMap) -> Result<(), Problem> {
-    read_header(headers, &header::SEC_WEBSOCKET_VERSION)?;
-    let key = read_header(headers, &header::SEC_WEBSOCKET_KEY)?.unwrap_or_default();
+fn check_websocket_version_and_key_headers(headers: &HeaderMap) -> Result<(), Problem> {
+    read_single_header(headers, &header::SEC_WEBSOCKET_VERSION)?;
+    let key = read_single_header(headers, &header::SEC_WEBSOCKET_KEY)?.unwrap_or_default();
     let is_letter = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/');
     match key.strip_suffix("==") {
         Some(letters) if letters.len() == 22 && letters.bytes().all(is_letter) => Ok(()),
         _ => {
             let allowed = "16 bytes in base64, which are 24 characters";
-            let problem =
-                no_websocket(Kind::NoWebsocket, format!("sec-websocket-key is {key:?}, but must be {allowed}"));
-            Err(problem.at("sec-websocket-key", key.into(), allowed.into(), None))
+            let problem = no_websocket_problem(
+                ProblemKind::NoWebsocket,
+                format!("sec-websocket-key is {key:?}, but must be {allowed}"),
+            );
+            Err(problem.with_field_and_value("sec-websocket-key", key.into(), allowed.into(), None))
         }
     }
 }
 
-async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wants: Wants) {
+async fn serve_page_socket(app: Arc<App>, client: Client, role: Role, socket: WebSocket, topics: PageTopics) {
     // Names the page in recordings.
     static PAGES: AtomicU64 = AtomicU64::new(0);
-    let page = Page { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role };
+    let page = PageIdentity { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role };
     let (sink, mut stream) = socket.split();
-    let (letters, inbox) = mpsc::channel::<Letter>(1);
+    let (letters, inbox) = mpsc::channel::<WriterCommand>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
-    let fingers = Arc::new(Fingers::default());
-    let mut writer = tokio::spawn(writer::write(Arc::clone(&app), sink, inbox, outbox, wants));
-    tokio::spawn(fingers::drive(Arc::clone(&app), client, Arc::clone(&fingers), replies.clone()));
+    let fingers = Arc::new(PageFingers::default());
+    let mut writer = tokio::spawn(writer::write_messages_to_page(Arc::clone(&app), sink, inbox, outbox, topics));
+    tokio::spawn(fingers::drive_fingers_until_page_is_gone(
+        Arc::clone(&app),
+        client,
+        Arc::clone(&fingers),
+        replies.clone(),
+    ));
     let mut ping = tokio::time::interval(app.limits.ping);
     let mut heard = Instant::now();
     let mut is_written = true;
@@ -208,19 +217,19 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                     heard = Instant::now();
                     match message {
                         Message::Binary(bytes) => {
-                            stop_if_said(&app, page, &bytes, &fingers, &replies);
+                            stop_device_if_message_asks_and_page_may_touch(&app, page, &bytes, &fingers, &replies);
                             if page.role >= Role::Touch && let Ok(text) = std::str::from_utf8(&bytes) {
-                                lift_if_said(&app, &incoming::Message::from_text(text), &fingers);
+                                lift_fingers_left_out(&app, &incoming::IncomingMessage::from_text(text), &fingers);
                             }
-                            let problem = Problem::body("a message must be text, of JSON, and this one is binary".into());
-                            let _ = replies.try_send(error_message(&problem));
+                            let problem = Problem::bad_body("the message is binary, but must be text with JSON".into());
+                            let _ = replies.try_send(build_error_message(&problem));
                         }
                         Message::Text(text) => {
                             let text = text.as_str();
                             let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
-                            if let Some(problem) = take(&app, page, text, &fingers, &replies) {
+                            if let Some(problem) = handle_page_message(&app, page, text, &fingers, &replies) {
                                 // A page that reads nothing misses what is wrong with what it says.
-                                let _ = replies.try_send(error_message(&problem));
+                                let _ = replies.try_send(build_error_message(&problem));
                             }
                         }
                         // The writer says it back.
@@ -228,16 +237,16 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                         _ => {}
                     }
                 }
-                Some(Err(error)) => break closing::frame_for_error(error),
+                Some(Err(error)) => break closing::close_frame_for_error(error),
                 None => break None,
             },
             _ = ping.tick() => {
-                let _ = letters.try_send(Letter::Ping);
+                let _ = letters.try_send(WriterCommand::Ping);
             }
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
             () = tokio::time::sleep_until(heard + app.limits.silence) => {
-                tracing::info!("a page that has fallen silent is let go");
-                break Some(closing::frame_for_silence(app.limits.silence));
+                tracing::info!("closing a live socket: nothing was received from the page in time");
+                break Some(closing::close_frame_for_silence(app.limits.silence));
             }
             // The page takes nothing any more, or the daemon ends.
             _ = &mut writer => {
@@ -246,10 +255,10 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
             }
         }
     };
-    app.note("gone", || json!({"socket": page.number}));
-    fingers.go();
+    app.record_line("gone", || json!({"socket": page.number}));
+    fingers.lift_all_as_page_is_gone();
     if let Some(farewell) = farewell {
-        let _ = letters.send(Letter::Close(farewell)).await;
+        let _ = letters.send(WriterCommand::Close(farewell)).await;
     }
     drop(letters);
     // The socket's place is taken until it is closed.
@@ -260,7 +269,7 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
 
 /// Who is at the other end.
 #[derive(Clone, Copy, Debug)]
-struct Page {
+struct PageIdentity {
     /// In recordings.
     number: u64,
     /// What its token opens.
@@ -268,31 +277,45 @@ struct Page {
 }
 
 /// Carries out what a page said; what is wrong with it, if anything is.
-fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
+fn handle_page_message(
+    app: &Arc<App>,
+    page: PageIdentity,
+    text: &str,
+    fingers: &PageFingers,
+    replies: &mpsc::Sender<Value>,
+) -> Option<Problem> {
     if page.role < Role::Touch {
-        return Some(page.role.lacks(Role::Touch));
+        return Some(page.role.insufficient_role_problem(Role::Touch));
     }
     if text.len() > MAX_MESSAGE {
-        stop_if_said(app, page, text.as_bytes(), fingers, replies);
-        lift_if_said(app, &incoming::Message::from_text(text), fingers);
-        return Some(Problem::body(format!("the message has {} bytes, and may have {MAX_MESSAGE}", text.len())));
+        stop_device_if_message_asks_and_page_may_touch(app, page, text.as_bytes(), fingers, replies);
+        lift_fingers_left_out(app, &incoming::IncomingMessage::from_text(text), fingers);
+        return Some(Problem::bad_body(format!(
+            "the message has {} bytes, but may have at most {MAX_MESSAGE}",
+            text.len()
+        )));
     }
-    let message = incoming::Message::from_text(text);
+    let message = incoming::IncomingMessage::from_text(text);
     match &message.rest {
-        Ok(Incoming { kind: Said::Touch, touches: Some(_), .. }) => {
-            take_fingers(app, page, text, &message, fingers, replies)
+        Ok(PageMessage { kind: PageMessageKind::Touch, touches: Some(_), .. }) => {
+            queue_touch_of_message_reporting_wrong_fingers(app, page, text, &message, fingers, replies)
         }
-        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => Some(incoming::Message::lacks_fingers()),
-        Ok(Incoming { kind: Said::Stop, .. }) => {
-            stop(app, page, fingers, replies);
+        Ok(PageMessage { kind: PageMessageKind::Touch, touches: None, .. }) => {
+            Some(incoming::IncomingMessage::missing_fingers_problem())
+        }
+        Ok(PageMessage { kind: PageMessageKind::Stop, .. }) => {
+            stop_device_for_page(app, page, fingers, replies);
             let has_more = message.count_fingers().is_some_and(|count| count > 0);
             has_more.then(|| {
-                Problem::body("a stop has no fingers: touches is for the type touch".into()).about("touches".into())
+                Problem::bad_body(
+                    "touches is given, but is allowed only with the type touch; the daemon stopped the device".into(),
+                )
+                .with_field("touches".into())
             })
         }
         Err(problem) => {
-            stop_if_said(app, page, text.as_bytes(), fingers, replies);
-            lift_if_said(app, &message, fingers);
+            stop_device_if_message_asks_and_page_may_touch(app, page, text.as_bytes(), fingers, replies);
+            lift_fingers_left_out(app, &message, fingers);
             Some(problem.clone())
         }
     }
@@ -300,54 +323,55 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
 
 /// Has the fingers of a message driven; each one that is wrong is told, and takes nothing from the others. What is wrong with the whole is given
 /// back; of the fingers only those that are lifted count then.
-fn take_fingers(
+fn queue_touch_of_message_reporting_wrong_fingers(
     app: &Arc<App>,
-    page: Page,
+    page: PageIdentity,
     text: &str,
-    message: &incoming::Message,
-    fingers: &Fingers,
+    message: &incoming::IncomingMessage,
+    fingers: &PageFingers,
     replies: &mpsc::Sender<Value>,
 ) -> Option<Problem> {
-    let Ok(Incoming { intensity_g, intensity_db, duration_ms, effect, count, period_ms, .. }) = &message.rest else {
+    let Ok(PageMessage { intensity_g, intensity_db, duration_ms, effect, count, period_ms, .. }) = &message.rest else {
         return None;
     };
-    app.note("fingers", || {
+    app.record_line("fingers", || {
         // What is no JSON is kept as it came.
         let message = serde_json::from_str::<Value>(text).unwrap_or_else(|_| text.into());
         json!({"socket": page.number, "message": message})
     });
-    let incoming::Read { fingers: down, problems } = message.read_fingers(&app.table.scene, &fingers.ids_down());
+    let incoming::CheckedFingers { fingers: down, problems } =
+        message.check_fingers(&app.table.scene, &fingers.list_ids_of_fingers_down());
     for problem in &problems {
-        let _ = replies.try_send(error_message(problem));
+        let _ = replies.try_send(build_error_message(problem));
     }
     let effect = effect.or_else(|| down.iter().find_map(|checked| checked.finger.effect));
     let (intensity_g, intensity_db, duration_ms) = (*intensity_g, *intensity_db, *duration_ms);
     let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count: *count, period_ms: *period_ms };
     match Touch::from_fingers(&down, feel) {
-        Ok(touch) => fingers.are(touch, app.driver.stops()).err(),
+        Ok(touch) => fingers.queue_fingers_down_dropping_oldest_if_full(touch, app.driver.stop_count()).err(),
         Err(problem) => {
             let ids: Vec<i64> = down.iter().map(|checked| checked.finger.id).collect();
-            let _ = fingers.keep_only(&ids, app.driver.stops());
+            let _ = fingers.lift_all_except_dropping_oldest_if_full(&ids, app.driver.stop_count());
             Some(problem)
         }
     }
 }
 
 /// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
-fn lift_if_said(app: &Arc<App>, message: &incoming::Message, fingers: &Fingers) {
+fn lift_fingers_left_out(app: &Arc<App>, message: &incoming::IncomingMessage, fingers: &PageFingers) {
     if message.is_touch && message.count_fingers().is_some() {
-        let _ = fingers.keep_only(&message.ids(), app.driver.stops());
+        let _ = fingers.lift_all_except_dropping_oldest_if_full(&message.list_finger_ids(), app.driver.stop_count());
     }
 }
 
 /// Stops everything.
-fn stop(app: &Arc<App>, page: Page, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
-    app.note("stop", || json!({"socket": page.number}));
-    fingers.forget();
+fn stop_device_for_page(app: &Arc<App>, page: PageIdentity, fingers: &PageFingers, replies: &mpsc::Sender<Value>) {
+    app.record_line("stop", || json!({"socket": page.number}));
+    fingers.discard_steps_and_lift_all();
     let (app, replies) = (Arc::clone(app), replies.clone());
     let mut stopping = Box::pin(async move {
-        if let Err(error) = app.stop().await {
-            let _ = replies.try_send(error_message(&error.into()));
+        if let Err(error) = app.stop_device().await {
+            let _ = replies.try_send(build_error_message(&error.into()));
         }
     });
     // Counted and on its way here, so that what the page says next comes after it; the answer is waited for in a task of its own, so
@@ -358,12 +382,18 @@ fn stop(app: &Arc<App>, page: Page, fingers: &Fingers, replies: &mpsc::Sender<Va
 }
 
 /// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
-fn stop_if_said(app: &Arc<App>, page: Page, message: &[u8], fingers: &Fingers, replies: &mpsc::Sender<Value>) {
-    if page.role >= Role::Touch && incoming::list_types(message).iter().any(|kind| kind == "stop") {
-        stop(app, page, fingers, replies);
+fn stop_device_if_message_asks_and_page_may_touch(
+    app: &Arc<App>,
+    page: PageIdentity,
+    message: &[u8],
+    fingers: &PageFingers,
+    replies: &mpsc::Sender<Value>,
+) {
+    if page.role >= Role::Touch && incoming::list_type_values_of_message(message).iter().any(|kind| kind == "stop") {
+        stop_device_for_page(app, page, fingers, replies);
     }
 }
 
-fn error_message(problem: &Problem) -> Value {
-    json!(Told::error(problem))
+fn build_error_message(problem: &Problem) -> Value {
+    json!(LiveMessage::from_problem(problem))
 }

@@ -1,11 +1,11 @@
 //! What a page is told. A page that reads slowly gets the newest state and plan and misses what came in between; one that
 //! reads nothing is let go.
 
-use super::message::Message as Told;
-use super::{Letter, closing};
+use super::message::LiveMessage;
+use super::{WriterCommand, closing};
 use crate::daemon::app::App;
-use crate::daemon::drive::active::{Active, Update};
-use crate::daemon::drive::closed;
+use crate::daemon::drive::active::{ActivePlan, Update};
+use crate::daemon::drive::wait_for_closing;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;
@@ -17,7 +17,7 @@ use tokio::sync::mpsc;
 
 /// What a page wants to be told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wants {
+pub struct PageTopics {
     /// The scene, once.
     pub scene: bool,
     /// The state, as it changes.
@@ -28,7 +28,7 @@ pub struct Wants {
     pub field: bool,
 }
 
-impl Wants {
+impl PageTopics {
     /// Names in a request.
     pub const NAMES: &'static str = "scene, state, plan, field";
     /// What a page gets that does not say: no maps, as most clients draw none.
@@ -53,101 +53,102 @@ impl Wants {
         Ok(wants)
     }
 
-    fn plan_message(self, app: &App, active: &Active) -> Value {
+    fn build_plan_message(self, app: &App, active: &ActivePlan) -> Value {
         match self.field {
             // The first page that asks works it out.
-            true => tokio::task::block_in_place(|| json!(Told::plan(active, Some(&app.table)))),
-            false => json!(Told::plan(active, None)),
+            true => tokio::task::block_in_place(|| json!(LiveMessage::from_plan(active, Some(&app.table)))),
+            false => json!(LiveMessage::from_plan(active, None)),
         }
     }
 }
 
 /// Tells a page until it goes away, the daemon ends, or nobody replies any more.
-pub async fn write(
+pub async fn write_messages_to_page(
     app: Arc<App>,
     mut sink: SplitSink<WebSocket, Message>,
-    mut letters: mpsc::Receiver<Letter>,
+    mut commands: mpsc::Receiver<WriterCommand>,
     mut replies: mpsc::Receiver<Value>,
-    wants: Wants,
+    topics: PageTopics,
 ) {
-    let (mut device, mut updates, mut ending) = (app.driver.device(), app.driver.updates(), app.driver.closing());
+    let (mut device, mut updates, mut ending) =
+        (app.driver.subscribe_device_snapshots(), app.driver.subscribe_updates(), app.driver.subscribe_closing());
     let limit = app.limits.page;
     let mut first = Vec::new();
-    first.extend(wants.scene.then(|| Message::Text(app.scene.message.clone())));
-    first.extend(wants.state.then(|| text(&state_message(&app))));
+    first.extend(topics.scene.then(|| Message::Text(app.scene.message.clone())));
+    first.extend(topics.state.then(|| to_text_message(&build_state_message(&app))));
     // The plan that the page knows of.
-    let mut known = app.driver.active().filter(|_| wants.plan);
-    first.extend(known.as_ref().map(|active| text(&wants.plan_message(&app, active))));
+    let mut known = app.driver.find_active_plan().filter(|_| topics.plan);
+    first.extend(known.as_ref().map(|active| to_text_message(&topics.build_plan_message(&app, active))));
     for message in first {
-        if !send(&mut sink, message, limit).await {
+        if !send_within_time_limit(&mut sink, message, limit).await {
             return;
         }
     }
     let farewell = loop {
         let message = tokio::select! {
-            letter = letters.recv() => match letter {
-                Some(Letter::Ping) => Some(Message::Ping(axum::body::Bytes::new())),
-                Some(Letter::Close(farewell)) => break Some(farewell),
+            letter = commands.recv() => match letter {
+                Some(WriterCommand::Ping) => Some(Message::Ping(axum::body::Bytes::new())),
+                Some(WriterCommand::Close(farewell)) => break Some(farewell),
                 // The page has said that it goes; that is said back.
                 None => break None,
             },
-            Some(reply) = replies.recv() => Some(text(&reply)),
-            changed = device.changed(), if wants.state => match changed {
-                Ok(()) => Some(text(&state_message(&app))),
-                Err(_) => break Some(closing::frame_for_end()),
+            Some(reply) = replies.recv() => Some(to_text_message(&reply)),
+            changed = device.changed(), if topics.state => match changed {
+                Ok(()) => Some(to_text_message(&build_state_message(&app))),
+                Err(_) => break Some(closing::close_frame_for_shutdown()),
             },
             update = updates.recv() => match update {
-                Ok(Update::Plan(active)) if wants.plan => {
+                Ok(Update::Plan(active)) if topics.plan => {
                     known = Some(Arc::clone(&active));
-                    Some(text(&wants.plan_message(&app, &active)))
+                    Some(to_text_message(&topics.build_plan_message(&app, &active)))
                 }
                 // It is looked at below.
                 Ok(Update::Plan(_) | Update::Ends) => None,
-                Ok(Update::Stopped) => wants.state.then(|| text(&state_message(&app))),
+                Ok(Update::Stopped) => topics.state.then(|| to_text_message(&build_state_message(&app))),
                 // Some were missed; the newest is what counts.
                 Err(RecvError::Lagged(_)) => {
                     updates = updates.resubscribe();
-                    let newest = app.driver.active().filter(|_| wants.plan);
+                    let newest = app.driver.find_active_plan().filter(|_| topics.plan);
                     known = newest.clone().or(known);
-                    newest.map(|active| text(&wants.plan_message(&app, &active)))
+                    newest.map(|active| to_text_message(&topics.build_plan_message(&app, &active)))
                 }
-                Err(RecvError::Closed) => break Some(closing::frame_for_end()),
+                Err(RecvError::Closed) => break Some(closing::close_frame_for_shutdown()),
             },
-            () = over(&app, known.as_ref().map_or(0, |known| known.id)), if known.is_some() => {
+            () = wait_while_plan_or_newer_runs(&app, known.as_ref().map_or(0, |known| known.id)), if known.is_some() => {
                 known = None;
-                Some(text(&json!(Told::no_plan())))
+                Some(to_text_message(&json!(LiveMessage::without_plan())))
             }
-            () = closed(&mut ending) => break Some(closing::frame_for_end()),
+            () = wait_for_closing(&mut ending) => break Some(closing::close_frame_for_shutdown()),
         };
         if let Some(message) = message
-            && !send(&mut sink, message, limit).await
+            && !send_within_time_limit(&mut sink, message, limit).await
         {
             return;
         }
     };
     if let Some(farewell) = farewell {
-        send(&mut sink, Message::Close(Some(farewell)), limit).await;
+        send_within_time_limit(&mut sink, Message::Close(Some(farewell)), limit).await;
     }
     let _ = tokio::time::timeout(limit, sink.close()).await;
 }
 
 /// Until the plan that the page knows of is over. A newer one is told before: that is no end.
-async fn over(app: &App, id: u64) {
-    while let Some(until) = app.driver.end_of(id) {
+async fn wait_while_plan_or_newer_runs(app: &App, id: u64) {
+    while let Some(until) = app.driver.find_end_of_current_plan_if_not_older(id) {
         tokio::time::sleep_until(until.into()).await;
     }
 }
 
-fn state_message(app: &App) -> Value {
-    json!(Told::State(Box::new(app.view_state())))
+fn build_state_message(app: &App) -> Value {
+    json!(LiveMessage::State(Box::new(app.build_state_view())))
 }
 
-fn text(message: &Value) -> Message {
+fn to_text_message(message: &Value) -> Message {
     Message::Text(message.to_string().into())
 }
 
 /// Whether it was taken in time.
-async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message, limit: Duration) -> bool {
+async fn send_within_time_limit(sink: &mut SplitSink<WebSocket, Message>, message: Message, limit: Duration) -> bool {
     match tokio::time::timeout(limit, sink.send(message)).await {
         Ok(Ok(())) => true,
         // The page has closed meanwhile, which is said back.
@@ -156,7 +157,7 @@ async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message, limit:
             false
         }
         Err(_) => {
-            tracing::info!("a page that reads nothing is let go");
+            tracing::info!("closing a live socket: the page did not read its messages in time");
             false
         }
     }
@@ -168,12 +169,12 @@ mod tests {
 
     #[test]
     fn a_page_says_what_it_wants() {
-        let only = |scene, state, plan, field| Ok(Wants { scene, state, plan, field });
-        assert_eq!(Wants::parse("state"), only(false, true, false, false));
-        assert_eq!(Wants::parse("scene, field"), only(true, false, true, true));
-        assert_eq!(Wants::parse("scene,state,plan,field"), only(true, true, true, true));
-        assert_eq!(Wants::parse("scene,state,plan"), Ok(Wants::DEFAULT));
-        assert_eq!(Wants::parse(""), only(false, false, false, false));
-        assert_eq!(Wants::parse("plan,map"), Err("map".into()));
+        let only = |scene, state, plan, field| Ok(PageTopics { scene, state, plan, field });
+        assert_eq!(PageTopics::parse("state"), only(false, true, false, false));
+        assert_eq!(PageTopics::parse("scene, field"), only(true, false, true, true));
+        assert_eq!(PageTopics::parse("scene,state,plan,field"), only(true, true, true, true));
+        assert_eq!(PageTopics::parse("scene,state,plan"), Ok(PageTopics::DEFAULT));
+        assert_eq!(PageTopics::parse(""), only(false, false, false, false));
+        assert_eq!(PageTopics::parse("plan,map"), Err("map".into()));
     }
 }

@@ -1,6 +1,6 @@
 //! The device as last seen: its state, its fault, its supply and its clock.
 
-use crate::daemon::api::schema::{ms, one_of};
+use crate::daemon::api::schema::{text_choice_schema, to_ms};
 use crate::device::session::LinkAtFault;
 use crate::device::{ClockQuality, DeviceIdentity, DeviceSnapshot, TARGET_KINDS};
 use era_shared::protocol::{ChargeRule, Fault};
@@ -14,7 +14,7 @@ use utoipa::openapi::schema::Object;
 #[schema(as = Device)]
 pub struct DeviceView {
     /// What it is.
-    #[schema(schema_with = kinds)]
+    #[schema(schema_with = device_kind_schema)]
     kind: &'static str,
     /// Path of its serial port.
     port: String,
@@ -25,7 +25,7 @@ pub struct DeviceView {
     /// Why it does not; null if it does.
     problem: Option<String>,
     /// Its safety state; null while it is not connected, or if it has not told any.
-    #[schema(schema_with = states)]
+    #[schema(schema_with = safety_state_schema)]
     state: Option<&'static str>,
     /// The fault that it has latched.
     fault: Option<FaultView>,
@@ -75,7 +75,7 @@ struct FaultView {
     /// What it means and what to do about it.
     message: &'static str,
     /// What takes it away: POST /v1/faults/clear.
-    #[schema(schema_with = actions)]
+    #[schema(schema_with = fault_action_schema)]
     action: &'static str,
     /// A number that goes with it: the channel, the silence in ms, a program counter.
     detail: u32,
@@ -126,7 +126,7 @@ struct SupplyView {
     /// For how long each channel may still drive at its largest force in the long run, in s.
     credit_s: Vec<f64>,
     /// How driving is charged: every drive its time, or its time times the square of its part of the channel's largest force.
-    #[schema(schema_with = rules)]
+    #[schema(schema_with = charge_rule_schema)]
     credit_rule: &'static str,
     /// For how long each channel may go on as it drives now, bursts and rests aside, in s; null where it never runs out. Null
     /// altogether with a board of protocol version 2, which does not tell.
@@ -151,22 +151,22 @@ struct ClockView {
     outliers: u64,
 }
 
-fn kinds() -> Object {
-    one_of(TARGET_KINDS, false, "What it is.")
+fn device_kind_schema() -> Object {
+    text_choice_schema(TARGET_KINDS, false, "What it is.")
 }
 
-fn states() -> Object {
+fn safety_state_schema() -> Object {
     let text = "Its safety state; null while it is not connected, or if it has not told any.";
-    one_of(SafetyState::ALL.map(SafetyState::name), true, text)
+    text_choice_schema(SafetyState::ALL.map(SafetyState::name), true, text)
 }
 
-fn actions() -> Object {
-    one_of(["clear"], false, "What takes it away: POST /v1/faults/clear.")
+fn fault_action_schema() -> Object {
+    text_choice_schema(["clear"], false, "What takes it away: POST /v1/faults/clear.")
 }
 
-fn rules() -> Object {
+fn charge_rule_schema() -> Object {
     let text = "How driving is charged: every drive its time, or its time times the square of its part of the channel's largest force.";
-    one_of([ChargeRule::Time, ChargeRule::ForceSquared].map(ChargeRule::name), false, text)
+    text_choice_schema([ChargeRule::Time, ChargeRule::ForceSquared].map(ChargeRule::name), false, text)
 }
 
 impl DeviceView {
@@ -184,7 +184,7 @@ impl DeviceView {
             // Of a board that is gone, or may be, nobody knows.
             state: status.filter(|_| device.connected).map(|status| status.state.name()),
             fault: status.and_then(|status| status.fault).zip(device.link_at_fault).map(FaultView::new),
-            firmware: identity.map(DeviceIdentity::firmware_version_text),
+            firmware: identity.map(DeviceIdentity::firmware_version_and_commit_text),
             image: identity.map(|known| known.image.clone()),
             protocol: device.protocol,
             board_id: identity.map(|known| DeviceIdentity::board_id_hex(known.board_id)),
@@ -222,11 +222,11 @@ impl FaultLinkView {
     fn new(known: LinkAtFault) -> Self {
         let trips = known.round_trips;
         Self {
-            keep_alive_age_ms: ms(known.silence),
-            longest_gap_ms: ms(known.longest_gap),
-            round_trip_ms_median: trips.median.map(ms),
-            round_trip_ms_worst: trips.worst.map(ms),
-            round_trip_ms_jitter: trips.jitter.map(ms),
+            keep_alive_age_ms: to_ms(known.silence),
+            longest_gap_ms: to_ms(known.longest_gap),
+            round_trip_ms_median: trips.median.map(to_ms),
+            round_trip_ms_worst: trips.worst.map(to_ms),
+            round_trip_ms_jitter: trips.jitter.map(to_ms),
             repeats: known.link.repeats,
             crc_errors: known.link.bad_frames,
             outages: known.outages,

@@ -15,7 +15,7 @@ const BETWEEN: Duration = Duration::from_millis(100);
 
 /// What makes a line of its own at once.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Condition {
+struct DeviceCondition {
     connected: bool,
     in_doubt: bool,
     state: Option<SafetyState>,
@@ -23,8 +23,8 @@ struct Condition {
     boot_id: Option<u32>,
 }
 
-impl Condition {
-    fn of(device: &DeviceSnapshot) -> Self {
+impl DeviceCondition {
+    fn from_snapshot(device: &DeviceSnapshot) -> Self {
         let fault = device.status.as_ref().and_then(|status| status.fault);
         Self {
             connected: device.connected,
@@ -36,35 +36,36 @@ impl Condition {
     }
 
     /// Whether its rails may be up.
-    fn is_on(&self) -> bool {
+    fn is_live_or_discharging(&self) -> bool {
         self.state.is_some_and(|state| state.is_live() || state == SafetyState::Discharging)
     }
 }
 
 /// Whether its rails were above what is safe to touch when they were last measured, as they are after a fault, too.
-fn is_charged(device: &DeviceSnapshot) -> bool {
+fn are_rails_charged(device: &DeviceSnapshot) -> bool {
     let rails = device.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());
     device.connected && rails.copied().any(|volts| volts >= DISCHARGED_MILLIVOLTS)
 }
 
 /// Records what the device measures until the daemon ends, which `closing` tells.
-pub async fn record_measurements(
+pub async fn record_every_change_and_measurements_while_rails_up(
     mut snapshots: watch::Receiver<DeviceSnapshot>,
     mut closing: watch::Receiver<bool>,
     recorder: &Recorder,
-    view: impl Fn(&DeviceSnapshot) -> MeasuredView,
+    make_view: impl Fn(&DeviceSnapshot) -> MeasuredView,
 ) {
-    let mut last: Option<(Condition, Instant)> = None;
+    let mut last: Option<(DeviceCondition, Instant)> = None;
     loop {
         {
             let device = snapshots.borrow_and_update().clone();
-            let (condition, now) = (Condition::of(&device), Instant::now());
+            let (condition, now) = (DeviceCondition::from_snapshot(&device), Instant::now());
             let is_due = last.as_ref().is_none_or(|(before, noted)| {
                 *before != condition
-                    || ((condition.is_on() || is_charged(&device)) && now.duration_since(*noted) >= BETWEEN)
+                    || ((condition.is_live_or_discharging() || are_rails_charged(&device))
+                        && now.duration_since(*noted) >= BETWEEN)
             });
             if is_due {
-                recorder.line("measured", || json!(view(&device)));
+                recorder.record_line("measured", || json!(make_view(&device)));
                 last = Some((condition, now));
             }
         }

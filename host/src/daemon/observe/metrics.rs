@@ -20,27 +20,27 @@ pub struct Metrics {
 
 impl Metrics {
     /// Counts a touch.
-    pub fn count_touch(&self, good: bool) {
-        let counter = if good { &self.touches } else { &self.failures };
+    pub fn count_touch(&self, succeeded: bool) {
+        let counter = if succeeded { &self.touches } else { &self.failures };
         counter.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Counts a preview.
-    pub fn count_preview(&self, good: bool) {
-        let counter = if good { &self.previews } else { &self.preview_failures };
+    pub fn count_preview(&self, succeeded: bool) {
+        let counter = if succeeded { &self.previews } else { &self.preview_failures };
         counter.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Counts a plan and its time.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    pub fn plan_time(&self, elapsed_us: f64) {
+    pub fn count_plan_and_time(&self, elapsed_us: f64) {
         self.plans.fetch_add(1, Ordering::Relaxed);
         self.plan_ns.fetch_add((elapsed_us * 1e3) as u64, Ordering::Relaxed);
     }
 
     /// All of it as text.
     #[must_use]
-    pub fn text(
+    pub fn format_prometheus(
         &self,
         device: &DeviceSnapshot,
         heard_ago: Option<Duration>,
@@ -65,31 +65,45 @@ impl Metrics {
         metric("era_device_connected", "gauge", "1 if the device answers.", &u8::from(device.connected));
         metric("era_device_restarts_total", "counter", "Restarts of the device noticed.", &device.restarts);
         let help = "Requests that wait for the planner.";
-        metric("era_requests_waiting", "gauge", help, &admission.waiting());
-        let help = "Requests refused as too many waited.";
-        metric("era_requests_refused_total", "counter", help, &admission.refused());
+        metric("era_requests_waiting", "gauge", help, &admission.count_waiting_for_planner());
+        let help = "Requests refused because too many requests were waiting.";
+        metric("era_requests_refused_total", "counter", help, &admission.count_requests_refused_by_full_queue());
         metric("era_device_outages_total", "counter", "Times that the link was lost.", &device.outages);
-        let help = "Times that the device was late or lost: nothing was heard of it for 50 ms after it was asked.";
+        let help = "Times that the device sent nothing for 50 ms after a request: it was late or lost.";
         metric("era_device_doubts_total", "counter", help, &device.doubts);
         metric("era_device_faults_total", "counter", "Faults latched by the device.", &device.faults);
-        let help = "Latched silences of this host cleared by policy.";
+        let help = "Faults host-silent that the daemon has cleared because of --clear-silence.";
         metric("era_device_silences_cleared_total", "counter", help, &device.cleared);
         let help = "Longest time between two signs of life to the armed device.";
         metric("era_link_longest_gap_seconds", "gauge", help, &device.longest_gap.as_secs_f64());
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
-        metric("era_link_repeats_total", "counter", "Frames sent again for want of an answer.", &device.link.repeats);
-        metric("era_link_bad_frames_total", "counter", "Broken frames received.", &device.link.bad_frames);
+        metric(
+            "era_link_repeats_total",
+            "counter",
+            "Frames sent again because no answer came in time.",
+            &device.link.repeats,
+        );
+        metric(
+            "era_link_bad_frames_total",
+            "counter",
+            "Stretches of bytes from the device that were not a valid frame.",
+            &device.link.bad_frames,
+        );
         if let Some(peak_g) = peak_g {
             let help = "Largest acceleration at the board's sensor since the newest touch began, in g.";
             metric("era_acceleration_peak_g", "gauge", help, &peak_g);
         }
         let trips = device.round_trips;
         for (name, help, time) in [
-            ("era_link_round_trip_seconds", "Median of the last round trips.", trips.median),
-            ("era_link_round_trip_worst_seconds", "Longest of the last round trips.", trips.worst),
+            ("era_link_round_trip_seconds", "Median time of the last round trips (request and answer).", trips.median),
+            (
+                "era_link_round_trip_worst_seconds",
+                "Longest time of the last round trips (request and answer).",
+                trips.worst,
+            ),
             (
                 "era_link_round_trip_jitter_seconds",
-                "Mean difference between one of the last round trips and the next.",
+                "Mean difference between the times of successive round trips (request and answer).",
                 trips.jitter,
             ),
             ("era_link_keep_alive_age_seconds", "Time since the device last answered.", heard_ago),
@@ -99,13 +113,13 @@ impl Metrics {
             }
         }
         if let Some(clock) = device.clock {
-            let help = "Root mean square of the board clock's prediction errors.";
+            let help = "Root mean square error of the prediction of the board's time.";
             metric("era_clock_residual_rms_seconds", "gauge", help, &clock.residual_rms_s);
-            let help = "Largest of the last 32 prediction errors of the board's clock.";
+            let help = "Largest of the last 32 errors of the prediction of the board's time.";
             metric("era_clock_residual_worst_seconds", "gauge", help, &clock.residual_worst_s);
             let help = "How much faster the board's clock runs than the host's, in parts per million.";
             metric("era_clock_rate_ppm", "gauge", help, &clock.rate_ppm);
-            let help = "Samples of the board's clock left out as late.";
+            let help = "Samples of the board's clock that were not used because they came late.";
             metric("era_clock_outliers_total", "counter", help, &clock.outliers);
         }
         let _ =

@@ -19,7 +19,7 @@ impl SceneTexts {
     /// Of this scene.
     #[must_use]
     pub fn new(scene: &SceneView) -> Self {
-        // As the live socket's `Message::Scene`, whose file imports this one.
+        // As the live socket's `LiveMessage::Scene`, whose file imports this one.
         #[derive(Serialize)]
         struct SceneMessage<'a> {
             #[serde(rename = "type")]
@@ -178,15 +178,21 @@ struct ActuatorView {
     max_voltage_v: f64,
     /// Of a round electrode of its area, in mm.
     electrode_diameter_mm: f64,
+    /// Of what hangs on each electrode beside it, its cable and its switches, in pF.
+    cable_capacitance_pf: f64,
+    /// Time constant in ms with which an electrode charges; 0: at once.
+    charging_ms: f64,
+    /// Time constant in ms with which an electrode discharges; 0: at once.
+    discharging_ms: f64,
 }
 
-fn mm(metres: f64) -> f64 {
+fn to_mm(metres: f64) -> f64 {
     metres * 1e3
 }
 
 impl RectangleView {
     fn new(x_m: f64, y_m: f64, length_m: f64, width_m: f64) -> Self {
-        Self { x_mm: mm(x_m), y_mm: mm(y_m), length_mm: mm(length_m), width_mm: mm(width_m) }
+        Self { x_mm: to_mm(x_m), y_mm: to_mm(y_m), length_mm: to_mm(length_m), width_mm: to_mm(width_m) }
     }
 }
 
@@ -197,35 +203,38 @@ impl SceneView {
         let (surface, screen) = (&scene.surface, &scene.screen);
         let patch = |p: &crate::scene::Patch| PatchView {
             place: RectangleView::new(p.x_m, p.y_m, p.length_m, p.width_m),
-            thickness_mm: mm(p.thickness_m),
+            thickness_mm: to_mm(p.thickness_m),
         };
         let support = |s: &crate::scene::Support| SupportView {
-            x_mm: mm(s.x_m),
-            y_mm: mm(s.y_m),
+            x_mm: to_mm(s.x_m),
+            y_mm: to_mm(s.y_m),
             stiffness_n_per_m: s.stiffness_n_per_m,
             loss_factor: s.loss_factor,
         };
         let actuator = |a: &crate::scene::Actuator| ActuatorView {
             id: a.id.clone(),
-            x_mm: mm(a.x_m),
-            y_mm: mm(a.y_m),
+            x_mm: to_mm(a.x_m),
+            y_mm: to_mm(a.y_m),
             mount: a.mount,
             max_voltage_v: a.max_voltage_v,
-            electrode_diameter_mm: mm(2.0 * (a.electrode_area_m2 / std::f64::consts::PI).sqrt()),
+            electrode_diameter_mm: to_mm(2.0 * (a.electrode_area_m2 / std::f64::consts::PI).sqrt()),
+            cable_capacitance_pf: a.cable_capacitance_f * 1e12,
+            charging_ms: a.charging.rise_s * 1e3,
+            discharging_ms: a.charging.fall_s * 1e3,
         };
         Self {
             name: scene.name.clone(),
             kind: surface.kind,
-            length_mm: mm(surface.length_m),
-            width_mm: mm(surface.width_m),
-            thickness_mm: mm(surface.thickness_m),
+            length_mm: to_mm(surface.length_m),
+            width_mm: to_mm(surface.width_m),
+            thickness_mm: to_mm(surface.thickness_m),
             screen: ScreenView {
                 width_px: screen.width_px,
                 height_px: screen.height_px,
-                x_mm: mm(screen.x_m),
-                y_mm: mm(screen.y_m),
-                width_mm: mm(screen.width_m),
-                height_mm: mm(screen.height_m),
+                x_mm: to_mm(screen.x_m),
+                y_mm: to_mm(screen.y_m),
+                width_mm: to_mm(screen.width_m),
+                height_mm: to_mm(screen.height_m),
             },
             patches: scene.patches.iter().map(patch).collect(),
             cutouts: scene.cutouts.iter().map(|c| RectangleView::new(c.x_m, c.y_m, c.length_m, c.width_m)).collect(),
@@ -238,7 +247,7 @@ impl SceneView {
             masses: scene
                 .masses
                 .iter()
-                .map(|m| MassView { x_mm: mm(m.x_m), y_mm: mm(m.y_m), mass_g: m.mass_kg * 1e3 })
+                .map(|m| MassView { x_mm: to_mm(m.x_m), y_mm: to_mm(m.y_m), mass_g: m.mass_kg * 1e3 })
                 .collect(),
             actuators: scene.actuators.iter().map(actuator).collect(),
             finger: scene.finger.map(|finger| FingerView {
@@ -246,7 +255,7 @@ impl SceneView {
                 damping_n_s_per_m: finger.damping_n_s_per_m,
                 stiffness_n_per_m: finger.stiffness_n_per_m,
             }),
-            sealed_depth_mm: scene.sealed_depth_m.map(mm),
+            sealed_depth_mm: scene.sealed_depth_m.map(to_mm),
             added_mass_kg_per_m2: surface.added_mass_kg_per_m2,
         }
     }

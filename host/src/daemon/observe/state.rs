@@ -1,7 +1,7 @@
 //! Everything there is to know now: device, plan, measurements, link, daemon.
 
 use super::device::DeviceView;
-use crate::daemon::api::schema::ms;
+use crate::daemon::api::schema::to_ms;
 use crate::daemon::touch::plan_view::PlanView;
 use crate::daemon::touch::request::Finger;
 use crate::device::DeviceSnapshot;
@@ -131,7 +131,7 @@ struct DaemonView {
 
 /// What device, scene and sensor tell, of which the views are made.
 #[derive(Debug)]
-pub struct Sources<'a> {
+pub struct ViewSources<'a> {
     /// The device as last seen.
     pub device: &'a DeviceSnapshot,
     /// The scene's actuators, in the order of the board's channels.
@@ -155,7 +155,7 @@ impl StateView {
     /// Everything there is to know now.
     #[must_use]
     pub fn new(
-        sources: &Sources<'_>,
+        sources: &ViewSources<'_>,
         driven: Option<DrivenPlan>,
         heard_ago: Option<Duration>,
         uptime: Duration,
@@ -180,7 +180,7 @@ impl StateView {
 impl MeasuredView {
     /// What is known of the device.
     #[must_use]
-    pub fn new(sources: &Sources<'_>) -> Self {
+    pub fn new(sources: &ViewSources<'_>) -> Self {
         let device = sources.device;
         let here = device.connected;
         let volts = |millivolts: &u32| f64::from(*millivolts) / 1e3;
@@ -202,7 +202,7 @@ impl MeasuredView {
 }
 
 impl TelemetryView {
-    fn new(sources: &Sources<'_>) -> Option<Self> {
+    fn new(sources: &ViewSources<'_>) -> Option<Self> {
         let device = sources.device;
         let telemetry = device.telemetry.as_ref()?;
         let names = sources.actuators;
@@ -235,14 +235,14 @@ impl LinkView {
     fn new(device: &DeviceSnapshot, heard_ago: Option<Duration>) -> Self {
         let trips = device.round_trips;
         Self {
-            round_trip_ms_median: trips.median.map(ms),
-            round_trip_ms_worst: trips.worst.map(ms),
-            round_trip_ms_jitter: trips.jitter.map(ms),
-            keep_alive_age_ms: heard_ago.map(ms),
+            round_trip_ms_median: trips.median.map(to_ms),
+            round_trip_ms_worst: trips.worst.map(to_ms),
+            round_trip_ms_jitter: trips.jitter.map(to_ms),
+            keep_alive_age_ms: heard_ago.map(to_ms),
             frames_sent: device.link.frames_sent,
             repeats: device.link.repeats,
             crc_errors: device.link.bad_frames,
-            longest_gap_ms: ms(device.longest_gap),
+            longest_gap_ms: to_ms(device.longest_gap),
         }
     }
 }

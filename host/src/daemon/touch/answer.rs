@@ -1,14 +1,14 @@
 //! What a touch has led to: its plan, and what the device achieves of it.
 
 use super::plan_view::PlanView;
-use crate::daemon::api::schema::ms;
+use crate::daemon::api::schema::to_ms;
 use crate::device::convert::achieved_drive_from_wire;
 use crate::device::session::EffectResult;
-use crate::effects::Design;
+use crate::effects::EffectDesign;
 use crate::effects::view::EffectView;
 use crate::planner::Plan;
 use crate::planner::schedule::Stretch;
-use crate::planner::trade::Trade;
+use crate::planner::trade::TradeOffs;
 use era_shared::protocol::AchievedDrive;
 use serde::Serialize;
 use std::time::Duration;
@@ -33,7 +33,7 @@ pub struct TouchedView {
     /// What can be had instead, where it cannot be had in full and that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
-    pub trade: Option<Trade>,
+    pub trade: Option<TradeOffs>,
 }
 
 /// What the device achieves.
@@ -68,7 +68,7 @@ struct AchievedView {
     voltage_v: f64,
     /// Part of its half period for which an electrode is on.
     pulse_width: f64,
-    /// Phase of the force in rad.
+    /// Phase of the windows in rad.
     phase_rad: f64,
     /// Time for which neither electrode is on, at each change, in us.
     guard_us: f64,
@@ -92,7 +92,7 @@ pub struct PlayedEffect {
 impl Achieved {
     /// Where nothing begins at once.
     #[must_use]
-    pub const fn nothing() -> Self {
+    pub const fn without_drive() -> Self {
         Self { acknowledged: false, achieved: Vec::new(), effect: None, delayed_ms: None }
     }
 
@@ -116,26 +116,26 @@ impl Achieved {
 
     /// The same for an effect, with its design, when it begins and how long it lasts.
     #[must_use]
-    pub fn played(plan: &Plan, design: &Design, played: &EffectResult) -> Self {
+    pub fn from_effect(plan: &Plan, design: &EffectDesign, played: &EffectResult) -> Self {
         let ahead = played.start.saturating_duration_since(std::time::Instant::now());
         let effect = PlayedEffect {
             effect: EffectView::new(design),
             start_board_us: played.start_us,
-            starts_in_ms: ms(ahead),
-            duration_ms: ms(played.length),
+            starts_in_ms: to_ms(ahead),
+            duration_ms: to_ms(played.length),
         };
         Self { effect: Some(effect), ..Self::new(plan, &played.achieved) }
     }
 
     /// Held up for so long, if it was.
     #[must_use]
-    pub fn delayed(self, delayed: Option<Duration>) -> Self {
-        Self { delayed_ms: delayed.map(ms), ..self }
+    pub fn with_delay(self, delayed: Option<Duration>) -> Self {
+        Self { delayed_ms: delayed.map(to_ms), ..self }
     }
 
     /// The effect that is played, if one is.
     #[must_use]
-    pub const fn effect(&self) -> Option<&PlayedEffect> {
+    pub const fn played_effect(&self) -> Option<&PlayedEffect> {
         self.effect.as_ref()
     }
 }

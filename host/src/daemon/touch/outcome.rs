@@ -2,7 +2,7 @@
 
 use super::answer::TouchedView;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::api::schema::one_of;
+use crate::daemon::api::schema::text_choice_schema;
 use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -11,13 +11,13 @@ use utoipa::openapi::schema::Object;
 /// What became of a touch.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Outcome)]
-pub struct Told {
+pub struct RequestOutcome {
     /// The request's number, which is its plan's.
     pub id: u64,
     /// As its client called it, in x-request-id.
     pub name: Option<String>,
     /// Where it is.
-    #[schema(schema_with = states)]
+    #[schema(schema_with = outcome_state_schema)]
     pub state: &'static str,
     /// Since it arrived, in ms.
     pub age_ms: f64,
@@ -35,6 +35,6 @@ pub struct Told {
     pub problem: Option<Problem>,
 }
 
-fn states() -> Object {
-    one_of(["waiting", "done", "failed"], false, "Where it is.")
+fn outcome_state_schema() -> Object {
+    text_choice_schema(["waiting", "done", "failed"], false, "Where it is.")
 }

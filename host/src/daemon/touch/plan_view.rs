@@ -1,6 +1,6 @@
 //! Plans and fields as JSON.
 
-use crate::effects::Design;
+use crate::effects::EffectDesign;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -26,34 +26,47 @@ impl PlanView {
     /// The view of `plan`, one of this table's.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Plan) -> Self {
-        Self { times: crate::planner::report::compute_times(table, &plan), plan, even: None, thinned: None }
+        Self {
+            times: crate::planner::report::compute_rise_and_decay_times_at_first_target(table, &plan),
+            plan,
+            even: None,
+            thinned: None,
+        }
     }
 
     /// The view of `plan` while an effect designed for it is played: what is told is what the effect does.
     #[must_use]
-    pub fn played(plan: Plan, design: &Design) -> Self {
-        let (told, part) = (design.plan_as_played(&plan), design.part_of_even(&plan));
-        Self { plan: told, times: design.times(), even: Some((Box::new(plan), part)), thinned: None }
+    pub fn for_effect(plan: Plan, design: &EffectDesign) -> Self {
+        let (told, part) =
+            (design.plan_with_drives_and_predictions_of_effect(&plan), design.peak_as_fraction_of_steady_peak(&plan));
+        Self {
+            plan: told,
+            times: design.effect_peak_and_decay_times_at_first_target(),
+            even: Some((Box::new(plan), part)),
+            thinned: None,
+        }
     }
 
     /// Its field on the table's grid; of an effect that of the even motion, as strong at the target as the effect is.
     #[must_use]
-    pub fn field(&self, table: &PlanTable, plan_id: u64) -> FieldView {
+    pub fn compute_field(&self, table: &PlanTable, plan_id: u64) -> FieldView {
         match &self.even {
-            Some((even, part)) => FieldView::of(table, Some(even), plan_id, *part),
+            Some((even, part)) => {
+                FieldView::compute_scaled_peak_field_zero_without_plan(table, Some(even), plan_id, *part)
+            }
             None => FieldView::new(table, Some(&self.plan), plan_id),
         }
     }
 
     /// The same, driven with less.
     #[must_use]
-    pub fn thinned(self, thinned: Option<Thinned>) -> Self {
+    pub fn with_thinned(self, thinned: Option<Thinned>) -> Self {
         Self { thinned, ..self }
     }
 
     /// Whether the board rests in it.
     #[must_use]
-    pub fn rests(&self) -> bool {
+    pub fn is_board_resting(&self) -> bool {
         self.thinned == Some(Thinned::RESTS)
     }
 
@@ -91,8 +104,8 @@ impl Thinned {
 
     /// For the credit; `None` where all is driven.
     #[must_use]
-    pub fn by_credit(part: f64) -> Option<Self> {
-        (part < 1.0).then_some(Self { part, reason: Reason::Credit })
+    pub fn for_credit_if_below_full_force(force_fraction: f64) -> Option<Self> {
+        (force_fraction < 1.0).then_some(Self { part: force_fraction, reason: Reason::Credit })
     }
 }
 
@@ -120,22 +133,29 @@ impl FieldView {
     /// The field of `plan` on the table's grid, null in cut-outs; zeros without one.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Option<&Plan>, plan_id: u64) -> Self {
-        Self::of(table, plan, plan_id, 1.0)
+        Self::compute_scaled_peak_field_zero_without_plan(table, plan, plan_id, 1.0)
     }
 
-    /// The same times `part`.
-    fn of(table: &PlanTable, plan: Option<&Plan>, plan_id: u64, part: f64) -> Self {
+    /// The same times `factor`.
+    fn compute_scaled_peak_field_zero_without_plan(
+        table: &PlanTable,
+        plan: Option<&Plan>,
+        plan_id: u64,
+        factor: f64,
+    ) -> Self {
         let grid = &table.grid;
-        let in_g = |peak: f64| round(part * peak / STANDARD_GRAVITY);
+        let in_g = |peak: f64| round_to_micro(factor * peak / STANDARD_GRAVITY);
         let peak_g: Vec<Option<f64>> = match plan {
-            Some(plan) => table.compute_peak_field(plan).into_iter().map(|peak| peak.map(in_g)).collect(),
+            Some(plan) => {
+                table.compute_peak_at_each_grid_point_m_per_s2(plan).into_iter().map(|peak| peak.map(in_g)).collect()
+            }
             None => grid.there.iter().map(|there| there.then_some(0.0)).collect(),
         };
         Self {
             nx: grid.x_m.len(),
             ny: grid.y_m.len(),
-            x_mm: grid.x_m.iter().map(|x| round(x * 1e3)).collect(),
-            y_mm: grid.y_m.iter().map(|y| round(y * 1e3)).collect(),
+            x_mm: grid.x_m.iter().map(|x| round_to_micro(x * 1e3)).collect(),
+            y_mm: grid.y_m.iter().map(|y| round_to_micro(y * 1e3)).collect(),
             max_g: peak_g.iter().flatten().copied().fold(0.0, f64::max),
             peak_g,
             plan_id,
@@ -144,6 +164,6 @@ impl FieldView {
 }
 
 /// Six decimals: a map of 1600 numbers goes over the wire at every touch.
-fn round(value: f64) -> f64 {
+fn round_to_micro(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }

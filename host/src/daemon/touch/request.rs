@@ -40,7 +40,7 @@ pub struct TouchRequest {
     /// Plays this on the board's own clock instead of driving evenly.
     pub effect: Option<NamedEffect>,
     /// How many pulses a `pulse_train` has; 5 if not given.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole_or_null")]
+    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number_or_null")]
     pub count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms: `double_click` 50 to 500 (120 if not given), `pulse_train` 10 to 1000 (60),
     /// `texture` 25 to 125 (50).
@@ -103,7 +103,7 @@ pub struct QuietZone {
 impl TouchRequest {
     /// What it should feel like.
     #[must_use]
-    pub const fn feel(&self) -> Feel {
+    pub const fn requested_feel(&self) -> Feel {
         Feel {
             intensity_g: self.intensity_g,
             intensity_db: self.intensity_db,
@@ -132,7 +132,7 @@ pub struct Feel {
 #[serde(deny_unknown_fields)]
 pub struct Finger {
     /// The page's number for it.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole")]
+    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number")]
     pub id: i64,
     /// In pixels of the scene's screen.
     pub x_px: f64,

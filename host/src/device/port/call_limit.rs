@@ -16,7 +16,7 @@ pub struct CurrentCall(Mutex<&'static str>);
 
 impl CurrentCall {
     /// Names the call that comes next, and makes it.
-    pub fn run_call<T>(&self, name: &'static str, call: impl FnOnce() -> T) -> T {
+    pub fn name_and_run_call<T>(&self, name: &'static str, call: impl FnOnce() -> T) -> T {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = name;
         call()
     }
@@ -46,7 +46,7 @@ fn lock_calls_under_way() -> MutexGuard<'static, Vec<CallUnderWay>> {
 ///
 /// # Errors
 /// [`PortError::Late`] with the call that has not returned.
-pub fn await_calls_on_port(path: &str, limit: Duration) -> Result<(), PortError> {
+pub fn await_end_of_calls_on_port(path: &str, limit: Duration) -> Result<(), PortError> {
     let begun = Instant::now();
     loop {
         let waits_for = lock_calls_under_way()

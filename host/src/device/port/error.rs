@@ -1,6 +1,6 @@
 //! Why a port cannot be used, and what to do about it.
 
-use super::users::{PortPermission, PortUsers};
+use super::users::{PortDenial, PortUsers};
 use std::io;
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ pub enum PortError {
         path: String,
     },
     /// Another program has the port for itself.
-    #[error("the port {path} is in use{}", .users.in_use_by_clause())]
+    #[error("the port {path} is in use{}", .users.by_known_or_another_program_clause())]
     Busy {
         /// The port.
         path: String,
@@ -28,15 +28,15 @@ pub enum PortError {
         users: PortUsers,
     },
     /// The system does not let this user open it.
-    #[error("{}", .permission.advice_sentence(.path))]
+    #[error("{}", .denial.explain_denial_and_advise(.path))]
     Denied {
         /// The port.
         path: String,
-        /// Who may.
-        permission: PortPermission,
+        /// Why this user may not.
+        denial: PortDenial,
     },
     /// A call has not returned.
-    #[error("the call {call} on the port {path} has not returned for {waited:.1?}{}", .users.shared_port_sentence())]
+    #[error("the call {call} on the port {path} has not returned for {waited:.1?}{}", .users.sentence_about_users_of_faulty_port_or_empty())]
     Late {
         /// The port.
         path: String,
@@ -54,7 +54,7 @@ pub enum PortError {
         path: String,
     },
     /// Anything else.
-    #[error("the call {call} on the port {path} failed: {source}{}", advice_for_error(.source))]
+    #[error("the call {call} on the port {path} failed: {source}{}", cable_advice_if_board_has_gone(.source))]
     Failed {
         /// The port.
         path: String,
@@ -73,8 +73,8 @@ impl PortError {
         match source.kind() {
             io::ErrorKind::NotFound => Self::Missing { path },
             io::ErrorKind::PermissionDenied => {
-                let permission = PortPermission::find_for_port(&path);
-                Self::Denied { path, permission }
+                let denial = PortDenial::find_for_port(&path);
+                Self::Denied { path, denial }
             }
             // TIOCEXCL of whoever has it open, or its lock.
             io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock => {
@@ -89,7 +89,7 @@ impl PortError {
 }
 
 /// The sentence after an error of a call: what the system says of a board that has gone is about its cable, and nothing else is.
-fn advice_for_error(error: &io::Error) -> &'static str {
+fn cable_advice_if_board_has_gone(error: &io::Error) -> &'static str {
     let is_gone = |errno: rustix::io::Errno| error.raw_os_error() == Some(errno.raw_os_error());
     if [rustix::io::Errno::IO, rustix::io::Errno::NXIO, rustix::io::Errno::NODEV].into_iter().any(is_gone) {
         ". Check the cable and the power of the board"

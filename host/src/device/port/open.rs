@@ -1,7 +1,7 @@
 //! An open port. No call on it waits without a limit: reading and writing never block, and what else there is has a thread of its own that is
 //! left behind where it does not return.
 
-use super::call_limit::{CurrentCall, await_calls_on_port, run_calls_within};
+use super::call_limit::{CurrentCall, await_end_of_calls_on_port, run_calls_within};
 use super::error::PortError;
 use era_shared::link::UART_BAUD;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -48,7 +48,7 @@ impl SerialPort {
     /// # Errors
     /// [`PortError`]; [`PortError::Late`] where the system does not return within 1 s.
     pub fn open(path: &str) -> Result<Self, PortError> {
-        await_calls_on_port(path, OPEN_LIMIT)?;
+        await_end_of_calls_on_port(path, OPEN_LIMIT)?;
         let own = path.to_owned();
         let line = run_calls_within(path, OPEN_LIMIT, move |step| {
             let mut tries = 1;
@@ -80,8 +80,8 @@ impl SerialPort {
     }
 
     /// Waits until the port is ready to be read or written, and returns whether it is.
-    fn wait_until_ready(&self, wanted: PollFlags) -> std::io::Result<bool> {
-        let mut lines = [PollFd::new(self.require_open_fd()?, wanted)];
+    fn wait_until_ready_or_timeout(&self, wanted_events: PollFlags) -> std::io::Result<bool> {
+        let mut lines = [PollFd::new(self.require_open_fd()?, wanted_events)];
         let wait = Timespec::try_from(self.wait).map_err(std::io::Error::other)?;
         Ok(poll(&mut lines, Some(&wait))? > 0)
     }
@@ -107,15 +107,17 @@ pub fn open_pseudo_terminal() -> std::io::Result<(SerialPort, String)> {
 
 fn try_open_exclusively(path: &str, current_call: &CurrentCall) -> Result<OwnedFd, (&'static str, Errno)> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let line = current_call.run_call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
+    let line =
+        current_call.name_and_run_call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
     // For others that open it, and for those that ask for the lock as programs for serial ports do.
-    current_call.run_call("ioctl", || ioctl_tiocexcl(&line)).map_err(|error| ("ioctl", error))?;
+    current_call.name_and_run_call("ioctl", || ioctl_tiocexcl(&line)).map_err(|error| ("ioctl", error))?;
     let lock = FlockOperation::NonBlockingLockExclusive;
-    current_call.run_call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
-    let mut settings = current_call.run_call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
+    current_call.name_and_run_call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
+    let mut settings =
+        current_call.name_and_run_call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
     set_raw_mode(&mut settings).map_err(|error| ("tcsetattr", error))?;
     current_call
-        .run_call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
+        .name_and_run_call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
         .map_err(|error| ("tcsetattr", error))?;
     Ok(line)
 }
@@ -130,7 +132,7 @@ fn set_raw_mode(settings: &mut Termios) -> Result<(), Errno> {
 }
 
 /// Waits until the device has taken what was written to it, and drops what it has not taken within 20 ms.
-fn send_or_drop_output(line: &OwnedFd, current_call: &CurrentCall) {
+fn drain_output_or_drop_it_after_20_ms(line: &OwnedFd, current_call: &CurrentCall) {
     std::thread::scope(|scope| {
         let (ended, ends) = sync_channel(1);
         let drain = move || {
@@ -138,17 +140,18 @@ fn send_or_drop_output(line: &OwnedFd, current_call: &CurrentCall) {
         };
         // Once there is nothing more to be sent that returns, and so this thread ends.
         let thread = std::thread::Builder::new().name("drain".into()).spawn_scoped(scope, drain);
-        let sent = current_call.run_call("tcdrain", || thread.is_ok() && matches!(ends.recv_timeout(SENT), Ok(Ok(()))));
+        let sent = current_call
+            .name_and_run_call("tcdrain", || thread.is_ok() && matches!(ends.recv_timeout(SENT), Ok(Ok(()))));
         if !sent {
             // A port that is gone has nothing to drop.
-            let _ = current_call.run_call("tcflush", || tcflush(line, QueueSelector::OFlush));
+            let _ = current_call.name_and_run_call("tcflush", || tcflush(line, QueueSelector::OFlush));
         }
     });
 }
 
 impl Read for SerialPort {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if !self.wait_until_ready(PollFlags::IN)? {
+        if !self.wait_until_ready_or_timeout(PollFlags::IN)? {
             return Err(ErrorKind::TimedOut.into());
         }
         match rustix::io::read(self.require_open_fd()?, buffer) {
@@ -163,7 +166,7 @@ impl Read for SerialPort {
 
 impl Write for SerialPort {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if !self.wait_until_ready(PollFlags::OUT)? {
+        if !self.wait_until_ready_or_timeout(PollFlags::OUT)? {
             return Err(ErrorKind::TimedOut.into());
         }
         match rustix::io::write(self.require_open_fd()?, bytes) {
@@ -185,13 +188,13 @@ impl Drop for SerialPort {
     fn drop(&mut self) {
         let Some(line) = self.line.take() else { return };
         let closed = run_calls_within(&self.path, CLOSE_LIMIT, move |step| {
-            send_or_drop_output(&line, step);
+            drain_output_or_drop_it_after_20_ms(&line, step);
             // A port that is gone has nobody to keep away.
-            let _ = step.run_call("ioctl", || ioctl_tiocnxcl(&line));
-            step.run_call("close", || drop(line));
+            let _ = step.name_and_run_call("ioctl", || ioctl_tiocnxcl(&line));
+            step.name_and_run_call("close", || drop(line));
         });
         if let Err(error) = closed {
-            tracing::warn!(%error, "a port is left behind");
+            tracing::warn!(%error, "cannot close a port; it stays open until the program ends");
         }
     }
 }

@@ -25,8 +25,11 @@ impl PortUsers {
     /// Looks through all processes but this one.
     #[must_use]
     pub fn find_for_port(port: &str) -> Self {
-        let root = Path::new("/");
-        Self { holders: find_port_holders(root, port), are_some_hidden: are_processes_hidden(root) }
+        let file_system_root = Path::new("/");
+        Self {
+            holders: find_other_processes_with_port_open(file_system_root, port),
+            are_some_hidden: are_processes_or_their_files_hidden(file_system_root),
+        }
     }
 
     /// Whether any program that has the port open can be seen.
@@ -37,26 +40,26 @@ impl PortUsers {
 
     /// The names of the programs, if any can be seen.
     #[must_use]
-    pub fn joined_names(&self) -> Option<String> {
+    pub fn joined_names_if_any(&self) -> Option<String> {
         let names: Vec<String> = self.holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
         (!names.is_empty()).then(|| names.join(", "))
     }
 
     /// The end of a sentence that says that the port is in use.
-    pub(super) fn in_use_by_clause(&self) -> String {
-        match self.joined_names() {
-            Some(names) => format!(" by {names}: end this program{}", self.modem_manager_hint()),
-            None => format!(" by another program{}: end that program", self.hidden_users_hint()),
+    pub(super) fn by_known_or_another_program_clause(&self) -> String {
+        match self.joined_names_if_any() {
+            Some(names) => format!(" by {names}: end {names}{}", self.modem_manager_hint_if_it_has_port()),
+            None => format!(" by another program{}: end that program", self.hidden_users_hint_if_any()),
         }
     }
 
     /// The sentence after one that says that the port does not do as it should. Nothing where nobody has the port open.
     #[must_use]
-    pub fn shared_port_sentence(&self) -> String {
-        match self.joined_names() {
+    pub fn sentence_about_users_of_faulty_port_or_empty(&self) -> String {
+        match self.joined_names_if_any() {
             Some(names) => format!(
-                ". {names} has this port open as well and takes bytes from this program: end {names}{}",
-                self.modem_manager_hint()
+                ". {names} has this port open as well and takes bytes that are for era: end {names}{}",
+                self.modem_manager_hint_if_it_has_port()
             ),
             None if self.are_some_hidden => {
                 ". Another program may have this port open, and this process may not see it: `sudo era doctor` \
@@ -67,7 +70,7 @@ impl PortUsers {
         }
     }
 
-    fn modem_manager_hint(&self) -> &'static str {
+    fn modem_manager_hint_if_it_has_port(&self) -> &'static str {
         if self.holders.iter().any(|holder| holder.name == "ModemManager") {
             " (`sudo era install --only rule` makes ModemManager ignore boards)"
         } else {
@@ -75,30 +78,30 @@ impl PortUsers {
         }
     }
 
-    const fn hidden_users_hint(&self) -> &'static str {
+    const fn hidden_users_hint_if_any(&self) -> &'static str {
         if self.are_some_hidden { " of another user, which `sudo era doctor` names" } else { "" }
     }
 }
 
-/// Who has a port open, as far as this user can see; this process is left out. Paths are looked up below `root`, `/` but in tests.
+/// Who has a port open, as far as this user can see; this process is left out. Paths are looked up below `file_system_root`, `/` but in tests.
 #[must_use]
-pub fn find_port_holders(root: &Path, port: &str) -> Vec<PortHolder> {
+pub fn find_other_processes_with_port_open(file_system_root: &Path, port: &str) -> Vec<PortHolder> {
     let port = fs::canonicalize(port).unwrap_or_else(|_| port.into());
     let has_open = |folder: &Path| {
         let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
         files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
     };
-    list_processes(root)
+    list_processes(file_system_root)
         .into_iter()
         .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
-        .map(|(pid, folder)| PortHolder { pid, name: read_process_name(&folder) })
+        .map(|(pid, folder)| PortHolder { pid, name: read_process_name_or_unknown(&folder) })
         .collect()
 }
 
 /// Whether there are processes that this one may not see (`hidepid` of /proc, as by systemd's `ProtectProc=invisible`: the first process is not
 /// listed then), or whose files it may not see (those of other users, where this is not root's).
-fn are_processes_hidden(root: &Path) -> bool {
-    let all = list_processes(root);
+fn are_processes_or_their_files_hidden(file_system_root: &Path) -> bool {
+    let all = list_processes(file_system_root);
     let is_closed = |folder: &Path| {
         fs::read_dir(folder.join("fd")).is_err_and(|error| error.kind() == std::io::ErrorKind::PermissionDenied)
     };
@@ -107,9 +110,9 @@ fn are_processes_hidden(root: &Path) -> bool {
 
 /// All processes by number, with their folders.
 #[must_use]
-pub fn list_processes(root: &Path) -> Vec<(u32, PathBuf)> {
+pub fn list_processes(file_system_root: &Path) -> Vec<(u32, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-    let mut all: Vec<(u32, PathBuf)> = fs::read_dir(root.join("proc"))
+    let mut all: Vec<(u32, PathBuf)> = fs::read_dir(file_system_root.join("proc"))
         .into_iter()
         .flatten()
         .flatten()
@@ -121,38 +124,38 @@ pub fn list_processes(root: &Path) -> Vec<(u32, PathBuf)> {
 
 /// The name of the process with this folder.
 #[must_use]
-pub fn read_process_name(process_folder: &Path) -> String {
+pub fn read_process_name_or_unknown(process_folder: &Path) -> String {
     fs::read_to_string(process_folder.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
 }
 
 /// Who may use a port, by its file's group.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct PortAccess {
+pub struct PortGroupAccess {
     /// The group of its file, if its name is known, it may read and write, and it is not root's, which opens much more.
     pub group: Option<String>,
     /// Whether this process is in it.
     pub is_member: bool,
 }
 
-/// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening. Paths are looked up below `root`, `/`
-/// but in tests, save the port's.
+/// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening. Paths are looked up below
+/// `file_system_root`, `/` but in tests, save the port's.
 #[must_use]
-pub fn read_port_access(root: &Path, port: &str) -> PortAccess {
-    let Ok(metadata) = fs::metadata(port) else { return PortAccess::default() };
-    let name = find_name_of_id(root, "etc/group", metadata.gid());
+pub fn find_group_with_access_and_membership(file_system_root: &Path, port: &str) -> PortGroupAccess {
+    let Ok(metadata) = fs::metadata(port) else { return PortGroupAccess::default() };
+    let name = find_name_of_user_or_group_id(file_system_root, "etc/group", metadata.gid());
     let group = name.filter(|name| metadata.mode() & 0o060 == 0o060 && name != "root");
-    let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
+    let status = fs::read_to_string(file_system_root.join("proc/self/status")).unwrap_or_default();
     let is_member = status
         .lines()
         .filter_map(|line| line.strip_prefix("Gid:").or_else(|| line.strip_prefix("Groups:")))
         .flat_map(str::split_whitespace)
         .any(|number| number.parse() == Ok(metadata.gid()));
-    PortAccess { group, is_member }
+    PortGroupAccess { group, is_member }
 }
 
 /// The name of a number in a file of users or groups.
-fn find_name_of_id(root: &Path, file: &str, id: u32) -> Option<String> {
-    let all = fs::read_to_string(root.join(file)).ok()?;
+fn find_name_of_user_or_group_id(file_system_root: &Path, file: &str, id: u32) -> Option<String> {
+    let all = fs::read_to_string(file_system_root.join(file)).ok()?;
     all.lines().find_map(|line| {
         let mut parts = line.split(':');
         let (name, number) = (parts.next()?, parts.nth(1)?);
@@ -162,35 +165,35 @@ fn find_name_of_id(root: &Path, file: &str, id: u32) -> Option<String> {
 
 /// Why this process may not open a port.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct PortPermission {
-    access: PortAccess,
+pub struct PortDenial {
+    access: PortGroupAccess,
     user: Option<String>,
 }
 
-impl PortPermission {
+impl PortDenial {
     /// Looks up who may open the port at this path.
     #[must_use]
     pub fn find_for_port(port: &str) -> Self {
-        let root = Path::new("/");
-        let user = find_name_of_id(root, "etc/passwd", rustix::process::geteuid().as_raw());
-        Self { access: read_port_access(root, port), user }
+        let file_system_root = Path::new("/");
+        let user = find_name_of_user_or_group_id(file_system_root, "etc/passwd", rustix::process::geteuid().as_raw());
+        Self { access: find_group_with_access_and_membership(file_system_root, port), user }
     }
 
-    pub(super) fn advice_sentence(&self, path: &str) -> String {
+    pub(super) fn explain_denial_and_advise(&self, port_path: &str) -> String {
         let user = self.user.as_deref().unwrap_or("$USER");
         let rule = "run `sudo era install --only rule` and connect the board again";
         match &self.access {
-            PortAccess { group: Some(group), is_member: false } => format!(
-                "the user {user} may not open the port {path}, because {user} is not in the group {group}: run \
+            PortGroupAccess { group: Some(group), is_member: false } => format!(
+                "the user {user} may not open the port {port_path}, because {user} is not in the group {group}: run \
                  `sudo usermod -aG {group} {user}`, then sign in again (or restart the service); or {rule}"
             ),
-            PortAccess { group: Some(group), is_member: true } => format!(
-                "the user {user} may not open the port {path}, although {user} is in its group {group}: check \
-                 the port's mode with `ls -l {path}` (in a container, check that the container has the device); \
+            PortGroupAccess { group: Some(group), is_member: true } => format!(
+                "the user {user} may not open the port {port_path}, although {user} is in its group {group}: check \
+                 the port's mode with `ls -l {port_path}` (in a container, check that the container has the device); \
                  or {rule}"
             ),
-            PortAccess { group: None, .. } => {
-                format!("the user {user} may not open the port {path}, and no group may: {rule}")
+            PortGroupAccess { group: None, .. } => {
+                format!("the user {user} may not open the port {port_path}, and no group may: {rule}")
             }
         }
     }
@@ -202,18 +205,18 @@ mod tests {
 
     #[test]
     fn what_to_do_about_a_missing_permission_names_user_and_group() {
-        let permission = |is_member| PortPermission {
-            access: PortAccess { group: Some("dialout".into()), is_member },
+        let permission = |is_member| PortDenial {
+            access: PortGroupAccess { group: Some("dialout".into()), is_member },
             user: Some("kai".into()),
         };
-        let told = permission(false).advice_sentence("/dev/ttyACM0");
+        let told = permission(false).explain_denial_and_advise("/dev/ttyACM0");
         assert!(told.contains("`sudo usermod -aG dialout kai`") && told.contains("not in the group dialout"), "{told}");
         assert!(!told.contains("cable"), "{told}");
         // Nobody is advised to join a group that may not use the port, nor root's.
-        let alone =
-            PortPermission { access: PortAccess::default(), user: Some("kai".into()) }.advice_sentence("/dev/ttyACM0");
+        let alone = PortDenial { access: PortGroupAccess::default(), user: Some("kai".into()) }
+            .explain_denial_and_advise("/dev/ttyACM0");
         assert!(!alone.contains("usermod") && alone.contains("era install"), "{alone}");
-        let told = permission(true).advice_sentence("/dev/ttyACM0");
+        let told = permission(true).explain_denial_and_advise("/dev/ttyACM0");
         assert!(told.contains("although kai is in its group dialout") && !told.contains("usermod"), "{told}");
     }
 
@@ -223,16 +226,24 @@ mod tests {
             holders: (7..).zip(names).map(|(pid, name)| PortHolder { pid, name: (*name).into() }).collect(),
             are_some_hidden,
         };
-        assert!(users(&["cat"], false).in_use_by_clause().contains("by cat (process 7): end this program"));
-        assert!(users(&["ModemManager"], true).shared_port_sentence().contains("era install --only rule"));
-        assert!(users(&[], true).in_use_by_clause().contains("of another user"));
-        assert_eq!(users(&[], false).shared_port_sentence(), "");
-        let told = users(&[], true).shared_port_sentence();
+        assert!(
+            users(&["cat"], false)
+                .by_known_or_another_program_clause()
+                .contains("by cat (process 7): end cat (process 7)")
+        );
+        assert!(
+            users(&["ModemManager"], true)
+                .sentence_about_users_of_faulty_port_or_empty()
+                .contains("era install --only rule")
+        );
+        assert!(users(&[], true).by_known_or_another_program_clause().contains("of another user"));
+        assert_eq!(users(&[], false).sentence_about_users_of_faulty_port_or_empty(), "");
+        let told = users(&[], true).sentence_about_users_of_faulty_port_or_empty();
         assert!(
             told.contains("`sudo era doctor` names that program") && told.contains("era install --only rule"),
             "{told}"
         );
-        assert!(!users(&["cat"], true).shared_port_sentence().contains("era doctor"));
+        assert!(!users(&["cat"], true).sentence_about_users_of_faulty_port_or_empty().contains("era doctor"));
     }
 
     /// As systemd's `ProtectProc=invisible` has it for a service that is not root's: only its own processes are listed.
@@ -240,8 +251,8 @@ mod tests {
     fn a_folder_of_processes_without_the_first_hides_some() {
         let root = tempfile::tempdir().unwrap();
         fs::create_dir_all(root.path().join("proc/4711/fd")).unwrap();
-        assert!(are_processes_hidden(root.path()));
+        assert!(are_processes_or_their_files_hidden(root.path()));
         fs::create_dir_all(root.path().join("proc/1/fd")).unwrap();
-        assert!(!are_processes_hidden(root.path()));
+        assert!(!are_processes_or_their_files_hidden(root.path()));
     }
 }

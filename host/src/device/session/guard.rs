@@ -1,10 +1,10 @@
 //! What stands between an order and a drive: faults, outages, a board that does not fit, and drives that are taken back.
 
-use super::worker::SessionWorker;
+use super::worker::{SessionWorker, unexpected_reply_error};
 use super::{DeviceSnapshot, LinkAtFault, SessionError};
 use crate::device::client::{LinkError, LinkStatistics};
 use crate::device::round_trips::RoundTripSummary;
-use era_shared::protocol::{Fault, FaultCode, Request};
+use era_shared::protocol::{Fault, FaultCode, Refusal, Reply, Request};
 use era_shared::safety::SafetyState;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ const SETTLE: Duration = Duration::from_millis(500);
 
 impl SessionWorker {
     /// Arms because a person asks for it: also a device that was away. Then charges the rails for the first touch.
-    pub(super) fn arm_manually(&mut self, stop_count: u64) -> Result<(), SessionError> {
+    pub(super) fn arm_for_person_after_outage_and_precharge(&mut self, stop_count: u64) -> Result<(), SessionError> {
         if stop_count != self.stops.load(Ordering::SeqCst) {
             return Err(SessionError::Stopped);
         }
@@ -25,12 +25,14 @@ impl SessionWorker {
         let begun = Instant::now();
         let was_away = self.away.take();
         self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
-        let armed =
-            self.check_board_is_drivable().and_then(|()| self.begin_arming_if_needed()).and_then(|fresh| match fresh {
-                true => self.await_armed(stop_count),
+        let armed = self
+            .check_board_fits_and_needs_no_manual_arming()
+            .and_then(|()| self.begin_arming_if_needed_and_is_self_test_pending())
+            .and_then(|fresh| match fresh {
+                true => self.await_armed_or_stop_board(stop_count),
                 false => Ok(()),
             });
-        let armed = armed.and_then(|()| self.precharge_rails());
+        let armed = armed.and_then(|()| self.precharge_rails_unless_driven());
         self.idle_since = Instant::now();
         if let Err(error) = &armed {
             self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = was_away.is_some());
@@ -40,7 +42,7 @@ impl SessionWorker {
             }
         }
         armed?;
-        if let Err(error) = self.refresh_snapshot() {
+        if let Err(error) = self.refresh_all_parts_of_snapshot() {
             self.handle_link_error(&error);
             return Err(error.into());
         }
@@ -48,14 +50,14 @@ impl SessionWorker {
             return Ok(());
         }
         // It has restarted, or gone off by itself, meanwhile.
-        self.check_board_is_drivable()?;
-        self.check_no_fault_latched()?;
+        self.check_board_fits_and_needs_no_manual_arming()?;
+        self.check_no_fault_latched_in_snapshot()?;
         let state = self.publish.borrow().state().map_or("unknown", SafetyState::name);
         Err(SessionError::NotArmed { waited: begun.elapsed(), state })
     }
 
     /// Turns the error of a request that was ended because its answer was late into one that says so: it can be asked for again.
-    pub(super) fn halted_to_late_error(&self, error: SessionError) -> SessionError {
+    pub(super) fn convert_halted_to_late_error(&self, error: SessionError) -> SessionError {
         match error {
             SessionError::Link(error @ LinkError::Halted { .. }) => {
                 SessionError::Late { path: self.device.port_path().to_owned(), reason: error.to_string() }
@@ -65,11 +67,15 @@ impl SessionWorker {
     }
 
     /// Refuses an order that was given before the device was in doubt or away, or before this program did not run for a while.
-    pub(super) fn check_order_age(&self, asked_at: Instant) -> Result<(), SessionError> {
+    pub(super) fn refuse_order_too_old_or_from_before_device_was_back(
+        &self,
+        asked_at: Instant,
+    ) -> Result<(), SessionError> {
         let oldest = self.device.timing().arming.saturating_add(ORDER);
         if self.again_since.is_some_and(|since| asked_at < since) || asked_at.elapsed() > oldest {
             let reason = format!(
-                "it did not answer, or this program did not run, until just now, and this request is from {:.0?} before",
+                "the device did not answer, or this program did not run, for a while; this request is {:.0?} old and is not \
+                 carried out any more",
                 asked_at.elapsed()
             );
             return Err(SessionError::Late { path: self.device.port_path().to_owned(), reason });
@@ -79,34 +85,34 @@ impl SessionWorker {
 
     /// Notices that this program did not run for a while, and ends what was driven or asked for before.
     pub(super) fn stop_if_paused(&mut self) {
-        let _ = self.stop_after_pause();
+        let _ = self.stop_board_if_program_was_suspended_and_get_how_long();
     }
 
     /// If this program did not run for a while, stops the board and refuses earlier orders; returns how long it did not run. What waited in the
     /// system's buffers meanwhile comes within moments, and is not driven either. A board that was on has gone off by its dead-man timer, and waits
     /// for a person as after any outage: whoever was there may have left.
-    pub(super) fn stop_after_pause(&mut self) -> Option<Duration> {
-        let paused = self.awake.take_pause()?;
+    pub(super) fn stop_board_if_program_was_suspended_and_get_how_long(&mut self) -> Option<Duration> {
+        let paused = self.awake.take_pause_since_last_call_if_any()?;
         self.client.as_ref()?;
         tracing::warn!(
             paused_s = paused.as_secs_f64(),
-            "this program did not run (the computer slept, or the process was suspended): the board is told to \
-             stop, and earlier requests are refused"
+            "this program did not run (the computer slept, or the process was suspended): the daemon stops the board and \
+             refuses earlier requests"
         );
         self.again_since = Some(Instant::now() + SETTLE);
-        self.require_manual_arming(&format!(
+        self.require_manual_arming_if_policy(&format!(
             "this computer slept, or the daemon was suspended, for {:.0} s",
             paused.as_secs_f64()
         ));
         self.invalidate_earlier_orders();
-        if let Err(error) = self.send_stop() {
+        if let Err(error) = self.stop_board_and_await_reply() {
             self.handle_link_error(&error);
         }
         Some(paused)
     }
 
     /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.
-    pub(super) fn check_board_is_drivable(&self) -> Result<(), SessionError> {
+    pub(super) fn check_board_fits_and_needs_no_manual_arming(&self) -> Result<(), SessionError> {
         if let Some(reason) = self.unfit.clone() {
             return Err(SessionError::Unfit { reason });
         }
@@ -123,7 +129,7 @@ impl SessionWorker {
     }
 
     /// From here on a person has to arm the board, if that is the policy.
-    pub(super) fn require_manual_arming(&mut self, reason: &str) {
+    pub(super) fn require_manual_arming_if_policy(&mut self, reason: &str) {
         if !self.policy.arms_after_outage && self.board_id.is_some() && self.away.is_none() {
             self.away = Some(reason.to_owned());
             self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = true);
@@ -132,23 +138,23 @@ impl SessionWorker {
 
     /// Orders that were given before this call are refused from now on.
     pub(super) fn invalidate_earlier_orders(&self) {
-        self.publish.send_modify(|snapshot| snapshot.breaks += 1);
+        self.publish.send_modify(|snapshot| snapshot.interruptions += 1);
     }
 
     /// Whether the device is live though this session has not armed it: since before this program began, or by a mistake.
-    pub(super) fn is_live_without_arming(&self, state: SafetyState) -> bool {
+    pub(super) fn is_live_though_not_armed_by_session(&self, state: SafetyState) -> bool {
         !self.armed && state.is_live()
     }
 
     /// Notes that the device is told to stop: nothing that was seen of it before counts as its state after the stop.
-    pub(super) fn reset_for_stop(&mut self) {
+    pub(super) fn mark_disarmed_and_state_after_stop_unknown(&mut self) {
         (self.armed, self.drive_until) = (false, None);
         (self.look_next, self.next_status, self.stop_is_seen) = (None, Instant::now(), false);
     }
 
     /// Has the device switch everything off.
-    pub(super) fn send_stop(&mut self) -> Result<(), LinkError> {
-        self.reset_for_stop();
+    pub(super) fn stop_board_and_await_reply(&mut self) -> Result<(), LinkError> {
+        self.mark_disarmed_and_state_after_stop_unknown();
         // Those that are counted while it is asked may have come too late for it.
         let stops = self.stops.load(Ordering::SeqCst);
         self.request_from_device(&Request::Stop)?;
@@ -157,24 +163,24 @@ impl SessionWorker {
     }
 
     /// Carries out the stops that have been asked for since the last one, all by one request, whatever else waits.
-    pub(super) fn send_requested_stops(&mut self) {
+    pub(super) fn carry_out_requested_stops(&mut self) {
         if self.client.is_some()
             && self.obeyed != self.stops.load(Ordering::SeqCst)
-            && let Err(error) = self.send_stop()
+            && let Err(error) = self.stop_board_and_await_reply()
         {
             self.handle_link_error(&error);
         }
     }
 
     /// Answers a stop: mostly it has been obeyed by now.
-    pub(super) fn complete_stop(&mut self, stop_number: u64) -> Result<(), SessionError> {
+    pub(super) fn stop_unless_obeyed_and_refresh_state(&mut self, stop_number: u64) -> Result<(), SessionError> {
         self.check_connected()?;
         let is_shown = self.publish.borrow().state().is_some_and(|state| !state.is_live());
         if self.obeyed >= stop_number && self.stop_is_seen && is_shown {
             return Ok(());
         }
-        let result =
-            if self.obeyed >= stop_number { Ok(()) } else { self.send_stop() }.and_then(|()| self.refresh_snapshot());
+        let result = if self.obeyed >= stop_number { Ok(()) } else { self.stop_board_and_await_reply() }
+            .and_then(|()| self.refresh_all_parts_of_snapshot());
         match result {
             // Another one came between this stop and the look at what it did: both have been obeyed, and the look is the other's.
             Err(LinkError::Halted { by_order: true, .. }) if self.obeyed >= stop_number => Ok(()),
@@ -187,8 +193,8 @@ impl SessionWorker {
     }
 
     /// Stops drives that were set and whose order was then answered with an error: they must not run.
-    pub(super) fn stop_failed_drives(&mut self) {
-        if let Err(error) = self.send_stop().and_then(|()| self.refresh_snapshot()) {
+    pub(super) fn stop_board_and_refresh_snapshot(&mut self) {
+        if let Err(error) = self.stop_board_and_await_reply().and_then(|()| self.refresh_all_parts_of_snapshot()) {
             self.handle_link_error(&error);
         }
     }
@@ -199,10 +205,30 @@ impl SessionWorker {
         if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
             return Ok(());
         }
-        tracing::warn!("clearing the latched silence of this host (--clear-silence)");
-        self.request_from_device(&Request::ClearFaults)?;
+        tracing::warn!("clearing the fault that the device latched because this host was silent (--clear-silence)");
+        self.clear_latched_fault_or_refuse_other_code(Some(FaultCode::HostSilent))?;
         self.publish.send_modify(|snapshot| snapshot.cleared += 1);
-        Ok(self.refresh_snapshot()?)
+        Ok(self.refresh_all_parts_of_snapshot()?)
+    }
+
+    /// Clears the latched fault, if it has `wanted_code_or_any`; with any code if that is `None`. A board that numbers its faults is told which one,
+    /// so that a fault that is latched meanwhile stays.
+    pub(super) fn clear_latched_fault_or_refuse_other_code(
+        &mut self,
+        wanted_code_or_any: Option<FaultCode>,
+    ) -> Result<(), LinkError> {
+        if !self.speaks_version_or_later(4) {
+            return self.request_from_device(&Request::ClearFaults).map(drop);
+        }
+        let Reply::NumberedFault { number, latched } = self.request_from_device(&Request::NumberedFault)? else {
+            return Err(unexpected_reply_error("numbered-fault"));
+        };
+        if let (Some(wanted_code), Some(fault)) = (wanted_code_or_any, latched)
+            && fault.code != wanted_code
+        {
+            return Err(LinkError::Refused(Refusal::OtherFault { number }));
+        }
+        self.request_from_device(&Request::ClearFault { number }).map(drop)
     }
 
     /// Logs a fault that was not there before, with what is known of the link, and returns the latter.
@@ -234,7 +260,7 @@ impl SessionWorker {
         known
     }
 
-    pub(super) fn check_no_fault_latched(&self) -> Result<(), SessionError> {
+    pub(super) fn check_no_fault_latched_in_snapshot(&self) -> Result<(), SessionError> {
         match self.publish.borrow().status.as_ref().and_then(|status| status.fault) {
             None => Ok(()),
             Some(fault) => Err(SessionError::Fault {
@@ -246,7 +272,7 @@ impl SessionWorker {
     }
 
     /// Publishes that the device may be gone, unless it has not been there yet.
-    pub(super) fn publish_late_answer(
+    pub(super) fn publish_doubt_if_connected(
         publish: &watch::Sender<DeviceSnapshot>,
         request: &'static str,
         waited: Duration,
@@ -263,8 +289,8 @@ impl SessionWorker {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "it did not answer for {:.0} ms, and the daemon asks again. If an armed board stays silent, the \
-                 daemon tells it to stop. An armed board that receives nothing for 250 ms goes off by itself",
+                "the device did not answer for {:.0} ms, and the daemon asks again. If an armed board stays silent, the \
+                 daemon stops the board. An armed board that receives nothing for 250 ms switches off by itself",
                 waited.as_secs_f64() * 1e3
             ));
         });

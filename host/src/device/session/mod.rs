@@ -17,7 +17,9 @@ use super::identity::DeviceIdentity;
 use super::priority;
 use super::round_trips::RoundTripSummary;
 use super::target::OpenDevice;
-use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, DetailsReply, StatusReply, TelemetryReply};
+use era_shared::protocol::{
+    AchievedDrive, ChannelDrive, CreditReply, DetailsReply, StatusReply, TelemetryReply, WindowSequence,
+};
 use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
 use policy::{SceneNeeds, SessionPolicy};
@@ -54,7 +56,7 @@ pub enum SessionError {
         reason: String,
     },
     /// The device does not answer just now.
-    #[error("the device at {path} is late: {reason}")]
+    #[error("the device at {path} has not answered in time: {reason}")]
     Late {
         /// The port.
         path: String,
@@ -87,16 +89,16 @@ pub enum SessionError {
     #[error("everything was stopped while this request was being planned")]
     Stopped,
     /// The device went off, faulted or was away after this drive had been asked for.
-    #[error("the device has gone off, faulted or had an outage since this request")]
+    #[error("the device has switched off, reported a fault or had an outage since this request")]
     Broken,
     /// The session has ended.
     #[error("the daemon is shutting down")]
     Closed,
     /// Its thread has ended without being told to: by a mistake in this program.
-    #[error("{ENDED}: the board has gone off by itself, and nothing is driven until the daemon is restarted")]
+    #[error("{ENDED}. The board has switched off by itself, and nothing is driven until the daemon is restarted")]
     Ended,
     /// Its thread hangs, by a mistake in this program or of the system's driver.
-    #[error("{HANGS}: the board has gone off by itself, and nothing is driven until the daemon is restarted")]
+    #[error("{HANGS}. The board has switched off by itself, and nothing is driven until the daemon is restarted")]
     Hangs,
 }
 
@@ -183,7 +185,7 @@ pub struct DeviceSnapshot {
     /// Latched silences of the host that were cleared by policy.
     pub cleared: u32,
     /// How often it went off unasked, faulted, was cleared, or was away: what was asked for before that is not begun after it.
-    pub breaks: u64,
+    pub interruptions: u64,
     /// Longest time between two signs of life while armed.
     pub longest_gap: Duration,
     /// What of the board does not go with the scene.
@@ -218,12 +220,12 @@ impl DeviceSnapshot {
 /// What to drive, and until when.
 #[derive(Clone, Debug)]
 pub struct DriveOrder {
-    /// Names the drive for [`Session::end_drive_at`].
+    /// Names the drive for [`Session::end_drive_no_later_than`].
     pub id: u64,
     /// [`Session::stop_count`] as it was when the drive was asked for: a stop since then refuses it.
     pub stops: u64,
-    /// [`DeviceSnapshot::breaks`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
-    pub breaks: Option<u64>,
+    /// [`DeviceSnapshot::interruptions`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
+    pub interruptions: Option<u64>,
     /// What every channel does.
     pub drives: Vec<ChannelDrive>,
     /// How long.
@@ -235,16 +237,28 @@ pub struct DriveOrder {
 /// What to play on which drives, and when.
 #[derive(Clone, Debug)]
 pub struct EffectOrder {
-    /// Names the effect for [`Session::end_drive_at`].
+    /// Names the effect for [`Session::end_drive_no_later_than`].
     pub id: u64,
     /// As [`DriveOrder::stops`].
     pub stops: u64,
-    /// What every channel does at full level.
-    pub drives: Vec<ChannelDrive>,
-    /// What is played on each of them, in their order, from the same moment on.
-    pub effects: Vec<Effect>,
-    /// When to begin; `None` is as soon as all of it can be on the board.
-    pub start: Option<Instant>,
+    /// What is played.
+    pub content: EffectContent,
+}
+
+/// What is played.
+#[derive(Clone, Debug)]
+pub enum EffectContent {
+    /// Envelopes over drives.
+    Envelopes {
+        /// What every channel does at full level.
+        drives: Vec<ChannelDrive>,
+        /// What is played on each of them, in their order, from the same moment on.
+        effects: Vec<Effect>,
+        /// When to begin; `None` is as soon as all of it can be on the board.
+        start: Option<Instant>,
+    },
+    /// Single windows, as soon as the rails have their voltages. Its number and its start are the session's.
+    Windows(Box<WindowSequence>),
 }
 
 enum Command {
@@ -252,7 +266,7 @@ enum Command {
     Drive { order: DriveOrder, asked: Instant, answer: oneshot::Sender<Result<DriveResult, SessionError>> },
     Stop { number: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
-    HoldUntil { id: u64, until: Instant },
+    MoveEndTo { id: u64, until: Instant },
     Clear { answer: oneshot::Sender<Result<(), SessionError>> },
     Arm { stops: u64, asked: Instant, answer: oneshot::Sender<Result<(), SessionError>> },
     Close,
@@ -374,7 +388,7 @@ impl Session {
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
     /// driven then.
     pub async fn drive(&self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        self.check_device_answers()?;
+        self.refuse_while_device_is_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Drive { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
@@ -386,8 +400,8 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::drive`], and [`LinkError::TooOld`] with a device that cannot play effects.
-    pub async fn play_effect(&self, order: EffectOrder) -> Result<EffectResult, SessionError> {
-        self.check_device_answers()?;
+    pub async fn arm_if_needed_and_schedule_effect(&self, order: EffectOrder) -> Result<EffectResult, SessionError> {
+        self.refuse_while_device_is_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Play { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
@@ -408,14 +422,14 @@ impl Session {
     }
 
     /// Ends the drive named `drive_id` at `when`, if it does not end before; another drive is not changed.
-    pub fn end_drive_at(&self, drive_id: u64, when: Instant) {
+    pub fn end_drive_no_later_than(&self, drive_id: u64, when: Instant) {
         // A session that has ended has ended its drives.
         let _ = self.send_command(Command::EndAt { id: drive_id, when });
     }
 
     /// Moves the end of the drive named `drive_id` to `until`; another drive, or one that has ended, is not changed.
-    pub fn extend_drive_until(&self, drive_id: u64, until: Instant) {
-        let _ = self.send_command(Command::HoldUntil { id: drive_id, until });
+    pub fn move_drive_end_to(&self, drive_id: u64, until: Instant) {
+        let _ = self.send_command(Command::MoveEndTo { id: drive_id, until });
     }
 
     /// Arms, unless that has been done, and waits for the self-test to end. It was asked for at `asked_at`, when [`Session::stop_count`] said
@@ -424,7 +438,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
     pub async fn arm(&self, stop_count: u64, asked_at: Instant) -> Result<(), SessionError> {
-        self.check_device_answers()?;
+        self.refuse_while_device_is_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Arm { stops: stop_count, asked: asked_at, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
@@ -441,7 +455,7 @@ impl Session {
     }
 
     /// Refuses an order at once while the device may be gone: it might otherwise be driven when nobody expects it any more. Stops are not refused.
-    fn check_device_answers(&self) -> Result<(), SessionError> {
+    fn refuse_while_device_is_in_doubt(&self) -> Result<(), SessionError> {
         if self.is_thread_hung() {
             return Err(SessionError::Hangs);
         }
@@ -469,7 +483,7 @@ impl Drop for Session {
         if thread.is_finished() {
             let _ = thread.join();
         } else {
-            tracing::error!("{HANGS}; the daemon ends without it");
+            tracing::error!("{HANGS}; the daemon exits without waiting for it");
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Effects: given to the board with a start in its own time, early enough that all of it has arrived by then.
 
 use super::worker::{SessionWorker, unexpected_reply_error};
-use super::{EffectOrder, EffectResult, SessionError};
+use super::{EffectContent, EffectOrder, EffectResult, SessionError};
 use crate::device::client::{Client, LinkError};
-use crate::effects::envelope::length_s;
-use era_shared::protocol::{AchievedDrive, DetailsReply, Refusal, Reply, Request};
+use crate::effects::envelope::effect_duration_s;
+use era_shared::protocol::{AchievedDrive, DetailsReply, Refusal, Reply, Request, WindowSequence};
 use era_shared::safety::SafetyState;
 use era_shared::supply::rail_index_of_channel;
 use std::sync::atomic::Ordering;
@@ -22,12 +22,15 @@ const AFTER: Duration = Duration::from_millis(50);
 const CLOCK_ERROR_S: f64 = 0.01;
 
 impl SessionWorker {
-    pub(super) fn play_effect(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
-        let mut result = self.try_play_effect(order.clone());
+    pub(super) fn schedule_effect_retrying_if_start_passed(
+        &mut self,
+        order: EffectOrder,
+    ) -> Result<EffectResult, SessionError> {
+        let mut result = self.arm_if_needed_and_schedule_once(order.clone());
         // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
         if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
             tracing::info!(plan = order.id, "the start of the effect had passed: sending the effect again");
-            result = self.try_play_effect(order);
+            result = self.arm_if_needed_and_schedule_once(order);
         }
         if let Err(SessionError::Link(error)) = &result {
             self.handle_link_error(error);
@@ -35,38 +38,49 @@ impl SessionWorker {
         result
     }
 
-    fn try_play_effect(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
-        let EffectOrder { id, stops, drives, effects, start } = order;
+    fn arm_if_needed_and_schedule_once(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
+        let EffectOrder { id, stops, content } = order;
+        let (drives, effects, start) = match content {
+            EffectContent::Envelopes { drives, effects, start } => (drives, effects, start),
+            EffectContent::Windows(sequence) => return self.play_windows_once(id, stops, *sequence),
+        };
         let channels: Vec<u8> = drives.iter().map(|drive| drive.channel).collect();
         self.check_not_stopped_since(stops)?;
         self.check_connected()?;
         let prepare = Request::Prepare { drives: drives.into_iter().take(era_shared::MAX_CHANNELS).collect() };
-        if !self.speaks_version_2() {
+        if !self.speaks_version_2_or_later() {
             let spoken = self.client.as_ref().map_or(0, Client::protocol_version);
             return Err(LinkError::TooOld { request: "play", needed: prepare.introduced_in_version(), spoken }.into());
         }
-        self.check_board_is_drivable()?;
-        if self.begin_arming_if_needed()? {
-            self.await_armed(stops)?;
+        self.check_board_fits_and_needs_no_manual_arming()?;
+        if self.begin_arming_if_needed_and_is_self_test_pending()? {
+            self.await_armed_or_stop_board(stops)?;
         }
         let Reply::Prepared { achieved } = self.request_from_device(&prepare)? else {
             return Err(unexpected_reply_error("prepare").into());
         };
         self.drive_id = id;
-        self.publish_state(SafetyState::Running);
+        self.publish_acknowledged_state(SafetyState::Running);
         // Whatever comes in between, these drives end.
         self.drive_until = Some(Instant::now() + self.device.timing().arming);
-        self.await_rails(&achieved, stops)?;
+        self.await_rail_voltages_or_go_on_after_arming_time(&achieved, stops)?;
         // Fresh, so that the start is right to a round trip even with a clock that cannot be followed.
-        self.sample_clock()?;
+        self.add_clock_sample_if_supported()?;
         let soonest = Instant::now() + self.lead_time_for_frames(achieved.len());
         let start = start.map_or(soonest, |start| start.max(soonest));
         let start_us = self.clock.board_time_us_at(start).ok_or_else(|| unexpected_reply_error("clock"))?;
         let mut length = Duration::ZERO;
         for (channel, effect) in channels.into_iter().zip(effects) {
             let period_s = achieved.iter().find(|drive| drive.channel == channel).map_or(0.0, period_s);
-            length = length.max(Duration::try_from_secs_f64(length_s(&effect, period_s)).unwrap_or(Duration::MAX));
-            let play = Request::Play { channel, start_us, effect };
+            length =
+                length.max(Duration::try_from_secs_f64(effect_duration_s(&effect, period_s)).unwrap_or(Duration::MAX));
+            // A board that knows numbers does not play a request again that was repeated because its answer was lost.
+            let play = if self.speaks_version_or_later(4) {
+                self.play_number = self.play_number.wrapping_add(1);
+                Request::PlayOnce { number: self.play_number, channel, start_us, effect }
+            } else {
+                Request::Play { channel, start_us, effect }
+            };
             if let Err(error) = self.request_from_device(&play) {
                 // None or all: what waits already is forgotten.
                 if matches!(error, LinkError::Refused(_)) {
@@ -81,11 +95,48 @@ impl SessionWorker {
         Ok(EffectResult { achieved: achieved.to_vec(), start_us, start, length })
     }
 
+    /// Arms if need be and gives the board a burst of single windows, which begins as soon as the rails have its voltages.
+    fn play_windows_once(
+        &mut self,
+        id: u64,
+        stops: u64,
+        mut sequence: WindowSequence,
+    ) -> Result<EffectResult, SessionError> {
+        self.check_not_stopped_since(stops)?;
+        self.check_connected()?;
+        self.play_number = self.play_number.wrapping_add(1);
+        (sequence.number, sequence.start_us) = (self.play_number, 0);
+        let length = sequence_duration(&sequence);
+        let play = Request::PlayWindows(sequence);
+        let needed = play.introduced_in_version();
+        if !self.speaks_version_or_later(needed) {
+            let spoken = self.client.as_ref().map_or(0, Client::protocol_version);
+            return Err(LinkError::TooOld { request: "play-windows", needed, spoken }.into());
+        }
+        self.check_board_fits_and_needs_no_manual_arming()?;
+        if self.begin_arming_if_needed_and_is_self_test_pending()? {
+            self.await_armed_or_stop_board(stops)?;
+        }
+        // Windows end by themselves; what is driven until then is not changed by a refusal.
+        let Reply::WindowsPlaying { start_us } = self.request_from_device(&play)? else {
+            return Err(unexpected_reply_error("play-windows").into());
+        };
+        self.drive_id = id;
+        self.publish_acknowledged_state(SafetyState::Running);
+        self.add_clock_sample_if_supported()?;
+        let now = Instant::now();
+        let board_us = self.clock.board_time_us_at(now).ok_or_else(|| unexpected_reply_error("clock"))?;
+        let start = now + Duration::from_micros(start_us.saturating_sub(board_us));
+        let end = start + length + AFTER;
+        (self.drive_until, self.idle_since) = (Some(end), end);
+        Ok(EffectResult { achieved: Vec::new(), start_us, start, length })
+    }
+
     /// Charges the rails to the voltage at which they stand ready, so that a first effect does not wait for their soft start. Silent drives bring them up,
     /// and a rail that feeds nobody stays charged: no electrode is on meanwhile, and they come down when the idle time ends. Rails that
     /// drives are on are left alone.
-    pub(super) fn precharge_rails(&mut self) -> Result<(), SessionError> {
-        if !self.speaks_version_2() || self.drive_until.is_some() {
+    pub(super) fn precharge_rails_unless_driven(&mut self) -> Result<(), SessionError> {
+        if !self.speaks_version_2_or_later() || self.drive_until.is_some() {
             return Ok(());
         }
         let drives = self
@@ -93,7 +144,7 @@ impl SessionWorker {
             .borrow()
             .identity
             .as_ref()
-            .map(|board| self.needs.make_rail_precharge_drives(board))
+            .map(|board| self.needs.make_drives_at_rail_ready_voltages(board))
             .unwrap_or_default();
         match self.request_from_device(&Request::Prepare { drives }).and_then(|_| self.end_drives()) {
             // Channels have to rest: they rise with the first touch.
@@ -108,14 +159,18 @@ impl SessionWorker {
 
     /// Waits until the rails have the voltages of the drives, as an effect does not wait for them: the soft start to 2 kV takes
     /// 100 ms. The board itself sees to rails that do not come.
-    fn await_rails(&mut self, drives: &[AchievedDrive], stop_count: u64) -> Result<(), SessionError> {
+    fn await_rail_voltages_or_go_on_after_arming_time(
+        &mut self,
+        drives: &[AchievedDrive],
+        stop_count: u64,
+    ) -> Result<(), SessionError> {
         let begun = Instant::now();
         while begun.elapsed() < self.device.timing().arming {
             self.check_not_stopped_since(stop_count)?;
             let DetailsReply { state, rail_millivolts: measured, .. } = self.request_details()?;
             if !state.is_live() {
-                self.refresh_snapshot()?;
-                self.check_no_fault_latched()?;
+                self.refresh_all_parts_of_snapshot()?;
+                self.check_no_fault_latched_in_snapshot()?;
                 return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
             }
             let is_up = |drive: &AchievedDrive| {
@@ -136,10 +191,22 @@ impl SessionWorker {
         let trips =
             self.client.as_ref().map(Client::summarise_round_trips).and_then(|trips| trips.median.zip(trips.worst));
         let (median, worst) = trips.unwrap_or_default();
-        let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s.min(CLOCK_ERROR_S));
+        let clock =
+            self.clock.quality_if_two_samples().map_or(0.0, |quality| quality.residual_worst_s.min(CLOCK_ERROR_S));
         let frames = u32::try_from(frame_count).unwrap_or(u32::MAX);
         median * frames + worst + Duration::from_secs_f64(clock) + LEAD
     }
+}
+
+/// From the beginning of a sequence to the end of its last window.
+fn sequence_duration(sequence: &WindowSequence) -> Duration {
+    let mut ends_ticks = [0_u64; era_shared::MAX_CHANNELS];
+    for window in &sequence.windows {
+        if let Some(end) = ends_ticks.get_mut(usize::from(window.channel)) {
+            *end += u64::from(window.wait_ticks) + u64::from(window.width_ticks);
+        }
+    }
+    Duration::from_nanos(100 * ends_ticks.into_iter().max().unwrap_or(0))
 }
 
 /// Length of a drive's period in s.

@@ -57,7 +57,10 @@ pub enum BoardFit {
 impl SceneNeeds {
     /// Drives at the voltages at which the rails stand ready. They are prepared and never played, so that only the rails rise.
     #[must_use]
-    pub fn make_rail_precharge_drives(&self, board: &DeviceIdentity) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
+    pub fn make_drives_at_rail_ready_voltages(
+        &self,
+        board: &DeviceIdentity,
+    ) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
         let drive = |((channel, limits), volts): ((u8, &ChannelLimits), &f64)| {
             let silent =
                 SiDrive { channel, frequency_hz: SILENT_HZ, pulse_width: 0.5, phase_rad: 0.0, voltage_v: *volts };
@@ -69,7 +72,7 @@ impl SceneNeeds {
 
     /// How a board fits these needs.
     #[must_use]
-    pub fn judge_board_fit(&self, board: &DeviceIdentity) -> BoardFit {
+    pub fn judge_board_channels_and_voltages(&self, board: &DeviceIdentity) -> BoardFit {
         let (wanted, there) = (self.max_voltages_v.len(), board.channels.len());
         if there < wanted {
             return BoardFit::Unfit(format!("the scene has {wanted} actuators, but the board has {there} channels"));

@@ -23,7 +23,7 @@ const QUICK_CLOCK: Duration = Duration::from_millis(50);
 impl SessionWorker {
     pub(super) fn exchange_hello(&mut self) -> Result<(), LinkError> {
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let identity = DeviceIdentity::from_hello_reply(self.request_from_device(&hello)?)
+        let identity = DeviceIdentity::from_reply_if_hello(self.request_from_device(&hello)?)
             .ok_or_else(|| unexpected_reply_error("hello"))?;
         if self.boot_id != Some(identity.boot_id) {
             self.clock.forget_samples();
@@ -35,7 +35,7 @@ impl SessionWorker {
         }
         self.board_id = Some(board);
         self.device.bind_to_usb_identity();
-        let fit = self.needs.judge_board_fit(&identity);
+        let fit = self.needs.judge_board_channels_and_voltages(&identity);
         let mismatch = match &fit {
             BoardFit::Good => None,
             BoardFit::Weaker(text) | BoardFit::Unfit(text) => Some(text.clone()),
@@ -57,48 +57,50 @@ impl SessionWorker {
             (snapshot.mismatch, snapshot.path) = (mismatch, path);
             (snapshot.details, snapshot.credit, snapshot.clock) = (None, None, None);
         });
-        self.refresh_snapshot()
+        self.refresh_all_parts_of_snapshot()
     }
 
-    pub(super) fn send_keep_alive(&mut self) -> Result<(), LinkError> {
+    pub(super) fn send_keep_alive_and_stop_unarmed_live_board(&mut self) -> Result<(), LinkError> {
         let Reply::Alive { state } = self.request_from_device(&Request::KeepAlive)? else {
             return Err(unexpected_reply_error("keep-alive"));
         };
         if self.armed && !state.is_live() {
-            return self.refresh_snapshot();
+            return self.refresh_all_parts_of_snapshot();
         }
-        if self.is_live_without_arming(state) {
-            self.send_stop()?;
-            return self.refresh_snapshot();
+        if self.is_live_though_not_armed_by_session(state) {
+            self.stop_board_and_await_reply()?;
+            return self.refresh_all_parts_of_snapshot();
         }
         Ok(())
     }
 
     /// Whether the device speaks version 2 or later.
-    pub(super) fn speaks_version_2(&self) -> bool {
-        self.speaks_version(2)
+    pub(super) fn speaks_version_2_or_later(&self) -> bool {
+        self.speaks_version_or_later(2)
     }
 
-    fn speaks_version(&self, version: u8) -> bool {
+    pub(super) fn speaks_version_or_later(&self, version: u8) -> bool {
         self.client.as_ref().is_some_and(|client| client.protocol_version() >= version)
     }
 
     /// Asks for the board's time, quickly at first and then now and then.
-    pub(super) fn sample_clock(&mut self) -> Result<(), LinkError> {
+    pub(super) fn add_clock_sample_if_supported(&mut self) -> Result<(), LinkError> {
         self.quick_samples = self.quick_samples.saturating_sub(1);
         self.next_clock = Instant::now() + if self.quick_samples > 0 { QUICK_CLOCK } else { CLOCK };
-        if !self.speaks_version_2() {
+        if !self.speaks_version_2_or_later() {
             return Ok(());
         }
         let Reply::Clock { now_us } = self.request_from_device(&Request::Clock)? else {
             return Err(unexpected_reply_error("clock"));
         };
-        let times =
-            self.client.as_ref().and_then(|client| client.last_frame_written_at().zip(client.last_reply_read_at()));
+        let times = self
+            .client
+            .as_ref()
+            .and_then(|client| client.last_answered_frame_written_at().zip(client.last_reply_read_at()));
         if let Some((sent, received)) = times {
             self.clock.add_sample(sent, received, now_us);
         }
-        let quality = self.clock.quality();
+        let quality = self.clock.quality_if_two_samples();
         self.publish.send_modify(|snapshot| snapshot.clock = quality);
         Ok(())
     }
@@ -111,7 +113,7 @@ impl SessionWorker {
     }
 
     fn request_details_if_supported(&mut self) -> Result<Option<DetailsReply>, LinkError> {
-        if self.speaks_version_2() { self.request_details().map(Some) } else { Ok(None) }
+        if self.speaks_version_2_or_later() { self.request_details().map(Some) } else { Ok(None) }
     }
 
     pub(super) fn request_details(&mut self) -> Result<DetailsReply, LinkError> {
@@ -129,35 +131,39 @@ impl SessionWorker {
     }
 
     /// Asks for all parts of the device's state now. A refresh that is under way begins again: what it has seen may have changed.
-    pub(super) fn refresh_snapshot(&mut self) -> Result<(), LinkError> {
+    pub(super) fn refresh_all_parts_of_snapshot(&mut self) -> Result<(), LinkError> {
         self.look_next = Some(SnapshotPart::Status);
         while self.look_next.is_some() {
-            self.refresh_next_part()?;
+            self.refresh_next_snapshot_part()?;
         }
         Ok(())
     }
 
     /// The next part of a look, one request, so that a drive that comes meanwhile waits for one answer and not for four. What is seen is
     /// published part by part: a drive in between is never hidden by a state of before.
-    pub(super) fn refresh_next_part(&mut self) -> Result<(), LinkError> {
+    pub(super) fn refresh_next_snapshot_part(&mut self) -> Result<(), LinkError> {
         self.look_next = match self.look_next.take().unwrap_or(SnapshotPart::Status) {
             SnapshotPart::Status => {
-                let seen = self.refresh_status()?;
+                let seen = self.request_status_and_act_on_it()?;
                 if seen.restarted {
                     return self.exchange_hello();
                 }
                 // What has been measured with it is not asked for again.
-                if seen.measured { self.part_after_details() } else { Some(SnapshotPart::Telemetry) }
+                if seen.measured {
+                    self.snapshot_part_after_details_if_supported()
+                } else {
+                    Some(SnapshotPart::Telemetry)
+                }
             }
             SnapshotPart::Telemetry => {
                 let seen = self.request_telemetry()?;
                 self.update_snapshot_silently(|snapshot| snapshot.telemetry = Some(seen));
-                self.speaks_version_2().then_some(SnapshotPart::Details)
+                self.speaks_version_2_or_later().then_some(SnapshotPart::Details)
             }
             SnapshotPart::Details => {
                 let seen = self.request_details()?;
                 self.update_snapshot_silently(|snapshot| snapshot.details = Some(seen));
-                self.part_after_details()
+                self.snapshot_part_after_details_if_supported()
             }
             SnapshotPart::Credit => {
                 let seen = self.request_credit()?;
@@ -176,8 +182,8 @@ impl SessionWorker {
         Ok(())
     }
 
-    fn part_after_details(&self) -> Option<SnapshotPart> {
-        self.speaks_version(Request::Credit.introduced_in_version()).then_some(SnapshotPart::Credit)
+    fn snapshot_part_after_details_if_supported(&self) -> Option<SnapshotPart> {
+        self.speaks_version_or_later(Request::Credit.introduced_in_version()).then_some(SnapshotPart::Credit)
     }
 
     /// Changes the snapshot without notifying its receivers, which are notified at the end of the refresh.
@@ -194,16 +200,16 @@ impl SessionWorker {
 
     /// Asks for the device's state, and acts on it. Receivers of the snapshot are notified at once if the state has changed, or else at the end of the
     /// refresh.
-    fn refresh_status(&mut self) -> Result<StatusFindings, LinkError> {
+    fn request_status_and_act_on_it(&mut self) -> Result<StatusFindings, LinkError> {
         self.last_look = Instant::now();
         self.next_status = self.last_look + self.device.timing().status;
         let Reply::Status(status) = self.request_from_device(&Request::Status)? else {
             return Err(unexpected_reply_error("status"));
         };
         self.stop_is_seen = true;
-        if self.is_live_without_arming(status.state) {
+        if self.is_live_though_not_armed_by_session(status.state) {
             // Before anything else is asked; what it comes to is looked at soon.
-            self.send_stop()?;
+            self.stop_board_and_await_reply()?;
             self.next_status = Instant::now();
         } else if matches!(status.state, SafetyState::Arming | SafetyState::Discharging) {
             // It is about to change.
@@ -235,12 +241,12 @@ impl SessionWorker {
             snapshot.link_at_fault = at_fault.or(snapshot.link_at_fault).filter(|_| has_fault);
             snapshot.restarts += u32::from(restarted);
             snapshot.faults += u32::from(faulted.is_some());
-            snapshot.breaks += u64::from(has_broken);
+            snapshot.interruptions += u64::from(has_broken);
             is_other
         });
         if restarted {
             tracing::warn!("the device has restarted");
-            self.require_manual_arming("it had restarted");
+            self.require_manual_arming_if_policy("it had restarted");
         }
         Ok(StatusFindings { restarted, measured: is_down })
     }

@@ -59,6 +59,8 @@ pub(super) struct SessionWorker {
     pub(super) again_since: Option<Instant>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
+    /// Number of the effect that was played last.
+    pub(super) play_number: u32,
     pub(super) boot_id: Option<u32>,
     pub(super) armed: bool,
     pub(super) drive_until: Option<Instant>,
@@ -109,6 +111,7 @@ impl SessionWorker {
             obeyed: 0,
             again_since: None,
             drive_id: 0,
+            play_number: 0,
             boot_id: None,
             armed: false,
             drive_until: None,
@@ -129,30 +132,34 @@ impl SessionWorker {
     pub(super) fn run_until_closed(mut self, inbox: &Receiver<Command>) {
         loop {
             self.beat.note_activity();
-            self.send_requested_stops();
-            self.do_due_duty();
+            self.carry_out_requested_stops();
+            self.carry_out_one_due_duty();
             let command = inbox.recv_timeout(self.time_until_next_duty());
             // A stop goes before whatever came before it, and so does what has happened meanwhile.
-            self.send_requested_stops();
+            self.carry_out_requested_stops();
             self.stop_if_paused();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
-                    let result = self.check_order_age(asked).and_then(|()| self.set_drives(order));
-                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
+                    let result = self
+                        .refuse_order_too_old_or_from_before_device_was_back(asked)
+                        .and_then(|()| self.set_drives_handling_link_errors(order));
+                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Play { order, asked, answer }) => {
-                    let result = self.check_order_age(asked).and_then(|()| self.play_effect(order));
-                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
+                    let result = self
+                        .refuse_order_too_old_or_from_before_device_was_back(asked)
+                        .and_then(|()| self.schedule_effect_retrying_if_start_passed(order));
+                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Stop { number, answer }) => {
-                    let _ = answer.send(self.complete_stop(number));
+                    let _ = answer.send(self.stop_unless_obeyed_and_refresh_state(number));
                 }
                 Ok(Command::EndAt { id, when }) => {
                     if id == self.drive_id {
                         self.drive_until = self.drive_until.map(|until| until.min(when));
                     }
                 }
-                Ok(Command::HoldUntil { id, until }) => {
+                Ok(Command::MoveEndTo { id, until }) => {
                     if id == self.drive_id && self.drive_until.is_some() {
                         (self.drive_until, self.idle_since) = (Some(until), until);
                     }
@@ -161,12 +168,14 @@ impl SessionWorker {
                     let _ = answer.send(self.clear_faults());
                 }
                 Ok(Command::Arm { stops, asked, answer }) => {
-                    let result = self.check_order_age(asked).and_then(|()| self.arm_manually(stops));
-                    let _ = answer.send(result.map_err(|error| self.halted_to_late_error(error)));
+                    let result = self
+                        .refuse_order_too_old_or_from_before_device_was_back(asked)
+                        .and_then(|()| self.arm_for_person_after_outage_and_precharge(stops));
+                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
                     if self.client.is_some()
-                        && let Err(error) = self.complete_stop(u64::MAX)
+                        && let Err(error) = self.stop_unless_obeyed_and_refresh_state(u64::MAX)
                     {
                         tracing::warn!(%error, "could not stop the device at the end of the session; its dead-man timer stops it");
                     }
@@ -192,11 +201,11 @@ impl SessionWorker {
     }
 
     /// Does one of the things that are due by now: open the port, send a sign of life, end a drive, refresh the state.
-    fn do_due_duty(&mut self) {
+    fn carry_out_one_due_duty(&mut self) {
         let now = Instant::now();
         if self.client.is_none() {
             if now >= self.next_open {
-                self.open_device();
+                self.try_to_connect_device();
                 self.next_open = Instant::now() + self.reopen;
             }
             return;
@@ -207,11 +216,11 @@ impl SessionWorker {
             self.request_from_device(&Request::Disarm).map(|_| self.armed = false)
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
-            self.send_keep_alive()
+            self.send_keep_alive_and_stop_unarmed_live_board()
         } else if self.look_next.is_some() || now >= self.next_status {
-            self.refresh_next_part()
+            self.refresh_next_snapshot_part()
         } else if now >= self.next_clock {
-            self.sample_clock()
+            self.add_clock_sample_if_supported()
         } else {
             Ok(())
         };
@@ -220,14 +229,14 @@ impl SessionWorker {
         }
     }
 
-    fn open_device(&mut self) {
+    fn try_to_connect_device(&mut self) {
         // On coming in, whatever is live is stopped anyway.
         self.obeyed = self.stops.load(Ordering::SeqCst);
         let opened = self
             .device
-            .restart_ended_emulator()
+            .restart_emulator_if_ended()
             .map_err(|error| LinkError::Emulator(error.to_string()))
-            .and_then(|()| Ok(self.device.update_port_path()?))
+            .and_then(|()| Ok(self.device.update_port_path_from_usb()?))
             .and_then(|()| Ok(self.device.open_client()?))
             .and_then(|client| {
                 self.client = Some(client);
@@ -241,25 +250,25 @@ impl SessionWorker {
             Err(error) => {
                 self.handle_link_error(&error);
                 // A hello that a stop came between is begun anew.
-                self.close_link();
+                self.take_client_adding_its_statistics();
                 self.reopen = (self.reopen * 2).min(REOPEN_MOST);
             }
         }
     }
 
-    fn set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        let result = self.try_set_drives(order);
+    fn set_drives_handling_link_errors(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+        let result = self.arm_if_needed_and_set_drives(order);
         if let Err(SessionError::Link(error)) = &result {
             self.handle_link_error(error);
         }
         result
     }
 
-    fn try_set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        let DriveOrder { id, stops, breaks, drives, hold, from_zero } = order;
+    fn arm_if_needed_and_set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+        let DriveOrder { id, stops, interruptions, drives, hold, from_zero } = order;
         self.check_not_stopped_since(stops)?;
         self.check_connected()?;
-        if breaks.is_some_and(|breaks| breaks != self.publish.borrow().breaks) {
+        if interruptions.is_some_and(|interruptions| interruptions != self.publish.borrow().interruptions) {
             return Err(SessionError::Broken);
         }
         if from_zero && self.armed {
@@ -267,30 +276,30 @@ impl SessionWorker {
             self.armed = false;
             self.drive_until = None;
         }
-        self.check_board_is_drivable()?;
-        let fresh = self.begin_arming_if_needed()?;
+        self.check_board_fits_and_needs_no_manual_arming()?;
+        let fresh = self.begin_arming_if_needed_and_is_self_test_pending()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
         let state = if drives.is_empty() { SafetyState::Armed } else { SafetyState::Running };
         let Reply::DrivesSet { achieved } = self.request_from_device(&Request::SetDrives { drives })? else {
             return Err(unexpected_reply_error("set-drives").into());
         };
-        let frame_written = self.client.as_ref().and_then(Client::last_frame_written_at);
+        let frame_written = self.client.as_ref().and_then(Client::last_answered_frame_written_at);
         if fresh {
             // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
             // is not, later than that either.
-            self.await_armed(stops)?;
+            self.await_armed_or_stop_board(stops)?;
         }
         let now = Instant::now();
         self.drive_id = id;
         self.drive_until = Some(now + hold);
         self.idle_since = now + hold;
-        self.publish_state(state);
+        self.publish_acknowledged_state(state);
         Ok(DriveResult { achieved: achieved.to_vec(), frame_written })
     }
 
     /// Publishes the state that an acknowledgement implies, so that whoever asks right after it does not read an older one. The rest of the
     /// status follows soon.
-    pub(super) fn publish_state(&mut self, state: SafetyState) {
+    pub(super) fn publish_acknowledged_state(&mut self, state: SafetyState) {
         self.publish.send_modify(|snapshot| {
             if let Some(status) = &mut snapshot.status {
                 status.state = state;
@@ -300,34 +309,34 @@ impl SessionWorker {
     }
 
     /// Begins to arm, unless the device is armed; returns whether the self-test has still to end.
-    pub(super) fn begin_arming_if_needed(&mut self) -> Result<bool, SessionError> {
+    pub(super) fn begin_arming_if_needed_and_is_self_test_pending(&mut self) -> Result<bool, SessionError> {
         if self.armed {
             return Ok(false);
         }
         self.clear_silence_fault_by_policy()?;
-        self.check_no_fault_latched()?;
-        let arm = match self.speaks_version_2() {
+        self.check_no_fault_latched_in_snapshot()?;
+        let arm = match self.speaks_version_2_or_later() {
             // A touch may be held for longer than the board's default burst.
             true => Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MS) },
             false => Request::Arm { deadman_ms: None },
         };
         self.request_from_device(&arm)?;
         self.armed = true;
-        self.publish_state(SafetyState::Arming);
+        self.publish_acknowledged_state(SafetyState::Arming);
         Ok(true)
     }
 
     /// Waits until the self-test has ended. A device whose self-test does not end in time is not left to get through it later.
-    pub(super) fn await_armed(&mut self, stop_count: u64) -> Result<(), SessionError> {
-        let ended = self.try_await_armed(stop_count);
+    pub(super) fn await_armed_or_stop_board(&mut self, stop_count: u64) -> Result<(), SessionError> {
+        let ended = self.poll_until_armed(stop_count);
         // Else it has been stopped, or is off.
         if ended.is_err() && self.armed {
-            self.stop_failed_drives();
+            self.stop_board_and_refresh_snapshot();
         }
         ended
     }
 
-    fn try_await_armed(&mut self, stop_count: u64) -> Result<(), SessionError> {
+    fn poll_until_armed(&mut self, stop_count: u64) -> Result<(), SessionError> {
         let begun = Instant::now();
         loop {
             if stop_count != self.stops.load(Ordering::SeqCst) {
@@ -337,12 +346,12 @@ impl SessionWorker {
                 return Err(unexpected_reply_error("keep-alive").into());
             };
             if matches!(state, SafetyState::Armed | SafetyState::Running) {
-                self.publish_state(state);
+                self.publish_acknowledged_state(state);
                 return Ok(());
             }
             if state != SafetyState::Arming || begun.elapsed() > self.device.timing().arming {
-                self.refresh_snapshot()?;
-                self.check_no_fault_latched()?;
+                self.refresh_all_parts_of_snapshot()?;
+                self.check_no_fault_latched_in_snapshot()?;
                 return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
             }
             std::thread::sleep(ARMING_POLL);
@@ -360,10 +369,10 @@ impl SessionWorker {
 
     fn clear_faults(&mut self) -> Result<(), SessionError> {
         self.check_connected()?;
-        self.request_from_device(&Request::ClearFaults)?;
+        self.clear_latched_fault_or_refuse_other_code(None)?;
         // Before a fault that came and went unseen.
         self.invalidate_earlier_orders();
-        Ok(self.refresh_snapshot()?)
+        Ok(self.refresh_all_parts_of_snapshot()?)
     }
 
     pub(super) fn check_connected(&self) -> Result<(), SessionError> {
@@ -379,14 +388,14 @@ impl SessionWorker {
     pub(super) fn request_from_device(&mut self, request: &Request) -> Result<Reply, LinkError> {
         self.beat.note_activity();
         if !matches!(request, Request::Stop)
-            && let Some(waited) = self.stop_after_pause()
+            && let Some(waited) = self.stop_board_if_program_was_suspended_and_get_how_long()
         {
             return Err(LinkError::Halted { request: request_name(request), waited, by_order: false });
         }
         if !matches!(request, Request::Stop) && self.stops.load(Ordering::SeqCst) != self.obeyed {
             // Between any two requests a stop goes first.
             let begun = Instant::now();
-            self.send_stop()?;
+            self.stop_board_and_await_reply()?;
             return Err(LinkError::Halted { request: request_name(request), waited: begun.elapsed(), by_order: true });
         }
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
@@ -396,11 +405,12 @@ impl SessionWorker {
             seen.set(stops.load(Ordering::SeqCst));
             seen.get() != obeyed
         };
-        let mut in_doubt = |request, waited| Self::publish_late_answer(publish, request, waited);
-        let reply = client.request_or_stop(request, WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
+        let mut in_doubt = |request, waited| Self::publish_doubt_if_connected(publish, request, waited);
+        let reply = client
+            .request_sending_stop_when_late(request, WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
-            self.reset_for_stop();
+            self.mark_disarmed_and_state_after_stop_unknown();
             self.invalidate_earlier_orders();
         } else if let Err(error) = reply {
             return Err(error);
@@ -436,15 +446,15 @@ impl SessionWorker {
     pub(super) fn handle_link_error(&mut self, error: &LinkError) {
         if matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) {
             self.next_status = Instant::now();
-            tracing::warn!(%error, "refused");
+            tracing::warn!(%error, "the device refused a request");
             return;
         }
         if matches!(error, LinkError::Halted { .. }) {
-            tracing::warn!(%error, "stopped");
+            tracing::warn!(%error, "a request ended because the daemon stopped the device");
             return;
         }
         // Before anything that takes time, as a look at all programs does: the board may be live.
-        if let Some(mut client) = self.close_link() {
+        if let Some(mut client) = self.take_client_adding_its_statistics() {
             client.send_stop_without_reply();
         }
         let mut text = self.device.describe_link_error(error);
@@ -452,13 +462,13 @@ impl SessionWorker {
             text += ". The port is tried again until it is free";
         }
         if self.publish.borrow().problem.as_deref() != Some(&text) {
-            tracing::error!(path = self.device.port_path(), error = text, "device lost");
+            tracing::error!(path = self.device.port_path(), error = text, "the connection to the device is lost");
         }
         let link = self.total_link_statistics();
         self.armed = false;
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;
-        self.require_manual_arming(&text);
+        self.require_manual_arming_if_policy(&text);
         self.invalidate_earlier_orders();
         self.publish.send_modify(|snapshot| {
             snapshot.outages += u32::from(snapshot.connected || snapshot.in_doubt);
@@ -469,17 +479,17 @@ impl SessionWorker {
     }
 
     /// Closes the link, and adds its statistics to those of earlier links.
-    fn close_link(&mut self) -> Option<Client> {
+    fn take_client_adding_its_statistics(&mut self) -> Option<Client> {
         let client = self.client.take();
         self.look_next = None;
-        self.past += client.as_ref().map(Client::statistics).unwrap_or_default();
+        self.past += client.as_ref().map(Client::link_statistics).unwrap_or_default();
         client
     }
 
     /// Statistics of all links of this session, the present one included.
     pub(super) fn total_link_statistics(&self) -> LinkStatistics {
         let mut all = self.past;
-        all += self.client.as_ref().map(Client::statistics).unwrap_or_default();
+        all += self.client.as_ref().map(Client::link_statistics).unwrap_or_default();
         all
     }
 }

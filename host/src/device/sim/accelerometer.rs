@@ -73,7 +73,7 @@ impl Accelerometer {
     }
 
     /// Forgets what was measured, because the sensor has been moved. A record goes on.
-    pub fn forget_measurements(&mut self) {
+    pub fn forget_all_but_record(&mut self) {
         self.sections.iter_mut().for_each(|section| section.state = [0.0; 2]);
         self.held.clear();
         (self.unread, self.here) = (0.0, 0.0);
@@ -85,7 +85,7 @@ impl Accelerometer {
     }
 
     /// The samples kept, in m/s^2.
-    pub fn take_record(&mut self) -> Vec<f64> {
+    pub fn stop_and_take_record(&mut self) -> Vec<f64> {
         self.record.take().unwrap_or_default()
     }
 
@@ -106,7 +106,7 @@ impl Accelerometer {
 
     /// Largest magnitude in the last 50 ms, in m/s^2.
     #[must_use]
-    pub fn held_peak_m_per_s2(&self) -> f64 {
+    pub fn peak_of_last_50_ms_m_per_s2(&self) -> f64 {
         self.held.iter().copied().fold(0.0, f64::max)
     }
 }
@@ -114,8 +114,8 @@ impl Accelerometer {
 impl Accelerometer {
     /// Largest magnitude in m/s^2 since the last call, or of the last 50 ms if that is longer: repeated calls miss no peak, and an answer that is lost
     /// does not lose a recent one.
-    pub fn take_peak_m_per_s2(&mut self) -> f64 {
-        std::mem::take(&mut self.unread).max(self.held_peak_m_per_s2())
+    pub fn take_peak_since_last_call_or_50_ms_m_per_s2(&mut self) -> f64 {
+        std::mem::take(&mut self.unread).max(self.peak_of_last_50_ms_m_per_s2())
     }
 
     /// Largest magnitude in m/s^2 since the sensor was put where it is; reading it changes nothing.
@@ -150,16 +150,28 @@ mod tests {
         (0..20).for_each(|_| sensor.add_sample(3.0));
         rest(&mut sensor, 10_000);
         // What is left of the filter's motion may be the least number that there is.
-        assert!(sensor.held_peak_m_per_s2() < f64::MIN_POSITIVE);
-        let peak = sensor.take_peak_m_per_s2();
+        assert!(sensor.peak_of_last_50_ms_m_per_s2() < f64::MIN_POSITIVE);
+        let peak = sensor.take_peak_since_last_call_or_50_ms_m_per_s2();
         assert!((3.0..3.5).contains(&peak), "{peak}");
-        assert!(sensor.take_peak_m_per_s2() < f64::MIN_POSITIVE && sensor.peak_since_placed_m_per_s2() == peak);
+        assert!(
+            sensor.take_peak_since_last_call_or_50_ms_m_per_s2() < f64::MIN_POSITIVE
+                && sensor.peak_since_placed_m_per_s2() == peak
+        );
         // An answer that is lost at once is given again.
         (0..20).for_each(|_| sensor.add_sample(3.0));
-        assert_eq!([sensor.take_peak_m_per_s2(), sensor.take_peak_m_per_s2()], [peak; 2]);
-        sensor.forget_measurements();
+        assert_eq!(
+            [
+                sensor.take_peak_since_last_call_or_50_ms_m_per_s2(),
+                sensor.take_peak_since_last_call_or_50_ms_m_per_s2()
+            ],
+            [peak; 2]
+        );
+        sensor.forget_all_but_record();
         rest(&mut sensor, 1);
-        assert_eq!((sensor.take_peak_m_per_s2(), sensor.peak_since_placed_m_per_s2()), (0.0, 0.0));
+        assert_eq!(
+            (sensor.take_peak_since_last_call_or_50_ms_m_per_s2(), sensor.peak_since_placed_m_per_s2()),
+            (0.0, 0.0)
+        );
     }
 
     #[test]
@@ -170,7 +182,7 @@ mod tests {
             for i in 0..20_000 {
                 sensor.add_sample((std::f64::consts::TAU * frequency_hz * f64::from(i) * step_s).sin());
             }
-            let (found, expected) = (sensor.held_peak_m_per_s2(), low_pass_gain(frequency_hz));
+            let (found, expected) = (sensor.peak_of_last_50_ms_m_per_s2(), low_pass_gain(frequency_hz));
             assert!((found - expected).abs() < 0.02 * expected, "{frequency_hz}: {found} {expected}");
         }
     }

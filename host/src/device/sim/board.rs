@@ -1,12 +1,16 @@
 //! The simulated board: timers, rails and loops as numbers, the panel in the electrodes' place.
 
+use super::electrodes::BrokenElectrode;
 use super::panel::SimPanel;
 use super::rails::SimRail;
 use super::timer::SimTimer;
+use era_shared::MAX_CHANNELS;
 use era_shared::board::{Board, BoardInfo};
+use era_shared::limits::REFERENCE_MILLIVOLTS;
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
+use era_shared::safety::ElectrodePulses;
 use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
-use era_shared::waveform::TimerPreload;
+use era_shared::waveform::{Electrode, TimerPreload};
 use std::time::{Duration, Instant};
 
 /// What a longer time between two readings of its clock is counted as: the tick of the device's loop.
@@ -35,12 +39,14 @@ pub struct Defects {
     pub earth_open: bool,
     /// This rail, counted from 0, is shorted.
     pub shorted_rail: Option<usize>,
-    /// Average current of the supply in uA, over what the electrodes take (which counts as nothing).
+    /// Average current of the supply in uA, over what rails and electrodes take.
     pub leakage_microamps: u32,
     /// The comparator or break that does not trip, by its number in the troubleshooting table.
     pub dead_trip: Option<u32>,
     /// The channel whose timer stands still.
     pub stopped_timer: Option<u32>,
+    /// An electrode that is broken.
+    pub broken_electrode: Option<BrokenElectrode>,
 }
 
 /// Mistakes of a board that nothing in it notices, which no board may make: with them it is seen that whoever judges a board from outside
@@ -66,12 +72,16 @@ pub struct SimBoard {
     supply: SupplyCommand,
     defects: Defects,
     mistakes: Mistakes,
+    /// What the board keeps over a reset: whether it was live, and its credit in ms.
+    kept: Option<(bool, [u32; MAX_CHANNELS])>,
     /// The timers run since this time in us.
     started_us: Option<u64>,
     leaving: bool,
     /// When its clock was last read, and how long the computer has stood still since that was last asked.
     read: Instant,
     stood: Duration,
+    /// The time in us that is told in place of the clock's, if one is.
+    held_us: Option<u64>,
 }
 
 impl SimBoard {
@@ -100,24 +110,27 @@ impl SimBoard {
                 // Shorter than the longest name there can be.
                 image: "simulated".try_into().unwrap_or_default(),
                 firmware: FirmwareVersion {
-                    major: parse_version_number(env!("CARGO_PKG_VERSION_MAJOR")),
-                    minor: parse_version_number(env!("CARGO_PKG_VERSION_MINOR")),
-                    patch: parse_version_number(env!("CARGO_PKG_VERSION_PATCH")),
+                    major: parse_version_number_or_zero(env!("CARGO_PKG_VERSION_MAJOR")),
+                    minor: parse_version_number_or_zero(env!("CARGO_PKG_VERSION_MINOR")),
+                    patch: parse_version_number_or_zero(env!("CARGO_PKG_VERSION_PATCH")),
                     commit: *b"00000000",
                 },
                 channels,
                 fault_before_reset: None,
                 failure: heapless::String::new(),
+                credit_before_reset_ms: None,
             },
             clock,
             panel,
             supply: SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() },
             defects: Defects::default(),
             mistakes: Mistakes::default(),
+            kept: None,
             started_us: None,
             leaving: false,
             read: Instant::now(),
             stood: Duration::ZERO,
+            held_us: None,
         }
     }
 
@@ -142,6 +155,9 @@ impl SimBoard {
 
     /// What the reset pin does: drives end and everything but the panel's motion and the rails' charge is forgotten.
     pub fn restart(&mut self) {
+        let was_live = self.kept.is_some_and(|(was_live, _)| was_live);
+        self.info.fault_before_reset = was_live.then_some((FaultCode::ResetWhileLive, 0));
+        self.info.credit_before_reset_ms = self.kept.map(|(_, credit_ms)| credit_ms);
         self.switch_outputs_off();
         let now_s = self.board_time_s();
         let volts: [f64; RAILS] = std::array::from_fn(|rail| self.panel.rail(rail).volts_at(now_s));
@@ -159,12 +175,17 @@ impl SimBoard {
     }
 
     /// Sets a [`Clock::Manual`].
-    pub const fn set_time_us(&mut self, time_us: u64) {
+    pub const fn set_manual_time_us(&mut self, time_us: u64) {
         self.clock = Clock::Manual(time_us);
     }
 
+    /// Tells this time in us in place of the clock's, until `None` is given. It must not be after the clock's, nor before one that was told.
+    pub const fn hold_time_at_us(&mut self, time_us: Option<u64>) {
+        self.held_us = time_us;
+    }
+
     /// How long the computer, and the simulated board with it, has stood still since the last call.
-    pub const fn take_stalled_time(&mut self) -> Duration {
+    pub const fn take_stalled_time_since_last_call(&mut self) -> Duration {
         std::mem::replace(&mut self.stood, Duration::ZERO)
     }
 
@@ -173,6 +194,7 @@ impl SimBoard {
         if defects != self.defects {
             self.defects = defects;
             self.apply_supply_to_rails();
+            self.panel.electrodes.set_broken(defects.broken_electrode);
         }
     }
 
@@ -181,7 +203,7 @@ impl SimBoard {
         if mistakes != self.mistakes {
             self.advance_panel_to_now();
             self.mistakes = mistakes;
-            self.panel.set_electrode_voltage_fraction(
+            self.panel.set_electrode_fraction_of_rail_voltage(
                 mistakes.rails_percent.map_or(1.0, |percent| f64::from(percent) / 100.0),
             );
         }
@@ -189,7 +211,7 @@ impl SimBoard {
 
     /// Whether the board has entered its bootloader. The simulation has none, so that its owner restarts it.
     #[must_use]
-    pub const fn is_entering_bootloader(&self) -> bool {
+    pub const fn has_entered_bootloader(&self) -> bool {
         self.leaving
     }
 
@@ -222,13 +244,23 @@ impl SimBoard {
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn measure_rail_millivolts(&mut self) -> [u32; RAILS] {
+    fn compute_average_microamps_now(&self) -> u32 {
+        (self.panel.electrodes.mean_current_a() * 1e6).round() as u32 + self.defects.leakage_microamps
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    fn compute_rail_millivolts_now(&mut self) -> [u32; RAILS] {
         let now_s = self.board_time_s();
         std::array::from_fn(|rail| (self.panel.rail(rail).volts_at(now_s) * 1e3).round() as u32)
     }
 }
 
-fn parse_version_number(text: &str) -> u8 {
+/// Level of a safety loop: its end resistor of 5.1 kohm and 10 kohm to ground divide 3.3 V.
+const fn loop_level_millivolts(is_open: bool) -> u32 {
+    if is_open { 0 } else { 2_185 }
+}
+
+fn parse_version_number_or_zero(text: &str) -> u8 {
     text.parse().unwrap_or(0)
 }
 
@@ -238,6 +270,9 @@ impl Board for SimBoard {
     }
 
     fn now_us(&mut self) -> u64 {
+        if let Some(held_us) = self.held_us {
+            return held_us;
+        }
         match &mut self.clock {
             Clock::Wall(start) => {
                 let now = Instant::now();
@@ -263,20 +298,37 @@ impl Board for SimBoard {
         self.apply_supply_command(&SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() });
     }
 
-    fn read_sensors(&mut self) -> SensorReadings {
+    fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
         self.advance_panel_to_now();
         SensorReadings {
-            rail_millivolts: self.measure_rail_millivolts(),
-            average_microamps: self.defects.leakage_microamps,
+            rail_millivolts: self.compute_rail_millivolts_now(),
+            average_microamps: self.compute_average_microamps_now(),
             interlock_closed: !self.defects.interlock_open,
             stop_released: !self.defects.stop_pressed,
+            interlock_millivolts: loop_level_millivolts(self.defects.interlock_open),
+            stop_millivolts: loop_level_millivolts(self.defects.stop_pressed),
             earth_bonded: !self.defects.earth_open,
+            reference_millivolts: REFERENCE_MILLIVOLTS,
             trip: None,
+            standing_fault: None,
         }
     }
 
     fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         self.defects.dead_trip.map_or(Ok(()), |which| Err((FaultCode::SelfTest, which)))
+    }
+
+    fn test_over_voltage_inputs(&mut self, _charged: [bool; RAILS]) -> Result<(), FaultFinding> {
+        Ok(())
+    }
+
+    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+        self.advance_panel_to_now();
+        Ok(self.panel.pulse_electrode(channel, electrode))
+    }
+
+    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; MAX_CHANNELS]) {
+        self.kept = Some((is_live, credit_ms));
     }
 
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
@@ -301,7 +353,7 @@ impl Board for SimBoard {
     }
 
     #[expect(clippy::cast_precision_loss, reason = "clocks in an f64 are exact for 600 days")]
-    fn write_preload(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
+    fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.ok_or(FaultCode::DriveFailed)?;
         let clocks_per_s = f64::from(ChannelLimits::BOARD.timer_clock_hz);
         let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s;
@@ -321,7 +373,7 @@ impl Board for SimBoard {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
         self.advance_panel_to_now();
-        Some((self.panel.accelerometer.take_peak_m_per_s2() * 1e3).round() as u32)
+        Some((self.panel.accelerometer.take_peak_since_last_call_or_50_ms_m_per_s2() * 1e3).round() as u32)
     }
 
     fn take_log_bytes(&mut self, _out: &mut [u8]) -> usize {

@@ -34,7 +34,7 @@ impl DriveFrameRecord {
     }
 
     /// Takes all frames that are kept; from here on none are kept.
-    pub fn take_frames(&mut self) -> Vec<DriveFrame> {
+    pub fn stop_recording_and_take_frames(&mut self) -> Vec<DriveFrame> {
         std::mem::take(self).kept.into()
     }
 }
@@ -57,12 +57,13 @@ mod tests {
         };
         let mut frames = DriveFrameRecord::default();
         frames.add_frames(vec![frame(0)]);
-        assert_eq!(frames.take_frames(), []);
+        assert_eq!(frames.stop_recording_and_take_frames(), []);
         frames = DriveFrameRecord::new(2);
         frames.add_frames(vec![frame(1), frame(2), frame(3)]);
-        let channels: Vec<u8> = frames.take_frames().iter().map(|frame| frame.drives[0].channel).collect();
+        let channels: Vec<u8> =
+            frames.stop_recording_and_take_frames().iter().map(|frame| frame.drives[0].channel).collect();
         assert_eq!(channels, [2, 3]);
         frames.add_frames(vec![frame(4)]);
-        assert_eq!(frames.take_frames(), []);
+        assert_eq!(frames.stop_recording_and_take_frames(), []);
     }
 }

@@ -8,6 +8,7 @@
 mod accelerometer;
 mod board;
 mod drive_frames;
+mod electrodes;
 mod panel;
 mod peaks;
 mod rails;
@@ -17,7 +18,8 @@ mod timer;
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, low_pass_gain, low_pass_response};
 pub use board::{Clock, Defects, Mistakes, SimBoard};
 pub use drive_frames::DriveFrame;
-pub use panel::{STEP_S, SimPanel, TravelExtreme};
+pub use electrodes::{BrokenElectrode, ElectrodeFault, SimElectrodes};
+pub use panel::{LargestTravel, STEP_S, SimPanel};
 pub use peaks::TouchPeak;
 pub use rails::SimRail;
 pub use terminal::{SimControl, SimDevice, SimKnobs, SimObservations};

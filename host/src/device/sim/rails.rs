@@ -4,10 +4,10 @@ use era_shared::supply::{RAILS, SupplyCommand};
 
 /// Time constant in s with which the supply brings a rail up to its set-point: a common module's rise time of 5 ms.
 const RISE_S: f64 = 2e-3;
-/// Time constant of the closed discharge switch in s: 2 kV are below 60 V after 17.5 ms.
-const DISCHARGE_S: f64 = 5e-3;
-/// Time constant of the bleeder alone in s: 1 nF and 100 Mohm.
-const BLEED_S: f64 = 0.1;
+/// Time constant of the closed discharge switch in s: 2.26 nF and 1 Mohm. 2 kV are below 60 V after 8 ms.
+const DISCHARGE_S: f64 = 2.26e-3;
+/// Time constant of the two bleeders in s: 2.26 nF and 50 Mohm.
+const BLEED_S: f64 = 0.113;
 /// Time constant of a short in s: 1 nF through 10 kohm of series resistor.
 const SHORT_S: f64 = 1e-5;
 
@@ -34,6 +34,17 @@ impl SimRail {
         self.target_v + (self.from_v - self.target_v) * left
     }
 
+    /// Whether the supply feeds the rail, so that it replaces at once what is taken from it.
+    #[must_use]
+    pub const fn is_fed(&self) -> bool {
+        self.tau_s == RISE_S
+    }
+
+    /// Something has taken charge from the rail's capacitance by `time_s`.
+    pub fn lower_by(&mut self, time_s: f64, volts: f64) {
+        *self = Self { from_s: time_s, from_v: (self.volts_at(time_s) - volts).max(0.0), ..*self };
+    }
+
     /// From `time_s` on the rail follows what the supply was told; a short takes it to zero whatever that is.
     pub fn apply_supply_command(&mut self, time_s: f64, command: &SupplyCommand, rail_index: usize, shorted: bool) {
         let volts = self.volts_at(time_s);
@@ -41,7 +52,7 @@ impl SimRail {
         let set_v = f64::from(command.set_point_millivolts.get(rail_index).copied().unwrap_or(0)) / 1e3;
         let (target_v, tau_s) = match () {
             () if shorted => (0.0, SHORT_S),
-            () if of(&command.discharge) => (0.0, DISCHARGE_S),
+            () if of(&command.discharge) || !command.permitted => (0.0, DISCHARGE_S),
             () if !command.enabled => (0.0, BLEED_S),
             // A supply can only push: downwards the bleeder has to do it.
             () if set_v < volts => (set_v, BLEED_S),
@@ -58,7 +69,12 @@ mod tests {
     use super::*;
 
     fn supply(enabled: bool, discharge: bool, volts: u32) -> SupplyCommand {
-        SupplyCommand { enabled, discharge: [discharge; RAILS], set_point_millivolts: [volts * 1000; RAILS] }
+        SupplyCommand {
+            enabled,
+            discharge: [discharge; RAILS],
+            set_point_millivolts: [volts * 1000; RAILS],
+            permitted: true,
+        }
     }
 
     #[test]
@@ -72,8 +88,13 @@ mod tests {
         rail.apply_supply_command(1.0, &supply(true, false, 500), 0, false);
         assert!((rail.volts_at(1.0 + BLEED_S) - (500.0 + 500.0 * (-1.0_f64).exp())).abs() < 1e-6);
         rail.apply_supply_command(2.0, &supply(false, true, 0), 0, false);
-        assert!(rail.volts_at(2.0 + 0.0175) < 60.0);
+        assert!(rail.volts_at(2.0 + 0.008) < 60.0);
         rail.apply_supply_command(3.0, &supply(true, false, 1000), 0, true);
         assert!(rail.volts_at(3.1) < 1e-3);
+        // Without the permit it discharges, whatever the rest of the command says.
+        rail.apply_supply_command(4.0, &supply(true, false, 1000), 0, false);
+        let withdrawn = SupplyCommand { permitted: false, ..supply(true, false, 1000) };
+        rail.apply_supply_command(5.0, &withdrawn, 0, false);
+        assert!(rail.volts_at(5.0 + 0.008) < 60.0);
     }
 }

@@ -94,44 +94,44 @@ impl SimControl {
         self.lock_requests().probe = Some((plan_id, shape));
     }
 
-    /// What the accelerometer has shown under each of the last `most` touches, the newest first. Reading it changes nothing.
+    /// What the accelerometer has shown under each of the last `max_count` touches, the newest first. Reading it changes nothing.
     #[must_use]
-    pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
-        self.lock_requests().peaks.newest_peaks(most)
+    pub fn peaks_of_newest_touches(&self, max_count: usize) -> Vec<TouchPeak> {
+        self.lock_requests().peaks.newest_peaks(max_count)
     }
 
     /// The peak of one of the last 256 touches.
     #[must_use]
-    pub fn touch_peak(&self, plan_id: u64) -> Option<TouchPeak> {
-        self.lock_requests().peaks.find_peak(plan_id)
+    pub fn peak_of_touch_if_kept(&self, plan_id: u64) -> Option<TouchPeak> {
+        self.lock_requests().peaks.find_peak_of_touch_if_kept(plan_id)
     }
 
     /// When the last byte of the last frame that set drives was received.
     #[must_use]
-    pub fn drives_received_at(&self) -> Option<Instant> {
+    pub fn last_drives_received_at(&self) -> Option<Instant> {
         self.lock_requests().drives_received
     }
 
     /// When the last byte of the last frame that stops everything was received.
     #[must_use]
-    pub fn stop_received_at(&self) -> Option<Instant> {
+    pub fn last_stop_received_at(&self) -> Option<Instant> {
         self.lock_requests().stop_received
     }
 
-    /// Keeps every frame that sets drives from now on, but no more than the last `most`, for [`Self::take_recorded_frames`].
-    pub fn record_drive_frames(&self, most: usize) {
-        self.lock_requests().frames = DriveFrameRecord::new(most);
+    /// Keeps every frame that sets drives from now on, but no more than the last `max_frames`, for [`Self::stop_recording_and_take_recorded_frames`].
+    pub fn record_drive_frames(&self, max_frames: usize) {
+        self.lock_requests().frames = DriveFrameRecord::new(max_frames);
     }
 
     /// The frames that were kept, in their order; they are kept no more.
     #[must_use]
-    pub fn take_recorded_frames(&self) -> Vec<DriveFrame> {
-        self.lock_requests().frames.take_frames()
+    pub fn stop_recording_and_take_recorded_frames(&self) -> Vec<DriveFrame> {
+        self.lock_requests().frames.stop_recording_and_take_frames()
     }
 
     /// What the simulation has observed of the device.
     #[must_use]
-    pub fn self_observations(&self) -> SimObservations {
+    pub fn observations_since_start(&self) -> SimObservations {
         self.lock_requests().watch
     }
 
@@ -216,7 +216,7 @@ impl DeviceLoop {
     fn new(panel: SimPanel, max_voltages_v: &[f64], board_id: [u8; 12], control: SimControl) -> Self {
         let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).with_board_id(board_id);
         let mut device = Device::new();
-        device.complete_boot(&mut board);
+        device.complete_boot_to_discharging_or_fault(&mut board);
         Self {
             device,
             board,
@@ -259,8 +259,10 @@ impl DeviceLoop {
                 if let Some((plan_id, shape)) = wishes.probe.take() {
                     // What has been until now is of the touch before.
                     self.board.advance_panel_to_now();
-                    wishes.peaks.note_peak(self.board.panel_mut().accelerometer.peak_since_placed_m_per_s2());
-                    wishes.peaks.begin_touch(plan_id);
+                    wishes
+                        .peaks
+                        .raise_peak_of_newest_touch(self.board.panel_mut().accelerometer.peak_since_placed_m_per_s2());
+                    wishes.peaks.begin_touch_or_continue_kept_one(plan_id);
                     self.board.panel_mut().place_accelerometer(&shape);
                 }
                 let restart = std::mem::take(&mut wishes.restart);
@@ -275,8 +277,9 @@ impl DeviceLoop {
             self.board.set_defects(knobs.defects);
             self.board.set_mistakes(knobs.mistakes);
             if knobs.mistakes.deaf_to_silence {
-                self.feed_keep_alive();
+                self.feed_uncounted_keep_alive();
             }
+            self.poll_at_missed_due_times(due_us);
             // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
                 due_us = self.device.poll_next_due_us(&mut self.board);
@@ -292,18 +295,29 @@ impl DeviceLoop {
             self.device.receive_bytes(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
             due_us = self.device.poll_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
-            if self.board.is_entering_bootloader() {
+            if self.board.has_entered_bootloader() {
                 self.restart_board();
             }
             self.note_request_times(received, received_at);
             self.update_observations(received_at);
             for answer in answers.into_iter().filter(|_| !knobs.mute) {
-                self.send_answer(terminal, answer, knobs);
+                self.send_answer_delayed_or_corrupted_by_knobs(terminal, answer, knobs);
             }
         }
     }
 
-    fn send_answer(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: SimKnobs) {
+    /// Does at its time what was due while the computer kept this thread waiting: a board would have, and windows that are given one by one
+    /// need each of their periods prepared in time.
+    fn poll_at_missed_due_times(&mut self, mut due_us: u64) {
+        let now_us = self.board.now_us();
+        while due_us < now_us {
+            self.board.hold_time_at_us(Some(due_us));
+            due_us = self.device.poll_next_due_us(&mut self.board).max(due_us + 1);
+        }
+        self.board.hold_time_at_us(None);
+    }
+
+    fn send_answer_delayed_or_corrupted_by_knobs(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: SimKnobs) {
         self.answers = self.answers.wrapping_add(1);
         let until = Instant::now() + knobs.reply_delay;
         while Instant::now() < until {
@@ -324,7 +338,7 @@ impl DeviceLoop {
     /// Notes when frames that set drives, or stop everything, have become complete.
     fn note_request_times(&mut self, bytes: &[u8], received_at: Instant) {
         let (mut sets, mut stops) = (Vec::new(), false);
-        self.heard += self.board.take_stalled_time();
+        self.heard += self.board.take_stalled_time_since_last_call();
         let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
         // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
         let now = Instant::now();
@@ -354,7 +368,7 @@ impl DeviceLoop {
     }
 
     /// Gives the device's logic a sign of life that [`Self::note_request_times`] does not count.
-    fn feed_keep_alive(&mut self) {
+    fn feed_uncounted_keep_alive(&mut self) {
         let mut frame = [0; MAX_ENCODED];
         if let Ok(length) = encode_frame(CURRENT_VERSION, FrameKind::Request, 0, &Request::KeepAlive, &mut frame) {
             let frame = frame.get(..length).unwrap_or_default();
@@ -365,12 +379,12 @@ impl DeviceLoop {
     /// Updates the observations of the board, after the device's logic was polled at `at`.
     fn update_observations(&mut self, polled_at: Instant) {
         // What the board stood still was no silence of its host.
-        self.heard += self.board.take_stalled_time();
+        self.heard += self.board.take_stalled_time_since_last_call();
         let energised = self.board.is_high_voltage_enabled();
         let silent = polled_at.saturating_duration_since(self.heard);
         let panel = self.board.panel_mut();
         self.watch = SimObservations {
-            travel_part: self.watch.travel_part.max(panel.take_largest_travel_fraction()),
+            travel_part: self.watch.travel_part.max(panel.take_largest_travel_fraction_since_last_call()),
             overlaps: panel.overlap_step_count(),
             late: self.watch.late + u64::from(energised && silent > self.deadman + LATE),
             energised,
@@ -379,14 +393,14 @@ impl DeviceLoop {
         let here_m_per_s2 = panel.accelerometer.peak_since_placed_m_per_s2();
         let mut wishes = self.control.lock_requests();
         wishes.watch = self.watch;
-        wishes.peaks.note_peak(here_m_per_s2);
+        wishes.peaks.raise_peak_of_newest_touch(here_m_per_s2);
     }
 
     /// The same panel under a board that has just started.
     fn restart_board(&mut self) {
         self.board.restart();
         self.device = Device::new();
-        self.device.complete_boot(&mut self.board);
+        self.device.complete_boot_to_discharging_or_fault(&mut self.board);
         self.port.discard_partial_frame();
     }
 }

@@ -25,11 +25,28 @@ impl PeriodStretch {
         self.windows.a.length == 0 && self.windows.b.length == 0
     }
 
+    /// The part of a window, repeated in every period, between two times, as begin and end in s.
+    fn window_within_s(&self, window: TickWindow, from_s: f64, to_s: f64) -> Option<(f64, f64)> {
+        if window.length == 0 {
+            return None;
+        }
+        let period_s = f64::from(self.windows.period) * self.tick_s;
+        let first_s = self.from_s + f64::from(window.start) * self.tick_s;
+        let number = ((from_s - first_s) / period_s).floor();
+        [number, number + 1.0].into_iter().find_map(|number| {
+            let begin_s = first_s + number * period_s;
+            let (on_s, off_s) = (begin_s.max(from_s), (begin_s + f64::from(window.length) * self.tick_s).min(to_s));
+            (off_s > on_s).then_some((on_s, off_s))
+        })
+    }
+
     /// How long A and B are on from `from_s` to `to_s`, in s.
     fn electrode_on_times_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
         let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
         let period = self.windows.period;
-        let on = |window: TickWindow| on_ticks_until(window, period, to) - on_ticks_until(window, period, from);
+        let on = |window: TickWindow| {
+            window_on_ticks_until(window, period, to) - window_on_ticks_until(window, period, from)
+        };
         [on(self.windows.a) * self.tick_s, on(self.windows.b) * self.tick_s]
     }
 }
@@ -108,10 +125,34 @@ impl SimTimer {
         sum_s.map(|on_s| on_s / step_s)
     }
 
-    /// A time in s at which the force is at its greatest, the middle of a window of A, in the stretch that was preloaded
+    /// The stretches of the time from `from_s` to `from_s + step_s` in which electrodes A and B are on, as begin and end in s from `from_s`.
+    /// A step is shorter than half a period, so that no electrode has two of them; where a boundary lies within the step, both are off there.
+    #[must_use]
+    pub fn on_stretches_from_step_start_s(&self, from_s: f64, step_s: f64) -> [Option<(f64, f64)>; 2] {
+        let to_s = from_s + step_s;
+        let mut found: [Option<(f64, f64)>; 2] = [None; 2];
+        let mut end_s = to_s;
+        for stretch in self.stretches.iter().rev() {
+            let begin_s = stretch.from_s.max(from_s);
+            if begin_s < end_s {
+                for (found, window) in found.iter_mut().zip([stretch.windows.a, stretch.windows.b]) {
+                    let on = stretch.window_within_s(window, begin_s, end_s);
+                    // The first of two would be the earlier stretch's.
+                    *found = on.map(|(on_s, off_s)| (on_s - from_s, off_s - from_s)).or(*found);
+                }
+                end_s = begin_s;
+            }
+            if end_s <= from_s {
+                break;
+            }
+        }
+        found
+    }
+
+    /// A time in s at which the force is at its greatest without resistors, the middle of a window of A, in the stretch that was preloaded
     /// last; `None` if that is blank.
     #[must_use]
-    pub fn force_peak_time_s(&self) -> Option<f64> {
+    pub fn absolute_force_peak_time_s_unless_blank(&self) -> Option<f64> {
         let last = self.stretches.back().filter(|stretch| !stretch.is_blank())?;
         let window = last.windows.a;
         Some(last.from_s + (f64::from(window.start) + f64::from(window.length) / 2.0) * last.tick_s)
@@ -119,7 +160,7 @@ impl SimTimer {
 }
 
 /// Ticks for which the window is on from the counter's zero to `ticks` (which may be many periods on), up to a constant.
-fn on_ticks_until(window: TickWindow, period: u32, ticks: f64) -> f64 {
+fn window_on_ticks_until(window: TickWindow, period: u32, ticks: f64) -> f64 {
     let (period, length) = (f64::from(period), f64::from(window.length));
     let since_start = ticks - f64::from(window.start);
     let periods = (since_start / period).floor();
@@ -145,7 +186,18 @@ mod tests {
         assert!(is(&source, 2.5e-3, 0.5e-3, 0.0, 0.5), "then B");
         assert!(is(&source, 1e-3, 1.5e-3, 0.25 / 1.5, 0.0), "a step over the boundary has its part");
         assert!(is(&source, 1e-3, 2e-3, 0.125, 0.125), "both have theirs");
-        assert!((source.force_peak_time_s().expect("it drives") - 2.25e-3).abs() < 1e-12);
+        // The same as begin and end.
+        let stretches = |from_s: f64, step_s: f64| {
+            source
+                .on_stretches_from_step_start_s(from_s, step_s)
+                .map(|on| on.map(|(on, off)| [on, off].map(|s| (s * 1e9).round())))
+        };
+        assert_eq!(stretches(1.9e-3, 25e-6), [None, None]);
+        assert_eq!(stretches(2.1e-3, 50e-6), [Some([25e3, 50e3]), None], "A from 2.125 ms on");
+        assert_eq!(stretches(2.36e-3, 25e-6), [Some([0.0, 15e3]), None], "to 2.375 ms");
+        assert_eq!(stretches(3.6e-3, 50e-6), [None, Some([25e3, 50e3])], "and B, in the next period");
+        assert_eq!(stretches(1.975e-3, 200e-6), [Some([150e3, 200e3]), None], "over the boundary");
+        assert!((source.absolute_force_peak_time_s_unless_blank().expect("it drives") - 2.25e-3).abs() < 1e-12);
 
         // Overwritten before it takes effect; then silent again.
         let mut changed = source.clone();
@@ -153,6 +205,6 @@ mod tests {
         changed.preload_period(&IDLE, 5e-3, 4e-3).expect("idle");
         assert!(is(&changed, 2e-3, 0.5e-3, 0.0, 0.5), "reversed");
         assert!(is(&changed, 5e-3, 1.0, 0.0, 0.0));
-        assert!(changed.force_peak_time_s().is_none() && !changed.is_blank());
+        assert!(changed.absolute_force_peak_time_s_unless_blank().is_none() && !changed.is_blank());
     }
 }

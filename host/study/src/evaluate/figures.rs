@@ -2,16 +2,19 @@
 
 use super::{EvaluateError, Figures};
 use crate::spec::{Figure, FrequencyGrouping, SettingScope, WantedFigure};
-use era_planner::perception::level_db;
-use era_planner::reach::Measure;
-use era_planner::study::rigid;
-use era_planner::study::single_frequency::Phases;
-use era_planner::study::touched::TouchedReach;
-use era_planner::study::weakest::{
-    Weakest, every_touch, every_touch_at_one_frequency, every_touch_at_one_frequency_touched, every_touch_touched,
-    one_setting,
+use era_planner::maps::rigid;
+use era_planner::maps::single_frequency::Phases;
+use era_planner::maps::touched::TouchedReach;
+use era_planner::maps::weakest::{
+    WeakestPlace, find_weakest_place_of_touched_reach,
+    weakest_place_with_one_frequency_per_place_if_frequencies_usable,
+    weakest_place_with_one_setting_for_surface_if_frequencies_usable,
+    weakest_place_with_setting_per_place_if_frequencies_usable,
+    weakest_touched_place_with_one_frequency_per_place_if_frequencies_usable,
 };
-use era_planner::table::touched::Touched;
+use era_planner::perception::threshold_multiple_to_db_unless_at_rest;
+use era_planner::reach::Measure;
+use era_planner::table::touched::TouchedPanel;
 use era_planner::{PlanError, PlanTable, TableOptions, Target};
 use std::borrow::Cow;
 
@@ -22,7 +25,7 @@ const LITTLE_G: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub struct FingeredScene<'a> {
     /// One place after the other.
-    pub touched: Touched<'a>,
+    pub touched: TouchedPanel<'a>,
     /// Frequencies of plans.
     pub options: TableOptions,
     /// What can be had in g, if that is known.
@@ -34,7 +37,7 @@ pub struct FingeredScene<'a> {
 ///
 /// # Errors
 /// [`EvaluateError`].
-pub fn compute_figures(
+pub fn compute_plan_table_figures_others_nan(
     table: &PlanTable,
     fingered: Option<FingeredScene<'_>>,
     wanted: &[WantedFigure],
@@ -45,58 +48,60 @@ pub fn compute_figures(
     Ok(Figures { values, weakest_mm: first })
 }
 
-fn find_weakest_place_with_finger(
+fn find_weakest_touched_place_if_frequencies_usable(
     table: &PlanTable,
     fingered: FingeredScene<'_>,
     measure: Measure,
-) -> Result<Option<Weakest>, EvaluateError> {
+) -> Result<Option<WeakestPlace>, EvaluateError> {
     if let Some(known) = fingered.in_g.filter(|_| measure == Measure::G) {
-        return Ok(every_touch_touched(table, known));
+        return Ok(find_weakest_place_of_touched_reach(table, known));
     }
-    let reach = TouchedReach::of(table, fingered.touched, None, measure)?;
-    Ok(reach.and_then(|reach| every_touch_touched(table, &reach)))
+    let reach = TouchedReach::compute_at_each_point(table, fingered.touched, None, measure)?;
+    Ok(reach.and_then(|reach| find_weakest_place_of_touched_reach(table, &reach)))
 }
 
 struct FigureCache<'a> {
     table: &'a PlanTable,
     fingered: Option<FingeredScene<'a>>,
-    weakest: Vec<(SettingScope, FrequencyGrouping, Measure, Weakest)>,
+    weakest: Vec<(SettingScope, FrequencyGrouping, Measure, WeakestPlace)>,
 }
 
 impl FigureCache<'_> {
     fn compute_figure(&mut self, wanted: &WantedFigure) -> Result<f64, EvaluateError> {
         let nothing = |reason| EvaluateError::Figure { figure: wanted.column_name(), reason };
         Ok(match wanted.figure {
-            Figure::WeakestG => self.cached_weakest_place(wanted.setting, wanted.drives, Measure::G)?.peak,
+            Figure::WeakestG => self.get_or_search_weakest_place(wanted.setting, wanted.drives, Measure::G)?.peak,
             Figure::WeakestDb => {
-                let peak = self.cached_weakest_place(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
-                level_db(peak).ok_or_else(|| nothing("nothing moves at the weakest place"))?
+                let peak = self.get_or_search_weakest_place(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
+                threshold_multiple_to_db_unless_at_rest(peak)
+                    .ok_or_else(|| nothing("nothing moves at the weakest place"))?
             }
             Figure::PowerW => {
-                self.cached_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.power_w
+                self.get_or_search_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.power_w
             }
             Figure::VoltageV => {
-                self.cached_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.voltage_v
+                self.get_or_search_weakest_place(wanted.setting, FrequencyGrouping::Distinct, Measure::G)?.voltage_v
             }
-            Figure::ContrastDb => self.plan_weak_touch(wanted)?.1.predicted.contrast_db,
+            Figure::ContrastDb => self.plan_low_intensity_touch_at_place_of_figure(wanted)?.1.predicted.contrast_db,
             Figure::RiseMs => {
-                let (table, plan) = self.plan_weak_touch(wanted)?;
-                let rise = era_planner::report::compute_times(&table, &plan).reaches_90_ms;
-                rise.ok_or_else(|| nothing("the motion never settles, or cannot be followed"))?
+                let (table, plan) = self.plan_low_intensity_touch_at_place_of_figure(wanted)?;
+                let rise =
+                    era_planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan).reaches_90_ms;
+                rise.ok_or_else(|| nothing("the motion does not settle, or it cannot be computed"))?
             }
-            Figure::RigidModeHz => rigid::last_rigid_hz(self.table).unwrap_or(0.0),
-            Figure::BendingModeHz => rigid::first_bending_hz(self.table)
-                .ok_or_else(|| nothing("no mode bends the panel within the model"))?,
+            Figure::RigidModeHz => rigid::last_driven_rigid_mode_if_any_hz(self.table).unwrap_or(0.0),
+            Figure::BendingModeHz => rigid::first_driven_bending_mode_if_any_hz(self.table)
+                .ok_or_else(|| nothing("the model contains no mode that bends the panel"))?,
             Figure::SagUm | Figure::MassG | Figure::Cost => f64::NAN,
         })
     }
 
-    fn cached_weakest_place(
+    fn get_or_search_weakest_place(
         &mut self,
         setting: SettingScope,
         drives: FrequencyGrouping,
         measure: Measure,
-    ) -> Result<&Weakest, EvaluateError> {
+    ) -> Result<&WeakestPlace, EvaluateError> {
         let at = self.weakest.iter().position(|(own, by, unit, _)| (*own, *by, *unit) == (setting, drives, measure));
         let at = match at {
             Some(at) => at,
@@ -108,16 +113,25 @@ impl FigureCache<'_> {
                 };
                 let table = self.table;
                 let found = match (setting, phases, self.fingered) {
-                    (SettingScope::One, ..) => one_setting(table, measure),
-                    (SettingScope::EveryTouch, None, None) => every_touch(table, measure),
+                    (SettingScope::One, ..) => {
+                        weakest_place_with_one_setting_for_surface_if_frequencies_usable(table, measure)
+                    }
+                    (SettingScope::EveryTouch, None, None) => {
+                        weakest_place_with_setting_per_place_if_frequencies_usable(table, measure)
+                    }
                     (SettingScope::EveryTouch, None, Some(fingered)) => {
-                        find_weakest_place_with_finger(table, fingered, measure)?
+                        find_weakest_touched_place_if_frequencies_usable(table, fingered, measure)?
                     }
                     (SettingScope::EveryTouch, Some(phases), None) => {
-                        every_touch_at_one_frequency(table, measure, phases)
+                        weakest_place_with_one_frequency_per_place_if_frequencies_usable(table, measure, phases)
                     }
                     (SettingScope::EveryTouch, Some(phases), Some(fingered)) => {
-                        every_touch_at_one_frequency_touched(table, fingered.touched, measure, phases)?
+                        weakest_touched_place_with_one_frequency_per_place_if_frequencies_usable(
+                            table,
+                            fingered.touched,
+                            measure,
+                            phases,
+                        )?
                     }
                 };
                 self.weakest.push((setting, drives, measure, found.ok_or(PlanError::NoFrequencies)?));
@@ -128,12 +142,17 @@ impl FigureCache<'_> {
     }
 
     /// The plan for a weak touch at a place, and the table that it is of.
-    fn plan_weak_touch(&self, wanted: &WantedFigure) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {
-        let [x_mm, y_mm] = wanted.at_mm.unwrap_or_default();
+    fn plan_low_intensity_touch_at_place_of_figure(
+        &self,
+        wanted_figure: &WantedFigure,
+    ) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {
+        let [x_mm, y_mm] = wanted_figure.at_mm.unwrap_or_default();
         let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
         let table = match self.fingered {
             None => Cow::Borrowed(self.table),
-            Some(own) => Cow::Owned(own.touched.table((touch.x_m, touch.y_m), own.options)?),
+            Some(own) => {
+                Cow::Owned(own.touched.build_plan_table_at_touched_place((touch.x_m, touch.y_m), own.options)?)
+            }
         };
         let plan = table.plan(&[touch])?;
         Ok((table, plan))

@@ -9,7 +9,7 @@ mod quick;
 mod sag;
 mod thorough;
 
-pub use figures::{FingeredScene, compute_figures};
+pub use figures::{FingeredScene, compute_plan_table_figures_others_nan};
 pub use quick::QuickEvaluator;
 pub use thorough::{ThoroughEvaluator, VerifiedFigures};
 
@@ -69,5 +69,5 @@ pub trait Evaluator: Sync {
     ///
     /// # Errors
     /// [`EvaluateError`]: the design fails, and a row of the study says why.
-    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError>;
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError>;
 }

@@ -1,12 +1,12 @@
 //! Designs of a panel that stays the same: what changes is coupled to it.
 
-use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_figures, sag};
+use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_plan_table_figures_others_nan, sag};
 use crate::spec::{Figure, WantedFigure};
 use era_model::scene::Scene;
-use era_planner::perception::level_db;
+use era_planner::perception::threshold_multiple_to_db_unless_at_rest;
 use era_planner::quick::{QuickError, QuickPanel};
 use era_planner::reach::Measure;
-use era_planner::table::touched::Touched;
+use era_planner::table::touched::TouchedPanel;
 use era_planner::{PlanTable, TableOptions};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,9 +30,9 @@ impl QuickEvaluator {
     }
 
     /// The panel of a scene, whatever is attached to it.
-    fn cached_bare_panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
+    fn get_or_build_quick_panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
         let mut panels = self.panels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(at) = panels.iter().position(|known| known.bare().is_panel_of_design(scene)) {
+        if let Some(at) = panels.iter().position(|known| known.bare_panel().is_panel_of_design(scene)) {
             let found = panels.remove(at);
             panels.push(Arc::clone(&found));
             return Ok(found);
@@ -50,26 +50,32 @@ impl QuickEvaluator {
 }
 
 impl Evaluator for QuickEvaluator {
-    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
-        let panel = self.cached_bare_panel(scene)?;
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+        let panel = self.get_or_build_quick_panel(scene)?;
         let mut found = match wanted.iter().all(WantedFigure::needs_no_plan_table) {
-            true => compute_figures_without_table(&panel, scene, wanted)?,
+            true => compute_weakest_peak_figures_others_nan(&panel, scene, wanted)?,
             false => {
-                let table = PlanTable::build(scene, panel.bare().couple_to_design(scene)?, self.options)?;
-                let touched = scene.finger.map(|_| Touched::new(panel.bare(), scene, &table));
+                let table = PlanTable::build(scene, panel.bare_panel().couple_to_design(scene)?, self.options)?;
+                let touched = scene.finger.map(|_| TouchedPanel::new(panel.bare_panel(), scene, &table));
                 let fingered = touched.map(|touched| FingeredScene { touched, options: self.options, in_g: None });
-                compute_figures(&table, fingered, wanted)?
+                compute_plan_table_figures_others_nan(&table, fingered, wanted)?
             }
         };
         if sag::is_any_sag_wanted(wanted) {
-            sag::fill_in_sags(&mut found, wanted, scene, self.options.to_hz, panel.bare())?;
+            sag::fill_in_deflections_under_press_and_find_relative_error_bound(
+                &mut found,
+                wanted,
+                scene,
+                self.options.to_hz,
+                panel.bare_panel(),
+            )?;
         }
         Ok(found)
     }
 }
 
 /// Figures that need no plan table; sags and those of [`super::parts`] are NaN.
-fn compute_figures_without_table(
+fn compute_weakest_peak_figures_others_nan(
     panel: &QuickPanel,
     scene: &Scene,
     wanted: &[WantedFigure],
@@ -84,13 +90,12 @@ fn compute_figures_without_table(
                 continue;
             }
         };
-        let weakest = panel.weakest(scene, measure)?;
+        let weakest = panel.find_weakest_place(scene, measure)?;
         found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
         found.values.push(match measure {
             Measure::G => weakest.peak,
-            Measure::Thresholds => level_db(weakest.peak).ok_or_else(|| EvaluateError::Figure {
-                figure: wanted.column_name(),
-                reason: "nothing moves at the weakest place",
+            Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(weakest.peak).ok_or_else(|| {
+                EvaluateError::Figure { figure: wanted.column_name(), reason: "nothing moves at the weakest place" }
             })?,
         });
     }

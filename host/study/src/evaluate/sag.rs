@@ -4,7 +4,7 @@ use super::{EvaluateError, Figures};
 use crate::spec::{Figure, WantedFigure};
 use era_model::model::BarePanel;
 use era_model::scene::Scene;
-use era_planner::study::sag::{Sag, softest};
+use era_planner::maps::sag::{SoftestPlace, find_softest_place_under_steady_force};
 
 /// Whether any sag is wanted.
 pub(super) fn is_any_sag_wanted(wanted: &[WantedFigure]) -> bool {
@@ -20,15 +20,15 @@ fn is_sag_figure(wanted: &WantedFigure) -> bool {
 ///
 /// # Errors
 /// [`EvaluateError::Model`].
-pub(super) fn fill_in_sags(
-    found: &mut Figures,
+pub(super) fn fill_in_deflections_under_press_and_find_relative_error_bound(
+    figures: &mut Figures,
     wanted: &[WantedFigure],
     scene: &Scene,
     max_hz: f64,
     panel: &BarePanel,
 ) -> Result<Option<f64>, EvaluateError> {
-    let Sag { m_per_n, error_m_per_n, .. } = softest(panel, scene, max_hz)?;
-    for (value, wanted) in found.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag_figure(wanted)) {
+    let SoftestPlace { m_per_n, error_m_per_n, .. } = find_softest_place_under_steady_force(panel, scene, max_hz)?;
+    for (value, wanted) in figures.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag_figure(wanted)) {
         *value = m_per_n * wanted.force_n.unwrap_or(scene.press_n) * 1e6;
     }
     let bound = error_m_per_n / m_per_n;

@@ -1,15 +1,15 @@
 //! Designs with the whole scene's own elements, in three levels, and a bound on what is most wanted.
 
-use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_figures, sag};
+use super::{EvaluateError, Evaluator, Figures, FingeredScene, compute_plan_table_figures_others_nan, sag};
 use crate::spec::{Figure, WantedFigure};
 use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel, compute_modes_with_error_bounds};
 use era_model::scene::Scene;
+use era_planner::maps::ReachMaps;
+use era_planner::maps::touched::TouchedReach;
+use era_planner::maps::weakest::strongest_peak_at_each_grid_point_if_frequencies_usable_g;
 use era_planner::reach::Measure;
-use era_planner::study::Maps;
-use era_planner::study::touched::TouchedReach;
-use era_planner::study::weakest::map_g;
-use era_planner::table::touched::Touched;
+use era_planner::table::touched::TouchedPanel;
 use era_planner::{PlanError, PlanTable, TableOptions, Target};
 use serde::{Deserialize, Serialize};
 
@@ -49,7 +49,11 @@ impl VerifiedFigures {
     /// Whether the errors of all figures that can have a bound, of those that are `wanted`, are within a tolerance; `None` where one of them has none, and
     /// where there is none of them.
     #[must_use]
-    pub fn is_tolerance_met(&self, wanted: &[WantedFigure], tolerance: f64) -> Option<bool> {
+    pub fn is_tolerance_met_by_boundable_figures_if_known(
+        &self,
+        wanted: &[WantedFigure],
+        tolerance: f64,
+    ) -> Option<bool> {
         let each = wanted.iter().zip(&self.figures.values).zip(&self.bounds);
         // A mode that there is not has no frequency.
         let bounded = each.filter(|((wanted, value), _)| wanted.has_error_bound() && value.is_finite());
@@ -68,13 +72,13 @@ impl ThoroughEvaluator {
     /// The relative tolerance that its models are made for.
     #[must_use]
     pub const fn relative_tolerance(&self) -> f64 {
-        self.accuracy.relative_tolerance()
+        self.accuracy.relative_tolerance_or_tightest()
     }
 
     /// The plan table of a scene from models of three levels.
     fn build_plan_table(&self, scene: &Scene) -> Result<PlanTable, EvaluateError> {
         let levels = ReducedLevels::build(scene, self.accuracy, self.options.to_hz)?;
-        Ok(PlanTable::with_levels(scene, levels, self.options)?)
+        Ok(PlanTable::from_levels(scene, levels, self.options)?)
     }
 
     /// The panel alone, for what is coupled to it: sags, and a finger on one place after the other. `None` where neither is asked for.
@@ -94,14 +98,23 @@ impl ThoroughEvaluator {
         scene: &Scene,
         table: &PlanTable,
         bare: Option<&BarePanel>,
-        in_g: Option<&TouchedReach>,
+        touched_reach_in_g: Option<&TouchedReach>,
         wanted: &[WantedFigure],
     ) -> Result<(Figures, Option<f64>), EvaluateError> {
-        let fingered =
-            panel_with_finger(scene, table, bare).map(|touched| FingeredScene { touched, options: self.options, in_g });
-        let mut found = compute_figures(table, fingered, wanted)?;
+        let fingered = touched_panel_if_scene_has_finger(scene, table, bare).map(|touched| FingeredScene {
+            touched,
+            options: self.options,
+            in_g: touched_reach_in_g,
+        });
+        let mut found = compute_plan_table_figures_others_nan(table, fingered, wanted)?;
         let bound = match bare.filter(|_| sag::is_any_sag_wanted(wanted)) {
-            Some(panel) => sag::fill_in_sags(&mut found, wanted, scene, self.options.to_hz, panel)?,
+            Some(panel) => sag::fill_in_deflections_under_press_and_find_relative_error_bound(
+                &mut found,
+                wanted,
+                scene,
+                self.options.to_hz,
+                panel,
+            )?,
             None => None,
         };
         Ok((found, bound))
@@ -112,8 +125,12 @@ impl ThoroughEvaluator {
     ///
     /// # Errors
     /// [`EvaluateError`].
-    pub fn verify_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<VerifiedFigures, EvaluateError> {
-        let found = self.verify_figures_once(scene, wanted)?;
+    pub fn compute_figures_and_bounds_refining_once(
+        &self,
+        scene: &Scene,
+        wanted: &[WantedFigure],
+    ) -> Result<VerifiedFigures, EvaluateError> {
+        let found = self.compute_figures_and_bounds_without_refining(scene, wanted)?;
         let is_open = found.bound.is_none_or(|bound| bound > self.relative_tolerance());
         if !is_open || !wanted.iter().any(WantedFigure::is_bounded_weakest_peak) || scene.finger.is_some() {
             return Ok(found);
@@ -121,21 +138,27 @@ impl ThoroughEvaluator {
         let bound = found.bound.unwrap_or(f64::INFINITY);
         let finer = Self { accuracy: Accuracy::from_tolerance(FINER * self.relative_tolerance())?, ..*self };
         // What is there is not lost where finer models are too large.
-        let again =
-            finer.verify_figures_once(scene, wanted).ok().filter(|again| again.bound.is_some_and(|own| own < bound));
+        let again = finer
+            .compute_figures_and_bounds_without_refining(scene, wanted)
+            .ok()
+            .filter(|again| again.bound.is_some_and(|own| own < bound));
         Ok(again.unwrap_or(found))
     }
 
-    fn verify_figures_once(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<VerifiedFigures, EvaluateError> {
+    fn compute_figures_and_bounds_without_refining(
+        &self,
+        scene: &Scene,
+        wanted: &[WantedFigure],
+    ) -> Result<VerifiedFigures, EvaluateError> {
         let table = self.build_plan_table(scene)?;
         let bare = self.build_bare_panel_if_needed(scene, wanted)?;
         // A search at every point, which other figures do without.
-        let is_mapped = wanted.iter().any(|wanted| wanted.figure.depends_on_settings());
-        let touched = panel_with_finger(scene, &table, bare.as_ref()).filter(|_| is_mapped);
+        let is_mapped = wanted.iter().any(|wanted| wanted.figure.is_evaluated_at_weakest_place());
+        let touched = touched_panel_if_scene_has_finger(scene, &table, bare.as_ref()).filter(|_| is_mapped);
         let reach = match touched {
             None => None,
             Some(touched) => {
-                let reach = TouchedReach::of(&table, touched, None, Measure::G)?;
+                let reach = TouchedReach::compute_at_each_point(&table, touched, None, Measure::G)?;
                 Some((touched, reach.ok_or(PlanError::NoFrequencies)?))
             }
         };
@@ -145,9 +168,15 @@ impl ThoroughEvaluator {
         let (map, known) = match &reach {
             None if !is_mapped => (Vec::new(), None),
             // Drives at one frequency need no room for several.
-            None => (map_g(&table).unwrap_or_default(), None),
+            None => (strongest_peak_at_each_grid_point_if_frequencies_usable_g(&table).unwrap_or_default(), None),
             Some((touched, reach)) => {
-                let maps = Maps::of_touched(&table, reach, *touched, self.accuracy, self.options)?;
+                let maps = ReachMaps::from_touched_reach_bounding_error_of_weakest_point(
+                    &table,
+                    reach,
+                    *touched,
+                    self.accuracy,
+                    self.options,
+                )?;
                 (maps.strongest_g, Some(maps.error_bound))
             }
         };
@@ -159,7 +188,7 @@ impl ThoroughEvaluator {
             (None, _) => None,
             // The strongest drive there is the plan for more than there is.
             (Some((point, _)), None) => {
-                let (x_m, y_m) = table.grid.place_m(point);
+                let (x_m, y_m) = table.grid.point_position_m(point);
                 table.plan(&[Target { x_m, y_m, intensity_g: Some(ALL_THERE_IS_G) }])?.error_bound
             }
             (Some((point, _)), Some(bounds)) => bounds.get(point).copied().flatten(),
@@ -168,7 +197,7 @@ impl ThoroughEvaluator {
             // Of the table that the bound is of.
             let of_bound = figures.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_bounded(wanted));
             of_bound.for_each(|(value, _)| *value = peak);
-            let (x_m, y_m) = table.grid.place_m(point);
+            let (x_m, y_m) = table.grid.point_position_m(point);
             figures.weakest_mm = figures.weakest_mm.map(|_| [x_m * 1e3, y_m * 1e3]);
         }
         let bounds = wanted.iter().map(|wanted| match wanted.figure {
@@ -177,7 +206,7 @@ impl ThoroughEvaluator {
         });
         let mut bounds: Vec<Option<f64>> = bounds.collect();
         for (k, _) in wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.is_mode_frequency()) {
-            if let Some((hz, own)) = self.find_nearest_mode_hz_and_bound(scene, figures.values[k]) {
+            if let Some((hz, own)) = self.find_frequency_and_bound_of_mode_near(scene, figures.values[k]) {
                 (figures.values[k], bounds[k]) = (hz, own);
             }
         }
@@ -188,31 +217,36 @@ impl ThoroughEvaluator {
 }
 
 impl ThoroughEvaluator {
-    /// The frequency in Hz of the mode near `hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none, or it cannot be
+    /// The frequency in Hz of the mode near `near_hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none, or it cannot be
     /// computed: the figure is there without it.
-    fn find_nearest_mode_hz_and_bound(&self, scene: &Scene, hz: f64) -> Option<(f64, Option<f64>)> {
+    fn find_frequency_and_bound_of_mode_near(&self, scene: &Scene, near_hz: f64) -> Option<(f64, Option<f64>)> {
         // Above it so that a mesh which puts it a little higher still has it.
         const BESIDE: f64 = 1.05;
         const LEAST_HZ: f64 = 10.0;
-        let is_it = |own: f64| (own / hz - 1.0).abs() < BESIDE - 1.0;
-        if hz.is_nan() || hz <= 0.0 {
+        let is_it = |own: f64| (own / near_hz - 1.0).abs() < BESIDE - 1.0;
+        if near_hz.is_nan() || near_hz <= 0.0 {
             return None;
         }
-        let found = compute_modes_with_error_bounds(scene, self.accuracy, (BESIDE * hz).max(LEAST_HZ)).ok()?;
-        let all = found.answer.iter().zip(&found.bounds).map(|(mode, bound)| (mode.frequency_hz, bound.known_limit()));
-        let nearest = all.min_by(|a, b| (a.0 - hz).abs().total_cmp(&(b.0 - hz).abs()));
+        let found = compute_modes_with_error_bounds(scene, self.accuracy, (BESIDE * near_hz).max(LEAST_HZ)).ok()?;
+        let all =
+            found.answer.iter().zip(&found.bounds).map(|(mode, bound)| (mode.frequency_hz, bound.limit_if_known()));
+        let nearest = all.min_by(|a, b| (a.0 - near_hz).abs().total_cmp(&(b.0 - near_hz).abs()));
         nearest.filter(|(own, _)| is_it(*own))
     }
 }
 
 impl Evaluator for ThoroughEvaluator {
-    fn evaluate(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
         let bare = self.build_bare_panel_if_needed(scene, wanted)?;
         Ok(self.compute_figures_and_sag_bound(scene, &self.build_plan_table(scene)?, bare.as_ref(), None, wanted)?.0)
     }
 }
 
 /// The panel with the scene's finger, where it has one, on one place after the other.
-fn panel_with_finger<'a>(scene: &'a Scene, table: &'a PlanTable, bare: Option<&'a BarePanel>) -> Option<Touched<'a>> {
-    bare.filter(|_| scene.finger.is_some()).map(|panel| Touched::new(panel, scene, table))
+fn touched_panel_if_scene_has_finger<'a>(
+    scene: &'a Scene,
+    table: &'a PlanTable,
+    bare: Option<&'a BarePanel>,
+) -> Option<TouchedPanel<'a>> {
+    bare.filter(|_| scene.finger.is_some()).map(|panel| TouchedPanel::new(panel, scene, table))
 }

@@ -14,9 +14,13 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
     let what = if study.spec.wishes.len() > 1 {
         "Large dots are designs that no other surpasses in all wishes; red rings are the best, with their numbers."
     } else {
-        "The large dot has the best figure; red rings are the best once computed anew, with their numbers."
+        "The large dot has the best figure; red rings are the best designs after they were computed again, with their numbers."
     };
-    let off = if table.has_ends { " Figures that are wanted are the worst of what may be off." } else { "" };
+    let off = if table.has_ends {
+        " Figures that a wish or a limit uses are the worst over the samples of the uncertain values."
+    } else {
+        ""
+    };
     let all = table.entries.len();
     let shown =
         if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
@@ -55,16 +59,19 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
         })
         .collect();
     let finalists: Vec<usize> = finals.best.iter().map(|own| own.design).collect();
-    let rows: Vec<Value> = choose_shown_designs(study, table, &finalists)
+    let rows: Vec<Value> = choose_one_based_numbers_of_front_best_finalists_and_even_sample(study, table, &finalists)
         .into_iter()
         .map(|number| {
             let entry = &table.entries[number - 1];
-            json!([plot_state_of_design(entry), row_values_of_design(study, table, entry, &entry.row.design, number)])
+            json!([
+                plot_code_unmet_kept_or_front(entry),
+                rounded_plot_row_of_design(study, table, entry, &entry.row.design, number)
+            ])
         })
         .collect();
     let base = json!([
-        plot_state_of_design(&table.base),
-        row_values_of_design(study, table, &table.base, &study.space.design_of_scene_file(), 0)
+        plot_code_unmet_kept_or_front(&table.base),
+        rounded_plot_row_of_design(study, table, &table.base, &study.space.design_of_scene_file(), 0)
     ]);
     let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows, "base": base});
     // Nothing of it ends the script that it stands in.
@@ -72,7 +79,7 @@ pub(super) fn write_plot_data_json(study: &Study, table: &DesignTable, finals: &
 }
 
 /// 0 breaks a limit, 1 keeps all, 2 is on the front.
-fn plot_state_of_design(entry: &TableEntry) -> u8 {
+fn plot_code_unmet_kept_or_front(entry: &TableEntry) -> u8 {
     match (entry.status, entry.is_on_front) {
         (DesignStatus::Kept, true) => 2,
         (DesignStatus::Kept, false) => 1,
@@ -81,17 +88,22 @@ fn plot_state_of_design(entry: &TableEntry) -> u8 {
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn row_values_of_design(
+fn rounded_plot_row_of_design(
     study: &Study,
     table: &DesignTable,
     entry: &TableEntry,
     design: &Design,
-    number: usize,
+    design_number: usize,
 ) -> Vec<Value> {
     let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
-    let mut values = vec![Value::from(number)];
-    values.extend(table.columns.iter().map(|column| column.number_in_design(design).map_or(Value::Null, rounded)));
-    let figures = entry.row.figures_if_found();
+    let mut values = vec![Value::from(design_number)];
+    values.extend(
+        table
+            .columns
+            .iter()
+            .map(|column| column.number_or_choice_index_in_design_unless_kept(design).map_or(Value::Null, rounded)),
+    );
+    let figures = entry.row.figures_unless_failed();
     values.extend(table.figures.iter().enumerate().map(|(k, wanted)| {
         let wish = study.spec.wishes.iter().position(|wish| wish.wanted == *wanted);
         let worst = wish.and_then(|wish| entry.wishes.get(wish));
@@ -102,7 +114,11 @@ fn row_values_of_design(
 }
 
 /// The designs that are shown, by number: those of the front, the finalists, and others evenly.
-fn choose_shown_designs(study: &Study, table: &DesignTable, finalists: &[usize]) -> Vec<usize> {
+fn choose_one_based_numbers_of_front_best_finalists_and_even_sample(
+    study: &Study,
+    table: &DesignTable,
+    finalist_numbers: &[usize],
+) -> Vec<usize> {
     let with_figures: Vec<usize> =
         (1..=table.entries.len()).filter(|number| table.entries[number - 1].status != DesignStatus::Failed).collect();
     if with_figures.len() <= MOST {
@@ -118,7 +134,7 @@ fn choose_shown_designs(study: &Study, table: &DesignTable, finalists: &[usize])
     let front = with_figures.iter().copied().filter(|number| table.entries[number - 1].is_on_front).take(MOST / 4);
     let evenly = with_figures.iter().copied().step_by(with_figures.len().div_ceil(MOST / 2));
     let mut all: Vec<usize> =
-        front.chain(best.into_iter().take(MOST / 4)).chain(finalists.iter().copied()).chain(evenly).collect();
+        front.chain(best.into_iter().take(MOST / 4)).chain(finalist_numbers.iter().copied()).chain(evenly).collect();
     all.sort_unstable();
     all.dedup();
     all

@@ -23,7 +23,7 @@ const COLORS: [[f64; 3]; 6] = [
 ];
 
 /// The maps of the scene of the file and of the best design side by side, as HTML.
-pub(super) fn write_maps_html(study: &Study, finals: &VerifiedFinalists) -> String {
+pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &VerifiedFinalists) -> String {
     let Some(best) = finals.best.first() else { return "<p>There is no best design.</p>\n".into() };
     let both: Vec<(&str, &Finalist, &VerifiedFigures)> = [("as it is", &finals.base), ("best 1", best)]
         .into_iter()
@@ -31,14 +31,15 @@ pub(super) fn write_maps_html(study: &Study, finals: &VerifiedFinalists) -> Stri
         .collect();
     let peaks = || both.iter().flat_map(|(_, _, verified)| verified.strongest_g.iter().flatten().copied());
     let (least, most) = (peaks().fold(f64::INFINITY, f64::min), peaks().fold(0.0, f64::max));
-    if !study.figures.iter().any(|wanted| wanted.figure.depends_on_settings()) {
-        return "<p>There is no map: nothing that is wanted depends on what can be had at each place.</p>\n".into();
+    if !study.figures.iter().any(|wanted| wanted.figure.is_evaluated_at_weakest_place()) {
+        return "<p>There is no map: no wish and no limit depends on the largest possible peak at each place.</p>\n"
+            .into();
     }
     if !(least > 0.0 && most > least) {
         return "<p>There is no map.</p>\n".into();
     }
     let mut html = format!(
-        "<p>The strongest peak that can be had at each place, with a setting for every touch, from {} g (dark) to {} g (light), \
+        "<p>The largest possible peak at each place, with a setting for every touch, from {} g (dark) to {} g (light), \
          colours by ratio; circles are actuators, squares supports, the cross is the weakest place.</p>\n<div class=\"maps\">\n",
         format_four_digits(least),
         format_four_digits(most)
@@ -58,8 +59,13 @@ pub(super) fn write_maps_html(study: &Study, finals: &VerifiedFinalists) -> Stri
 }
 
 /// A map of the strongest peaks as SVG, with supports, actuators and the weakest place.
-fn draw_peak_map_svg(study: &Study, own: &Finalist, verified: &VerifiedFigures, (least, most): (f64, f64)) -> String {
-    let Ok(scene) = study.space.parse_scene_text(&own.text) else { return String::new() };
+fn draw_peak_map_svg(
+    study: &Study,
+    finalist: &Finalist,
+    verified: &VerifiedFigures,
+    (least, most): (f64, f64),
+) -> String {
+    let Ok(scene) = study.space.parse_scene_text(&finalist.text) else { return String::new() };
     let (length, width) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
     let scale = SIDE / length.max(width);
     let (w, h) = (length * scale, (width * scale).max(LEAST_HEIGHT));
@@ -77,16 +83,16 @@ fn draw_peak_map_svg(study: &Study, own: &Finalist, verified: &VerifiedFigures, 
         };
         let mut from = 0;
         while from < columns {
-            let own = band(row[from]);
-            let to = (from..columns).find(|k| band(row[*k]) != own).unwrap_or(columns);
-            if let Some(own) = own {
+            let band_here = band(row[from]);
+            let to = (from..columns).find(|k| band(row[*k]) != band_here).unwrap_or(columns);
+            if let Some(band_here) = band_here {
                 let (left, right) = (round_to_tenths(x[from] * scale), round_to_tenths(x[to] * scale));
                 let _ = writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{}\"/>",
                     right - left,
                     bottom - top,
-                    color_of_fraction((own + 0.5) / BANDS)
+                    color_of_fraction((band_here + 0.5) / BANDS)
                 );
             }
             from = to;
@@ -120,8 +126,8 @@ fn draw_peak_map_svg(study: &Study, own: &Finalist, verified: &VerifiedFigures, 
 }
 
 /// In tenths of a pixel, as it is written: rounded sizes would leave gaps between rounded corners.
-fn round_to_tenths(at: f64) -> f64 {
-    (10.0 * at).round() / 10.0
+fn round_to_tenths(coordinate_px: f64) -> f64 {
+    (10.0 * coordinate_px).round() / 10.0
 }
 
 /// The borders of the areas that a grid's lines stand for.

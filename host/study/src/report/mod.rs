@@ -23,13 +23,18 @@ pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFi
     );
     html.push_str(&tables::write_summary_html(study, table, finals));
     add_html_section(&mut html, "designs", "All designs", &data::write_plots_html(study, table));
-    add_html_section(&mut html, "maps", "Where the panel is strong", &maps::write_maps_html(study, finals));
+    add_html_section(
+        &mut html,
+        "maps",
+        "Where the panel is strong",
+        &maps::write_peak_maps_of_base_and_best_html(study, finals),
+    );
     add_html_section(&mut html, "effects", "What the variables do", &pictures::write_effects_html(study, table));
     add_html_section(
         &mut html,
         "doubts",
         "What was not converged, and what failed",
-        &tables::write_doubts_html(study, table, finals),
+        &tables::write_accuracy_convergence_and_failures_html(study, table, finals),
     );
     let data = data::write_plot_data_json(study, table, finals);
     let _ = write!(

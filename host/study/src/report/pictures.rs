@@ -23,14 +23,15 @@ const MOST_PAIRS: usize = 6;
 pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
     let dimensions = study.space.dimensions();
     let mut html = String::from(
-        "<p>Main effects: the mean of a figure over the designs in each part of a variable's range, all others as they come. \
-         Parts are those of the variance (sums of squares between levels over the whole); what mere chance would give is \
-         beside them. Interactions: what lies between the pairs of levels beyond that.</p>\n",
+        "<p>Main effects: the mean of a figure over all designs whose variable lies in one section of its range. The percentage \
+         is the share of the variance that the variable explains (sum of squares between the sections, divided by the total \
+         sum of squares); the number in brackets is the share that chance alone would give. Interactions: the share that a \
+         pair of variables explains beyond the two main effects.</p>\n",
     );
     if study.spec.method.way == PointMethod::Evolution {
         html.push_str(
-            "<p>These designs are an evolution's: most are near the best, and effects are those of that region. A grid, a Latin \
-             hypercube or Sobol's sequence shows the whole range.</p>\n",
+            "<p>An evolution chose these designs: most of them are near the best design, so the effects hold for this region only. \
+             A grid, a Latin hypercube or a Sobol sequence shows the whole range.</p>\n",
         );
     }
     for (k, wish) in study.spec.wishes.iter().enumerate() {
@@ -41,8 +42,9 @@ pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
             .filter_map(|entry| Some((entry.row.point.as_slice(), entry.wishes.get(k).copied()?)))
             .filter(|(_, figure)| figure.is_finite())
             .collect();
-        let Some(found) = EffectAnalysis::analyse_variance(dimensions, &points) else {
-            let _ = writeln!(html, "<p>{}: no effects, as no two designs differ in it.</p>", escape_html(&name));
+        let Some(found) = EffectAnalysis::analyse_variance_if_figures_differ(dimensions, &points) else {
+            let _ =
+                writeln!(html, "<p>{}: no effects, because all designs have the same value.</p>", escape_html(&name));
             continue;
         };
         let _ = writeln!(
@@ -52,31 +54,36 @@ pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
             found.count,
             format_four_digits(found.mean)
         );
-        html.push_str(&draw_main_effects(study, dimensions, &found));
-        html.push_str(&draw_interactions(study, dimensions, &found));
+        html.push_str(&draw_main_effects_html(study, dimensions, &found));
+        html.push_str(&draw_largest_interactions_html(study, dimensions, &found));
     }
     html
 }
 
 /// What a level of a dimension is called: its value, or the middle of its part of the range, or of several values the first and the last.
-fn name_of_level(
+fn label_of_level(
     study: &Study,
     dimension: &CubeDimension,
-    number: usize,
-    cut: &DimensionLevels,
+    dimension_index: usize,
+    levels: &DimensionLevels,
     level: usize,
 ) -> String {
-    let name = |at: f64| name_of_value_at(study, dimension, number, at);
-    match cut.first_and_last_value_of_level(level).map(|ends| ends.map(name)) {
+    let name = |at: f64| label_of_value_at_coordinate(study, dimension, dimension_index, at);
+    match levels.first_and_last_coordinate_if_level_has_several_values(level).map(|ends| ends.map(name)) {
         Some([first, last]) if first != last => format!("{first} to {last}"),
-        _ => cut.at.get(level).map(|at| name(*at)).unwrap_or_default(),
+        _ => levels.at.get(level).map(|at| name(*at)).unwrap_or_default(),
     }
 }
 
 /// What a dimension's value at a coordinate is called.
-fn name_of_value_at(study: &Study, dimension: &CubeDimension, number: usize, at: f64) -> String {
+fn label_of_value_at_coordinate(
+    study: &Study,
+    dimension: &CubeDimension,
+    dimension_index: usize,
+    coordinate: f64,
+) -> String {
     let mut point = vec![0.5; study.space.dimensions().len()];
-    point[number] = at;
+    point[dimension_index] = coordinate;
     let design = study.space.design_at_point(&point);
     let own = |column: &&crate::space::DesignColumn| {
         column.variable == dimension.variable
@@ -87,8 +94,11 @@ fn name_of_value_at(study: &Study, dimension: &CubeDimension, number: usize, at:
     let named = columns.iter().find(|column| column.name == dimension.name && column.variable == dimension.variable);
     let column = named.or_else(|| columns.iter().find(own));
     let text = column.and_then(|column| match column.words {
-        Some(_) => column.text_in_design(&design),
-        None => column.number_in_design(&design).map(format_four_digits).map(trim_trailing_zeros),
+        Some(_) => column.text_in_design_unless_kept(&design),
+        None => column
+            .number_or_choice_index_in_design_unless_kept(&design)
+            .map(format_four_digits)
+            .map(trim_trailing_zeros),
     });
     text.unwrap_or_default()
 }
@@ -98,34 +108,34 @@ fn trim_trailing_zeros(number: String) -> String {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.').to_owned() } else { number }
 }
 
-/// What is written of the levels' names below an axis on which each has `room` pixels: words are cut to that, and numbers left out that
-/// would meet the one before.
+/// What is written of the `labels` of the levels below an axis on which each has `room_per_label_px` pixels: words are cut to that, and numbers left
+/// out that would meet the one before.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
     reason = "a few characters"
 )]
-fn fit_labels_below_axis(names: &[String], room: f64) -> Vec<String> {
-    let most = ((room - GAP) / CHARACTER).floor().max(1.0) as usize;
+fn shorten_words_and_omit_crowded_numbers(labels: &[String], room_per_label_px: f64) -> Vec<String> {
+    let most = ((room_per_label_px - GAP) / CHARACTER).floor().max(1.0) as usize;
     let mut end = f64::NEG_INFINITY;
-    let each = names.iter().enumerate().map(|(level, name)| {
-        let length = name.chars().count();
-        if name.parse::<f64>().is_err() && length > most {
-            return name.chars().take(most - 1).chain(['\u{2026}']).collect();
+    let each = labels.iter().enumerate().map(|(level, label)| {
+        let length = label.chars().count();
+        if label.parse::<f64>().is_err() && length > most {
+            return label.chars().take(most - 1).chain(['\u{2026}']).collect();
         }
-        let (middle, half) = ((level as f64 + 0.5) * room, 0.5 * CHARACTER * length as f64);
+        let (middle, half) = ((level as f64 + 0.5) * room_per_label_px, 0.5 * CHARACTER * length as f64);
         if middle - half < end + GAP {
             return String::new();
         }
         end = middle + half;
-        name.clone()
+        label.clone()
     });
     each.collect()
 }
 
 /// The main effect of each dimension on a figure, as pictures.
-fn draw_main_effects(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
+fn draw_main_effects_html(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
     let means = || found.main.iter().flat_map(|own| own.levels.iter().filter_map(|(_, mean)| *mean));
     let (least, most) = (means().fold(f64::INFINITY, f64::min), means().fold(f64::NEG_INFINITY, f64::max));
     let span = if most > least { most - least } else { 1.0 };
@@ -155,9 +165,9 @@ fn draw_main_effects(study: &Study, dimensions: &[CubeDimension], found: &Effect
             points.iter().map(|(level, mean)| format!("{:.1},{:.1}", x(*level), y(*mean))).collect();
         let _ = writeln!(html, "<polyline class=\"effect\" points=\"{}\"/>", line.join(" "));
         let names: Vec<String> = (0..own.levels.len())
-            .map(|level| name_of_level(study, dimension, own.dimension, &own.cut, level))
+            .map(|level| label_of_level(study, dimension, own.dimension, &own.cut, level))
             .collect();
-        let below = fit_labels_below_axis(&names, room);
+        let below = shorten_words_and_omit_crowded_numbers(&names, room);
         for (level, mean) in points {
             let _ = writeln!(
                 html,
@@ -186,7 +196,7 @@ fn draw_main_effects(study: &Study, dimensions: &[CubeDimension], found: &Effect
 }
 
 /// The largest interactions of two dimensions, as pictures.
-fn draw_interactions(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
+fn draw_largest_interactions_html(study: &Study, dimensions: &[CubeDimension], found: &EffectAnalysis) -> String {
     let mut order: Vec<&Interaction> = found.pairs.iter().filter(|pair| pair.part > 0.0).collect();
     order.sort_by(|a, b| {
         (b.part - b.by_chance).total_cmp(&(a.part - a.by_chance)).then(a.dimensions.cmp(&b.dimensions))
@@ -217,9 +227,9 @@ fn draw_interactions(study: &Study, dimensions: &[CubeDimension], found: &Effect
                      {}</title></rect>",
                     color_of_fraction(part),
                     escape_html(&one.name),
-                    escape_html(&name_of_level(study, one, i, &found.main[i].cut, a)),
+                    escape_html(&label_of_level(study, one, i, &found.main[i].cut, a)),
                     escape_html(&other.name),
-                    escape_html(&name_of_level(study, other, j, &found.main[j].cut, b)),
+                    escape_html(&label_of_level(study, other, j, &found.main[j].cut, b)),
                     format_four_digits(*mean)
                 );
             }
@@ -246,7 +256,7 @@ mod tests {
     #[test]
     fn names_of_levels_do_not_meet() {
         let below = |names: &[&str], room: f64| {
-            fit_labels_below_axis(&names.iter().map(|own| (*own).to_owned()).collect::<Vec<_>>(), room)
+            shorten_words_and_omit_crowded_numbers(&names.iter().map(|own| (*own).to_owned()).collect::<Vec<_>>(), room)
         };
         assert_eq!(below(&["38", "94", "150", "206", "262"], 26.8), ["38", "94", "150", "206", "262"]);
         // One that has no room is left out, and the next one has.

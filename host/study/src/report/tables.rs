@@ -17,19 +17,20 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     let count = |status: DesignStatus| table.entries.iter().filter(|entry| entry.status == status).count();
     let method = &study.spec.method;
     let mut html = format!(
-        "<p>{} designs by {}: {} keep all limits, {} break one, {} failed. {:.0} to {:.0} Hz.",
+        "<p>{} designs by {}, for frequencies from {:.0} to {:.0} Hz: {} keep all limits, {} break at least one limit, \
+         {} failed.",
         table.entries.len(),
         escape_html(method.way.name()).replace('_', " "),
+        method.from_hz,
+        method.to_hz,
         count(DesignStatus::Kept),
         count(DesignStatus::Broken),
-        count(DesignStatus::Failed),
-        method.from_hz,
-        method.to_hz
+        count(DesignStatus::Failed)
     );
     if study.count_uncertainty_samples() > 0 {
         let _ = write!(
             html,
-            " Each design is as good as the worst of {} samples of what may be off.",
+            " The figures of a design are the worst of {} samples of the uncertain values.",
             study.count_uncertainty_samples()
         );
     }
@@ -53,12 +54,16 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
         let _ = write!(html, "; {}", escape_html(&limits.join(", ")));
     }
     html.push_str(".</p>\n");
-    html.push_str(&write_best_designs_table(study, table, finals));
+    html.push_str(&write_html_table_of_scene_and_best_designs(study, table, finals));
     html
 }
 
 /// The scene as it is beside the best designs, figures computed anew.
-fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
+fn write_html_table_of_scene_and_best_designs(
+    study: &Study,
+    table: &DesignTable,
+    finals: &VerifiedFinalists,
+) -> String {
     let mut html = String::from("<table>\n<tr><th></th><th>as it is</th>");
     for number in 1..=finals.best.len() {
         let _ = write!(html, "<th>best {number}</th>");
@@ -70,10 +75,12 @@ fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &Verifie
     html.push_str("</tr>\n");
     let as_it_is = study.space.design_of_scene_file();
     for column in &table.columns {
-        let text = column.text_in_design(&as_it_is).unwrap_or_else(|| "as in its file".into());
+        let text = column.text_in_design_unless_kept(&as_it_is).unwrap_or_else(|| "as in its file".into());
         let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escape_html(&column.name), escape_html(&text));
         for own in &finals.best {
-            let text = own.entry_in_table(table).and_then(|entry| column.text_in_design(&entry.row.design));
+            let text = own
+                .entry_of_base_or_design_in_table(table)
+                .and_then(|entry| column.text_in_design_unless_kept(&entry.row.design));
             let _ = write!(html, "<td>{}</td>", escape_html(&text.unwrap_or_default()));
         }
         html.push_str("</tr>\n");
@@ -81,16 +88,16 @@ fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &Verifie
     for (k, wanted) in study.figures.iter().enumerate() {
         let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escape_html(&wanted.column_name()));
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            html.push_str(&figure_cell_of_finalist(study, own, k));
+            html.push_str(&html_cell_of_finalist_figure(study, own, k));
         }
         html.push_str("</tr>\n");
     }
     if table.has_ends {
         for (k, wish) in study.spec.wishes.iter().enumerate() {
             let name = escape_html(&wish.wanted.column_name());
-            let _ = write!(html, "<tr><th>{name}, the worst of what may be off (first look)</th>");
+            let _ = write!(html, "<tr><th>{name}, the worst over the uncertain values (first evaluation)</th>");
             for own in std::iter::once(&finals.base).chain(&finals.best) {
-                let worst = own.entry_in_table(table).and_then(|entry| entry.wishes.get(k)).copied();
+                let worst = own.entry_of_base_or_design_in_table(table).and_then(|entry| entry.wishes.get(k)).copied();
                 let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, format_four_digits));
             }
             html.push_str("</tr>\n");
@@ -99,7 +106,7 @@ fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &Verifie
     if !study.spec.limits.is_empty() {
         html.push_str("<tr><th>limits</th>");
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            html.push_str(&limits_cell_of_finalist(study, table, own));
+            html.push_str(&html_cell_both_evaluations_meet_limits(study, table, own));
         }
         html.push_str("</tr>\n");
     }
@@ -110,11 +117,11 @@ fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &Verifie
         } else {
             "<p>No design keeps all limits."
         });
-        if let Some((design, near)) = table.find_design_nearest_to_limits() {
+        if let Some((design, near)) = table.find_one_based_least_violating_design_if_none_kept() {
             let reason = escape_html(near.reason.as_deref().unwrap_or_default());
-            let _ = write!(html, " Design {design} comes nearest: {reason}.");
+            let _ = write!(html, " Design {design} comes nearest to the limits: {reason}.");
         } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_deref()) {
-            let _ = write!(html, " The first: {}.", escape_html(reason));
+            let _ = write!(html, " The first failed because: {}.", escape_html(reason));
         }
         html.push_str("</p>\n");
     } else {
@@ -124,19 +131,22 @@ fn write_best_designs_table(study: &Study, table: &DesignTable, finals: &Verifie
 }
 
 /// A figure of a finalist, as a table's cell.
-fn figure_cell_of_finalist(study: &Study, own: &Finalist, figure: usize) -> String {
-    match &own.verified {
+fn html_cell_of_finalist_figure(study: &Study, finalist: &Finalist, figure_index: usize) -> String {
+    match &finalist.verified {
         Ok(verified) => {
-            let value = verified.figures.values.get(figure).copied();
-            value.map_or_else(|| "<td></td>".into(), |value| figure_cell_with_limit_mark(study, figure, value))
+            let value = verified.figures.values.get(figure_index).copied();
+            value.map_or_else(
+                || "<td></td>".into(),
+                |value| html_cell_of_figure_marking_broken_limit(study, figure_index, value),
+            )
         }
         Err(reason) => format!("<td>{}</td>", escape_html(reason)),
     }
 }
 
 /// A figure as a table's cell, with a mark where it is beyond a limit.
-fn figure_cell_with_limit_mark(study: &Study, figure: usize, value: f64) -> String {
-    match find_broken_limit(study, figure, value) {
+fn html_cell_of_figure_marking_broken_limit(study: &Study, figure_index: usize, value: f64) -> String {
+    match describe_allowed_if_limit_broken(study, figure_index, value) {
         Some(allowed) => {
             format!(
                 "<td class=\"unmet\" title=\"{}\">{} (not met)</td>",
@@ -149,36 +159,49 @@ fn figure_cell_with_limit_mark(study: &Study, figure: usize, value: f64) -> Stri
 }
 
 /// What the limit that a figure breaks allows; `None` if it breaks none.
-fn find_broken_limit(study: &Study, figure: usize, value: f64) -> Option<String> {
-    let wanted = study.figures.get(figure)?;
+fn describe_allowed_if_limit_broken(study: &Study, figure_index: usize, value: f64) -> Option<String> {
+    let wanted = study.figures.get(figure_index)?;
     let limits = study.spec.limits.iter().filter(|limit| limit.wanted == *wanted);
-    limits.filter_map(|limit| limit.find_broken_end(value, value)).map(|(_, allowed)| allowed).next()
+    limits
+        .filter_map(|limit| limit.value_beyond_limit_and_allowed_if_broken(value, value))
+        .map(|(_, allowed)| allowed)
+        .next()
 }
 
 /// Whether a finalist keeps all limits, as a table's cell: as it was computed anew, and as it was looked at, with all that may be off.
-fn limits_cell_of_finalist(study: &Study, table: &DesignTable, own: &Finalist) -> String {
-    match own.entry_in_table(table) {
+fn html_cell_both_evaluations_meet_limits(study: &Study, table: &DesignTable, finalist: &Finalist) -> String {
+    match finalist.entry_of_base_or_design_in_table(table) {
         Some(found) if found.status == DesignStatus::Broken => {
             let reason = found.reason.as_deref().unwrap_or_default();
             format!("<td class=\"unmet\" title=\"{}\">not met</td>", escape_html(reason))
         }
-        _ if own.describe_broken_limits_of_finalist(study).is_some() => "<td class=\"unmet\">not met</td>".into(),
+        _ if finalist.describe_verified_broken_limits_if_any(study).is_some() => {
+            "<td class=\"unmet\">not met</td>".into()
+        }
         Some(found) if found.status == DesignStatus::Kept => "<td>met</td>".into(),
         _ => "<td>not known</td>".into(),
     }
 }
 
 /// How much the quick look and the thorough one differ, whether a search had arrived, and why designs failed.
-pub(super) fn write_doubts_html(study: &Study, table: &DesignTable, finals: &VerifiedFinalists) -> String {
+pub(super) fn write_accuracy_convergence_and_failures_html(
+    study: &Study,
+    table: &DesignTable,
+    finals: &VerifiedFinalists,
+) -> String {
     let mut html = format!(
-        "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
-         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in modes' frequencies and in sags; for others no bound is known, because none is worked out.</p>\n\
-         <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed anew</th><th>difference</th><th>error at most</th></tr>\n",
+        "<p>All designs were evaluated {}; the scene itself and the best designs were computed again with models made for a relative \
+         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in frequencies of modes and in sag_um; for other figures the program computes no bound.</p>\n\
+         <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed again</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thoroughly" } else { "quickly" },
         finals.tolerance
     );
     for own in std::iter::once(&finals.base).chain(&finals.best) {
-        let Some(figures) = own.entry_in_table(table).and_then(|entry| entry.row.figures_if_found()) else { continue };
+        let Some(figures) =
+            own.entry_of_base_or_design_in_table(table).and_then(|entry| entry.row.figures_unless_failed())
+        else {
+            continue;
+        };
         for (k, wanted) in study.figures.iter().enumerate() {
             let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
             let Ok(verified) = &own.verified else { continue };
@@ -199,24 +222,24 @@ pub(super) fn write_doubts_html(study: &Study, table: &DesignTable, finals: &Ver
                 "<tr><td>{}</td><td>{}</td>{}{}<td>{difference}</td><td>{bound}</td></tr>",
                 own.design,
                 escape_html(&wanted.column_name()),
-                figure_cell_with_limit_mark(study, k, first),
-                figure_cell_with_limit_mark(study, k, anew)
+                html_cell_of_figure_marking_broken_limit(study, k, first),
+                html_cell_of_figure_marking_broken_limit(study, k, anew)
             );
         }
     }
     html.push_str("</table>\n");
-    html.push_str(&write_search_convergence(study, table));
-    html.push_str(&write_failures_table(table));
+    html.push_str(&write_improvement_by_last_quarter_of_designs_html(study, table));
+    html.push_str(&write_html_table_of_failure_and_broken_limit_reasons(table));
     html
 }
 
 /// Whether the last quarter of the designs found better ones than those before.
-fn write_search_convergence(study: &Study, table: &DesignTable) -> String {
+fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &DesignTable) -> String {
     let [wish] = study.spec.wishes.as_slice() else { return String::new() };
     let mut order: Vec<usize> = (0..table.entries.len()).collect();
-    if let Some(evolution) = study.evolution_if_any() {
+    if let Some(evolution) = study.evolution_if_points_depend_on_results() {
         // Generations of all searches side by side.
-        let (own, generations) = (evolution.population_size(), evolution.count_generations());
+        let (own, generations) = (evolution.designs_per_generation_of_one_search(), evolution.generations_per_search());
         order.sort_by_key(|k| ((k / own) % generations.max(1), *k));
     }
     let best = |part: &[usize]| {
@@ -232,7 +255,7 @@ fn write_search_convergence(study: &Study, table: &DesignTable) -> String {
     if last < before {
         let more = 100.0 * (before - last) / before.abs().max(1e-12);
         format!(
-            "<p>The last quarter of the designs still took {name} from {} to {} ({more:.2} %): more designs may find better ones.</p>\n",
+            "<p>The last quarter of the designs still improved {name} from {} to {} ({more:.2} %): more designs may find better ones.</p>\n",
             format_four_digits(wish.goal.loss_of_figure(before)),
             format_four_digits(wish.goal.loss_of_figure(last))
         )
@@ -242,7 +265,7 @@ fn write_search_convergence(study: &Study, table: &DesignTable) -> String {
 }
 
 /// A table of the reasons for which designs failed, with how many failed for each.
-fn write_failures_table(table: &DesignTable) -> String {
+fn write_html_table_of_failure_and_broken_limit_reasons(table: &DesignTable) -> String {
     let mut counts: BTreeMap<String, (usize, usize, &str)> = BTreeMap::new();
     for (number, entry) in table.entries.iter().enumerate() {
         if let Some(reason) = &entry.reason {

@@ -93,19 +93,21 @@ impl DimensionLevels {
     }
 
     /// The level that contains a coordinate.
-    fn level_of_coordinate(&self, at: f64) -> usize {
+    fn level_index_of_coordinate(&self, coordinate: f64) -> usize {
         match self.is_exact {
-            true => self.at.partition_point(|own| own.total_cmp(&at).is_lt()).min(self.at.len().saturating_sub(1)),
-            false => index_at_fraction(self.at.len(), at),
+            true => {
+                self.at.partition_point(|own| own.total_cmp(&coordinate).is_lt()).min(self.at.len().saturating_sub(1))
+            }
+            false => index_at_fraction(self.at.len(), coordinate),
         }
     }
 
     /// Coordinates of the first and the last value in a level, where it has several of what can be counted.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-    pub fn first_and_last_value_of_level(&self, level: usize) -> Option<[f64; 2]> {
+    pub fn first_and_last_coordinate_if_level_has_several_values(&self, level: usize) -> Option<[f64; 2]> {
         let of = self.of?;
-        let in_it = |k: &usize| self.level_of_coordinate((*k as f64 + 0.5) / of as f64) == level;
+        let in_it = |k: &usize| self.level_index_of_coordinate((*k as f64 + 0.5) / of as f64) == level;
         let (first, last) = ((0..of).find(in_it)?, (0..of).rfind(in_it)?);
         Some([first, last].map(|k| (k as f64 + 0.5) / of as f64))
     }
@@ -127,14 +129,14 @@ impl LevelSum {
 
     /// The mean of the figures; `None` without any.
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    fn mean_of_figures(self) -> Option<f64> {
+    fn mean_of_figures_if_any(self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 
     /// The part of the squared deviations between cells that is this one's.
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    fn squared_deviation_share(self, mean: f64) -> f64 {
-        self.mean_of_figures().map_or(0.0, |own| self.count as f64 * (own - mean).powi(2))
+    fn weighted_squared_deviation_from_mean(self, mean_of_all: f64) -> f64 {
+        self.mean_of_figures_if_any().map_or(0.0, |own| self.count as f64 * (own - mean_of_all).powi(2))
     }
 }
 
@@ -142,10 +144,13 @@ impl EffectAnalysis {
     /// The effects on the figures of some points of the unit cube; `None` where there are none, or all have the same figure.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
-    pub fn analyse_variance(dimensions: &[CubeDimension], points: &[(&[f64], f64)]) -> Option<Self> {
-        let count = points.len();
-        let mean = points.iter().map(|(_, figure)| figure).sum::<f64>() / count as f64;
-        let squares: f64 = points.iter().map(|(_, figure)| (figure - mean).powi(2)).sum();
+    pub fn analyse_variance_if_figures_differ(
+        dimensions: &[CubeDimension],
+        points_with_figures: &[(&[f64], f64)],
+    ) -> Option<Self> {
+        let count = points_with_figures.len();
+        let mean = points_with_figures.iter().map(|(_, figure)| figure).sum::<f64>() / count as f64;
+        let squares: f64 = points_with_figures.iter().map(|(_, figure)| (figure - mean).powi(2)).sum();
         // Not so for no points, whose mean is no number.
         if !(squares > 1e-20 * count as f64 * mean * mean && squares > 0.0) {
             return None;
@@ -155,14 +160,18 @@ impl EffectAnalysis {
             .iter()
             .enumerate()
             .map(|(k, dimension)| {
-                let cut = DimensionLevels::from_dimension(dimension, points.iter().map(|(point, _)| point[k]));
+                let cut =
+                    DimensionLevels::from_dimension(dimension, points_with_figures.iter().map(|(point, _)| point[k]));
                 let mut cells = vec![LevelSum::default(); cut.count_levels()];
-                points.iter().for_each(|(point, figure)| cells[cut.level_of_coordinate(point[k])].add_figure(*figure));
+                points_with_figures
+                    .iter()
+                    .for_each(|(point, figure)| cells[cut.level_index_of_coordinate(point[k])].add_figure(*figure));
                 MainEffect {
                     dimension: k,
                     cut,
-                    levels: cells.iter().map(|cell| (cell.count, cell.mean_of_figures())).collect(),
-                    part: cells.iter().map(|cell| cell.squared_deviation_share(mean)).sum::<f64>() / squares,
+                    levels: cells.iter().map(|cell| (cell.count, cell.mean_of_figures_if_any())).collect(),
+                    part: cells.iter().map(|cell| cell.weighted_squared_deviation_from_mean(mean)).sum::<f64>()
+                        / squares,
                     by_chance: by_chance(cells.iter().filter(|cell| cell.count > 0).count()),
                 }
             })
@@ -171,15 +180,19 @@ impl EffectAnalysis {
         for (i, one) in main.iter().map(|own| &own.cut).enumerate() {
             for (j, other) in main.iter().map(|own| &own.cut).enumerate().skip(i + 1) {
                 let mut cells = vec![vec![LevelSum::default(); other.count_levels()]; one.count_levels()];
-                for (point, figure) in points {
-                    cells[one.level_of_coordinate(point[i])][other.level_of_coordinate(point[j])].add_figure(*figure);
+                for (point, figure) in points_with_figures {
+                    cells[one.level_index_of_coordinate(point[i])][other.level_index_of_coordinate(point[j])]
+                        .add_figure(*figure);
                 }
                 let all = || cells.iter().flatten();
-                let between = all().map(|cell| cell.squared_deviation_share(mean)).sum::<f64>() / squares;
+                let between = all().map(|cell| cell.weighted_squared_deviation_from_mean(mean)).sum::<f64>() / squares;
                 let filled = all().filter(|cell| cell.count > 0).count();
                 pairs.push(Interaction {
                     dimensions: [i, j],
-                    means: cells.iter().map(|row| row.iter().map(|cell| cell.mean_of_figures()).collect()).collect(),
+                    means: cells
+                        .iter()
+                        .map(|row| row.iter().map(|cell| cell.mean_of_figures_if_any()).collect())
+                        .collect(),
                     part: (between - main[i].part - main[j].part).max(0.0),
                     by_chance: (by_chance(filled) - main[i].by_chance - main[j].by_chance).max(0.0),
                 });
@@ -215,7 +228,7 @@ mod tests {
 
     fn effects(dimensions: &[CubeDimension], points: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> EffectAnalysis {
         let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), of(point))).collect();
-        EffectAnalysis::analyse_variance(dimensions, &told).unwrap()
+        EffectAnalysis::analyse_variance_if_figures_differ(dimensions, &told).unwrap()
     }
 
     /// Of a sum, every term has the part of the variance that is its own: 0, 1, .., 4 has the variance 2, times 9 18; of -5 and 5
@@ -261,9 +274,16 @@ mod tests {
             assert!((mean - (k * k) as f64).abs() < 1e-9, "{means:?}");
         }
         assert_eq!((found.main[1].cut.at.as_slice(), found.main[1].levels.len()), ([0.0, 0.5, 1.0].as_slice(), 3));
-        assert!((0..3).all(|level| found.main[1].cut.first_and_last_value_of_level(level).is_none()));
+        assert!(
+            (0..3)
+                .all(|level| found.main[1].cut.first_and_last_coordinate_if_level_has_several_values(level).is_none())
+        );
         // Of sixty values twelve are in each of five levels: the first to the twelfth, ...
-        let ends = found.main[2].cut.first_and_last_value_of_level(0).unwrap().map(|at| index_at_fraction(60, at));
+        let ends = found.main[2]
+            .cut
+            .first_and_last_coordinate_if_level_has_several_values(0)
+            .unwrap()
+            .map(|at| index_at_fraction(60, at));
         assert_eq!((found.main[2].cut.count_levels(), ends), (5, [0, 11]));
     }
 
@@ -272,7 +292,7 @@ mod tests {
         let dimensions = dimensions(&[Some(2), Some(2), Some(2)]);
         let points = grid([2, 2, 2]);
         let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), 3.5)).collect();
-        assert_eq!(EffectAnalysis::analyse_variance(&dimensions, &told), None);
-        assert_eq!(EffectAnalysis::analyse_variance(&dimensions, &[]), None);
+        assert_eq!(EffectAnalysis::analyse_variance_if_figures_differ(&dimensions, &told), None);
+        assert_eq!(EffectAnalysis::analyse_variance_if_figures_differ(&dimensions, &[]), None);
     }
 }

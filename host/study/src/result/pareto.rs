@@ -3,7 +3,7 @@
 /// Which of some losses are on the front: no other is as little in all and less in one. Those that are equal are all on it, or none
 /// is.
 #[must_use]
-pub fn find_pareto_front(losses: &[Vec<f64>]) -> Vec<bool> {
+pub fn flag_losses_on_pareto_front(losses: &[Vec<f64>]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..losses.len()).collect();
     let compare = |a: &[f64], b: &[f64]| {
         let each = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
@@ -63,8 +63,8 @@ mod tests {
             let of = if case % 2 == 0 { 5 } else { 1_000_000 };
             let losses: Vec<Vec<f64>> =
                 (0..count).map(|_| (0..wishes).map(|_| f64::from(random.next_below(of))).collect()).collect();
-            assert_eq!(find_pareto_front(&losses), by_definition(&losses), "{losses:?}");
+            assert_eq!(flag_losses_on_pareto_front(&losses), by_definition(&losses), "{losses:?}");
         }
-        assert!(find_pareto_front(&[]).is_empty());
+        assert!(flag_losses_on_pareto_front(&[]).is_empty());
     }
 }

@@ -77,12 +77,13 @@ pub fn write_parquet_table(table: &DesignTable) -> Result<Vec<u8>, TableError> {
             match (column.untyped(), &own.value) {
                 (ColumnWriter::DoubleColumnWriter(writer), ColumnValues::Number(of)) => {
                     let (values, there) =
-                        split_present_values(part, |entry| of(entry).filter(|value| value.is_finite()));
+                        present_values_and_presence_flags(part, |entry| of(entry).filter(|value| value.is_finite()));
                     writer.write_batch(&values, Some(&there), None)?;
                 }
                 (ColumnWriter::ByteArrayColumnWriter(writer), ColumnValues::Text(of)) => {
-                    let (values, there) =
-                        split_present_values(part, |entry| of(entry).map(|text| ByteArray::from(text.as_str())));
+                    let (values, there) = present_values_and_presence_flags(part, |entry| {
+                        of(entry).map(|text| ByteArray::from(text.as_str()))
+                    });
                     writer.write_batch(&values, Some(&there), None)?;
                 }
                 (ColumnWriter::BoolColumnWriter(writer), ColumnValues::Flag(of)) => {
@@ -100,15 +101,18 @@ pub fn write_parquet_table(table: &DesignTable) -> Result<Vec<u8>, TableError> {
 }
 
 /// The values that are there, and for each entry 1 if its value is.
-fn split_present_values<T>(entries: &[&TableEntry], of: impl Fn(&TableEntry) -> Option<T>) -> (Vec<T>, Vec<i16>) {
-    let all: Vec<Option<T>> = entries.iter().map(|entry| of(entry)).collect();
+fn present_values_and_presence_flags<T>(
+    entries: &[&TableEntry],
+    value_of_entry: impl Fn(&TableEntry) -> Option<T>,
+) -> (Vec<T>, Vec<i16>) {
+    let all: Vec<Option<T>> = entries.iter().map(|entry| value_of_entry(entry)).collect();
     let there = all.iter().map(|value| i16::from(value.is_some())).collect();
     (all.into_iter().flatten().collect(), there)
 }
 
 /// A column of numbers.
-fn number_column<'t>(name: String, of: impl Fn(&TableEntry) -> Option<f64> + 't) -> ParquetColumn<'t> {
-    ParquetColumn { name, value: ColumnValues::Number(Box::new(of)) }
+fn number_column<'t>(name: String, value_of_entry: impl Fn(&TableEntry) -> Option<f64> + 't) -> ParquetColumn<'t> {
+    ParquetColumn { name, value: ColumnValues::Number(Box::new(value_of_entry)) }
 }
 
 /// All columns of the file after `design`.
@@ -125,27 +129,30 @@ fn build_parquet_columns(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
         columns.push(match column.words {
             Some(_) => ParquetColumn {
                 name: column.name.clone(),
-                value: ColumnValues::Text(Box::new(move |entry| column.text_in_design(&entry.row.design))),
+                value: ColumnValues::Text(Box::new(move |entry| column.text_in_design_unless_kept(&entry.row.design))),
             },
-            None => number_column(column.name.clone(), move |entry| column.number_in_design(&entry.row.design)),
+            None => number_column(column.name.clone(), move |entry| {
+                column.number_or_choice_index_in_design_unless_kept(&entry.row.design)
+            }),
         });
     }
     for (k, wanted) in table.figures.iter().enumerate() {
         let name = wanted.column_name();
-        columns.push(number_column(name.clone(), move |entry| entry.row.figures_if_found()?.values.get(k).copied()));
+        columns
+            .push(number_column(name.clone(), move |entry| entry.row.figures_unless_failed()?.values.get(k).copied()));
         if table.has_ends {
             columns.push(number_column(format!("{name}_low"), move |entry| {
-                entry.row.least_and_most_of_figure(k).map(|(low, _)| low)
+                entry.row.least_and_most_of_figure_unless_failed(k).map(|(low, _)| low)
             }));
             columns.push(number_column(format!("{name}_high"), move |entry| {
-                entry.row.least_and_most_of_figure(k).map(|(_, high)| high)
+                entry.row.least_and_most_of_figure_unless_failed(k).map(|(_, high)| high)
             }));
         }
     }
     if table.has_weakest_places() {
         for (k, name) in ["weakest_x_mm", "weakest_y_mm"].into_iter().enumerate() {
             columns.push(number_column(name.into(), move |entry| {
-                entry.row.figures_if_found()?.weakest_mm.map(|at| at[k])
+                entry.row.figures_unless_failed()?.weakest_mm.map(|at| at[k])
             }));
         }
     }

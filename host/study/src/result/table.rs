@@ -1,9 +1,10 @@
 //! All designs of a study, side by side.
 
-use super::limits::describe_broken_limits;
-use super::pareto::find_pareto_front;
+use super::limits::describe_broken_limits_if_any;
+use super::pareto::flag_losses_on_pareto_front;
 use crate::run::{
-    DesignOutcome, DesignRow, FolderError, Study, StudyFolder, StudyTask, measure_broken_limits, worst_wished_figure,
+    DesignOutcome, DesignRow, FolderError, Study, StudyFolder, StudyTask, sum_relative_limit_violations_unless_failed,
+    worst_case_figure_of_wish_unless_failed,
 };
 use crate::space::DesignColumn;
 use crate::spec::WantedFigure;
@@ -44,7 +45,7 @@ pub struct TableEntry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
-    /// By how much it breaks limits, as [`measure_broken_limits`](crate::run::measure_broken_limits) tells it; zero if it keeps them, infinite if it failed.
+    /// By how much it breaks limits, as [`sum_relative_limit_violations_unless_failed`](crate::run::sum_relative_limit_violations_unless_failed) tells it; zero if it keeps them, infinite if it failed.
     pub beyond: f64,
 }
 
@@ -87,7 +88,7 @@ impl DesignTable {
     pub fn gather_from_folder(study: &Study, folder: &StudyFolder) -> Result<Self, GatherError> {
         let (mut base, mut rows, mut missing) = (None, Vec::new(), 0);
         for task in study.list_tasks() {
-            match (folder.rows(task)?, task) {
+            match (folder.load_task_rows_if_complete(task)?, task) {
                 (Some(own), StudyTask::Base) => base = own.into_iter().next(),
                 (Some(own), _) => rows.extend(own),
                 // It is none of the designs.
@@ -102,7 +103,7 @@ impl DesignTable {
 
     /// Where no design keeps all limits, the one that is least beyond them, the first of equals, with its number from 1; none if all have failed.
     #[must_use]
-    pub fn find_design_nearest_to_limits(&self) -> Option<(usize, &TableEntry)> {
+    pub fn find_one_based_least_violating_design_if_none_kept(&self) -> Option<(usize, &TableEntry)> {
         if self.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
             return None;
         }
@@ -120,17 +121,18 @@ impl DesignTable {
     #[must_use]
     pub fn has_weakest_places(&self) -> bool {
         let all = std::iter::once(&self.base).chain(&self.entries);
-        all.filter_map(|entry| entry.row.figures_if_found()).any(|figures| figures.weakest_mm.is_some())
+        all.filter_map(|entry| entry.row.figures_unless_failed()).any(|figures| figures.weakest_mm.is_some())
     }
 
     /// The table of a study's rows.
     #[must_use]
     pub fn from_rows(study: &Study, base: DesignRow, rows: Vec<DesignRow>) -> Self {
-        let mut entries: Vec<TableEntry> = rows.into_iter().map(|row| build_table_entry(study, &base, row)).collect();
-        let base = build_table_entry(study, &base.clone(), base);
+        let mut entries: Vec<TableEntry> =
+            rows.into_iter().map(|row| build_table_entry_with_status_and_reason(study, &base, row)).collect();
+        let base = build_table_entry_with_status_and_reason(study, &base.clone(), base);
         let kept: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].status == DesignStatus::Kept).collect();
-        let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses_of_wishes(study, &entries[*k])).collect();
-        for (own, is_on) in kept.into_iter().zip(find_pareto_front(&losses)) {
+        let losses: Vec<Vec<f64>> = kept.iter().map(|k| worst_case_loss_of_each_wish(study, &entries[*k])).collect();
+        for (own, is_on) in kept.into_iter().zip(flag_losses_on_pareto_front(&losses)) {
             entries[own].is_on_front = is_on;
         }
         let has_ends = study.count_uncertainty_samples() > 0;
@@ -139,21 +141,28 @@ impl DesignTable {
 }
 
 /// A design's loss for each wish: less is better.
-pub(super) fn losses_of_wishes(study: &Study, entry: &TableEntry) -> Vec<f64> {
+pub(super) fn worst_case_loss_of_each_wish(study: &Study, entry: &TableEntry) -> Vec<f64> {
     study.spec.wishes.iter().zip(&entry.wishes).map(|(wish, figure)| wish.goal.loss_of_figure(*figure)).collect()
 }
 
 /// The table's entry for a row: its status, wishes and reason.
-fn build_table_entry(study: &Study, base: &DesignRow, row: DesignRow) -> TableEntry {
-    let wishes: Option<Vec<f64>> =
-        study.spec.wishes.iter().map(|wish| worst_wished_figure(&row, &study.figures, wish)).collect();
-    let beyond = measure_broken_limits(&row, &study.figures, &study.spec.limits, Some(base));
+fn build_table_entry_with_status_and_reason(study: &Study, base: &DesignRow, row: DesignRow) -> TableEntry {
+    let wishes: Option<Vec<f64>> = study
+        .spec
+        .wishes
+        .iter()
+        .map(|wish| worst_case_figure_of_wish_unless_failed(&row, &study.figures, wish))
+        .collect();
+    let beyond = sum_relative_limit_violations_unless_failed(&row, &study.figures, &study.spec.limits, Some(base));
     let (status, reason) = match (&row.outcome, beyond) {
         (DesignOutcome::Failed(reason), _) => (DesignStatus::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (DesignStatus::Kept, None),
-        (_, Some(0.0)) => (DesignStatus::Failed, Some("a wish's figure is not a finite number".into())),
-        (_, None) => (DesignStatus::Failed, Some("a figure that has a limit has no value".into())),
-        _ => (DesignStatus::Broken, describe_broken_limits(study, |figure| row.least_and_most_of_figure(figure))),
+        (_, Some(0.0)) => (DesignStatus::Failed, Some("the figure of a [[wish]] is not a finite number".into())),
+        (_, None) => (DesignStatus::Failed, Some("the figure of a [[limit]] has no value".into())),
+        _ => (
+            DesignStatus::Broken,
+            describe_broken_limits_if_any(study, |figure| row.least_and_most_of_figure_unless_failed(figure)),
+        ),
     };
     let beyond = beyond.filter(|_| status != DesignStatus::Failed).unwrap_or(f64::INFINITY);
     TableEntry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false, beyond }

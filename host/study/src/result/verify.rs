@@ -1,7 +1,7 @@
 //! The finalists, looked at again thoroughly, beside the scene as it is in its file.
 
-use super::finalists::choose_finalists;
-use super::limits::describe_broken_limits;
+use super::finalists::choose_finalist_indices_best_first;
+use super::limits::describe_broken_limits_if_any;
 use super::table::{DesignTable, TableEntry};
 use crate::evaluate::{ThoroughEvaluator, VerifiedFigures};
 use crate::run::Study;
@@ -21,14 +21,14 @@ pub struct Finalist {
 impl Finalist {
     /// The limits that its figures, as they were computed anew, break; `None` if it keeps all, or has none.
     #[must_use]
-    pub fn describe_broken_limits_of_finalist(&self, study: &Study) -> Option<String> {
+    pub fn describe_verified_broken_limits_if_any(&self, study: &Study) -> Option<String> {
         let values = self.verified.as_ref().ok().map(|verified| verified.figures.values.as_slice())?;
-        describe_broken_limits(study, |figure| values.get(figure).map(|value| (*value, *value)))
+        describe_broken_limits_if_any(study, |figure| values.get(figure).map(|value| (*value, *value)))
     }
 
     /// Its row of a study's table; `None` if it has none.
     #[must_use]
-    pub fn entry_in_table<'t>(&self, table: &'t DesignTable) -> Option<&'t TableEntry> {
+    pub fn entry_of_base_or_design_in_table<'t>(&self, table: &'t DesignTable) -> Option<&'t TableEntry> {
         match self.design.checked_sub(1) {
             None => Some(&table.base),
             Some(at) => table.entries.get(at),
@@ -48,45 +48,45 @@ pub struct VerifiedFinalists {
 }
 
 impl VerifiedFinalists {
-    /// Looks at them; `None` if `stops` said so in between.
+    /// Looks at them; `None` if `is_stop_wanted` said so in between.
     ///
     /// # Errors
     /// [`RefusedDesign`], for a scene that was not refused before.
-    pub fn verify_scene_and_finalists(
+    pub fn verify_scene_and_finalists_unless_stopped(
         study: &Study,
         table: &DesignTable,
-        stops: &dyn Fn() -> bool,
+        is_stop_wanted: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, RefusedDesign> {
         let thorough = ThoroughEvaluator::new(study.table_options());
         let base = verify_finalist(study, &thorough, 0, &table.base)?;
         let mut best = Vec::new();
-        for own in choose_finalists(study, table, study.spec.method.finalists) {
-            if stops() {
+        for own in choose_finalist_indices_best_first(study, table, study.spec.method.finalists) {
+            if is_stop_wanted() {
                 return Ok(None);
             }
             best.push(verify_finalist(study, &thorough, own + 1, &table.entries[own])?);
         }
-        sort_finalists(study, &mut best);
+        sort_finalists_kept_then_broken_then_failed(study, &mut best);
         Ok(Some(Self { base, best, tolerance: thorough.relative_tolerance() }))
     }
 }
 
 /// Puts those that break a limit as the thorough look tells it last, and those that failed after them. Of the others the one with the better figure is first, not where there are
 /// several wishes, between which the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
-fn sort_finalists(study: &Study, best: &mut [Finalist]) {
+fn sort_finalists_kept_then_broken_then_failed(study: &Study, finalists: &mut [Finalist]) {
     let rank = |own: &Finalist| match own.verified {
         Err(_) => 2,
-        Ok(_) if own.describe_broken_limits_of_finalist(study).is_some() => 1,
+        Ok(_) if own.describe_verified_broken_limits_if_any(study).is_some() => 1,
         Ok(_) => 0,
     };
-    best.sort_by_key(rank);
+    finalists.sort_by_key(rank);
     let ([wish], true) = (study.spec.wishes.as_slice(), study.spec.uncertain.is_empty()) else { return };
     let Some(place) = study.figures.iter().position(|wanted| *wanted == wish.wanted) else { return };
     let loss = |own: &Finalist| {
         let figure = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(place).copied());
         figure.map_or(f64::INFINITY, |figure| wish.goal.loss_of_figure(figure))
     };
-    best.sort_by(|a, b| rank(a).cmp(&rank(b)).then(loss(a).total_cmp(&loss(b))));
+    finalists.sort_by(|a, b| rank(a).cmp(&rank(b)).then(loss(a).total_cmp(&loss(b))));
 }
 
 fn verify_finalist(
@@ -98,9 +98,10 @@ fn verify_finalist(
     let own = &entry.row.design;
     let text = study.space.design_as_scene_text(own)?;
     let scene = study.space.design_as_scene(own, &[])?;
-    let verified = thorough.verify_figures(&scene, &study.figures).map_err(|error| error.to_string());
+    let verified =
+        thorough.compute_figures_and_bounds_refining_once(&scene, &study.figures).map_err(|error| error.to_string());
     let verified = verified.map(|mut verified| {
-        study.add_part_figures(&scene, own, &mut verified.figures);
+        study.fill_in_mass_and_cost_figures(&scene, own, &mut verified.figures);
         verified
     });
     Ok(Finalist { design, text, verified })

@@ -22,19 +22,21 @@ pub(super) fn check_study_fits_scene(
     let report = MistakeReport::new(text);
     {
         let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
-        if let Some(method) = file.read_table("method") {
-            check_grid_size(&method, spec, designs);
-            check_frequency_band(&method, spec, space, scene);
+        if let Some(method) = file.read_table_if_given("method") {
+            check_grid_within_most_designs(&method, spec, designs);
+            check_band_has_room_for_distinct_frequencies(&method, spec, space, scene);
         }
         let wishes = file.read_tables("wish").into_iter().zip(spec.wishes.iter().map(|wish| &wish.wanted));
         let limits = file.read_tables("limit").into_iter().zip(spec.limits.iter().map(|limit| &limit.wanted));
-        wishes.chain(limits).for_each(|(section, wanted)| check_place_on_surface(&section, wanted, space));
+        wishes
+            .chain(limits)
+            .for_each(|(section, wanted)| check_figure_place_is_within_known_sides(&section, wanted, space));
     }
     report.into_result(source)
 }
 
 /// A grid has as many designs as it has: no more than may be asked for by number.
-fn check_grid_size(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usize) {
+fn check_grid_within_most_designs(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usize) {
     if spec.method.way != PointMethod::Grid || designs <= MOST_DESIGNS as usize {
         return;
     }
@@ -44,17 +46,22 @@ fn check_grid_size(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usiz
         "method.levels is {}: with the levels and steps of the variables that makes {count} designs, but there may be at most {MOST_DESIGNS}",
         spec.method.levels
     );
-    method.mistake_report().add_mistake_at(&method.byte_range_of_value("levels"), text);
+    method.mistake_report().add_mistake_at(&method.byte_range_of_value_or_section("levels"), text);
 }
 
 /// A band has room for the frequencies of the fewest actuators that a design has, where each has one of its own.
-fn check_frequency_band(method: &TomlSection<'_, '_>, spec: &StudySpec, space: &DesignSpace, scene: &Scene) {
+fn check_band_has_room_for_distinct_frequencies(
+    method: &TomlSection<'_, '_>,
+    spec: &StudySpec,
+    space: &DesignSpace,
+    scene: &Scene,
+) {
     let is_distinct = |wanted: &WantedFigure| {
         wanted.figure.depends_on_place()
-            || wanted.figure.depends_on_settings() && wanted.drives == FrequencyGrouping::Distinct
+            || wanted.figure.is_evaluated_at_weakest_place() && wanted.drives == FrequencyGrouping::Distinct
     };
     // Whoever puts another list in place of this one may have as few as one.
-    if !spec.wanted_figures().iter().any(is_distinct) || space.is_key_changed(&["actuator"]) {
+    if !spec.wanted_figures().iter().any(is_distinct) || space.is_key_set_by_number_or_choice_variable(&["actuator"]) {
         return;
     }
     let counts = spec.variables.iter().filter_map(|own| match &own.what {
@@ -76,9 +83,9 @@ fn check_frequency_band(method: &TomlSection<'_, '_>, spec: &StudySpec, space: &
 }
 
 /// A figure's place is on the surface, as far as the scene's file says where that ends.
-fn check_place_on_surface(section: &TomlSection<'_, '_>, wanted: &WantedFigure, space: &DesignSpace) {
+fn check_figure_place_is_within_known_sides(section: &TomlSection<'_, '_>, wanted: &WantedFigure, space: &DesignSpace) {
     let Some(at_mm) = wanted.at_mm else { return };
-    let sides_mm = space.known_sides_mm();
+    let sides_mm = space.sides_unchanged_by_variables_mm();
     let is_on = |at: f64, side: Option<f64>| at >= 0.0 && side.is_none_or(|side| at <= side * (1.0 + ROUNDING));
     if !at_mm.into_iter().zip(sides_mm).all(|(at, side)| is_on(at, side)) {
         let range = |side: Option<f64>| side.map_or_else(|| "0 and above".to_owned(), |side| format!("0 to {side}"));

@@ -44,7 +44,7 @@ pub enum FolderError {
     /// It has the results of something else.
     #[error(
         "{} has results of another study, or of another version of the study, the scene or this program: give another folder, or \
-         remove it",
+         remove this folder",
         path.display()
     )]
     Other {
@@ -70,23 +70,23 @@ impl StudyFolder {
         let known = folder.path.join(KEY);
         match fs::read_to_string(&known) {
             Ok(text) if text.trim() == own => Ok(folder),
-            Ok(text) if !is_whole_key(&text) && folder.has_rows_of_this_study_only()? => {
-                tracing::warn!("{} is not whole, and written anew", known.display());
-                folder.write_key()
+            Ok(text) if !is_complete_hex_key(&text) && folder.is_without_rows_of_other_studies()? => {
+                tracing::warn!("{} is incomplete and is written again", known.display());
+                folder.write_key_file()
             }
             Ok(_) => Err(FolderError::Other { path: folder.path }),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => folder.write_key(),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => folder.write_key_file(),
             Err(error) => Err(FolderError::Io { doing: "read", path: known, error }),
         }
     }
 
-    fn write_key(self) -> Result<Self, FolderError> {
-        self.write_file(KEY, format!("{}\n", format_hex(&self.key)).as_bytes())?;
+    fn write_key_file(self) -> Result<Self, FolderError> {
+        self.write_file_atomically(KEY, format!("{}\n", format_hex(&self.key)).as_bytes())?;
         Ok(self)
     }
 
     /// Whether no file of rows in the folder begins with another study's key.
-    fn has_rows_of_this_study_only(&self) -> Result<bool, FolderError> {
+    fn is_without_rows_of_other_studies(&self) -> Result<bool, FolderError> {
         let rows = self.path.join(ROWS);
         let failed = |error| FolderError::Io { doing: "read", path: rows.clone(), error };
         for entry in fs::read_dir(&rows).map_err(failed)? {
@@ -113,16 +113,16 @@ impl StudyFolder {
     ///
     /// # Errors
     /// [`FolderError`] where the file is there and cannot be read.
-    pub fn rows(&self, task: StudyTask) -> Result<Option<Vec<DesignRow>>, FolderError> {
+    pub fn load_task_rows_if_complete(&self, task: StudyTask) -> Result<Option<Vec<DesignRow>>, FolderError> {
         let path = self.path.join(ROWS).join(task.rows_file_name());
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FolderError::Io { doing: "read", path, error }),
         };
-        let rows = decode_task_rows(&self.key, task, &bytes);
+        let rows = decode_task_rows_if_of_study_and_task(&self.key, task, &bytes);
         if rows.is_none() {
-            tracing::warn!("{} is not whole, and computed again", path.display());
+            tracing::warn!("{} is incomplete; its designs are computed again", path.display());
         }
         Ok(rows)
     }
@@ -135,17 +135,17 @@ impl StudyFolder {
         let encoded = encode_task_rows(&self.key, task, rows);
         let name = format!("{ROWS}/{}", task.rows_file_name());
         let failed = |error| FolderError::Io { doing: "encode", path: self.path.join(&name), error };
-        self.write_file(&name, &encoded.map_err(failed)?)
+        self.write_file_atomically(&name, &encoded.map_err(failed)?)
     }
 
     /// Keeps the rows of a task as somebody else has [`encode_task_rows`] them; says whether they are rows of this study and task.
     ///
     /// # Errors
     /// As [`StudyFolder::write_task_rows`].
-    pub fn write_encoded_task_rows(&self, task: StudyTask, bytes: &[u8]) -> Result<bool, FolderError> {
-        let is_own = decode_task_rows(&self.key, task, bytes).is_some();
+    pub fn write_encoded_task_rows_if_of_study(&self, task: StudyTask, bytes: &[u8]) -> Result<bool, FolderError> {
+        let is_own = decode_task_rows_if_of_study_and_task(&self.key, task, bytes).is_some();
         if is_own {
-            self.write_file(&format!("{ROWS}/{}", task.rows_file_name()), bytes)?;
+            self.write_file_atomically(&format!("{ROWS}/{}", task.rows_file_name()), bytes)?;
         }
         Ok(is_own)
     }
@@ -154,7 +154,7 @@ impl StudyFolder {
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn write_file(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+    pub fn write_file_atomically(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.path.join(name);
         replace_file(&path, Readers::ByUmask, bytes).map_err(|error| FolderError::Io { doing: "write", path, error })
     }
@@ -176,7 +176,11 @@ fn hash_task_rows(task: StudyTask, body: &[u8]) -> [u8; HASH] {
 
 /// The rows in a file's bytes, if they are of this study and task, and whole.
 #[must_use]
-pub fn decode_task_rows(key: &[u8; HASH], task: StudyTask, bytes: &[u8]) -> Option<Vec<DesignRow>> {
+pub fn decode_task_rows_if_of_study_and_task(
+    key: &[u8; HASH],
+    task: StudyTask,
+    bytes: &[u8],
+) -> Option<Vec<DesignRow>> {
     let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(key.as_slice())?;
     let (told, body) = rest.split_at_checked(HASH)?;
     if hash_task_rows(task, body) != told {
@@ -186,7 +190,7 @@ pub fn decode_task_rows(key: &[u8; HASH], task: StudyTask, bytes: &[u8]) -> Opti
 }
 
 /// Whether the text of a folder's key is a whole one, of whatever study.
-fn is_whole_key(text: &str) -> bool {
+fn is_complete_hex_key(text: &str) -> bool {
     let key = text.trim();
     key.len() == 2 * HASH && key.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
@@ -202,7 +206,7 @@ mod tests {
     use crate::run::row::DesignOutcome;
     use crate::space::{Design, VariableSetting};
 
-    fn read_task_rows() -> Vec<DesignRow> {
+    fn make_task_rows() -> Vec<DesignRow> {
         let design = Design { settings: vec![VariableSetting::Number(0.1), VariableSetting::Place([1.5, 2.5])] };
         vec![DesignRow { point: vec![0.25, 0.75], design, outcome: DesignOutcome::Failed("no such place".into()) }]
     }
@@ -212,28 +216,28 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
         let task = StudyTask::Designs { chunk: 3 };
-        assert_eq!(folder.rows(task).unwrap(), None);
-        folder.write_task_rows(task, &read_task_rows()).unwrap();
-        assert_eq!(folder.rows(task).unwrap(), Some(read_task_rows()));
+        assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), None);
+        folder.write_task_rows(task, &make_task_rows()).unwrap();
+        assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), Some(make_task_rows()));
         let file = place.path().join("rows").join(task.rows_file_name());
         let whole = fs::read(&file).unwrap();
         for at in [0, 20, 60, whole.len() - 1] {
             let mut bytes = whole.clone();
             bytes[at] ^= 1;
             fs::write(&file, &bytes).unwrap();
-            assert_eq!(folder.rows(task).unwrap(), None, "{at}");
+            assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), None, "{at}");
         }
         fs::write(&file, &whole[..whole.len() - 1]).unwrap();
-        assert_eq!(folder.rows(task).unwrap(), None);
+        assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), None);
         // Nor are they another task's.
         let other = StudyTask::Designs { chunk: 4 };
         fs::write(place.path().join("rows").join(other.rows_file_name()), &whole).unwrap();
-        assert_eq!(folder.rows(other).unwrap(), None);
+        assert_eq!(folder.load_task_rows_if_complete(other).unwrap(), None);
         assert!(
-            !folder.write_encoded_task_rows(other, &whole).unwrap()
-                && folder.write_encoded_task_rows(task, &whole).unwrap()
+            !folder.write_encoded_task_rows_if_of_study(other, &whole).unwrap()
+                && folder.write_encoded_task_rows_if_of_study(task, &whole).unwrap()
         );
-        assert_eq!(folder.rows(task).unwrap(), Some(read_task_rows()));
+        assert_eq!(folder.load_task_rows_if_complete(task).unwrap(), Some(make_task_rows()));
     }
 
     #[test]
@@ -252,12 +256,15 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let key = place.path().join(KEY);
         let task = StudyTask::Designs { chunk: 0 };
-        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap().write_task_rows(task, &read_task_rows()).unwrap();
+        StudyFolder::open_or_create(place.path(), [7; 32]).unwrap().write_task_rows(task, &make_task_rows()).unwrap();
         let whole = fs::read(&key).unwrap();
         for damaged in [&b""[..], &whole[..20], &[0; 65]] {
             fs::write(&key, damaged).unwrap();
             let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
-            assert_eq!((fs::read(&key).unwrap(), folder.rows(task).unwrap()), (whole.clone(), Some(read_task_rows())));
+            assert_eq!(
+                (fs::read(&key).unwrap(), folder.load_task_rows_if_complete(task).unwrap()),
+                (whole.clone(), Some(make_task_rows()))
+            );
             fs::write(&key, damaged).unwrap();
             assert!(matches!(StudyFolder::open_or_create(place.path(), [8; 32]), Err(FolderError::Other { .. })));
         }
@@ -271,7 +278,7 @@ mod tests {
         let task = StudyTask::Designs { chunk: 0 };
         // A folder in the file's place: the rename fails after all has been written.
         fs::create_dir(place.path().join("rows").join(task.rows_file_name())).unwrap();
-        let refused = folder.write_task_rows(task, &read_task_rows()).unwrap_err();
+        let refused = folder.write_task_rows(task, &make_task_rows()).unwrap_err();
         assert!(refused.to_string().contains(&task.rows_file_name()), "{refused}");
         let left: Vec<String> = fs::read_dir(place.path().join("rows"))
             .unwrap()

@@ -16,9 +16,9 @@ const NO_BOUND: f64 = 1e-9;
 
 /// A wish's figure, the worst of what may be off.
 #[must_use]
-pub fn worst_wished_figure(row: &DesignRow, figures: &[WantedFigure], wish: &Wish) -> Option<f64> {
+pub fn worst_case_figure_of_wish_unless_failed(row: &DesignRow, figures: &[WantedFigure], wish: &Wish) -> Option<f64> {
     let figure = figures.iter().position(|wanted| *wanted == wish.wanted)?;
-    let (low, high) = row.least_and_most_of_figure(figure)?;
+    let (low, high) = row.least_and_most_of_figure_unless_failed(figure)?;
     Some(match wish.goal {
         WishGoal::Most => low,
         WishGoal::Least => high,
@@ -28,7 +28,7 @@ pub fn worst_wished_figure(row: &DesignRow, figures: &[WantedFigure], wish: &Wis
 /// By how much a design breaks limits, in parts of each (of the figure that `base` has, or else of one in its unit, where a limit is 0; in nepers for
 /// levels in dB): zero if it keeps them; `None` if it failed, or has no value of what is limited.
 #[must_use]
-pub fn measure_broken_limits(
+pub fn sum_relative_limit_violations_unless_failed(
     row: &DesignRow,
     figures: &[WantedFigure],
     limits: &[FigureLimit],
@@ -37,8 +37,9 @@ pub fn measure_broken_limits(
     let mut sum = 0.0;
     for limit in limits {
         let figure = figures.iter().position(|wanted| *wanted == limit.wanted)?;
-        let (low, high) = row.least_and_most_of_figure(figure).filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
-        let own = base.and_then(DesignRow::figures_if_found).and_then(|own| own.values.get(figure));
+        let (low, high) =
+            row.least_and_most_of_figure_unless_failed(figure).filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
+        let own = base.and_then(DesignRow::figures_unless_failed).and_then(|own| own.values.get(figure));
         let usual = own.map(|own| own.abs()).filter(|own| own.is_finite() && *own > NO_BOUND).unwrap_or(1.0);
         let beyond = |by: f64, bound: f64| {
             let whole = match bound.abs() {
@@ -56,21 +57,23 @@ pub fn measure_broken_limits(
 /// What a design is worth, wishes weighed: logarithms of ratios to the scene's own figures (differences for levels in dB), so that no figure in whatever
 /// unit is beyond what a broken limit counts. The scene's own are constants in a sum: where it has none above 0 they are left out.
 #[must_use]
-pub fn compute_design_loss(
+pub fn compute_weighted_loss_of_design(
     spec: &StudySpec,
     figures: &[WantedFigure],
     base: Option<&DesignRow>,
-    weights: &[f64],
+    wish_weights: &[f64],
     row: &DesignRow,
 ) -> f64 {
-    match measure_broken_limits(row, figures, &spec.limits, base) {
+    match sum_relative_limit_violations_unless_failed(row, figures, &spec.limits, base) {
         None => return FAILED,
         Some(broken) if broken > 0.0 => return BROKEN * (1.0 + broken.min(1e2)),
         Some(_) => {}
     }
-    let each = spec.wishes.iter().zip(weights).map(|(wish, weight)| {
-        let own = worst_wished_figure(row, figures, wish).filter(|own| !own.is_nan())?;
-        let first = base.and_then(|base| worst_wished_figure(base, figures, wish)).filter(|first| first.is_finite());
+    let each = spec.wishes.iter().zip(wish_weights).map(|(wish, weight)| {
+        let own = worst_case_figure_of_wish_unless_failed(row, figures, wish).filter(|own| !own.is_nan())?;
+        let first = base
+            .and_then(|base| worst_case_figure_of_wish_unless_failed(base, figures, wish))
+            .filter(|first| first.is_finite());
         let part = if wish.wanted.figure.is_level_in_db() {
             (own - first.unwrap_or(0.0)) / DB_PER_NEPER
         } else {
@@ -107,7 +110,7 @@ mod tests {
         let spec = spec("[[wish]]\nfigure = \"rigid_mode_hz\"\n[[wish]]\nfigure = \"mass_g\"\n");
         let figures = spec.wanted_figures();
         let loss = |base: Option<&DesignRow>, values: &[f64]| {
-            compute_design_loss(&spec, &figures, base, &[0.5, 0.5], &row(values))
+            compute_weighted_loss_of_design(&spec, &figures, base, &[0.5, 0.5], &row(values))
         };
         let failed = DesignRow { outcome: DesignOutcome::Failed("no such thing".into()), ..row(&[]) };
         let (usual, none, unknown) = (row(&[50.0, 300.0]), row(&[0.0, 300.0]), row(&[50.0, f64::NAN]));
@@ -131,7 +134,7 @@ mod tests {
         for unit in [1.0, 1e9, 1e12] {
             let base = row(&[0.35 * unit, 300.0]);
             let loss = |cost: f64, mass_g: f64| {
-                compute_design_loss(&spec, &figures, Some(&base), &[1.0], &row(&[cost * unit, mass_g]))
+                compute_weighted_loss_of_design(&spec, &figures, Some(&base), &[1.0], &row(&[cost * unit, mass_g]))
             };
             let kept = [0.0, 1e-9, 0.1, 0.3, 0.300_000_1, 5.0, 1e6].map(|cost| loss(cost, 500.0));
             assert!(kept.windows(2).all(|pair| pair[0] < pair[1]), "{kept:?}");
@@ -149,7 +152,7 @@ mod tests {
         let figures = spec.wanted_figures();
         let base = row(&[300.0, 3.0, 900.0, 40.0]);
         let broken = |base: Option<&DesignRow>, values: &[f64]| {
-            measure_broken_limits(&row(values), &figures, &spec.limits, base).unwrap()
+            sum_relative_limit_violations_unless_failed(&row(values), &figures, &spec.limits, base).unwrap()
         };
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         near(broken(Some(&base), &[300.0, -0.7, 900.0, 0.0]), 0.7 / DB_PER_NEPER);

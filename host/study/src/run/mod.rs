@@ -8,9 +8,12 @@ mod study;
 mod task;
 mod work;
 
-pub use folder::{FolderError, StudyFolder, decode_task_rows, encode_task_rows};
-pub use losses::{compute_design_loss, measure_broken_limits, worst_wished_figure};
+pub use folder::{FolderError, StudyFolder, decode_task_rows_if_of_study_and_task, encode_task_rows};
+pub use losses::{
+    compute_weighted_loss_of_design, sum_relative_limit_violations_unless_failed,
+    worst_case_figure_of_wish_unless_failed,
+};
 pub use row::{DesignOutcome, DesignRow};
 pub use study::{Study, StudyError};
 pub use task::{Shard, ShardError, StudyTask, TaskError};
-pub use work::{RunEnd, RunError, StudyObserver, run_study_shard};
+pub use work::{RunEnd, RunError, StudyObserver, compute_missing_rows_of_shard};

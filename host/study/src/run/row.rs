@@ -34,7 +34,7 @@ pub struct DesignRow {
 impl DesignRow {
     /// Its figures; `None` if it failed.
     #[must_use]
-    pub const fn figures_if_found(&self) -> Option<&Figures> {
+    pub const fn figures_unless_failed(&self) -> Option<&Figures> {
         match &self.outcome {
             DesignOutcome::Found { figures, .. } => Some(figures),
             DesignOutcome::Failed(_) => None,
@@ -43,11 +43,11 @@ impl DesignRow {
 
     /// Least and most of a figure over the samples of what may be off.
     #[must_use]
-    pub fn least_and_most_of_figure(&self, figure: usize) -> Option<(f64, f64)> {
+    pub fn least_and_most_of_figure_unless_failed(&self, figure_index: usize) -> Option<(f64, f64)> {
         match &self.outcome {
             DesignOutcome::Found { figures, low, high } => {
-                let own = *figures.values.get(figure)?;
-                Some((low.get(figure).copied().unwrap_or(own), high.get(figure).copied().unwrap_or(own)))
+                let own = *figures.values.get(figure_index)?;
+                Some((low.get(figure_index).copied().unwrap_or(own), high.get(figure_index).copied().unwrap_or(own)))
             }
             DesignOutcome::Failed(_) => None,
         }

@@ -2,13 +2,13 @@
 
 use super::fits;
 use super::folder::format_hex;
-use super::losses::compute_design_loss;
+use super::losses::compute_weighted_loss_of_design;
 use super::row::{DesignOutcome, DesignRow};
 use super::task::StudyTask;
 use crate::bounds::{StudyBounds, UnusableStudy};
 use crate::evaluate::{EvaluateError, Evaluator, Figures, parts};
 use crate::space::{Design, DesignSpace, UncertaintySamples, VariableSetting};
-use crate::spec::{Figure, PointMethod, StudySpec, UncertaintySampling, WantedFigure, has_few_corners};
+use crate::spec::{Figure, PointMethod, StudySpec, UncertaintySampling, WantedFigure, can_try_all_corners};
 use crate::ways::{Evolution, KnownPoints, MOST_SOBOL};
 use era_model::model::Accuracy;
 use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
@@ -58,7 +58,11 @@ impl StudyPoints {
     fn count_points(&self) -> usize {
         match self {
             Self::Known(samples) => samples.count_points(),
-            Self::Evolving(own) => own.population_size() * own.count_runs() * own.count_generations(),
+            Self::Evolving(own) => {
+                own.designs_per_generation_of_one_search()
+                    * own.searches_beside_each_other()
+                    * own.generations_per_search()
+            }
         }
     }
 }
@@ -138,18 +142,18 @@ impl Study {
         [scene_source, scene_text]: [&str; 2],
     ) -> Result<Self, UnusableStudy> {
         if let Some(bounds) = bounds {
-            bounds.check_entry_and_finalist_counts(&spec)?;
+            bounds.check_counts_of_all_study_entries_and_finalists(&spec)?;
         }
         let space = DesignSpace::from_scene_text_unchecked(&spec, scene_source, scene_text)?;
         if let Some(bounds) = bounds {
             bounds.check_scene_place_counts(&spec, &space)?;
         }
-        let off = space.count_uncertain_values();
+        let off = space.count_independent_uncertain_values();
         let has_corners = spec.method.robust == UncertaintySampling::Corners;
         if let Some(bounds) = bounds
-            && (!has_corners || has_few_corners(off))
+            && (!has_corners || can_try_all_corners(off))
         {
-            bounds.check_evaluation_count(
+            bounds.check_evaluation_count_of_study(
                 &spec.method,
                 &space,
                 UncertaintySamples::count_samples(off, spec.method.robust),
@@ -164,17 +168,17 @@ impl Study {
             return Err(refused(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
         }
         if scene.finger.is_some()
-            && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting())
+            && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting_on_whole_surface())
         {
             return Err(refused(format!(
-                "{} is wanted with one setting for the whole surface, which does not know where the scene's [finger] is: leave out one of the two",
+                "{} is wanted with one setting for the whole surface, but such a setting cannot follow the [finger] of the scene: leave out this figure, or [finger] in the scene",
                 one.column_name()
             )));
         }
-        if has_corners && !has_few_corners(off) {
+        if has_corners && !can_try_all_corners(off) {
             return Err(refused(format!(
-                "method.robust is \"corners\", but {off} values that may be off have too many: allowed are 8; \
-                 let several vary together, or use \"latin_hypercube\""
+                "method.robust is \"corners\", which allows at most 8 uncertain values, but there are {off}: \
+                 let several of them vary together, or use \"latin_hypercube\""
             )));
         }
         let scenarios = UncertaintySamples::new(off, spec.method.robust, spec.method.seed);
@@ -182,18 +186,22 @@ impl Study {
         if spec.method.way == PointMethod::Sobol && dimensions.len() > MOST_SOBOL {
             let count = dimensions.len();
             return Err(refused(format!(
-                "method.way is \"sobol\", which has at most {MOST_SOBOL} dimensions, but there are {count}"
+                "method.way is \"sobol\", which allows at most {MOST_SOBOL} dimensions, but the variables have {count}"
             )));
         }
         let points = match KnownPoints::new(&spec.method, dimensions) {
             Some(samples) => StudyPoints::Known(samples),
-            None if dimensions.is_empty() => return Err(refused("an evolution needs a variable".into())),
+            None if dimensions.is_empty() => {
+                return Err(refused(
+                    "method.way is \"evolution\", which needs at least one [[variable]], but there is none".into(),
+                ));
+            }
             None => StudyPoints::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
         let designs = points.count_points();
         fits::check_study_fits_scene(&spec, &space, &scene, designs, source, text)?;
-        let looks_s = estimate_time_of_design_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
-        let chunk = spec.method.chunk.unwrap_or_else(|| choose_chunk_size(looks_s, designs));
+        let looks_s = estimate_evaluation_time_of_design_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
+        let chunk = spec.method.chunk.unwrap_or_else(|| choose_designs_per_chunk(looks_s, designs));
         let key = compute_study_fingerprint(&scene, &spec, text, scene_text);
         Ok(Self { spec, space, figures, points, scenarios, chunk, key })
     }
@@ -224,7 +232,7 @@ impl Study {
 
     /// The evolution, if points depend on results.
     #[must_use]
-    pub const fn evolution_if_any(&self) -> Option<&Evolution> {
+    pub const fn evolution_if_points_depend_on_results(&self) -> Option<&Evolution> {
         match &self.points {
             StudyPoints::Known(_) => None,
             StudyPoints::Evolving(evolution) => Some(evolution),
@@ -235,7 +243,7 @@ impl Study {
     pub fn list_tasks(&self) -> impl Iterator<Item = StudyTask> + use<> {
         let (chunks, runs, generations) = match &self.points {
             StudyPoints::Known(samples) => (samples.count_points().div_ceil(self.chunk), 0, 0),
-            StudyPoints::Evolving(own) => (0, own.count_runs(), own.count_generations()),
+            StudyPoints::Evolving(own) => (0, own.searches_beside_each_other(), own.generations_per_search()),
         };
         let designs = (0..chunks).map(|chunk| StudyTask::Designs { chunk });
         let searches = (0..runs)
@@ -251,15 +259,15 @@ impl Study {
             (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
                 self.point_range_of_chunk(chunk, samples.count_points()).len()
             }
-            (StudyTask::Generation { .. }, StudyPoints::Evolving(own)) => own.population_size(),
+            (StudyTask::Generation { .. }, StudyPoints::Evolving(own)) => own.designs_per_generation_of_one_search(),
             _ => 0,
         }
     }
 
-    const fn point_range_of_chunk(&self, chunk: usize, count: usize) -> Range<usize> {
-        let from = chunk * self.chunk;
+    const fn point_range_of_chunk(&self, chunk_index: usize, point_count: usize) -> Range<usize> {
+        let from = chunk_index * self.chunk;
         let to = from + self.chunk;
-        from..if to < count { to } else { count }
+        from..if to < point_count { to } else { point_count }
     }
 
     /// Computes a task. `earlier_losses` are the losses of all earlier generations of its search; of no account for others.
@@ -279,7 +287,7 @@ impl Study {
                 samples.points_in_range(self.point_range_of_chunk(chunk, samples.count_points()))
             }
             (StudyTask::Generation { run, .. }, StudyPoints::Evolving(own)) => {
-                own.points_of_next_generation(run, earlier_losses)
+                own.points_of_next_generation_restarting_ended_search(run, earlier_losses)
             }
             _ => Vec::new(),
         };
@@ -302,39 +310,55 @@ impl Study {
 
     /// What the designs of a generation are worth to their search.
     #[must_use]
-    pub fn losses_of_generation(&self, run: usize, base: &DesignRow, rows: &[DesignRow]) -> Vec<f64> {
-        let weights =
-            self.evolution_if_any().map(|own| own.wish_weights_of_run(run, self.spec.wishes.len())).unwrap_or_default();
-        rows.iter().map(|row| compute_design_loss(&self.spec, &self.figures, Some(base), &weights, row)).collect()
+    pub fn compute_losses_for_search_run(&self, run_index: usize, base: &DesignRow, rows: &[DesignRow]) -> Vec<f64> {
+        let weights = self
+            .evolution_if_points_depend_on_results()
+            .map(|own| own.wish_weights_of_run(run_index, self.spec.wishes.len()))
+            .unwrap_or_default();
+        rows.iter()
+            .map(|row| compute_weighted_loss_of_design(&self.spec, &self.figures, Some(base), &weights, row))
+            .collect()
     }
 
     fn compute_design_row(&self, point: Vec<f64>, design: Design, evaluator: &dyn Evaluator) -> DesignRow {
-        let outcome = self.evaluate_design_outcome(&design, evaluator).unwrap_or_else(DesignOutcome::Failed);
+        let outcome =
+            self.evaluate_design_over_uncertainty_samples(&design, evaluator).unwrap_or_else(DesignOutcome::Failed);
         DesignRow { point, design, outcome }
     }
 
-    fn evaluate_design_outcome(&self, design: &Design, evaluator: &dyn Evaluator) -> Result<DesignOutcome, String> {
-        let figures = self.evaluate_design_once(design, &[], evaluator)?;
+    fn evaluate_design_over_uncertainty_samples(
+        &self,
+        design: &Design,
+        evaluator: &dyn Evaluator,
+    ) -> Result<DesignOutcome, String> {
+        let figures = self.evaluate_design_with_deviations(design, &[], evaluator)?;
         let (mut low, mut high) = (Vec::new(), Vec::new());
         if !self.scenarios.0.is_empty() {
             (low, high) = (figures.values.clone(), figures.values.clone());
         }
         for (number, off) in self.scenarios.0.iter().enumerate() {
-            let own = self.evaluate_design_once(design, off, evaluator);
-            let own = own.map_err(|reason| format!("with sample {} of what may be off: {reason}", number + 1))?;
+            let own = self.evaluate_design_with_deviations(design, off, evaluator);
+            let own = own.map_err(|reason| format!("with sample {} of the uncertain values: {reason}", number + 1))?;
             low.iter_mut().zip(&own.values).for_each(|(low, value)| *low = low.min(*value));
             high.iter_mut().zip(&own.values).for_each(|(high, value)| *high = high.max(*value));
         }
         Ok(DesignOutcome::Found { figures, low, high })
     }
 
-    fn evaluate_design_once(&self, design: &Design, off: &[f64], evaluator: &dyn Evaluator) -> Result<Figures, String> {
-        let scene = self.space.design_as_scene(design, off).map_err(|refused| refused.to_string())?;
+    fn evaluate_design_with_deviations(
+        &self,
+        design: &Design,
+        tolerance_fractions: &[f64],
+        evaluator: &dyn Evaluator,
+    ) -> Result<Figures, String> {
+        let scene = self.space.design_as_scene(design, tolerance_fractions).map_err(|refused| refused.to_string())?;
         // A design that no one has thought of must not end the study.
-        let found =
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.evaluate_figures(&scene, design, evaluator)));
-        let figures =
-            found.map_err(|_| String::from("this design makes era itself fail; please report it with the scene"))?;
+        let found = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            self.evaluate_figures_with_mass_and_cost(&scene, design, evaluator)
+        }));
+        let figures = found.map_err(|_| {
+            String::from("the program itself failed at this design (a bug): please report this message with the scene")
+        })?;
         figures.map_err(|error: EvaluateError| error.to_string())
     }
 
@@ -342,25 +366,30 @@ impl Study {
     ///
     /// # Errors
     /// As the evaluator's.
-    pub fn evaluate_figures(
+    pub fn evaluate_figures_with_mass_and_cost(
         &self,
         scene: &Scene,
         design: &Design,
         evaluator: &dyn Evaluator,
     ) -> Result<Figures, EvaluateError> {
-        let mut figures = evaluator.evaluate(scene, &self.figures)?;
-        self.add_part_figures(scene, design, &mut figures);
+        let mut figures = evaluator.compute_scene_figures(scene, &self.figures)?;
+        self.fill_in_mass_and_cost_figures(scene, design, &mut figures);
         Ok(figures)
     }
 
     /// Fills in the figures of parts, which no evaluator knows.
-    pub fn add_part_figures(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
+    pub fn fill_in_mass_and_cost_figures(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
         for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
             match wanted.figure {
-                Figure::MassG => *value = parts::total_mass_g(scene),
+                Figure::MassG => *value = parts::mass_of_surface_and_parts_g(scene),
                 Figure::Cost => {
                     let known = self.space.fill_in_choices_of_scene_file(design);
-                    *value = parts::total_cost(scene, &self.spec.costs, self.space.variables(), &known);
+                    *value = parts::parts_and_choices_cost_or_nan_if_choice_unknown(
+                        scene,
+                        &self.spec.costs,
+                        self.space.variables(),
+                        &known,
+                    );
                 }
                 _ => {}
             }
@@ -370,7 +399,12 @@ impl Study {
 
 /// About what the looks at a design, with all samples of what may be off, take in s.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-fn estimate_time_of_design_s(spec: &StudySpec, has_finger: bool, figures: &[WantedFigure], scenarios: usize) -> f64 {
+fn estimate_evaluation_time_of_design_s(
+    spec: &StudySpec,
+    has_finger: bool,
+    figures: &[WantedFigure],
+    uncertainty_samples: usize,
+) -> f64 {
     let is_quick = figures.iter().all(|wanted| wanted.needs_no_plan_table());
     let [quick_s, table_s, thorough_s] = if has_finger { FINGER_S } else { LOOK_S };
     let each_s = match (spec.method.thorough, is_quick) {
@@ -378,14 +412,14 @@ fn estimate_time_of_design_s(spec: &StudySpec, has_finger: bool, figures: &[Want
         (false, false) => table_s,
         (false, true) => quick_s,
     };
-    each_s * (1 + scenarios) as f64
+    each_s * (1 + uncertainty_samples) as f64
 }
 
 /// Designs of a chunk, of so many that take so long each.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-fn choose_chunk_size(look_s: f64, designs: usize) -> usize {
-    let fitting = (CHUNK_S / look_s).floor().max(1.0) as usize;
-    fitting.max(designs.div_ceil(MOST_CHUNKS))
+fn choose_designs_per_chunk(evaluation_s: f64, design_count: usize) -> usize {
+    let fitting = (CHUNK_S / evaluation_s).floor().max(1.0) as usize;
+    fitting.max(design_count.div_ceil(MOST_CHUNKS))
 }
 
 fn compute_study_fingerprint(scene: &Scene, spec: &StudySpec, text: &str, scene_text: &str) -> [u8; 32] {

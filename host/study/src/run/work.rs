@@ -15,13 +15,13 @@ pub trait StudyObserver: Sync {
     }
 
     /// So many designs of the share are there from the start, of so many.
-    fn report_start(&self, _there: usize, _all: usize) {}
+    fn report_already_computed_of_all_at_start(&self, _already_computed: usize, _designs_of_shard: usize) {}
 
     /// So many designs more were there from the start.
-    fn report_found_designs(&self, _designs: usize) {}
+    fn report_further_designs_found_in_folder(&self, _designs: usize) {}
 
     /// So many designs more are there.
-    fn report_computed_designs(&self, _designs: usize) {}
+    fn report_newly_computed_designs(&self, _designs: usize) {}
 }
 
 /// Nobody.
@@ -48,14 +48,14 @@ pub enum RunError {
 ///
 /// # Errors
 /// [`RunError`]; what was done before is kept.
-pub fn run_study_shard(
+pub fn compute_missing_rows_of_shard(
     study: &Study,
     folder: &StudyFolder,
     evaluator: &dyn Evaluator,
     shard: Shard,
     observer: &dyn StudyObserver,
 ) -> Result<RunEnd, RunError> {
-    let base = match folder.rows(StudyTask::Base)?.and_then(|rows| rows.into_iter().next()) {
+    let base = match folder.load_task_rows_if_complete(StudyTask::Base)?.and_then(|rows| rows.into_iter().next()) {
         Some(base) => base,
         None => {
             if observer.is_stop_wanted() {
@@ -71,22 +71,27 @@ pub fn run_study_shard(
     };
     let tasks: Vec<StudyTask> =
         study.list_tasks().filter(|task| *task != StudyTask::Base && shard.contains_task(*task)).collect();
-    match study.evolution_if_any() {
-        None => run_sampled_tasks(study, folder, evaluator, tasks, observer),
+    match study.evolution_if_points_depend_on_results() {
+        None => compute_missing_rows_of_tasks(study, folder, evaluator, tasks, observer),
         Some(evolution) => {
             let work = EvolutionSearch { study, folder, evaluator, observer, base: &base };
-            observer.report_start(0, tasks.len() * evolution.population_size());
-            let runs: Vec<usize> = (0..evolution.count_runs())
+            observer.report_already_computed_of_all_at_start(
+                0,
+                tasks.len() * evolution.designs_per_generation_of_one_search(),
+            );
+            let runs: Vec<usize> = (0..evolution.searches_beside_each_other())
                 .filter(|run| shard.contains_task(StudyTask::Generation { run: *run, generation: 0 }))
                 .collect();
-            let ended: Vec<RunEnd> =
-                runs.into_par_iter().map(|run| work.run_generations(run)).collect::<Result<_, _>>()?;
+            let ended: Vec<RunEnd> = runs
+                .into_par_iter()
+                .map(|run| work.run_remaining_generations_of_search(run))
+                .collect::<Result<_, _>>()?;
             Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
         }
     }
 }
 
-fn run_sampled_tasks(
+fn compute_missing_rows_of_tasks(
     study: &Study,
     folder: &StudyFolder,
     evaluator: &dyn Evaluator,
@@ -94,18 +99,23 @@ fn run_sampled_tasks(
     observer: &dyn StudyObserver,
 ) -> Result<RunEnd, RunError> {
     let all = tasks.iter().map(|task| study.count_designs_of_task(*task)).sum();
-    let is_there: Vec<bool> =
-        tasks.par_iter().map(|task| Ok(folder.rows(*task)?.is_some())).collect::<Result<_, FolderError>>()?;
+    let is_there: Vec<bool> = tasks
+        .par_iter()
+        .map(|task| Ok(folder.load_task_rows_if_complete(*task)?.is_some()))
+        .collect::<Result<_, FolderError>>()?;
     let left: Vec<StudyTask> =
         tasks.into_iter().zip(is_there).filter(|(_, there)| !there).map(|(task, _)| task).collect();
-    observer.report_start(all - left.iter().map(|task| study.count_designs_of_task(*task)).sum::<usize>(), all);
+    observer.report_already_computed_of_all_at_start(
+        all - left.iter().map(|task| study.count_designs_of_task(*task)).sum::<usize>(),
+        all,
+    );
     let done = left.par_iter().with_max_len(1).map(|task| {
         if observer.is_stop_wanted() {
             return Ok(RunEnd::Early);
         }
         let rows = study.compute_task_rows(*task, &[], evaluator);
         folder.write_task_rows(*task, &rows)?;
-        observer.report_computed_designs(rows.len());
+        observer.report_newly_computed_designs(rows.len());
         Ok(RunEnd::Done)
     });
     let ended: Vec<RunEnd> = done.collect::<Result<_, RunError>>()?;
@@ -122,25 +132,28 @@ struct EvolutionSearch<'a> {
 
 impl EvolutionSearch<'_> {
     /// All generations of a search, one after the other.
-    fn run_generations(&self, run: usize) -> Result<RunEnd, RunError> {
-        let count = self.study.evolution_if_any().map_or(0, crate::ways::Evolution::count_generations);
+    fn run_remaining_generations_of_search(&self, run_index: usize) -> Result<RunEnd, RunError> {
+        let count = self
+            .study
+            .evolution_if_points_depend_on_results()
+            .map_or(0, crate::ways::Evolution::generations_per_search);
         let mut told: Vec<Vec<f64>> = Vec::with_capacity(count);
         for generation in 0..count {
-            let task = StudyTask::Generation { run, generation };
-            let rows = match self.folder.rows(task)? {
+            let task = StudyTask::Generation { run: run_index, generation };
+            let rows = match self.folder.load_task_rows_if_complete(task)? {
                 Some(rows) => {
-                    self.observer.report_found_designs(rows.len());
+                    self.observer.report_further_designs_found_in_folder(rows.len());
                     rows
                 }
                 None if self.observer.is_stop_wanted() => return Ok(RunEnd::Early),
                 None => {
                     let rows = self.study.compute_task_rows(task, &told, self.evaluator);
                     self.folder.write_task_rows(task, &rows)?;
-                    self.observer.report_computed_designs(rows.len());
+                    self.observer.report_newly_computed_designs(rows.len());
                     rows
                 }
             };
-            told.push(self.study.losses_of_generation(run, self.base, &rows));
+            told.push(self.study.compute_losses_for_search_run(run_index, self.base, &rows));
         }
         Ok(RunEnd::Done)
     }

@@ -2,7 +2,7 @@
 //! scene refuses.
 
 use super::design::{self, CubeDimension, VariableSetting};
-use super::{DesignSpace, document, places_of_paths};
+use super::{DesignSpace, collect_all_places_of_paths, document};
 use crate::spec::{MinimumDistance, PathStep, StudyVariable, VariableKind, WantedFigure};
 use crate::ways::draw_latin_hypercube;
 use era_model::scene::random::RandomSequence;
@@ -31,9 +31,9 @@ struct LineReporter<'r, 't> {
 }
 
 impl LineReporter<'_, '_> {
-    fn report_mistake_in_line(&self, line: usize, told: String) {
+    fn report_mistake_in_line(&self, line: usize, message: String) {
         let at = self.starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
-        self.report.add_mistake_at(&(at..at), told);
+        self.report.add_mistake_at(&(at..at), message);
     }
 }
 
@@ -42,52 +42,57 @@ struct ReadBudget(Cell<usize>);
 
 impl ReadBudget {
     /// Takes some of them; whether they were there.
-    fn take_bytes(&self, bytes: usize) -> bool {
+    fn take_bytes_if_left(&self, bytes: usize) -> bool {
         let left = self.0.get().checked_sub(bytes);
         self.0.set(left.unwrap_or(0));
         left.is_some()
     }
 }
 
-/// A variable as messages call it; `number` counts from zero.
-fn name_variable_in_message(number: usize, variable: &StudyVariable) -> String {
-    format!("variable[{}] ({})", number + 1, variable.name)
+/// A variable as messages call it; `variable_index` counts from zero.
+fn name_variable_in_message(variable_index: usize, variable: &StudyVariable) -> String {
+    format!("variable[{}] ({})", variable_index + 1, variable.name)
 }
 
 impl DesignSpace {
     /// Tells of variables that lead nowhere, of those that are not held apart, and of those whose values the scene refuses all; and of what else leads
     /// nowhere. `figures` are the study's.
-    pub(super) fn check_variables_fit_scene(&self, report: &MistakeReport<'_>, text: &str, figures: &[WantedFigure]) {
+    pub(super) fn report_all_that_does_not_fit_scene(
+        &self,
+        report: &MistakeReport<'_>,
+        text: &str,
+        figures: &[WantedFigure],
+    ) {
         let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
         let lines = LineReporter { report, starts };
         let mut is_led = vec![false; self.variables.len()];
         for (number, variable) in self.variables.iter().enumerate() {
             let name = name_variable_in_message(number, variable);
-            if let Err(error) = document::check_paths_lead_somewhere(&self.base, variable) {
+            if let Err(error) = document::check_variables_can_be_set_in_document(&self.base, variable) {
                 lines.report_mistake_in_line(variable.line, format!("{name}: {error}"));
                 continue;
             }
             if let VariableKind::Mirror { from, .. } = &variable.what
-                && !self.variables[..number].iter().any(|before| before.is_place_of(from))
+                && !self.variables[..number].iter().any(|before| before.is_place_variable_of_table(from))
             {
                 lines.report_mistake_in_line(
                     variable.line,
-                    format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
+                    format!("{name}: mirror_of is {from}, but must be the place of an earlier variable"),
                 );
                 continue;
             }
             is_led[number] = true;
         }
-        self.check_scene_takes_values(&lines, &is_led);
-        let is_told = self.check_variables_change_different_places(&lines);
-        self.check_column_names(&lines, figures, &is_told);
-        self.check_uncertain_and_distance_paths(&lines);
+        self.report_variables_without_valid_value(&lines, &is_led);
+        let is_told = self.report_and_flag_variables_changing_same_places(&lines);
+        self.report_columns_hidden_by_equal_names(&lines, figures, &is_told);
+        self.report_mistakes_of_uncertain_and_distance_entries(&lines);
     }
 
     /// Tells of variables that change what one before them changes, which would come to nothing. Says of each whether it is one.
-    fn check_variables_change_different_places(&self, lines: &LineReporter<'_, '_>) -> Vec<bool> {
+    fn report_and_flag_variables_changing_same_places(&self, lines: &LineReporter<'_, '_>) -> Vec<bool> {
         let places: Vec<Vec<Vec<PathStep>>> =
-            self.variables.iter().map(|own| self.places_written_by_variable(own)).collect();
+            self.variables.iter().map(|own| self.places_written_by_variable_or_none(own)).collect();
         let clash = |number: usize| {
             let own = &self.variables[number];
             (0..number).find_map(|before| {
@@ -107,7 +112,7 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: it changes {place}, which variable[{}] ({}) in line {} changes too: only one of them may",
+                    "{}: two variables change {place}, this one and variable[{}] ({}) in line {}: only one variable may change it",
                     name_variable_in_message(number, own),
                     before + 1,
                     other.name,
@@ -120,7 +125,7 @@ impl DesignSpace {
     }
 
     /// The places that a variable writes to; none where it leads nowhere.
-    fn places_written_by_variable(&self, variable: &StudyVariable) -> Vec<Vec<PathStep>> {
+    fn places_written_by_variable_or_none(&self, variable: &StudyVariable) -> Vec<Vec<PathStep>> {
         let paths = match &variable.what {
             VariableKind::Number { paths, .. } | VariableKind::Choice { paths, .. } => paths.clone(),
             VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
@@ -128,11 +133,16 @@ impl DesignSpace {
             }
             VariableKind::Count { list, .. } => return vec![vec![PathStep::Key(list.clone())]],
         };
-        places_of_paths(&paths, &self.base).unwrap_or_default()
+        collect_all_places_of_paths(&paths, &self.base).unwrap_or_default()
     }
 
     /// Tells of variables whose columns of the table another column's name would hide.
-    fn check_column_names(&self, lines: &LineReporter<'_, '_>, figures: &[WantedFigure], is_told: &[bool]) {
+    fn report_columns_hidden_by_equal_names(
+        &self,
+        lines: &LineReporter<'_, '_>,
+        figures: &[WantedFigure],
+        is_reported: &[bool],
+    ) {
         let of_figures: Vec<String> = figures
             .iter()
             .map(WantedFigure::column_name)
@@ -143,18 +153,18 @@ impl DesignSpace {
         for (k, column) in columns.iter().enumerate() {
             let number = column.variable;
             // One of a place's columns is enough to be told.
-            if is_told[number] || last == Some(number) {
+            if is_reported[number] || last == Some(number) {
                 continue;
             }
             let own = &self.variables[number];
             let before = columns[..k].iter().find(|other| other.name == column.name && other.variable != number);
             let whose = if COLUMNS.contains(&column.name.as_str()) {
-                "the table of designs has in any case".to_owned()
+                "the table itself".to_owned()
             } else if of_figures.contains(&column.name) {
-                "is that of a figure".to_owned()
+                "a figure".to_owned()
             } else if let Some(before) = before {
                 let line = self.variables[before.variable].line;
-                format!("is that of variable[{}] in line {line}", before.variable + 1)
+                format!("variable[{}] in line {line}", before.variable + 1)
             } else {
                 continue;
             };
@@ -162,7 +172,7 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: its column would be {:?}, which {whose}: give it another `name`",
+                    "{}: its column in the table of designs would be {:?}, but {whose} has a column of this name: give the variable another `name`",
                     name_variable_in_message(number, own),
                     column.name
                 ),
@@ -171,9 +181,9 @@ impl DesignSpace {
     }
 
     /// Tells of `[[uncertain]]` and `[[apart]]` that lead nowhere.
-    fn check_uncertain_and_distance_paths(&self, lines: &LineReporter<'_, '_>) {
-        for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
-            if places.iter().any(|place| document::number_at_place(&self.base, place).is_none()) {
+    fn report_mistakes_of_uncertain_and_distance_entries(&self, lines: &LineReporter<'_, '_>) {
+        for (number, (own, places)) in self.uncertain.iter().zip(self.places_of_each_uncertain_value()).enumerate() {
+            if places.iter().any(|place| document::number_at_place_if_any(&self.base, place).is_none()) {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
                 lines.report_mistake_in_line(own.line, format!("{name}: the scene's file has no number there"));
             }
@@ -182,27 +192,34 @@ impl DesignSpace {
         let off =
             (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
         for (number, own) in (1..).zip(&self.apart) {
-            self.check_distance_places(lines, number, own);
+            self.report_distance_paths_to_no_place_or_fewer_than_two(lines, number, own);
         }
-        self.check_uncertain_values_once(lines);
+        self.report_values_uncertain_twice(lines);
         for (name, line, path) in
             apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
         {
-            if let Err(error) = path.places(&self.base) {
+            if let Err(error) = path.find_places_allowing_new_last_key(&self.base) {
                 lines.report_mistake_in_line(line, format!("{name}: {error}"));
             }
         }
     }
 
     /// Tells of `[[apart]]` whose paths lead to something that has no place, or to fewer than two.
-    fn check_distance_places(&self, lines: &LineReporter<'_, '_>, number: usize, own: &MinimumDistance) {
+    fn report_distance_paths_to_no_place_or_fewer_than_two(
+        &self,
+        lines: &LineReporter<'_, '_>,
+        entry_number: usize,
+        minimum_distance: &MinimumDistance,
+    ) {
         let mut places: Vec<Vec<PathStep>> = Vec::new();
-        for path in &own.places {
-            for place in path.places(&self.base).unwrap_or_default() {
+        for path in &minimum_distance.places {
+            for place in path.find_places_allowing_new_last_key(&self.base).unwrap_or_default() {
                 let x = [place.as_slice(), &[PathStep::Key("x_mm".into())]].concat();
-                if document::number_at_place(&self.base, &x).is_none() {
-                    let told = format!("apart[{number}]: {path} is no place: what it leads to has no x_mm");
-                    lines.report_mistake_in_line(own.line, told);
+                if document::number_at_place_if_any(&self.base, &x).is_none() {
+                    let told = format!(
+                        "apart[{entry_number}]: {path} is not a place, because the path leads to no table with an x_mm"
+                    );
+                    lines.report_mistake_in_line(minimum_distance.line, told);
                     return;
                 }
                 if !places.contains(&place) {
@@ -210,18 +227,22 @@ impl DesignSpace {
                 }
             }
         }
-        let leads = own.places.iter().all(|path| path.places(&self.base).is_ok());
+        let leads =
+            minimum_distance.places.iter().all(|path| path.find_places_allowing_new_last_key(&self.base).is_ok());
         if leads && places.len() < 2 {
             lines.report_mistake_in_line(
-                own.line,
-                format!("apart[{number}]: places are {}, but must be two at least", places.len()),
+                minimum_distance.line,
+                format!(
+                    "apart[{entry_number}]: the paths lead to {} places, but at least two are needed",
+                    places.len()
+                ),
             );
         }
     }
 
     /// Tells of values that two `[[uncertain]]` have off, which would be off by both.
-    fn check_uncertain_values_once(&self, lines: &LineReporter<'_, '_>) {
-        let all = self.uncertain_places();
+    fn report_values_uncertain_twice(&self, lines: &LineReporter<'_, '_>) {
+        let all = self.places_of_each_uncertain_value();
         for (number, (own, places)) in self.uncertain.iter().zip(&all).enumerate() {
             let clash = places.iter().find_map(|place| {
                 let before = all[..number].iter().position(|others| others.contains(place))?;
@@ -232,7 +253,7 @@ impl DesignSpace {
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "uncertain[{}] ({}): it has {place} off, which uncertain[{}] ({}) in line {} has off too: only one of them may",
+                        "uncertain[{}] ({}): two entries make {place} uncertain, this one and uncertain[{}] ({}) in line {}: only one entry may do so",
                         number + 1,
                         own.name,
                         before + 1,
@@ -246,35 +267,39 @@ impl DesignSpace {
 
     /// Tells of variables (of those that lead somewhere) none of whose values the scene takes: neither with all else as in the scene's file, nor where
     /// others change along.
-    fn check_scene_takes_values(&self, lines: &LineReporter<'_, '_>, is_led: &[bool]) {
+    fn report_variables_without_valid_value(&self, lines: &LineReporter<'_, '_>, has_valid_paths: &[bool]) {
         let left = ReadBudget(Cell::new(MOST_READ));
         let samples = LazyCell::new(|| {
             draw_latin_hypercube(self.dimensions.len(), SAMPLES, &mut RandomSequence::new(SEED, STREAM))
         });
         let by_itself: Vec<Option<String>> = (0..self.variables.len())
             .map(|number| {
-                let is_it = |other: usize| is_led[number] && other == number;
-                let reason = self.find_refusal_of_all_points(&self.corner_points_of_variable(number), &is_it, &left)?;
-                self.find_refusal_of_all_points(&samples, &is_it, &left).map(|_| reason)
+                let is_it = |other: usize| has_valid_paths[number] && other == number;
+                let reason = self.first_refusal_if_scene_refuses_all_points(
+                    &self.points_varying_variable_others_at_middle(number),
+                    &is_it,
+                    &left,
+                )?;
+                self.first_refusal_if_scene_refuses_all_points(&samples, &is_it, &left).map(|_| reason)
             })
             .collect();
         let ends = TRIED.map(|part| vec![part; self.dimensions.len()]);
         for (number, reason) in by_itself.iter().enumerate() {
             let Some(reason) = reason else { continue };
             // Those that the scene does not take by themselves may be what is wrong, or only go together.
-            let with_others = |other: usize| other == number || is_led[other] && by_itself[other].is_none();
-            let with_all = |other: usize| is_led[other];
+            let with_others = |other: usize| other == number || has_valid_paths[other] && by_itself[other].is_none();
+            let with_all = |other: usize| has_valid_paths[other];
             let each: [&dyn Fn(usize) -> bool; 2] = [&with_others, &with_all];
             let is_taken = |changes: &dyn Fn(usize) -> bool| {
-                self.find_refusal_of_all_points(&ends, changes, &left).is_none()
-                    || self.find_refusal_of_all_points(&samples, changes, &left).is_none()
+                self.first_refusal_if_scene_refuses_all_points(&ends, changes, &left).is_none()
+                    || self.first_refusal_if_scene_refuses_all_points(&samples, changes, &left).is_none()
             };
             if !each.into_iter().any(is_taken) {
                 let own = &self.variables[number];
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "{}: the scene takes none of its values that were tried: {reason}",
+                        "{}: the scene is not valid with any of the values of this variable that were tried: {reason}",
                         name_variable_in_message(number, own)
                     ),
                 );
@@ -283,8 +308,8 @@ impl DesignSpace {
     }
 
     /// Points with all combinations of some values of a variable's dimensions.
-    fn corner_points_of_variable(&self, number: usize) -> Vec<Vec<f64>> {
-        let own = |dimension: &&CubeDimension| dimension.variable == number;
+    fn points_varying_variable_others_at_middle(&self, variable_index: usize) -> Vec<Vec<f64>> {
+        let own = |dimension: &&CubeDimension| dimension.variable == variable_index;
         let count = self.dimensions.iter().filter(own).count();
         let combination = |tried: usize| {
             let mut rest = tried;
@@ -300,19 +325,19 @@ impl DesignSpace {
 
     /// Why the scene takes none of the designs at some points, with all that does not change as in its file; `None` if it takes one, or if nothing
     /// is left to try all of them with.
-    fn find_refusal_of_all_points(
+    fn first_refusal_if_scene_refuses_all_points(
         &self,
         points: &[Vec<f64>],
-        changes: &dyn Fn(usize) -> bool,
-        left: &ReadBudget,
+        is_variable_changed: &dyn Fn(usize) -> bool,
+        read_budget: &ReadBudget,
     ) -> Option<String> {
         let mut first = None;
         for point in points {
-            if !left.take_bytes(self.bytes) {
+            if !read_budget.take_bytes_if_left(self.bytes) {
                 return None;
             }
             let mut design = self.design_at_point(point);
-            let kept = design.settings.iter_mut().enumerate().filter(|(number, _)| !changes(*number));
+            let kept = design.settings.iter_mut().enumerate().filter(|(number, _)| !is_variable_changed(*number));
             kept.for_each(|(_, setting)| *setting = VariableSetting::Kept);
             match self
                 .design_as_document(&design)

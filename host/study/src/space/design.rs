@@ -62,7 +62,7 @@ impl DesignColumn {
     /// Its number in a design; `None` where the scene's own is kept.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    pub fn number_in_design(&self, design: &Design) -> Option<f64> {
+    pub fn number_or_choice_index_in_design_unless_kept(&self, design: &Design) -> Option<f64> {
         match design.settings.get(self.variable)? {
             VariableSetting::Kept => None,
             VariableSetting::Number(number) => Some(*number),
@@ -74,10 +74,10 @@ impl DesignColumn {
 
     /// Its value in a design as text; `None` where the scene's own is kept.
     #[must_use]
-    pub fn text_in_design(&self, design: &Design) -> Option<String> {
+    pub fn text_in_design_unless_kept(&self, design: &Design) -> Option<String> {
         match (design.settings.get(self.variable)?, &self.words) {
             (VariableSetting::Choice(choice), Some(words)) => words.get(*choice).cloned(),
-            _ => self.number_in_design(design).map(|number| number.to_string()),
+            _ => self.number_or_choice_index_in_design_unless_kept(design).map(|number| number.to_string()),
         }
     }
 }
@@ -89,15 +89,15 @@ pub(super) fn dimensions_of_variables(variables: &[StudyVariable]) -> Vec<CubeDi
             dimensions.push(CubeDimension { variable, name, count, levels: own.levels });
         };
         match &own.what {
-            VariableKind::Number { numbers, .. } => add(own.name.clone(), numbers.count_stepped_values()),
+            VariableKind::Number { numbers, .. } => add(own.name.clone(), numbers.count_values_if_stepped()),
             VariableKind::Choice { values, .. } => add(own.name.clone(), Some(values.len())),
             VariableKind::Count { from, to, .. } => add(own.name.clone(), Some(to - from + 1)),
             VariableKind::Place { area: PlaceArea::Rectangle { x, y }, .. } => {
-                add(format!("{}.x_mm", own.name), x.count_stepped_values());
-                add(format!("{}.y_mm", own.name), y.count_stepped_values());
+                add(format!("{}.x_mm", own.name), x.count_values_if_stepped());
+                add(format!("{}.y_mm", own.name), y.count_values_if_stepped());
             }
             VariableKind::Place { area: PlaceArea::Line { along, .. }, .. } => {
-                add(format!("{} along", own.name), along.count_stepped_values())
+                add(format!("{} along", own.name), along.count_values_if_stepped())
             }
             VariableKind::Mirror { .. } => {}
         }
@@ -125,7 +125,11 @@ pub(super) fn columns_of_variables(variables: &[StudyVariable]) -> Vec<DesignCol
 }
 
 /// The design at a point, mirror images left as they are in the scene's file: they take the design's sides, see [`set_mirrored_places`].
-pub(super) fn design_at_point(variables: &[StudyVariable], dimensions: &[CubeDimension], point: &[f64]) -> Design {
+pub(super) fn design_at_point_without_mirrored_places(
+    variables: &[StudyVariable],
+    dimensions: &[CubeDimension],
+    point: &[f64],
+) -> Design {
     let part = |variable: usize, coordinate: usize| -> f64 {
         let own = dimensions.iter().zip(point).filter(|(dimension, _)| dimension.variable == variable);
         own.map(|(_, part)| part.clamp(0.0, 1.0)).nth(coordinate).unwrap_or(0.0)
@@ -159,7 +163,7 @@ pub(super) fn set_mirrored_places(variables: &[StudyVariable], design: &mut Desi
     for (number, own) in variables.iter().enumerate() {
         let VariableKind::Mirror { from, x, y, .. } = &own.what else { continue };
         // The space's reader makes sure that what it is an image of comes before it.
-        let other = variables[..number].iter().position(|other| other.is_place_of(from));
+        let other = variables[..number].iter().position(|other| other.is_place_variable_of_table(from));
         let Some(VariableSetting::Place(place)) = other.and_then(|other| settings.get(other).copied()) else {
             continue;
         };
@@ -181,12 +185,12 @@ pub(super) fn set_mirrored_places(variables: &[StudyVariable], design: &mut Desi
 #[expect(clippy::cast_precision_loss, reason = "at most a million")]
 fn number_at_fraction(numbers: &NumberRange, fraction: f64) -> f64 {
     let NumberRange { from, to, scale, step } = *numbers;
-    let number = match (scale, step.zip(numbers.count_stepped_values())) {
+    let number = match (scale, step.zip(numbers.count_values_if_stepped())) {
         (_, Some((step, count))) => from + step * index_at_fraction(count, fraction) as f64,
         (NumberScale::Linear, None) => from + fraction * (to - from),
         (NumberScale::Log, None) => from * (to / from).powf(fraction),
     };
-    round_to_written_digits(number).clamp(from, to)
+    round_to_significant_digits(number).clamp(from, to)
 }
 
 /// Which of some a part, 0 to 1, stands for: equal parts for all.
@@ -203,7 +207,7 @@ pub fn index_at_fraction(count: usize, fraction: f64) -> usize {
 
 /// A number with as many digits as a person would write.
 #[must_use]
-pub fn round_to_written_digits(number: f64) -> f64 {
+pub fn round_to_significant_digits(number: f64) -> f64 {
     if number == 0.0 || !number.is_finite() {
         return number;
     }

@@ -42,19 +42,22 @@ impl RefusedDesign {
 }
 
 /// Whether a variable's paths lead somewhere in a scene.
-pub(super) fn check_paths_lead_somewhere(base: &DocumentMut, variable: &StudyVariable) -> Result<(), PathError> {
+pub(super) fn check_variables_can_be_set_in_document(
+    base: &DocumentMut,
+    variable: &StudyVariable,
+) -> Result<(), PathError> {
     let missing = |path: &ScenePath, what: String| PathError::Missing { path: path.to_string(), missing: what };
     match &variable.what {
         VariableKind::Number { paths, .. } => {
-            paths.iter().try_for_each(|path| check_path_takes_value_kind(base, path, false))
+            paths.iter().try_for_each(|path| check_entry_of_table_list_is_set_to_table(base, path, false))
         }
         VariableKind::Choice { paths, values, .. } => {
             let are_tables = values.iter().all(Value::is_inline_table);
-            paths.iter().try_for_each(|path| check_path_takes_value_kind(base, path, are_tables))
+            paths.iter().try_for_each(|path| check_entry_of_table_list_is_set_to_table(base, path, are_tables))
         }
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
-            let places = of.places(base)?;
-            let is_one = matches!(places.as_slice(), [place] if find_table(base, place).is_some());
+            let places = of.find_places_allowing_new_last_key(base)?;
+            let is_one = matches!(places.as_slice(), [place] if find_table_at_place(base, place).is_some());
             if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
         }
         VariableKind::Count { list, to, .. } => {
@@ -78,8 +81,12 @@ fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
 }
 
 /// Whether what a path leads to takes tables, or other values: a table of a list takes nothing but tables.
-fn check_path_takes_value_kind(base: &DocumentMut, path: &ScenePath, are_tables: bool) -> Result<(), PathError> {
-    let places = path.places(base)?;
+fn check_entry_of_table_list_is_set_to_table(
+    base: &DocumentMut,
+    path: &ScenePath,
+    are_tables: bool,
+) -> Result<(), PathError> {
+    let places = path.find_places_allowing_new_last_key(base)?;
     let is_table = places.iter().any(|place| matches!(place.last(), Some(PathStep::Index(_))));
     if is_table && !are_tables { Err(PathError::Table { path: path.to_string() }) } else { Ok(()) }
 }
@@ -92,8 +99,8 @@ pub(super) fn set_variable(
     setting: VariableSetting,
 ) -> Result<(), PathError> {
     match (&variable.what, setting) {
-        (VariableKind::Number { paths, .. }, VariableSetting::Number(number_at_place)) => {
-            put_value_at_paths(document, base, paths, &Value::from(number_at_place))
+        (VariableKind::Number { paths, .. }, VariableSetting::Number(number)) => {
+            put_value_at_paths(document, base, paths, &Value::from(number))
         }
         (VariableKind::Choice { paths, values, .. }, VariableSetting::Choice(choice)) => match values.get(choice) {
             Some(value) => put_value_at_paths(document, base, paths, value),
@@ -124,41 +131,41 @@ fn put_value_at_paths(
     value: &Value,
 ) -> Result<(), PathError> {
     for path in paths {
-        for place in path.places(base)? {
-            put_value_at_place(document, &place, value);
+        for place in path.find_places_allowing_new_last_key(base)? {
+            put_value_if_its_table_exists(document, &place, value);
         }
     }
     Ok(())
 }
 
 /// Puts a value at a place; nothing where the place is gone, as that of an actuator that this design does without.
-pub(super) fn put_value_at_place(document: &mut DocumentMut, place: &[PathStep], value: &Value) {
+pub(super) fn put_value_if_its_table_exists(document: &mut DocumentMut, place: &[PathStep], value: &Value) {
     match (place.split_last(), value) {
         (Some((PathStep::Index(_), _)), Value::InlineTable(new)) => {
-            if let Some(own) = find_table_mut(document, place) {
+            if let Some(own) = find_table_at_place_mut(document, place) {
                 replace_table_content(own, new);
             }
         }
         (Some((PathStep::Key(key), above)), _) => {
-            let Some(table) = find_table_mut(document, above) else { return };
+            let Some(table) = find_table_at_place_mut(document, above) else { return };
             match (table.get_mut(key), value) {
                 (Some(Item::Table(own)), Value::InlineTable(new)) => replace_table_content(own, new),
                 _ => replace_value_keeping_decor(table, key, value),
             }
         }
-        // What leads to a table of a list has tables for values, as [`check_paths_lead_somewhere`] makes sure.
+        // What leads to a table of a list has tables for values, as [`check_variables_can_be_set_in_document`] makes sure.
         _ => {}
     }
 }
 
 /// Gives a table other keys and values. It stays where it is, with its heading and its comments.
-fn replace_table_content(own: &mut dyn TableLike, new: &InlineTable) {
-    let gone: Vec<String> = own.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
+fn replace_table_content(table: &mut dyn TableLike, new: &InlineTable) {
+    let gone: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
     for key in gone {
-        own.remove(&key);
+        table.remove(&key);
     }
     for (key, value) in new {
-        replace_value_keeping_decor(own, key, value);
+        replace_value_keeping_decor(table, key, value);
     }
 }
 
@@ -172,20 +179,21 @@ fn replace_value_keeping_decor(table: &mut dyn TableLike, key: &str, value: &Val
 }
 
 /// The number at a place; `None` if there is none.
-pub(super) fn number_at_place(document: &DocumentMut, place: &[PathStep]) -> Option<f64> {
+pub(super) fn number_at_place_if_any(document: &DocumentMut, place: &[PathStep]) -> Option<f64> {
     let (PathStep::Key(key), above) = place.split_last()? else { return None };
-    let value = find_table(document, above)?.get(key)?;
+    let value = find_table_at_place(document, above)?.get(key)?;
     #[expect(clippy::cast_precision_loss, reason = "as in any other number")]
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
 /// Length and width of the surface in mm, where they are numbers.
-pub(super) fn surface_sides_mm(document: &DocumentMut) -> [Option<f64>; 2] {
-    let side = |key: &str| number_at_place(document, &[PathStep::Key("surface".into()), PathStep::Key(key.into())]);
+pub(super) fn surface_sides_if_numbers_mm(document: &DocumentMut) -> [Option<f64>; 2] {
+    let side =
+        |key: &str| number_at_place_if_any(document, &[PathStep::Key("surface".into()), PathStep::Key(key.into())]);
     [side("length_mm"), side("width_mm")]
 }
 
-fn find_table<'d>(document: &'d DocumentMut, place: &[PathStep]) -> Option<&'d dyn TableLike> {
+fn find_table_at_place<'d>(document: &'d DocumentMut, place: &[PathStep]) -> Option<&'d dyn TableLike> {
     let mut own: &dyn TableLike = document.as_table();
     let mut steps = place.iter();
     while let Some(step) = steps.next() {
@@ -201,7 +209,7 @@ fn find_table<'d>(document: &'d DocumentMut, place: &[PathStep]) -> Option<&'d d
     Some(own)
 }
 
-fn find_table_mut<'d>(document: &'d mut DocumentMut, place: &[PathStep]) -> Option<&'d mut dyn TableLike> {
+fn find_table_at_place_mut<'d>(document: &'d mut DocumentMut, place: &[PathStep]) -> Option<&'d mut dyn TableLike> {
     let mut own: &mut dyn TableLike = document.as_table_mut();
     let mut steps = place.iter();
     while let Some(step) = steps.next() {
@@ -219,20 +227,24 @@ fn find_table_mut<'d>(document: &'d mut DocumentMut, place: &[PathStep]) -> Opti
 }
 
 /// Checks that places keep their minimum distances.
-pub(super) fn check_minimum_distances(document: &DocumentMut, all: &[MinimumDistance]) -> Result<(), RefusedDesign> {
-    let kind =
-        find_table(document, &[PathStep::Key("surface".into())]).and_then(|surface| surface.get("kind")?.as_str());
+pub(super) fn check_minimum_distances(
+    document: &DocumentMut,
+    minimum_distances: &[MinimumDistance],
+) -> Result<(), RefusedDesign> {
+    let kind = find_table_at_place(document, &[PathStep::Key("surface".into())])
+        .and_then(|surface| surface.get("kind")?.as_str());
     // A bar has no y, whatever stands in its file.
     let is_bar = kind == Some("bar");
-    for apart in all {
+    for apart in minimum_distances {
         let mut places: Vec<(String, [f64; 2])> = Vec::new();
         for path in &apart.places {
             // One that this design does without keeps any distance.
-            for place in path.places(document).unwrap_or_default() {
-                let at =
-                    |key: &str| number_at_place(document, &[place.as_slice(), &[PathStep::Key(key.into())]].concat());
+            for place in path.find_places_allowing_new_last_key(document).unwrap_or_default() {
+                let at = |key: &str| {
+                    number_at_place_if_any(document, &[place.as_slice(), &[PathStep::Key(key.into())]].concat())
+                };
                 let Some(x) = at("x_mm") else { continue };
-                let name = name_of_table_place(document, &place);
+                let name = id_or_path_of_table(document, &place);
                 if places.iter().all(|(other, _)| *other != name) {
                     places.push((name, [x, at("y_mm").filter(|_| !is_bar).unwrap_or(0.0)]));
                 }
@@ -256,8 +268,8 @@ pub(super) fn check_minimum_distances(document: &DocumentMut, all: &[MinimumDist
 }
 
 /// A table's place as people name it: an actuator by its `id`.
-fn name_of_table_place(document: &DocumentMut, place: &[PathStep]) -> String {
-    let id = find_table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
+fn id_or_path_of_table(document: &DocumentMut, place: &[PathStep]) -> String {
+    let id = find_table_at_place(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
     id.unwrap_or_else(|| format_place_as_path(place))
 }
 

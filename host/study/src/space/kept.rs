@@ -1,19 +1,24 @@
 //! What the scene's own file has where a study has variables.
 
 use super::design::{Design, VariableSetting};
-use super::{DesignSpace, document, places_of_paths};
+use super::{DesignSpace, collect_all_places_of_paths, document};
 use crate::spec::{PathStep, ScenePath, VariableKind};
 use toml_edit::{ArrayOfTables, Item};
 
 /// What a variable is set to in the scene's file; `None` where that is not one value of its kind.
-pub(super) fn setting_in_scene_file(space: &DesignSpace, number: usize) -> Option<VariableSetting> {
-    match &space.variables.get(number)?.what {
-        VariableKind::Number { paths, .. } => common_number_at_paths(space, paths).map(VariableSetting::Number),
-        VariableKind::Choice { values, .. } => {
-            (0..values.len()).map(VariableSetting::Choice).find(|own| leaves_scene_unchanged(space, number, *own))
+pub(super) fn variable_setting_in_scene_file_if_single(
+    space: &DesignSpace,
+    variable_index: usize,
+) -> Option<VariableSetting> {
+    match &space.variables.get(variable_index)?.what {
+        VariableKind::Number { paths, .. } => {
+            number_at_paths_if_same_everywhere(space, paths).map(VariableSetting::Number)
         }
+        VariableKind::Choice { values, .. } => (0..values.len())
+            .map(VariableSetting::Choice)
+            .find(|own| leaves_scene_unchanged(space, variable_index, *own)),
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
-            let [x, y] = ["x_mm", "y_mm"].map(|key| common_number_at_paths(space, &[of.child_path(key)]));
+            let [x, y] = ["x_mm", "y_mm"].map(|key| number_at_paths_if_same_everywhere(space, &[of.child_path(key)]));
             Some(VariableSetting::Place([x?, y?]))
         }
         VariableKind::Count { list, .. } => {
@@ -23,17 +28,17 @@ pub(super) fn setting_in_scene_file(space: &DesignSpace, number: usize) -> Optio
 }
 
 /// The number that all places of some paths have.
-fn common_number_at_paths(space: &DesignSpace, paths: &[ScenePath]) -> Option<f64> {
-    let places = places_of_paths(paths, &space.base).ok()?;
-    let mut numbers = places.iter().map(|place: &Vec<PathStep>| document::number_at_place(&space.base, place));
+fn number_at_paths_if_same_everywhere(space: &DesignSpace, paths: &[ScenePath]) -> Option<f64> {
+    let places = collect_all_places_of_paths(paths, &space.base).ok()?;
+    let mut numbers = places.iter().map(|place: &Vec<PathStep>| document::number_at_place_if_any(&space.base, place));
     let first = numbers.next()??;
     numbers.all(|other| other == Some(first)).then_some(first)
 }
 
 /// Whether the scene means the same with this setting of a variable: a table may be written in many ways.
-fn leaves_scene_unchanged(space: &DesignSpace, number: usize, setting: VariableSetting) -> bool {
+fn leaves_scene_unchanged(space: &DesignSpace, variable_index: usize, setting: VariableSetting) -> bool {
     let mut settings = vec![VariableSetting::Kept; space.variables.len()];
-    settings[number] = setting;
+    settings[variable_index] = setting;
     let changed = space.design_as_scene_text(&Design { settings }).and_then(|text| space.parse_scene_text(&text));
-    changed.ok().zip(space.scene_of_file(&[]).ok()).is_some_and(|(changed, own)| changed == own)
+    changed.ok().zip(space.scene_of_file_with_deviations(&[]).ok()).is_some_and(|(changed, own)| changed == own)
 }

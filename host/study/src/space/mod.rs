@@ -91,13 +91,13 @@ impl DesignSpace {
         text: &str,
     ) -> Result<(), SceneError> {
         let report = MistakeReport::new(text);
-        self.check_variables_fit_scene(&report, text, &spec.wanted_figures());
+        self.report_all_that_does_not_fit_scene(&report, text, &spec.wanted_figures());
         report.into_result(source)
     }
 
     /// How many places of the scene a path leads to; none where it leads nowhere.
-    pub(crate) fn count_places_of_path(&self, path: &ScenePath) -> usize {
-        path.places(&self.base).map_or(0, |places| places.len())
+    pub(crate) fn count_matches_of_path_in_base_scene_or_zero(&self, path: &ScenePath) -> usize {
+        path.find_places_allowing_new_last_key(&self.base).map_or(0, |places| places.len())
     }
 
     /// The dimensions of the unit cube.
@@ -121,11 +121,12 @@ impl DesignSpace {
     /// The design at a point of the unit cube, one number for each dimension.
     #[must_use]
     pub fn design_at_point(&self, point: &[f64]) -> Design {
-        let mut design = design::design_at_point(&self.variables, &self.dimensions, point);
+        let mut design = design::design_at_point_without_mirrored_places(&self.variables, &self.dimensions, point);
         if self.variables.iter().any(|own| matches!(own.what, VariableKind::Mirror { .. })) {
             // About the middle of the surface that this design has.
-            let sides_mm =
-                self.design_as_document(&design).map_or([None; 2], |document| document::surface_sides_mm(&document));
+            let sides_mm = self
+                .design_as_document(&design)
+                .map_or([None; 2], |document| document::surface_sides_if_numbers_mm(&document));
             design::set_mirrored_places(&self.variables, &mut design, sides_mm);
         }
         design
@@ -144,14 +145,19 @@ impl DesignSpace {
     ///
     /// # Errors
     /// [`RefusedDesign`].
-    pub fn design_as_scene(&self, design: &Design, off: &[f64]) -> Result<Scene, RefusedDesign> {
+    pub fn design_as_scene(&self, design: &Design, tolerance_fractions: &[f64]) -> Result<Scene, RefusedDesign> {
         let mut document = self.design_as_document(design)?;
         // The scene as it is is what designs are compared with, whether or not it keeps what they have to keep.
         if design.settings.iter().any(|setting| *setting != VariableSetting::Kept) {
             document::check_minimum_distances(&document, &self.apart)?;
         }
-        if !off.is_empty() {
-            uncertain::apply_deviations(&mut document, &self.uncertain, &self.uncertain_places(), off);
+        if !tolerance_fractions.is_empty() {
+            uncertain::deviate_uncertain_values_by_tolerance_fractions(
+                &mut document,
+                &self.uncertain,
+                &self.places_of_each_uncertain_value(),
+                tolerance_fractions,
+            );
         }
         document::parse_document_as_scene(&self.source, &document)
     }
@@ -168,23 +174,24 @@ impl DesignSpace {
     ///
     /// # Errors
     /// [`RefusedDesign`]; it has been read before.
-    pub fn scene_of_file(&self, off: &[f64]) -> Result<Scene, RefusedDesign> {
+    pub fn scene_of_file_with_deviations(&self, tolerance_fractions: &[f64]) -> Result<Scene, RefusedDesign> {
         let nothing = Design { settings: vec![VariableSetting::Kept; self.variables.len()] };
-        self.design_as_scene(&nothing, off)
+        self.design_as_scene(&nothing, tolerance_fractions)
     }
 
     /// The scene as it is, where nothing but its spring holds some mass against a press: that may be worth a word. `None` with stops for all.
     #[must_use]
-    pub fn scene_if_stops_missing(&self) -> Option<Scene> {
+    pub fn base_scene_if_any_grounded_actuator_lacks_stop(&self) -> Option<Scene> {
         let is_free = |own: &Actuator| own.mount == Mount::Grounded && own.stop_m.is_none();
-        self.scene_of_file(&[]).ok().filter(|scene| scene.actuators.iter().any(is_free))
+        self.scene_of_file_with_deviations(&[]).ok().filter(|scene| scene.actuators.iter().any(is_free))
     }
 
     /// The design that the scene's file itself is. [`VariableSetting::Kept`] is left where the file has no value of the variable's kind: no such key,
     /// different values for one variable, or none of a choice's.
     #[must_use]
     pub fn design_of_scene_file(&self) -> Design {
-        let kept = |number| kept::setting_in_scene_file(self, number).unwrap_or(VariableSetting::Kept);
+        let kept =
+            |number| kept::variable_setting_in_scene_file_if_single(self, number).unwrap_or(VariableSetting::Kept);
         Design { settings: (0..self.variables.len()).map(kept).collect() }
     }
 
@@ -194,7 +201,8 @@ impl DesignSpace {
         let mut design = design.clone();
         for (number, (setting, own)) in design.settings.iter_mut().zip(&self.variables).enumerate() {
             if *setting == VariableSetting::Kept && matches!(own.what, VariableKind::Choice { .. }) {
-                *setting = kept::setting_in_scene_file(self, number).unwrap_or(VariableSetting::Kept);
+                *setting =
+                    kept::variable_setting_in_scene_file_if_single(self, number).unwrap_or(VariableSetting::Kept);
             }
         }
         design
@@ -202,22 +210,22 @@ impl DesignSpace {
 
     /// Length and width in mm of the surface of all designs; `None` of a side that a variable changes.
     #[must_use]
-    pub fn known_sides_mm(&self) -> [Option<f64>; 2] {
-        let [length, width] = document::surface_sides_mm(&self.base);
-        let is_known = |key: &str| !self.is_key_changed(&["surface", key]);
+    pub fn sides_unchanged_by_variables_mm(&self) -> [Option<f64>; 2] {
+        let [length, width] = document::surface_sides_if_numbers_mm(&self.base);
+        let is_known = |key: &str| !self.is_key_set_by_number_or_choice_variable(&["surface", key]);
         [length.filter(|_| is_known("length_mm")), width.filter(|_| is_known("width_mm"))]
     }
 
     /// Whether a variable changes a key, or a table or list that it is in, by another value. Counts and places do not.
     #[must_use]
-    pub fn is_key_changed(&self, key: &[&str]) -> bool {
+    pub fn is_key_set_by_number_or_choice_variable(&self, key: &[&str]) -> bool {
         let has_it = |place: &Vec<PathStep>| {
             let mut steps = place.iter().zip(key);
             place.len() <= key.len() && steps.all(|(step, name)| matches!(step, PathStep::Key(own) if own == name))
         };
         self.variables.iter().any(|own| match &own.what {
             VariableKind::Number { paths, .. } | VariableKind::Choice { paths, .. } => {
-                places_of_paths(paths, &self.base).is_ok_and(|places| places.iter().any(has_it))
+                collect_all_places_of_paths(paths, &self.base).is_ok_and(|places| places.iter().any(has_it))
             }
             _ => false,
         })
@@ -225,16 +233,19 @@ impl DesignSpace {
 
     /// Number of values that may be off by themselves.
     #[must_use]
-    pub fn count_uncertain_values(&self) -> usize {
-        self.uncertain_places()
+    pub fn count_independent_uncertain_values(&self) -> usize {
+        self.places_of_each_uncertain_value()
             .iter()
             .zip(&self.uncertain)
             .map(|(places, own)| uncertain::count_independent_values(own, places))
             .sum()
     }
 
-    fn uncertain_places(&self) -> Vec<Vec<Vec<PathStep>>> {
-        self.uncertain.iter().map(|own| places_of_paths(&own.paths, &self.base).unwrap_or_default()).collect()
+    fn places_of_each_uncertain_value(&self) -> Vec<Vec<Vec<PathStep>>> {
+        self.uncertain
+            .iter()
+            .map(|own| collect_all_places_of_paths(&own.paths, &self.base).unwrap_or_default())
+            .collect()
     }
 
     fn design_as_document(&self, design: &Design) -> Result<DocumentMut, RefusedDesign> {
@@ -247,8 +258,8 @@ impl DesignSpace {
 }
 
 /// All places of some paths.
-fn places_of_paths(paths: &[ScenePath], document: &DocumentMut) -> Result<Vec<Vec<PathStep>>, PathError> {
-    let each = paths.iter().map(|path| path.places(document));
+fn collect_all_places_of_paths(paths: &[ScenePath], document: &DocumentMut) -> Result<Vec<Vec<PathStep>>, PathError> {
+    let each = paths.iter().map(|path| path.find_places_allowing_new_last_key(document));
     Ok(each.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
 }
 

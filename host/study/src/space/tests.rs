@@ -47,7 +47,7 @@ fn places_are_free_on_a_line_and_mirrored() {
     let columns = space.table_columns();
     assert_eq!(columns.len(), 6);
     let design = space.design_at_point(&[0.25, 0.5, 0.6]);
-    assert_eq!(columns[2].number_in_design(&design), Some(265.0));
+    assert_eq!(columns[2].number_or_choice_index_in_design_unless_kept(&design), Some(265.0));
     assert!(columns[2].follows && !columns[0].follows);
 }
 
@@ -64,7 +64,7 @@ fn choices_take_tables_and_words() {
     let found = scene(&space, &[0.1, 0.1]);
     assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2700.0, EdgeKind::Pinned));
     let design = space.design_at_point(&[0.9, 0.1]);
-    assert_eq!(space.table_columns()[0].text_in_design(&design).as_deref(), Some("glass"));
+    assert_eq!(space.table_columns()[0].text_in_design_unless_kept(&design).as_deref(), Some("glass"));
     // The heading and what stands beside values stay.
     let text = space.design_as_scene_text(&design).unwrap();
     assert!(text.contains("[surface.material]") && text.contains("# about 5 % of critical"), "{text}");
@@ -119,8 +119,8 @@ fn what_may_be_off_is_off_by_parts_and_amounts() {
                  [[uncertain]]\nkey = \"actuator.*.x_mm\"\nby = 2.0\nvary = \"together\"\n\
                  [[uncertain]]\nkey = \"support[1].x_mm\"\nby = 2.0\n";
     let space = space(study);
-    assert_eq!(space.count_uncertain_values(), 6);
-    let found = space.scene_of_file(&[1.0, -1.0, 0.5, 0.0, 1.0, -1.0]).unwrap();
+    assert_eq!(space.count_independent_uncertain_values(), 6);
+    let found = space.scene_of_file_with_deviations(&[1.0, -1.0, 0.5, 0.0, 1.0, -1.0]).unwrap();
     let springs: Vec<f64> = found.supports.iter().map(|support| support.stiffness_n_per_m).collect();
     assert_eq!(springs, [2400.0, 1600.0, 2200.0, 2000.0]);
     assert_eq!([found.actuators[0].x_m, found.actuators[1].x_m], [0.077, 0.227]);
@@ -159,12 +159,12 @@ fn coordinates_stay_on_a_surface_whose_sides_are_off() {
     let length = "[[uncertain]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nby = 3\nvary = \"together\"\n";
     let together = space(length);
     for (off, length_m) in [(1.0, 0.303), (-1.0, 0.297)] {
-        let found = together.scene_of_file(&[off]).unwrap();
+        let found = together.scene_of_file_with_deviations(&[off]).unwrap();
         assert_eq!([found.surface.length_m, found.supports[1].x_m, found.supports[3].x_m], [length_m; 3]);
     }
     let coordinates = "[[uncertain]]\nkey = \"support.*.x_mm\"\nby = 2\nvary = \"together\"\n\
                        [[uncertain]]\nkey = \"surface.length_mm\"\nby = 1\n";
-    let found = space(coordinates).scene_of_file(&[1.0, 1.0]).unwrap();
+    let found = space(coordinates).scene_of_file_with_deviations(&[1.0, 1.0]).unwrap();
     assert_eq!([0, 1, 2, 3].map(|k: usize| found.supports[k].x_m), [0.002, 0.301, 0.002, 0.301]);
 }
 
@@ -189,9 +189,9 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
         (4, "the scene has no support[7]"),
         (
             8,
-            "the scene takes none of its values that were tried: surface.thickness_mm is 200, but must be 0.001 to 100",
+            "the scene is not valid with any of the values of this variable that were tried: surface.thickness_mm is 200, but must be 0.001 to 100",
         ),
-        (12, "must be a place of a variable before this one"),
+        (12, "must be the place of an earlier variable"),
         (16, "the scene has 2 [[actuator]], but 3 are asked for"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
@@ -229,7 +229,10 @@ fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
     assert!(space_of("[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [-10, -10, 500, 500]\n", &small).is_ok());
     // What is never taken is told, and what goes together is not told because of it.
     let thick = format!("{longer}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n");
-    hold(&space_of(&thick, &shorter).unwrap_err(), &[(11, "variable[3] (surface.thickness_mm): the scene takes none")]);
+    hold(
+        &space_of(&thick, &shorter).unwrap_err(),
+        &[(11, "variable[3] (surface.thickness_mm): the scene is not valid with any")],
+    );
 }
 
 /// Of two variables that change the same the first would come to nothing, and of two columns with one name one would be lost.
@@ -245,19 +248,25 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
     let expected = [
         (
             9,
-            "variable[2] (other): it changes support[1].x_mm, which variable[1] (support[1].x_mm) in line 4 changes too",
+            "variable[2] (other): two variables change support[1].x_mm, this one and variable[1] (support[1].x_mm) in line 4",
         ),
-        (14, "variable[3] (status): its column would be \"status\", which the table of designs has in any case"),
-        (19, "variable[4] (weakest_g_low): its column would be \"weakest_g_low\", which is that of a figure"),
-        (28, "variable[6] (a.y_mm): its column would be \"a.y_mm\", which is that of variable[5] in line 24"),
-        (32, "it changes actuator[1].x_mm, which variable[5] (a) in line 24 changes too"),
+        (14, "variable[3] (status): its column in the table of designs would be \"status\", but the table itself has"),
+        (
+            19,
+            "variable[4] (weakest_g_low): its column in the table of designs would be \"weakest_g_low\", but a figure has",
+        ),
+        (
+            28,
+            "variable[6] (a.y_mm): its column in the table of designs would be \"a.y_mm\", but variable[5] in line 24 has",
+        ),
+        (32, "two variables change actuator[1].x_mm, this one and variable[5] (a) in line 24"),
     ];
     hold(&space_of(study, EXAMPLE_PLATE).unwrap_err(), &expected);
     // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
     let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
     let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
     let error = space_of(&format!("{key}{table}"), EXAMPLE_PLATE).unwrap_err();
-    hold(&error, &[(8, "it changes surface.material.density_kg_m3, which variable[1]")]);
+    hold(&error, &[(8, "two variables change surface.material.density_kg_m3, this one and variable[1]")]);
     let space = space(&format!("{table}{key}"));
     assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
 }
@@ -283,7 +292,7 @@ fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
     let study = "[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [100, 100, 200, 100]\n\
                  [[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 160\n";
     let space = space(study);
-    assert_eq!(space.scene_of_file(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
+    assert_eq!(space.scene_of_file_with_deviations(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
     assert!(
         space.design_as_scene(&space.design_of_scene_file(), &[]).is_err()
             && space.design_as_scene(&space.design_at_point(&[0.5, 0.5]), &[]).is_err()
@@ -293,7 +302,7 @@ fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
 #[test]
 fn chosen_numbers_have_few_digits() {
     assert_eq!(
-        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::round_to_written_digits),
+        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::round_to_significant_digits),
         [0.3, 0.333_333, 123_457_000.0, -6.66667e-10]
     );
 }
@@ -322,7 +331,10 @@ fn the_scene_as_it_is_is_a_design() {
     ];
     assert_eq!(space.design_of_scene_file().settings, wanted);
     // It is that scene.
-    assert_eq!(space.design_as_scene(&space.design_of_scene_file(), &[]).unwrap(), space.scene_of_file(&[]).unwrap());
+    assert_eq!(
+        space.design_as_scene(&space.design_of_scene_file(), &[]).unwrap(),
+        space.scene_of_file_with_deviations(&[]).unwrap()
+    );
 }
 
 /// What has no place is no table of one, and one place is apart from nothing.
@@ -333,10 +345,10 @@ fn what_is_held_apart_has_places() {
         let study = format!("{table}[[apart]]\nplaces = {places}\ndistance_mm = 50\n");
         hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(8, expected)]);
     };
-    told("[\"surface\"]", "apart[1]: surface is no place: what it leads to has no x_mm");
-    told("[\"actuator\"]", "apart[1]: actuator is no place");
-    told("[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]", "apart[1]: actuator.left.x_mm is no place");
-    told("[\"actuator.left\", \"actuator[1]\"]", "apart[1]: places are 1, but must be two at least");
+    told("[\"surface\"]", "apart[1]: surface is not a place, because the path leads to no table with an x_mm");
+    told("[\"actuator\"]", "apart[1]: actuator is not a place");
+    told("[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]", "apart[1]: actuator.left.x_mm is not a place");
+    told("[\"actuator.left\", \"actuator[1]\"]", "apart[1]: the paths lead to 1 places, but at least two are needed");
     assert!(
         space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), EXAMPLE_PLATE).is_ok()
     );
@@ -360,6 +372,6 @@ fn a_value_is_off_in_one_way() {
     let table = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n";
     let off = |key: &str| format!("[[uncertain]]\nkey = \"{key}\"\npart = 0.1\n");
     let study = format!("{table}{}{}", off("support.*.stiffness_n_per_m"), off("support[1].stiffness_n_per_m"));
-    let expected = "it has support[1].stiffness_n_per_m off, which uncertain[1] (support.*.stiffness_n_per_m) in line";
+    let expected = "two entries make support[1].stiffness_n_per_m uncertain, this one and uncertain[1] (support.*.stiffness_n_per_m) in line";
     hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(12, expected)]);
 }

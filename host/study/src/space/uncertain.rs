@@ -1,7 +1,7 @@
 //! Values that may be off: which, by how much, and the samples that all designs are looked at with.
 
 use super::design;
-use super::document::{number_at_place, put_value_at_place, surface_sides_mm};
+use super::document::{number_at_place_if_any, put_value_if_its_table_exists, surface_sides_if_numbers_mm};
 use crate::spec::{PathStep, UncertainValue, UncertaintySampling};
 use era_model::scene::random::RandomSequence;
 use toml_edit::{DocumentMut, Value};
@@ -19,12 +19,13 @@ pub struct UncertaintySamples(
 impl UncertaintySamples {
     /// How many there are for so many values that may be off, before any is listed.
     #[must_use]
-    pub fn count_samples(values: usize, robust: UncertaintySampling) -> usize {
-        match robust {
-            _ if values == 0 => 0,
-            UncertaintySampling::Corners => {
-                u32::try_from(values).ok().and_then(|values| 1_usize.checked_shl(values)).unwrap_or(usize::MAX)
-            }
+    pub fn count_samples(uncertain_values: usize, sampling: UncertaintySampling) -> usize {
+        match sampling {
+            _ if uncertain_values == 0 => 0,
+            UncertaintySampling::Corners => u32::try_from(uncertain_values)
+                .ok()
+                .and_then(|uncertain_values| 1_usize.checked_shl(uncertain_values))
+                .unwrap_or(usize::MAX),
             UncertaintySampling::LatinHypercube { samples } => samples,
         }
     }
@@ -49,40 +50,40 @@ impl UncertaintySamples {
 }
 
 /// Number of values of one uncertainty that are off by themselves.
-pub(super) fn count_independent_values(own: &UncertainValue, places: &[Vec<PathStep>]) -> usize {
-    if own.together { 1 } else { places.len() }
+pub(super) fn count_independent_values(value: &UncertainValue, places: &[Vec<PathStep>]) -> usize {
+    if value.together { 1 } else { places.len() }
 }
 
 /// Moves values by parts of what they may be off. Coordinates among them stay on the surface, whose sides may be off themselves.
-pub(super) fn apply_deviations(
+pub(super) fn deviate_uncertain_values_by_tolerance_fractions(
     document: &mut DocumentMut,
-    all: &[UncertainValue],
+    uncertain_values: &[UncertainValue],
     places: &[Vec<Vec<PathStep>>],
-    off: &[f64],
+    tolerance_fractions: &[f64],
 ) {
     let mut first = 0;
-    for (own, places) in all.iter().zip(places) {
+    for (own, places) in uncertain_values.iter().zip(places) {
         for (k, place) in places.iter().enumerate() {
-            let part = off.get(first + if own.together { 0 } else { k }).copied().unwrap_or(0.0);
+            let part = tolerance_fractions.get(first + if own.together { 0 } else { k }).copied().unwrap_or(0.0);
             // None where this design does without.
-            let Some(value) = number_at_place(document, place) else { continue };
-            let moved = design::round_to_written_digits(value * (1.0 + own.part * part) + own.by * part);
-            put_value_at_place(document, place, &Value::from(moved));
+            let Some(value) = number_at_place_if_any(document, place) else { continue };
+            let moved = design::round_to_significant_digits(value * (1.0 + own.part * part) + own.by * part);
+            put_value_if_its_table_exists(document, place, &Value::from(moved));
         }
         first += count_independent_values(own, places);
     }
-    let [length_mm, width_mm] = surface_sides_mm(document);
+    let [length_mm, width_mm] = surface_sides_if_numbers_mm(document);
     for place in places.iter().flatten() {
         let side_mm = match place.last() {
             Some(PathStep::Key(key)) if key == "x_mm" => length_mm,
             Some(PathStep::Key(key)) if key == "y_mm" => width_mm,
             _ => None,
         };
-        let Some((at_mm, side_mm)) = number_at_place(document, place).zip(side_mm) else { continue };
+        let Some((at_mm, side_mm)) = number_at_place_if_any(document, place).zip(side_mm) else { continue };
         // Not `clamp`, which a side below 0 would make panic: the scene refuses it.
         let on_mm = at_mm.min(side_mm).max(0.0);
         if on_mm != at_mm {
-            put_value_at_place(document, place, &Value::from(on_mm));
+            put_value_if_its_table_exists(document, place, &Value::from(on_mm));
         }
     }
 }

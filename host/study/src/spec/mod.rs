@@ -12,7 +12,7 @@ mod variables;
 mod wishes;
 
 pub use method::{PointMethod, StudyMethod, UncertaintySampling};
-pub(crate) use parse::{MOST_DESIGNS, has_few_corners};
+pub(crate) use parse::{MOST_DESIGNS, can_try_all_corners};
 pub use path::{PathError, PathStep, ScenePath, TABLE_NAMES};
 pub use variables::{
     MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,

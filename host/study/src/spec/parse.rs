@@ -44,9 +44,9 @@ pub(super) fn parse_study_spec(source: &str, text: &str) -> Result<StudySpec, Sc
 }
 
 fn read_whole_spec(file: &TomlSection<'_, '_>, values: &DocumentMut) -> StudySpec {
-    file.read_number("version", AllowedNumbers::Within(VERSION, VERSION));
-    let name = file.read_text("name");
-    let scene = file.read_text("scene");
+    file.read_required_number_or_nan("version", AllowedNumbers::Within(VERSION, VERSION));
+    let name = file.read_required_text("name");
+    let scene = file.read_required_text("scene");
     let lists = values.get("variable").and_then(|item| item.as_array_of_tables());
     let list_of = |i: usize| lists.and_then(|lists| lists.get(i)?.get("values")?.as_array());
     let sections = file.read_tables("variable");
@@ -57,49 +57,59 @@ fn read_whole_spec(file: &TomlSection<'_, '_>, values: &DocumentMut) -> StudySpe
     let is_wished = !sections.is_empty();
     let wishes: Vec<Wish> = sections.into_iter().filter_map(read_wish).collect();
     if !is_wished {
-        file.mistake_report().add_mistake_at(&(0..0), "wish is missing: at least one [[wish]] says what is wanted");
+        file.mistake_report().add_mistake_at(&(0..0), "wish is missing: at least one [[wish]] is needed");
     }
     let limits = file.read_tables("limit").into_iter().filter_map(read_limit).collect();
     let uncertain: Vec<UncertainValue> = file.read_tables("uncertain").into_iter().map(read_uncertain_value).collect();
-    let costs = file.read_table("cost").map_or_else(PartCosts::default, read_costs);
+    let costs = file.read_table_if_given("cost").map_or_else(PartCosts::default, read_costs);
     let method = read_method(file, &uncertain);
     StudySpec { name, scene, variables, apart, wishes, limits, uncertain, costs, method }
 }
 
 /// A path, told if it is none.
-fn parse_path_value(section: &TomlSection<'_, '_>, key: &'static str, text: &str) -> Option<ScenePath> {
+fn parse_path_value_reporting_mistake(
+    section: &TomlSection<'_, '_>,
+    key: &'static str,
+    text: &str,
+) -> Option<ScenePath> {
     ScenePath::parse_path(text)
         .map_err(|error| {
-            section
-                .mistake_report()
-                .add_mistake_at(&section.byte_range_of_value(key), format!("{}: {error}", section.key_with_path(key)))
+            section.mistake_report().add_mistake_at(
+                &section.byte_range_of_value_or_section(key),
+                format!("{}: {error}", section.key_with_path(key)),
+            )
         })
         .ok()
 }
 
 fn read_paths(section: &TomlSection<'_, '_>, key: &'static str) -> Vec<ScenePath> {
-    let texts = section.read_texts(key).unwrap_or_default();
-    texts.iter().filter_map(|text| parse_path_value(section, key, text)).collect()
+    let texts = section.read_text_or_texts_if_given(key).unwrap_or_default();
+    texts.iter().filter_map(|text| parse_path_value_reporting_mistake(section, key, text)).collect()
 }
 
 fn read_path(section: &TomlSection<'_, '_>, key: &'static str) -> Option<ScenePath> {
-    parse_path_value(section, key, &section.read_text(key))
+    parse_path_value_reporting_mistake(section, key, &section.read_required_text(key))
 }
 
 fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) -> Option<StudyVariable> {
     let kinds = ["key", "place", "count"].map(|kind| section.has_key(kind));
-    let given = if section.has_key("name") { Some(section.read_text("name")) } else { None };
-    let levels = section.has_key("levels").then(|| section.read_count("levels", MOST_LEVELS) as usize);
-    let line = section.mistake_report().line_number_at(section.byte_range_of_value("name").start);
+    let given = if section.has_key("name") { Some(section.read_required_text("name")) } else { None };
+    let levels =
+        section.has_key("levels").then(|| section.read_required_positive_count_or_1("levels", MOST_LEVELS) as usize);
+    let line = section.mistake_report().line_number_at(section.byte_range_of_value_or_section("name").start);
     let (usual, what) = match kinds {
         [true, false, false] => {
             let paths = read_paths(&section, "key");
             let name = paths.first().map_or_else(String::new, ToString::to_string);
             let what = if section.has_key("values") {
-                report_keys_to_leave_out(&section, ["from", "to", "scale", "step"], "as `values` are given");
-                read_choice(&section, paths, list)
+                report_given_keys_that_must_be_left_out(
+                    &section,
+                    ["from", "to", "scale", "step"],
+                    "because `values` are given",
+                );
+                read_choice_variable(&section, paths, list)
             } else {
-                report_keys_to_leave_out(&section, ["names", "costs"], "as there are no `values`");
+                report_given_keys_that_must_be_left_out(&section, ["names", "costs"], "because there are no `values`");
                 Some(VariableKind::Number { paths, numbers: read_number_range(&section, "step", ANY) })
             };
             (name, what)
@@ -110,15 +120,22 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
             (name, of.and_then(|of| read_place_variable(&section, of)))
         }
         [false, false, true] => {
-            let list = section.read_text("count");
-            let (from, to) = (section.read_count("from", 1000) as usize, section.read_count("to", 1000) as usize);
+            let list = section.read_required_text("count");
+            let (from, to) = (
+                section.read_required_positive_count_or_1("from", 1000) as usize,
+                section.read_required_positive_count_or_1("to", 1000) as usize,
+            );
             if from > to {
                 section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
             }
             (format!("number of {}", pluralise_list_name(&list)), Some(VariableKind::Count { list, from, to }))
         }
         _ => {
-            report_not_exactly_one(&section, "name", [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])]);
+            add_none_or_several_keys_mistake(
+                &section,
+                "name",
+                [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])],
+            );
             return None;
         }
     };
@@ -135,48 +152,53 @@ fn pluralise_list_name(list: &str) -> String {
     }
 }
 
-/// Tells that not one of three keys is given, but none or several; `at` is the key whose line is told.
-fn report_not_exactly_one(section: &TomlSection<'_, '_>, at: &str, given: [(&str, bool); 3]) {
+/// Tells that not one of three keys is given, but none or several; `key_to_point_at` is the key whose line is told.
+fn add_none_or_several_keys_mistake(section: &TomlSection<'_, '_>, key_to_point_at: &str, given: [(&str, bool); 3]) {
     let [a, b, c] = given.map(|(key, _)| key);
     let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     let text = match there.is_empty() {
         true => format!("{}: one of {a}, {b} and {c} is needed", section.path_in_messages()),
         false => {
             format!(
-                "{}: {} are given, but only one of {a}, {b} and {c} may be",
+                "{}: {} are given, but only one of {a}, {b} and {c} is allowed",
                 section.path_in_messages(),
                 there.join(" and ")
             )
         }
     };
-    section.mistake_report().add_mistake_at(&section.byte_range_of_value(at), text);
+    section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(key_to_point_at), text);
 }
 
 /// `from`, `to`, `scale` and a step.
 fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allowed: AllowedNumbers) -> NumberRange {
-    let (from, to) = (section.read_number("from", allowed), section.read_number("to", allowed));
+    let (from, to) =
+        (section.read_required_number_or_nan("from", allowed), section.read_required_number_or_nan("to", allowed));
     if from > to {
         section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
     }
     let words = [("linear", NumberScale::Linear), ("log", NumberScale::Log)];
-    let scale = if section.has_key("scale") { section.read_word("scale", &words) } else { None };
+    let scale = if section.has_key("scale") { section.read_required_word("scale", &words) } else { None };
     let scale = scale.unwrap_or(NumberScale::Linear);
     if scale == NumberScale::Log && from <= 0.0 {
-        section.report_wrong_value("from", from.to_string(), "above 0, as the scale is \"log\"");
+        section.report_wrong_value("from", from.to_string(), "above 0, because the scale is \"log\"");
     }
-    let step = read_step(section, step_key, to - from);
+    let step = read_step_or_nan_if_given(section, step_key, to - from);
     if scale == NumberScale::Log && step.is_some() {
-        section.report_wrong_value(step_key, step.unwrap_or_default().to_string(), "left out, as the scale is \"log\"");
+        section.report_wrong_value(
+            step_key,
+            step.unwrap_or_default().to_string(),
+            "left out, because the scale is \"log\"",
+        );
     }
     NumberRange { from, to, scale, step }
 }
 
-fn read_step(section: &TomlSection<'_, '_>, key: &'static str, span: f64) -> Option<f64> {
+fn read_step_or_nan_if_given(section: &TomlSection<'_, '_>, key: &'static str, span: f64) -> Option<f64> {
     let least = (span / MOST_STEPS).max(f64::MIN_POSITIVE);
-    section.has_key(key).then(|| section.read_number(key, AllowedNumbers::Within(least, 1e20)))
+    section.has_key(key).then(|| section.read_required_number_or_nan(key, AllowedNumbers::Within(least, 1e20)))
 }
 
-fn read_choice(
+fn read_choice_variable(
     section: &TomlSection<'_, '_>,
     paths: Vec<ScenePath>,
     list: Option<&toml_edit::Array>,
@@ -185,11 +207,15 @@ fn read_choice(
         section.report_wrong_value("values", "no list, or an empty one".into(), "a list of values or tables");
         return None;
     };
-    let values: Vec<Value> = list.iter().cloned().map(Value::decorated_plainly).collect();
+    let values: Vec<Value> = list.iter().cloned().map(Value::without_decor).collect();
     let written = || values.iter().map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
-    let names =
-        section.has_key("names").then(|| section.read_texts("names")).flatten().unwrap_or_else(|| written().collect());
-    let costs = section.has_key("costs").then(|| section.read_numbers("costs", &[values.len()], ANY)).flatten();
+    let names = section
+        .has_key("names")
+        .then(|| section.read_text_or_texts_if_given("names"))
+        .flatten()
+        .unwrap_or_else(|| written().collect());
+    let costs =
+        section.has_key("costs").then(|| section.read_numbers_if_given("costs", &[values.len()], ANY)).flatten();
     if names.len() != values.len() {
         section.report_wrong_value(
             "names",
@@ -203,11 +229,11 @@ fn read_choice(
 
 /// Values without the blanks and comments that are around them in the study's file.
 trait Plain {
-    fn decorated_plainly(self) -> Self;
+    fn without_decor(self) -> Self;
 }
 
 impl Plain for Value {
-    fn decorated_plainly(mut self) -> Self {
+    fn without_decor(mut self) -> Self {
         self.decor_mut().clear();
         self
     }
@@ -217,16 +243,16 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
     let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has_key(key));
     let linear = |from: f64, to: f64, step: Option<f64>| NumberRange { from, to, scale: NumberScale::Linear, step };
     if given[2] {
-        report_keys_to_leave_out(section, ["step_mm"], "as a mirror image follows from `mirror_of`");
+        report_given_keys_that_must_be_left_out(section, ["step_mm"], "because the place follows from `mirror_of`");
     } else {
-        report_keys_to_leave_out(section, ["mirrored"], "as there is no `mirror_of`");
+        report_given_keys_that_must_be_left_out(section, ["mirrored"], "because there is no `mirror_of`");
     }
     match given {
         [true, false, false] => {
-            let corners = section.read_numbers("within_mm", &[4], MM)?;
+            let corners = section.read_numbers_if_given("within_mm", &[4], MM)?;
             let (x, y) = ([corners[0], corners[2]], [corners[1], corners[3]]);
             let order = |[a, b]: [f64; 2]| (a.min(b), a.max(b));
-            let step = read_step(section, "step_mm", (x[1] - x[0]).abs().max((y[1] - y[0]).abs()));
+            let step = read_step_or_nan_if_given(section, "step_mm", (x[1] - x[0]).abs().max((y[1] - y[0]).abs()));
             let ((x0, x1), (y0, y1)) = (order(x), order(y));
             Some(VariableKind::Place {
                 of: table_path,
@@ -234,10 +260,10 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
             })
         }
         [false, true, false] => {
-            let ends = section.read_numbers("line_mm", &[4], MM)?;
+            let ends = section.read_numbers_if_given("line_mm", &[4], MM)?;
             let (from, to) = ([ends[0], ends[1]], [ends[2], ends[3]]);
             let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-            let step = read_step(section, "step_mm", length);
+            let step = read_step_or_nan_if_given(section, "step_mm", length);
             Some(VariableKind::Place {
                 of: table_path,
                 area: PlaceArea::Line { from, to, along: linear(0.0, length, step) },
@@ -246,11 +272,11 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
         [false, false, true] => {
             let from = read_path(section, "mirror_of");
             let words = [("x", (true, false)), ("y", (false, true)), ("both", (true, true))];
-            let (x, y) = section.read_word("mirrored", &words)?;
+            let (x, y) = section.read_required_word("mirrored", &words)?;
             Some(VariableKind::Mirror { of: table_path, from: from?, x, y })
         }
         _ => {
-            report_not_exactly_one(
+            add_none_or_several_keys_mistake(
                 section,
                 "place",
                 [("within_mm", given[0]), ("line_mm", given[1]), ("mirror_of", given[2])],
@@ -263,8 +289,8 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
 fn read_minimum_distance(section: TomlSection<'_, '_>) -> MinimumDistance {
     let apart = MinimumDistance {
         places: read_paths(&section, "places"),
-        distance_mm: section.read_number("distance_mm", AllowedNumbers::Within(0.0, 1e4)),
-        line: section.mistake_report().line_number_at(section.byte_range_of_value("places").start),
+        distance_mm: section.read_required_number_or_nan("distance_mm", AllowedNumbers::Within(0.0, 1e4)),
+        line: section.mistake_report().line_number_at(section.byte_range_of_value_or_section("places").start),
     };
     section.report_unknown_keys();
     apart
@@ -272,7 +298,7 @@ fn read_minimum_distance(section: TomlSection<'_, '_>) -> MinimumDistance {
 
 fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     let words = Figure::ALL.map(|figure| (figure.name(), figure));
-    let Some(figure) = section.read_word("figure", &words) else {
+    let Some(figure) = section.read_required_word("figure", &words) else {
         // Known, but nobody can say whether they apply.
         for key in ["setting", "drives", "at_mm", "force_n"] {
             let _ = section.has_key(key);
@@ -280,21 +306,21 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
         return None;
     };
     let settings = [("every_touch", SettingScope::EveryTouch), ("one", SettingScope::One)];
-    let setting = if figure.depends_on_settings() && section.has_key("setting") {
-        section.read_word("setting", &settings)
+    let setting = if figure.is_evaluated_at_weakest_place() && section.has_key("setting") {
+        section.read_required_word("setting", &settings)
     } else {
         None
     };
     let mut drives = FrequencyGrouping::Distinct;
     if figure.is_weakest_place_peak() && section.has_key("drives") {
         drives = section
-            .read_word("drives", &FrequencyGrouping::ALL.map(|drives| (drives.name(), drives)))
+            .read_required_word("drives", &FrequencyGrouping::ALL.map(|drives| (drives.name(), drives)))
             .unwrap_or(drives);
         if drives != FrequencyGrouping::Distinct && setting == Some(SettingScope::One) {
             section.report_wrong_value(
                 "drives",
                 format!("{:?}", drives.name()),
-                "\"distinct\", where setting is \"one\"",
+                "\"distinct\", because setting is \"one\"",
             );
         }
     }
@@ -302,36 +328,37 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
         if !section.has_key("at_mm") {
             section.report_wrong_value("at_mm", "missing".into(), "the place, [x, y] in mm");
         }
-        Some(section.read_numbers("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
+        Some(section.read_numbers_if_given("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
     } else {
         None
     };
-    let is_of_no = |what: &str| format!("as {} is no figure {what}", figure.name());
-    if !figure.depends_on_settings() {
-        report_keys_to_leave_out(section, ["setting"], &is_of_no("of settings"));
+    let is_of_no = |what: &str| format!("because {} is not a figure {what}", figure.name());
+    if !figure.is_evaluated_at_weakest_place() {
+        report_given_keys_that_must_be_left_out(section, ["setting"], &is_of_no("of settings"));
     }
     if !figure.is_weakest_place_peak() {
-        report_keys_to_leave_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
+        report_given_keys_that_must_be_left_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
     }
     if !figure.depends_on_place() {
-        report_keys_to_leave_out(section, ["at_mm"], &is_of_no("of a place"));
+        report_given_keys_that_must_be_left_out(section, ["at_mm"], &is_of_no("of a place"));
     }
     if figure != Figure::SagUm {
-        report_keys_to_leave_out(section, ["force_n"], &is_of_no("of a press"));
+        report_given_keys_that_must_be_left_out(section, ["force_n"], &is_of_no("of a press"));
     }
     let is_pressed = figure == Figure::SagUm && section.has_key("force_n");
-    let force_n =
-        is_pressed.then(|| section.read_number("force_n", AllowedNumbers::Within(0.0, era_model::scene::MOST_PRESS_N)));
+    let force_n = is_pressed.then(|| {
+        section.read_required_number_or_nan("force_n", AllowedNumbers::Within(0.0, era_model::scene::MOST_PRESS_N))
+    });
     Some(WantedFigure { figure, setting: setting.unwrap_or(SettingScope::EveryTouch), drives, at_mm, force_n })
 }
 
 fn read_wish(section: TomlSection<'_, '_>) -> Option<Wish> {
     let wanted = read_wanted_figure(&section);
     let words = [("most", WishGoal::Most), ("least", WishGoal::Least)];
-    let goal = if section.has_key("goal") { section.read_word("goal", &words) } else { None };
+    let goal = if section.has_key("goal") { section.read_required_word("goal", &words) } else { None };
     section.report_unknown_keys();
     let wanted = wanted?;
-    let goal = goal.unwrap_or(wanted.figure.usual_goal());
+    let goal = goal.unwrap_or(wanted.figure.default_goal());
     Some(Wish { wanted, goal })
 }
 
@@ -339,12 +366,12 @@ fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
     let wanted = read_wanted_figure(&section);
     if !section.has_key("least") & !section.has_key("most") {
         section.mistake_report().add_mistake_at(
-            &section.byte_range_of_value("figure"),
+            &section.byte_range_of_value_or_section("figure"),
             format!("{}: least or most is needed", section.path_in_messages()),
         );
     }
-    let least = section.read_number_or("least", f64::NEG_INFINITY, ANY);
-    let most = section.read_number_or("most", f64::INFINITY, ANY);
+    let least = section.read_optional_number_or_nan("least", f64::NEG_INFINITY, ANY);
+    let most = section.read_optional_number_or_nan("most", f64::INFINITY, ANY);
     if least > most {
         section.report_wrong_value("least", least.to_string(), &format!("at most `most`, {most}"));
     }
@@ -355,24 +382,25 @@ fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
 fn read_uncertain_value(section: TomlSection<'_, '_>) -> UncertainValue {
     let paths = read_paths(&section, "key");
     let usual = paths.first().map_or_else(String::new, ToString::to_string);
-    let name = if section.has_key("name") { section.read_text("name") } else { usual };
+    let name = if section.has_key("name") { section.read_required_text("name") } else { usual };
     if section.has_key("part") == section.has_key("by") {
         section.mistake_report().add_mistake_at(
-            &section.byte_range_of_value("key"),
-            format!("{}: one of part and by is needed", section.path_in_messages()),
+            &section.byte_range_of_value_or_section("key"),
+            format!("{}: exactly one of part and by is needed", section.path_in_messages()),
         );
     }
-    let part = section.read_number_or("part", 0.0, AllowedNumbers::Within(0.0, 0.99));
-    let by = section.read_number_or("by", 0.0, AllowedNumbers::Within(0.0, 1e20));
+    let part = section.read_optional_number_or_nan("part", 0.0, AllowedNumbers::Within(0.0, 0.99));
+    let by = section.read_optional_number_or_nan("by", 0.0, AllowedNumbers::Within(0.0, 1e20));
     let words = [("each", false), ("together", true)];
-    let together = section.has_key("vary").then(|| section.read_word("vary", &words)).flatten().unwrap_or(false);
-    let line = section.mistake_report().line_number_at(section.byte_range_of_value("key").start);
+    let together =
+        section.has_key("vary").then(|| section.read_required_word("vary", &words)).flatten().unwrap_or(false);
+    let line = section.mistake_report().line_number_at(section.byte_range_of_value_or_section("key").start);
     section.report_unknown_keys();
     UncertainValue { name, paths, part, by, together, line }
 }
 
 fn read_costs(section: TomlSection<'_, '_>) -> PartCosts {
-    let each = |key| section.read_number_or(key, 0.0, AllowedNumbers::Within(0.0, 1e12));
+    let each = |key| section.read_optional_number_or_nan(key, 0.0, AllowedNumbers::Within(0.0, 1e12));
     let costs =
         PartCosts { actuator: each("actuator"), support: each("support"), mass: each("mass"), per_kg: each("per_kg") };
     section.report_unknown_keys();
@@ -395,20 +423,24 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         to_hz: usual.to_hz,
         thorough: false,
     };
-    let Some(section) = file.read_table("method") else { return method };
+    let Some(section) = file.read_table_if_given("method") else { return method };
     let ways = [PointMethod::Grid, PointMethod::LatinHypercube, PointMethod::Sobol, PointMethod::Evolution]
         .map(|way| (way.name(), way));
     if section.has_key("way") {
-        method.way = section.read_word("way", &ways).unwrap_or(method.way);
+        method.way = section.read_required_word("way", &ways).unwrap_or(method.way);
     }
     let count = |key: &'static str, usual: usize, most: u32| -> usize {
-        if section.has_key(key) { section.read_count(key, most) as usize } else { usual }
+        if section.has_key(key) { section.read_required_positive_count_or_1(key, most) as usize } else { usual }
     };
     if method.way == PointMethod::Grid {
         method.levels = count("levels", method.levels, MOST_LEVELS);
-        report_keys_to_leave_out(&section, ["designs", "seed"], "as a grid has the designs that `levels` makes");
+        report_given_keys_that_must_be_left_out(
+            &section,
+            ["designs", "seed"],
+            "because `levels` sets the designs of a grid",
+        );
     } else {
-        report_keys_to_leave_out(&section, ["levels"], "as `way` is not \"grid\"");
+        report_given_keys_that_must_be_left_out(&section, ["levels"], "because `way` is not \"grid\"");
         let most = if method.way == PointMethod::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
         method.designs = count("designs", method.designs, most);
         method.seed = u64::from(u32::try_from(count("seed", 0, u32::MAX)).unwrap_or(0));
@@ -420,18 +452,23 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         if method.population < 4 {
             section.report_wrong_value("population", method.population.to_string(), "4 to 10000");
         } else if method.designs < least {
-            let wanted = format!("at least one generation of each run, {least}");
+            let wanted = format!("at least {least}, one generation of each run (population x runs)");
             section.report_wrong_value("designs", method.designs.to_string(), &wanted);
         }
-        report_keys_to_leave_out(&section, ["chunk"], "as a generation is what is computed together");
+        report_given_keys_that_must_be_left_out(
+            &section,
+            ["chunk"],
+            "because an evolution computes one generation at a time",
+        );
     } else {
-        method.chunk = section.has_key("chunk").then(|| section.read_count("chunk", 1_000_000) as usize);
-        report_keys_to_leave_out(&section, ["population", "runs"], "as `way` is not \"evolution\"");
+        method.chunk =
+            section.has_key("chunk").then(|| section.read_required_positive_count_or_1("chunk", 1_000_000) as usize);
+        report_given_keys_that_must_be_left_out(&section, ["population", "runs"], "because `way` is not \"evolution\"");
     }
     method.finalists = count("finalists", method.finalists, 100);
     let band = AllowedNumbers::Within(1.0, 1000.0);
-    method.from_hz = section.read_number_or("from_hz", method.from_hz, band);
-    method.to_hz = section.read_number_or("to_hz", method.to_hz, band);
+    method.from_hz = section.read_optional_number_or_nan("from_hz", method.from_hz, band);
+    method.to_hz = section.read_optional_number_or_nan("to_hz", method.to_hz, band);
     if method.from_hz > method.to_hz {
         section.report_wrong_value(
             "from_hz",
@@ -440,25 +477,35 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         );
     }
     let words = [("quick", false), ("thorough", true)];
-    method.thorough = section.has_key("look").then(|| section.read_word("look", &words)).flatten().unwrap_or(false);
+    method.thorough =
+        section.has_key("look").then(|| section.read_required_word("look", &words)).flatten().unwrap_or(false);
     if !uncertain.is_empty() {
         let words = [("corners", true), ("latin_hypercube", false)];
-        let corners = section.has_key("robust").then(|| section.read_word("robust", &words)).flatten().unwrap_or(false);
+        let corners =
+            section.has_key("robust").then(|| section.read_required_word("robust", &words)).flatten().unwrap_or(false);
         if corners {
-            report_keys_to_leave_out(&section, ["samples"], "as the corners are the samples");
+            report_given_keys_that_must_be_left_out(
+                &section,
+                ["samples"],
+                "because the corners of the ranges are the samples",
+            );
             method.robust = UncertaintySampling::Corners;
         } else {
             method.robust = UncertaintySampling::LatinHypercube { samples: count("samples", 16, 10_000) };
         }
     } else {
-        report_keys_to_leave_out(&section, ["robust", "samples"], "as there is no [[uncertain]]");
+        report_given_keys_that_must_be_left_out(&section, ["robust", "samples"], "because there is no [[uncertain]]");
     }
     section.report_unknown_keys();
     method
 }
 
 /// Tells of keys that are there though nothing asks for them; `why` goes on after "must be left out, ".
-fn report_keys_to_leave_out<const N: usize>(section: &TomlSection<'_, '_>, keys: [&'static str; N], why: &str) {
+fn report_given_keys_that_must_be_left_out<const N: usize>(
+    section: &TomlSection<'_, '_>,
+    keys: [&'static str; N],
+    why: &str,
+) {
     for key in keys.into_iter().filter(|key| section.has_key(key)) {
         section.report_wrong_list(key, &format!("left out, {why}"));
     }
@@ -466,6 +513,6 @@ fn report_keys_to_leave_out<const N: usize>(section: &TomlSection<'_, '_>, keys:
 
 /// Whether so many uncertain values have few enough corners.
 #[must_use]
-pub(crate) fn has_few_corners(values: usize) -> bool {
-    values < usize::BITS as usize && 1_usize << values <= MOST_CORNERS
+pub(crate) fn can_try_all_corners(uncertain_values: usize) -> bool {
+    uncertain_values < usize::BITS as usize && 1_usize << uncertain_values <= MOST_CORNERS
 }

@@ -29,8 +29,8 @@ enum PathSegment {
 pub enum PathError {
     /// Not of a path's form.
     #[error(
-        "{path:?} is not a place in a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm, \
-         actuator.left.x_mm or edge.top.kind"
+        "{path:?} is not a place in a scene; such places are surface.thickness_mm, support[1].x_mm, support.*.x_mm, \
+         actuator.left.x_mm and edge.top.kind"
     )]
     Form {
         /// As written.
@@ -123,14 +123,14 @@ impl ScenePath {
     ///
     /// # Errors
     /// [`PathError::Missing`].
-    pub fn places(&self, document: &DocumentMut) -> Result<Vec<Vec<PathStep>>, PathError> {
+    pub fn find_places_allowing_new_last_key(&self, document: &DocumentMut) -> Result<Vec<Vec<PathStep>>, PathError> {
         let mut places: Vec<(Vec<PathStep>, PathTarget<'_>)> =
             vec![(Vec::new(), PathTarget::Table(document.as_table()))];
         for (number, segment) in self.segments.iter().enumerate() {
             let is_last = number + 1 == self.segments.len();
             let mut next = Vec::new();
             for (steps, at) in places {
-                let found = at.follow_segment(segment, is_last);
+                let found = at.find_targets_of_segment_if_any(segment, is_last);
                 let missing =
                     || PathError::Missing { path: self.text.clone(), missing: self.format_up_to_segment(number) };
                 for (step, at) in found.ok_or_else(missing)? {
@@ -176,7 +176,11 @@ enum PathTarget<'d> {
 
 impl<'d> PathTarget<'d> {
     /// Where a segment leads: one place, or all of a list; `None` if nothing is there and the last key may not be new.
-    fn follow_segment(self, segment: &PathSegment, is_last: bool) -> Option<Vec<(PathStep, PathTarget<'d>)>> {
+    fn find_targets_of_segment_if_any(
+        self,
+        segment: &PathSegment,
+        is_last: bool,
+    ) -> Option<Vec<(PathStep, PathTarget<'d>)>> {
         match (self, segment) {
             (PathTarget::Table(table), PathSegment::Name(name)) => {
                 let step = PathStep::Key(name.clone());
@@ -226,7 +230,7 @@ mod tests {
     }
 
     fn find_places(path: &str) -> Result<Vec<Vec<PathStep>>, PathError> {
-        ScenePath::parse_path(path)?.places(&document())
+        ScenePath::parse_path(path)?.find_places_allowing_new_last_key(&document())
     }
 
     #[test]

@@ -26,15 +26,15 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
         (6, "\"support[0].x_mm\" is not a place in a scene"),
         (7, "variable[1].from is 3, but must be at most `to`, 1"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
-        (14, "variable[3].from is 0, but must be above 0, as the scale is \"log\""),
+        (14, "variable[3].from is 0, but must be above 0, because the scale is \"log\""),
         (20, "variable[4].names is 1 names, but must be as many as there are values, 2"),
         (22, "variable[5]: one of key, place and count is needed"),
         (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
         (25, "wish[2].at_mm is missing, but must be the place, [x, y] in mm"),
         (28, "limit[1]: least or most is needed"),
-        (30, "uncertain[1]: one of part and by is needed"),
+        (30, "uncertain[1]: exactly one of part and by is needed"),
         (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
-        (35, "method.designs is 10, but must be at least one generation of each run, 32"),
+        (35, "method.designs is 10, but must be at least 32, one generation of each run"),
     ];
     let told = told(text);
     assert_eq!(told.len(), expected.len(), "{told:#?}");
@@ -56,22 +56,22 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{wish}[method]\nsamples = 9\n"),
             7,
-            "method.samples is 9, but must be left out, as there is no [[uncertain]]",
+            "method.samples is 9, but must be left out, because there is no [[uncertain]]",
         ),
         (
             format!("{wish}[[uncertain]]\nkey = \"a.b\"\nby = 1\n[method]\nrobust = \"corners\"\nsamples = 9\n"),
             11,
-            "method.samples is 9, but must be left out, as the corners are the samples",
+            "method.samples is 9, but must be left out, because the corners of the ranges are the samples",
         ),
         (
             format!("{wish}[method]\nway = \"evolution\"\nchunk = 3\n"),
             8,
-            "method.chunk is 3, but must be left out, as a generation",
+            "method.chunk is 3, but must be left out, because an evolution computes one generation",
         ),
         (
             format!("{wish}at_mm = [1, 2]\n"),
             6,
-            "wish[1].at_mm is [1, 2], but must be left out, as mass_g is no figure of a place",
+            "wish[1].at_mm is [1, 2], but must be left out, because mass_g is not a figure of a place",
         ),
         (format!("{wish}setting = \"one\"\n"), 6, "wish[1].setting is \"one\", but must be left out"),
         (format!("{wish}drives = \"in_phase\"\n"), 6, "wish[1].drives is \"in_phase\", but must be left out"),
@@ -79,27 +79,27 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{key}values = [1]\nfrom = 1\n"),
             9,
-            "variable[1].from is 1, but must be left out, as `values` are given",
+            "variable[1].from is 1, but must be left out, because `values` are given",
         ),
         (
             format!("{key}from = 1\nto = 2\ncosts = [1]\n"),
             10,
-            "variable[1].costs is [1], but must be left out, as there are no `values`",
+            "variable[1].costs is [1], but must be left out, because there are no `values`",
         ),
         (
             format!("{place}within_mm = [0, 0, 1, 1]\nmirrored = \"x\"\n"),
             9,
-            "variable[1].mirrored is \"x\", but must be left out, as there is no `mirror_of`",
+            "variable[1].mirrored is \"x\", but must be left out, because there is no `mirror_of`",
         ),
         (
             format!("{place}within_mm = [0, 0, 1, 1]\nline_mm = [0, 0, 1, 1]\n"),
             7,
-            "variable[1]: within_mm and line_mm are given, but only one of within_mm, line_mm and mirror_of may be",
+            "variable[1]: within_mm and line_mm are given, but only one of within_mm, line_mm and mirror_of is allowed",
         ),
         (
             format!("{place}key = \"a.c\"\n"),
             6,
-            "variable[1]: key and place are given, but only one of key, place and count may be",
+            "variable[1]: key and place are given, but only one of key, place and count is allowed",
         ),
     ] {
         let told = of(&rest);
@@ -143,7 +143,7 @@ fn a_weakest_place_is_driven_as_said() {
     assert!(told("drives = \"two\"\n").contains("wish[1].drives is \"two\", but must be one of \"distinct\""));
     let both = told("setting = \"one\"\ndrives = \"one_frequency\"\n");
     assert!(
-        both.contains("wish[1].drives is \"one_frequency\", but must be \"distinct\", where setting is \"one\""),
+        both.contains("wish[1].drives is \"one_frequency\", but must be \"distinct\", because setting is \"one\""),
         "{both}"
     );
     assert!(StudySpec::parse("s.toml", &of("").replace("weakest_g\"", "mass_g\"\ndrives = \"distinct\"")).is_err());

@@ -33,7 +33,7 @@ impl NumberRange {
         clippy::cast_sign_loss,
         reason = "at most a million, by the file's reader"
     )]
-    pub fn count_stepped_values(&self) -> Option<usize> {
+    pub fn count_values_if_stepped(&self) -> Option<usize> {
         self.step.map(|step| ((self.to - self.from) / step + 1e-9).floor() as usize + 1)
     }
 }
@@ -125,7 +125,7 @@ pub struct StudyVariable {
 impl StudyVariable {
     /// Whether it moves the table that a path leads to.
     #[must_use]
-    pub fn is_place_of(&self, path: &ScenePath) -> bool {
+    pub fn is_place_variable_of_table(&self, path: &ScenePath) -> bool {
         matches!(&self.what, VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } if of == path)
     }
 }

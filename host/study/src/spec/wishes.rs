@@ -127,7 +127,7 @@ impl Figure {
 
     /// What is usually wanted of it.
     #[must_use]
-    pub const fn usual_goal(self) -> WishGoal {
+    pub const fn default_goal(self) -> WishGoal {
         match self {
             Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::BendingModeHz => WishGoal::Most,
             Self::RiseMs
@@ -142,7 +142,7 @@ impl Figure {
 
     /// Whether it is about settings of the actuators over the surface.
     #[must_use]
-    pub const fn depends_on_settings(self) -> bool {
+    pub const fn is_evaluated_at_weakest_place(self) -> bool {
         matches!(self, Self::WeakestG | Self::WeakestDb | Self::PowerW | Self::VoltageV)
     }
 
@@ -213,15 +213,15 @@ impl WantedFigure {
 
     /// Whether it is about one setting for the whole surface.
     #[must_use]
-    pub fn is_for_one_setting(&self) -> bool {
-        self.figure.depends_on_settings() && self.setting == SettingScope::One
+    pub fn is_for_one_setting_on_whole_surface(&self) -> bool {
+        self.figure.is_evaluated_at_weakest_place() && self.setting == SettingScope::One
     }
 
     /// What tables call it.
     #[must_use]
     pub fn column_name(&self) -> String {
         let mut name = self.figure.name().to_owned();
-        if self.is_for_one_setting() {
+        if self.is_for_one_setting_on_whole_surface() {
             name.push_str("_one_setting");
         }
         if self.drives != FrequencyGrouping::Distinct {
@@ -261,7 +261,11 @@ pub struct FigureLimit {
 impl FigureLimit {
     /// Each of its bounds in words (`sag_um at most 800`), with how far the end of a figure's least and most is beyond it, in the figure's unit: what
     /// is kept is at most 0.
-    pub fn margins_beyond_limits(&self, low: f64, high: f64) -> impl Iterator<Item = (String, f64)> + use<> {
+    pub fn bounds_in_words_and_signed_excesses(
+        &self,
+        low: f64,
+        high: f64,
+    ) -> impl Iterator<Item = (String, f64)> + use<> {
         let column = self.wanted.column_name();
         let Self { least, most, .. } = *self;
         let least = least.is_finite().then(|| (format!("{column} at least {least}"), least - low));
@@ -271,7 +275,7 @@ impl FigureLimit {
 
     /// The end of a figure's least and most that is beyond the limit, and what is allowed; `None` if the limit is kept.
     #[must_use]
-    pub fn find_broken_end(&self, low: f64, high: f64) -> Option<(f64, String)> {
+    pub fn value_beyond_limit_and_allowed_if_broken(&self, low: f64, high: f64) -> Option<(f64, String)> {
         if low < self.least {
             Some((low, format!("at least {}", self.least)))
         } else if high > self.most {

@@ -113,9 +113,9 @@ impl CovarianceAdaptation {
     }
 
     /// Learns from a value for each point of the generation that was drawn last, less being better.
-    pub fn learn_from(&mut self, values: &[f64]) {
+    pub fn update_from_generation_losses(&mut self, losses: &[f64]) {
         let mut order: Vec<usize> = (0..self.steps.len()).collect();
-        let value = |point: &usize| values.get(*point).copied().unwrap_or(f64::INFINITY);
+        let value = |point: &usize| losses.get(*point).copied().unwrap_or(f64::INFINITY);
         order.sort_by(|a, b| value(a).total_cmp(&value(b)));
         let ranked: Vec<&DVector<f64>> = order.iter().map(|point| &self.steps[*point]).collect();
         let (rates, n) = (&self.rates, self.mean.len());
@@ -152,20 +152,20 @@ impl CovarianceAdaptation {
             self.covariance.ger(rates.rank_mu * weight, step, step, 1.0);
         }
         self.step *= (rates.path_of_step / rates.damping * (length / rates.normal_length - 1.0)).exp();
-        self.record_best_value(order.first().map_or(f64::INFINITY, value));
+        self.record_best_loss_of_generation(order.first().map_or(f64::INFINITY, value));
         self.update_covariance_axes();
     }
 
     /// Generations over which a best value that stays the same ends a search (appendix B.3, EqualFunValues).
-    fn count_flat_generations(&self) -> usize {
+    fn flat_generations_that_end_search(&self) -> usize {
         11 + (30 * self.mean.len()).div_ceil(self.rates.weights.len())
     }
 
-    fn record_best_value(&mut self, best: f64) {
-        if self.best.len() == self.count_flat_generations() {
+    fn record_best_loss_of_generation(&mut self, best_loss: f64) {
+        if self.best.len() == self.flat_generations_that_end_search() {
             self.best.pop_front();
         }
-        self.best.push_back(best);
+        self.best.push_back(best_loss);
     }
 
     fn update_covariance_axes(&mut self) {
@@ -185,12 +185,13 @@ impl CovarianceAdaptation {
         }
     }
 
-    /// Whether deviations are below `arrived` in every dimension, or nothing more is learnt (appendix B.3: TolX, EqualFunValues, ConditionCov).
-    pub fn has_search_ended(&self, arrived: f64) -> bool {
+    /// Whether deviations are below `converged_deviation` in every dimension, or nothing more is learnt (appendix B.3: TolX, EqualFunValues, ConditionCov).
+    pub fn has_search_ended(&self, converged_deviation: f64) -> bool {
         let deviations = self.covariance.diagonal().map(f64::sqrt);
         let paths = self.path_of_covariance.abs();
-        let is_near = deviations.iter().chain(paths.iter()).all(|deviation| self.step * deviation < arrived);
-        let is_flat = self.best.len() == self.count_flat_generations() && {
+        let is_near =
+            deviations.iter().chain(paths.iter()).all(|deviation| self.step * deviation < converged_deviation);
+        let is_flat = self.best.len() == self.flat_generations_that_end_search() && {
             let (least, most) = self
                 .best
                 .iter()
@@ -226,7 +227,7 @@ mod tests {
             if values.iter().any(|value| *value < 1e-9) {
                 return (generation, search);
             }
-            search.learn_from(&values);
+            search.update_from_generation_losses(&values);
         }
         panic!("not found");
     }
@@ -270,7 +271,7 @@ mod tests {
             let mut count = 0;
             while !search.has_search_ended(1e-3) {
                 assert!(search.draw_generation_points(&mut random).iter().flatten().all(|part| part.is_finite()));
-                search.learn_from(&[value; 6]);
+                search.update_from_generation_losses(&[value; 6]);
                 count += 1;
                 assert!(count < 1000);
             }

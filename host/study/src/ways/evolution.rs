@@ -35,33 +35,37 @@ impl Evolution {
 
     /// Number of designs of a generation.
     #[must_use]
-    pub const fn population_size(&self) -> usize {
+    pub const fn designs_per_generation_of_one_search(&self) -> usize {
         self.population
     }
 
     /// Number of searches beside each other.
     #[must_use]
-    pub const fn count_runs(&self) -> usize {
+    pub const fn searches_beside_each_other(&self) -> usize {
         self.runs
     }
 
     /// Number of generations of each search.
     #[must_use]
-    pub const fn count_generations(&self) -> usize {
+    pub const fn generations_per_search(&self) -> usize {
         self.generations
     }
 
     /// The points of the generation after those that are told: losses of each of their points, less being better. A search that has
     /// arrived begins anew elsewhere.
     #[must_use]
-    pub fn points_of_next_generation(&self, run: usize, losses_so_far: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub fn points_of_next_generation_restarting_ended_search(
+        &self,
+        run_index: usize,
+        losses_so_far: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
         if self.dimensions == 0 {
             return vec![Vec::new(); self.population];
         }
-        let mut random = RandomSequence::new(self.seed, STREAM + run as u64);
+        let mut random = RandomSequence::new(self.seed, STREAM + run_index as u64);
         let (all, mut losses_so_far) = (losses_so_far.len(), losses_so_far.iter());
         loop {
-            let middle = if run == 0 && losses_so_far.len() == all {
+            let middle = if run_index == 0 && losses_so_far.len() == all {
                 vec![0.5; self.dimensions]
             } else {
                 (0..self.dimensions).map(|_| random.next_between(0.2, 0.8)).collect()
@@ -75,7 +79,7 @@ impl Evolution {
                         .map(|point| point.into_iter().map(fold_into_unit_interval).collect())
                         .collect();
                 };
-                search.learn_from(values);
+                search.update_from_generation_losses(values);
             }
         }
     }
@@ -83,20 +87,20 @@ impl Evolution {
     /// What each of some wishes counts in a run: all of one wish first, then between them.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    pub fn wish_weights_of_run(&self, run: usize, wishes: usize) -> Vec<f64> {
-        let only = |wish: usize| (0..wishes).map(|k| f64::from(u8::from(k == wish))).collect();
-        match (wishes, self.runs) {
-            (0 | 1, _) => vec![1.0; wishes],
+    pub fn wish_weights_of_run(&self, run_index: usize, wish_count: usize) -> Vec<f64> {
+        let only = |wish: usize| (0..wish_count).map(|k| f64::from(u8::from(k == wish))).collect();
+        match (wish_count, self.runs) {
+            (0 | 1, _) => vec![1.0; wish_count],
             (2, 2..) => {
-                let part = run as f64 / (self.runs - 1) as f64;
+                let part = run_index as f64 / (self.runs - 1) as f64;
                 vec![1.0 - part, part]
             }
-            _ if run < wishes => only(run),
-            _ if run == wishes => vec![1.0 / wishes as f64; wishes],
+            _ if run_index < wish_count => only(run_index),
+            _ if run_index == wish_count => vec![1.0 / wish_count as f64; wish_count],
             _ => {
                 // Evenly over the simplex.
-                let mut random = RandomSequence::new(self.seed, STREAM.wrapping_sub(1 + run as u64));
-                let parts: Vec<f64> = (0..wishes).map(|_| -(1.0 - random.next_unit_number()).ln()).collect();
+                let mut random = RandomSequence::new(self.seed, STREAM.wrapping_sub(1 + run_index as u64));
+                let parts: Vec<f64> = (0..wish_count).map(|_| -(1.0 - random.next_unit_number()).ln()).collect();
                 let whole: f64 = parts.iter().sum();
                 parts.into_iter().map(|part| part / whole).collect()
             }
@@ -123,8 +127,8 @@ mod tests {
         let mut told: Vec<Vec<f64>> = Vec::new();
         let mut best = (Vec::new(), f64::INFINITY);
         for _ in 0..generations {
-            let points = evolution.points_of_next_generation(run, &told);
-            assert_eq!(points.len(), evolution.population_size());
+            let points = evolution.points_of_next_generation_restarting_ended_search(run, &told);
+            assert_eq!(points.len(), evolution.designs_per_generation_of_one_search());
             let losses: Vec<f64> = points.iter().map(|point| of(point)).collect();
             for (point, loss) in points.iter().zip(&losses) {
                 assert!(point.iter().all(|part| (0.0..=1.0).contains(part)));
@@ -162,14 +166,17 @@ mod tests {
     #[test]
     fn what_is_told_makes_the_same_generations_again_and_other_ones_of_other_values() {
         let evolution = evolution(2, 6, 2);
-        let first = evolution.points_of_next_generation(1, &[]);
+        let first = evolution.points_of_next_generation_restarting_ended_search(1, &[]);
         let losses: Vec<f64> = first.iter().map(|point| point[0]).collect();
-        let second = evolution.points_of_next_generation(1, std::slice::from_ref(&losses));
-        assert_eq!(evolution.points_of_next_generation(1, &[]), first);
-        assert_eq!(evolution.points_of_next_generation(1, std::slice::from_ref(&losses)), second);
+        let second = evolution.points_of_next_generation_restarting_ended_search(1, std::slice::from_ref(&losses));
+        assert_eq!(evolution.points_of_next_generation_restarting_ended_search(1, &[]), first);
+        assert_eq!(
+            evolution.points_of_next_generation_restarting_ended_search(1, std::slice::from_ref(&losses)),
+            second
+        );
         let turned: Vec<f64> = losses.iter().map(|loss| -loss).collect();
-        assert_ne!(evolution.points_of_next_generation(1, &[turned]), second);
-        assert_ne!(evolution.points_of_next_generation(0, &[]), first);
+        assert_ne!(evolution.points_of_next_generation_restarting_ended_search(1, &[turned]), second);
+        assert_ne!(evolution.points_of_next_generation_restarting_ended_search(0, &[]), first);
     }
 
     #[test]
@@ -190,7 +197,10 @@ mod tests {
 
     #[test]
     fn nothing_to_search_is_no_endless_search() {
-        assert_eq!(evolution(0, 6, 1).points_of_next_generation(0, &[vec![1.0; 6]]), vec![Vec::<f64>::new(); 6]);
+        assert_eq!(
+            evolution(0, 6, 1).points_of_next_generation_restarting_ended_search(0, &[vec![1.0; 6]]),
+            vec![Vec::<f64>::new(); 6]
+        );
     }
 
     #[test]

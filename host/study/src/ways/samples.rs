@@ -43,7 +43,7 @@ impl KnownPoints {
         let mut random = RandomSequence::new(method.seed, STREAM);
         match method.way {
             PointMethod::Grid => {
-                let of = |dimension: &CubeDimension| grid_levels(dimension, method.levels);
+                let of = |dimension: &CubeDimension| coordinates_of_grid_levels(dimension, method.levels);
                 Some(Self::Grid { levels: dimensions.iter().map(of).collect() })
             }
             PointMethod::LatinHypercube => {
@@ -52,14 +52,14 @@ impl KnownPoints {
             PointMethod::Sobol => {
                 let shift = |_| if method.seed == 0 { 0.0 } else { random.next_unit_number() };
                 let shift: Vec<f64> = (0..dimensions.len()).map(shift).collect();
-                Some(Self::sobol_sequence(method.designs, shift))
+                Some(Self::from_shifted_sobol_sequence(method.designs, shift))
             }
             PointMethod::Evolution => None,
         }
     }
 
     /// Sobol's sequence with what is added to each coordinate; beyond [`MOST_SOBOL`] dimensions there is none.
-    fn sobol_sequence(count: usize, shift: Vec<f64>) -> Self {
+    fn from_shifted_sobol_sequence(count: usize, shift: Vec<f64>) -> Self {
         let directions = Sobol::<f64>::init_direction_vals(shift.len(), BITS, &JoeKuoD6::standard());
         Self::Sobol { count, directions, shift }
     }
@@ -94,32 +94,36 @@ impl KnownPoints {
 #[must_use]
 pub fn count_designs_of_method(method: &StudyMethod, dimensions: &[CubeDimension]) -> usize {
     match method.way {
-        PointMethod::Grid => {
-            dimensions.iter().fold(1_usize, |count, own| count.saturating_mul(count_grid_levels(own, method.levels)))
-        }
+        PointMethod::Grid => dimensions
+            .iter()
+            .fold(1_usize, |count, own| count.saturating_mul(count_grid_levels_own_or_default(own, method.levels))),
         PointMethod::LatinHypercube | PointMethod::Sobol | PointMethod::Evolution => method.designs,
     }
 }
 
 /// How many values of a dimension are on a grid.
-fn count_grid_levels(dimension: &CubeDimension, usual: usize) -> usize {
+fn count_grid_levels_own_or_default(dimension: &CubeDimension, default_level_count: usize) -> usize {
     match dimension.count {
         Some(count) => dimension.levels.unwrap_or(count).min(count),
-        None => dimension.levels.unwrap_or(usual),
+        None => dimension.levels.unwrap_or(default_level_count),
     }
 }
 
 /// The values of a dimension on a grid: both ends, and evenly between them; of what can be counted all, or as many as asked for.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-fn grid_levels(dimension: &CubeDimension, usual: usize) -> Vec<f64> {
+fn coordinates_of_grid_levels(dimension: &CubeDimension, default_level_count: usize) -> Vec<f64> {
     match dimension.count {
         // The middle of what stands for each.
         Some(count) => {
-            let chosen = count_grid_levels(dimension, usual);
+            let chosen = count_grid_levels_own_or_default(dimension, default_level_count);
             let last = chosen.saturating_sub(1).max(1);
             (0..chosen).map(|k| (((k * (count - 1)) as f64 / last as f64).round() + 0.5) / count as f64).collect()
         }
-        None => era_model::scene::equidistant_numbers(0.0, 1.0, count_grid_levels(dimension, usual)),
+        None => era_model::scene::equidistant_numbers(
+            0.0,
+            1.0,
+            count_grid_levels_own_or_default(dimension, default_level_count),
+        ),
     }
 }
 
@@ -191,7 +195,7 @@ mod tests {
     /// The first points as Joe and Kuo's own program (new-joe-kuo-6.21201) prints them, its origin included.
     #[test]
     fn sobols_sequence_begins_as_published() {
-        let samples = KnownPoints::sobol_sequence(10, vec![0.0; 3]);
+        let samples = KnownPoints::from_shifted_sobol_sequence(10, vec![0.0; 3]);
         let published = [
             [0.0, 0.0, 0.0],
             [0.5, 0.5, 0.5],
@@ -208,12 +212,12 @@ mod tests {
         assert_eq!(samples.points_in_range(7..9), published[7..9]);
         // The library's own sequence, one point after the other.
         let ones: Vec<Vec<f64>> = Sobol::<f64>::new(7, &JoeKuoD6::standard()).take(5000).collect();
-        assert_eq!(KnownPoints::sobol_sequence(5000, vec![0.0; 7]).points_in_range(0..5000), ones);
+        assert_eq!(KnownPoints::from_shifted_sobol_sequence(5000, vec![0.0; 7]).points_in_range(0..5000), ones);
     }
 
     #[test]
     fn a_shift_moves_all_points_around_the_cube() {
-        let samples = KnownPoints::sobol_sequence(4, vec![0.3, 0.0]);
+        let samples = KnownPoints::from_shifted_sobol_sequence(4, vec![0.3, 0.0]);
         let firsts: Vec<f64> = samples.points_in_range(0..4).into_iter().map(|point| point[0]).collect();
         for (found, wanted) in firsts.iter().zip([0.3, 0.8, 0.05, 0.55]) {
             assert!((found - wanted).abs() < 1e-12, "{firsts:?}");
@@ -223,12 +227,12 @@ mod tests {
     #[test]
     fn a_grid_has_all_combinations() {
         let dimensions = [make_cube_dimension(None, Some(3)), make_cube_dimension(Some(2), None)];
-        let of = |dimension: &CubeDimension| grid_levels(dimension, 5);
+        let of = |dimension: &CubeDimension| coordinates_of_grid_levels(dimension, 5);
         let samples = KnownPoints::Grid { levels: dimensions.iter().map(of).collect() };
         assert_eq!(samples.count_points(), 6);
         let wanted = [[0.0, 0.25], [0.0, 0.75], [0.5, 0.25], [0.5, 0.75], [1.0, 0.25], [1.0, 0.75]];
         assert_eq!(samples.points_in_range(0..6), wanted);
-        assert_eq!(grid_levels(&make_cube_dimension(None, None), 5).len(), 5);
-        assert_eq!(grid_levels(&make_cube_dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
+        assert_eq!(coordinates_of_grid_levels(&make_cube_dimension(None, None), 5).len(), 5);
+        assert_eq!(coordinates_of_grid_levels(&make_cube_dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
     }
 }

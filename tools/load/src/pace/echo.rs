@@ -27,25 +27,25 @@ impl Echo {
     /// # Errors
     /// [`Error::System`].
     pub fn start(socket: PathBuf) -> Result<Self, Error> {
-        let failed = || Error::system("no echo");
+        let failed = || Error::system_error("no echo");
         let (tcp, live) = (bind_loopback()?, bind_loopback()?);
         let unix = UnixListener::bind(&socket).map_err(failed())?;
         let addresses = (tcp.local_addr().map_err(failed())?, live.local_addr().map_err(failed())?);
         std::thread::spawn(move || {
             for stream in tcp.incoming().map_while(Result::ok) {
                 let _ = stream.set_nodelay(true);
-                std::thread::spawn(move || serve_http(stream));
+                std::thread::spawn(move || answer_http_requests_with_fixed_body(stream));
             }
         });
         std::thread::spawn(move || {
             for stream in unix.incoming().map_while(Result::ok) {
-                std::thread::spawn(move || serve_http(stream));
+                std::thread::spawn(move || answer_http_requests_with_fixed_body(stream));
             }
         });
         std::thread::spawn(move || {
             for stream in live.incoming().map_while(Result::ok) {
                 let _ = stream.set_nodelay(true);
-                std::thread::spawn(move || serve_live(stream));
+                std::thread::spawn(move || echo_live_messages(stream));
             }
         });
         Ok(Self { tcp: Endpoint::Tcp(addresses.0), unix: Endpoint::Unix(socket), live: addresses.1 })
@@ -53,11 +53,11 @@ impl Echo {
 }
 
 fn bind_loopback() -> Result<TcpListener, Error> {
-    TcpListener::bind("127.0.0.1:0").map_err(Error::system("no echo"))
+    TcpListener::bind("127.0.0.1:0").map_err(Error::system_error("no echo"))
 }
 
 /// Answers every request with a body that says nothing, until the other end closes.
-fn serve_http(stream: impl Read + Write) {
+fn answer_http_requests_with_fixed_body(stream: impl Read + Write) {
     let mut stream = BufReader::new(stream);
     let body = format!("{{\"drives\": [], \"rest\": \"{}\"}}", " ".repeat(ANSWER_BYTES));
     let answer = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{body}", body.len());
@@ -87,7 +87,7 @@ fn read_body_length(stream: &mut impl BufRead) -> Option<usize> {
 }
 
 /// Says everything again.
-fn serve_live(stream: std::net::TcpStream) {
+fn echo_live_messages(stream: std::net::TcpStream) {
     let Ok(mut socket) = tungstenite::accept(stream) else { return };
     while let Ok(message) = socket.read() {
         if message.is_text() && socket.send(message).is_err() {
@@ -99,7 +99,7 @@ fn serve_live(stream: std::net::TcpStream) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pace::measured::measure_round_trips;
+    use crate::pace::measured::collect_due_to_end_times_refused_as_missing;
     use crate::pace::{Pace, over_http, over_live};
 
     #[test]
@@ -108,12 +108,12 @@ mod tests {
         let echo = Echo::start(folder.path().join("echo.sock")).unwrap();
         let pace = || Pace::new(200.0, 0.1);
         for touches in [
-            over_http::send_touches(&echo.tcp, pace(), 200.0),
-            over_http::send_touches(&echo.unix, pace(), 200.0),
-            over_live::send_touches(echo.live, pace()).unwrap(),
+            over_http::send_touches_over_http(&echo.tcp, pace(), 200.0),
+            over_http::send_touches_over_http(&echo.unix, pace(), 200.0),
+            over_live::send_touches_over_live(echo.live, pace()).unwrap(),
         ] {
-            let times = measure_round_trips(&touches);
-            assert_eq!((times.len(), times.count_longer(1e9)), (20, 0), "{touches:?}");
+            let times = collect_due_to_end_times_refused_as_missing(&touches);
+            assert_eq!((times.len(), times.count_longer_than(1e9)), (20, 0), "{touches:?}");
         }
     }
 }

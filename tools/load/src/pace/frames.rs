@@ -1,6 +1,6 @@
 //! Which frame on the board's line is which touch's: by what it drives, and never by when it came alone.
 
-use super::touches::{Drive, End, Touch};
+use super::touches::{Drive, Touch, TouchEnd};
 use era::device::sim::DriveFrame;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -14,11 +14,14 @@ const NARROWEST: f64 = 50e-6;
 ///
 /// # Errors
 /// For people: one frame is as two touches want it, so that nobody knows whose it is.
-pub fn find_arrivals(touches: &[Touch], frames: &[DriveFrame]) -> Result<Vec<Option<Instant>>, String> {
+pub fn find_last_frame_arrivals_unless_ambiguous(
+    touches: &[Touch],
+    frames: &[DriveFrame],
+) -> Result<Vec<Option<Instant>>, String> {
     let mut owners = BTreeMap::new();
     let mut all = Vec::with_capacity(touches.len());
     for (number, touch) in touches.iter().enumerate() {
-        let End::Driven(drives) = &touch.end else {
+        let TouchEnd::Driven(drives) = &touch.end else {
             all.push(None);
             continue;
         };
@@ -26,7 +29,7 @@ pub fn find_arrivals(touches: &[Touch], frames: &[DriveFrame]) -> Result<Vec<Opt
             (frames.partition_point(|f| f.at < touch.due), frames.partition_point(|f| f.at <= touch.ended));
         let mut between = frames.iter().enumerate().take(to).skip(from);
         // The last: what a board refuses at first is sent again.
-        let found = between.rfind(|(_, frame)| carries_drives(frame, drives));
+        let found = between.rfind(|(_, frame)| frame_sets_drives(frame, drives));
         if let Some((place, _)) = found
             && let Some(other) = owners.insert(place, number)
         {
@@ -40,7 +43,7 @@ pub fn find_arrivals(touches: &[Touch], frames: &[DriveFrame]) -> Result<Vec<Opt
 }
 
 /// Whether a frame asks for these drives, which are those of channels 0, 1, 2 and so on.
-fn carries_drives(frame: &DriveFrame, drives: &[Drive]) -> bool {
+fn frame_sets_drives(frame: &DriveFrame, drives: &[Drive]) -> bool {
     frame.drives.len() == drives.len()
         && frame.drives.iter().zip(drives).zip(0_u8..).all(|((asked, drive), channel)| {
             let near = |wire: u32, said: f64| (f64::from(wire) - said).abs() <= UNIT;
@@ -76,7 +79,7 @@ mod tests {
 
     fn touch(due: Instant, ended: Instant, frequency_hz: f64) -> Touch {
         let drive = Drive { frequency_hz, voltage_v: 900.0004, pulse_width: 0.4, phase_rad: -1e-8 };
-        Touch { due, ended, end: End::Driven(vec![drive]) }
+        Touch { due, ended, end: TouchEnd::Driven(vec![drive]) }
     }
 
     /// Two touches at once, the later answered first: by time alone each would take the other's frame.
@@ -85,24 +88,30 @@ mod tests {
         let ms = |ms| zero() + Duration::from_millis(ms);
         let frames = [frame(ms(3), 210_000), frame(ms(5), 200_000)];
         let touches = [touch(ms(0), ms(9), 200.0), touch(ms(1), ms(6), 210.0)];
-        assert_eq!(find_arrivals(&touches, &frames), Ok(vec![Some(ms(5)), Some(ms(3))]));
+        assert_eq!(find_last_frame_arrivals_unless_ambiguous(&touches, &frames), Ok(vec![Some(ms(5)), Some(ms(3))]));
         // Its own never came: another's, however near in time, is none.
-        assert_eq!(find_arrivals(&[touch(ms(0), ms(9), 220.0)], &frames), Ok(vec![None]));
+        assert_eq!(find_last_frame_arrivals_unless_ambiguous(&[touch(ms(0), ms(9), 220.0)], &frames), Ok(vec![None]));
         // Nor is one of the same drives from before it was due, or after its answer.
         assert_eq!(
-            find_arrivals(&[touch(ms(6), ms(9), 200.0), touch(ms(0), ms(2), 210.0)], &frames),
+            find_last_frame_arrivals_unless_ambiguous(
+                &[touch(ms(6), ms(9), 200.0), touch(ms(0), ms(2), 210.0)],
+                &frames
+            ),
             Ok(vec![None, None])
         );
         // Once more, as it was refused.
         let again = [frame(ms(5), 200_000), frame(ms(7), 200_000)];
-        assert_eq!(find_arrivals(&[touch(ms(0), ms(9), 200.0)], &again), Ok(vec![Some(ms(7))]));
+        assert_eq!(
+            find_last_frame_arrivals_unless_ambiguous(&[touch(ms(0), ms(9), 200.0)], &again),
+            Ok(vec![Some(ms(7))])
+        );
     }
 
     #[test]
     fn touches_that_drive_the_same_are_no_measurement() {
         let ms = |ms| zero() + Duration::from_millis(ms);
         let touches = [touch(ms(0), ms(9), 200.0), touch(ms(1), ms(8), 200.0)];
-        assert!(find_arrivals(&touches, &[frame(ms(4), 200_000)]).is_err());
+        assert!(find_last_frame_arrivals_unless_ambiguous(&touches, &[frame(ms(4), 200_000)]).is_err());
     }
 
     #[test]
@@ -110,16 +119,16 @@ mod tests {
         let now = zero();
         let sent = frame(now, 200_000);
         let drive = Drive { frequency_hz: 200.0, voltage_v: 900.0, pulse_width: 0.4, phase_rad: 0.0 };
-        assert!(carries_drives(&sent, &[drive]));
+        assert!(frame_sets_drives(&sent, &[drive]));
         for other in [
             Drive { frequency_hz: 200.01, ..drive },
             Drive { voltage_v: 900.01, ..drive },
             Drive { pulse_width: 0.40001, ..drive },
             Drive { phase_rad: 1e-3, ..drive },
         ] {
-            assert!(!carries_drives(&sent, &[other]), "{other:?}");
+            assert!(!frame_sets_drives(&sent, &[other]), "{other:?}");
         }
-        assert!(!carries_drives(&sent, &[]) && !carries_drives(&sent, &[drive, drive]));
+        assert!(!frame_sets_drives(&sent, &[]) && !frame_sets_drives(&sent, &[drive, drive]));
     }
 
     fn zero() -> Instant {

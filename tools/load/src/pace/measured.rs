@@ -1,14 +1,14 @@
 //! What one load came to.
 
-use super::frames::find_arrivals;
-use super::touches::{End, Touch};
+use super::frames::find_last_frame_arrivals_unless_ambiguous;
+use super::touches::{Touch, TouchEnd};
 use crate::times::Times;
 use era::device::sim::DriveFrame;
 use std::collections::BTreeMap;
 
 /// What one load came to. All times run from when a touch was due.
 #[derive(Debug, Default)]
-pub struct Measured {
+pub struct TouchStatistics {
     /// To the answer, of touches that were driven.
     pub answer: Times,
     /// To the last byte of the frame that drives the touch; never for one that was refused or whose frame did not come.
@@ -25,27 +25,29 @@ pub struct Measured {
     pub latest: Vec<(usize, f64)>,
 }
 
-impl Measured {
+impl TouchStatistics {
     /// Of these touches, with the frames that were on the board's line meanwhile.
     ///
     /// # Errors
-    /// As [`find_arrivals`].
+    /// As [`find_last_frame_arrivals_unless_ambiguous`].
     pub fn from_touches(touches: &[Touch], frames: &[DriveFrame]) -> Result<Self, String> {
         let mut all = Self { sent: touches.len(), ..Self::default() };
-        for (number, (touch, arrived)) in touches.iter().zip(find_arrivals(touches, frames)?).enumerate() {
+        for (number, (touch, arrived)) in
+            touches.iter().zip(find_last_frame_arrivals_unless_ambiguous(touches, frames)?).enumerate()
+        {
             let ended = touch.ended.saturating_duration_since(touch.due);
             match &touch.end {
-                End::Overtaken => all.overtaken.add(ended),
-                End::Refused(why) => {
+                TouchEnd::Overtaken => all.overtaken.add_time(ended),
+                TouchEnd::Refused(why) => {
                     all.frame.add_missing();
                     *all.refused.entry(why.clone()).or_default() += 1;
                 }
-                End::Driven(_) => {
-                    all.answer.add(ended);
+                TouchEnd::Driven(_) => {
+                    all.answer.add_time(ended);
                     match arrived {
                         Some(at) => {
                             let took = at.saturating_duration_since(touch.due);
-                            all.frame.add(took);
+                            all.frame.add_time(took);
                             all.latest.push((number + 1, took.as_secs_f64() * 1e3));
                         }
                         None => {
@@ -62,8 +64,8 @@ impl Measured {
 
     /// Which touches took more than so many ms to their frame, in words: up to three, and nothing if there was none.
     #[must_use]
-    pub fn describe_late(&self, ms: f64) -> Option<String> {
-        let late: Vec<String> = (self.latest.iter().take(3).filter(|(_, took)| *took > ms))
+    pub fn list_slowest_touches_over_limit(&self, limit_ms: f64) -> Option<String> {
+        let late: Vec<String> = (self.latest.iter().take(3).filter(|(_, took)| *took > limit_ms))
             .map(|(number, took)| format!("touch {number} {took:.2} ms"))
             .collect();
         (!late.is_empty()).then(|| format!("longest: {}", late.join(", ")))
@@ -77,7 +79,7 @@ impl Measured {
 
     /// What was refused and what was not seen, in words; nothing if there was none.
     #[must_use]
-    pub fn describe_missing(&self) -> Vec<String> {
+    pub fn describe_refused_and_unseen_touches(&self) -> Vec<String> {
         let mut all: Vec<String> = self.refused.iter().map(|(why, count)| format!("{count} refused: {why}")).collect();
         all.extend(
             (self.unseen > 0).then(|| format!("{} answered as driven without a frame on the line", self.unseen)),
@@ -88,12 +90,12 @@ impl Measured {
 
 /// From when each touch was due to its end, whatever that was.
 #[must_use]
-pub fn measure_round_trips(touches: &[Touch]) -> Times {
+pub fn collect_due_to_end_times_refused_as_missing(touches: &[Touch]) -> Times {
     let mut times = Times::default();
     for touch in touches {
         match touch.end {
-            End::Refused(_) => times.add_missing(),
-            _ => times.add(touch.ended.saturating_duration_since(touch.due)),
+            TouchEnd::Refused(_) => times.add_missing(),
+            _ => times.add_time(touch.ended.saturating_duration_since(touch.due)),
         }
     }
     times
@@ -110,12 +112,16 @@ mod tests {
         let due = Instant::now();
         let ended = due + Duration::from_millis(7);
         let of = |end| Touch { due, ended, end };
-        let touches = [of(End::Driven(Vec::new())), of(End::Overtaken), of(End::Refused("queue-full".into()))];
-        let measured = Measured::from_touches(&touches, &[]).unwrap();
+        let touches =
+            [of(TouchEnd::Driven(Vec::new())), of(TouchEnd::Overtaken), of(TouchEnd::Refused("queue-full".into()))];
+        let measured = TouchStatistics::from_touches(&touches, &[]).unwrap();
         assert_eq!((measured.sent, measured.count_driven(), measured.unseen), (3, 1, 1));
-        assert_eq!((measured.frame.len(), measured.frame.quantile_ms(0)), (2, Some(f64::INFINITY)));
+        assert_eq!(
+            (measured.frame.len(), measured.frame.percentile_counting_missing_as_infinite_ms(0)),
+            (2, Some(f64::INFINITY))
+        );
         assert_eq!(measured.overtaken.longest_ms(), Some(7.0));
-        assert_eq!(measured.describe_missing().len(), 2);
+        assert_eq!(measured.describe_refused_and_unseen_touches().len(), 2);
     }
 
     /// A touch that was sent late, as all connections were busy, has waited since it was due.
@@ -123,9 +129,9 @@ mod tests {
     fn times_run_from_when_a_touch_was_due() {
         let due = Instant::now();
         let at = due + Duration::from_millis(40);
-        let touch = Touch { due, ended: due + Duration::from_millis(41), end: End::Driven(Vec::new()) };
+        let touch = Touch { due, ended: due + Duration::from_millis(41), end: TouchEnd::Driven(Vec::new()) };
         let frame = DriveFrame { at, drives: Vec::new() };
-        let measured = Measured::from_touches(&[touch], &[frame]).unwrap();
+        let measured = TouchStatistics::from_touches(&[touch], &[frame]).unwrap();
         assert_eq!((measured.frame.longest_ms(), measured.answer.longest_ms()), (Some(40.0), Some(41.0)));
     }
 }

@@ -1,8 +1,8 @@
 //! A finger on one live socket: one thread sends its places when they are due, another reads what comes. A finger that comes seldom taps;
 //! one that comes often moves.
 
-use super::touches::{End, Touch};
-use super::{Pace, x_px};
+use super::touches::{Touch, TouchEnd};
+use super::{Pace, distinct_x_px_of_touch};
 use crate::live::Live;
 use serde_json::{Value, json};
 use std::net::SocketAddr;
@@ -15,19 +15,19 @@ const LAST: Duration = Duration::from_millis(300);
 ///
 /// # Errors
 /// What is wrong with the socket.
-pub fn send_touches(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
+pub fn send_touches_over_live(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
     let mut reader = Live::open(address, "plan")?;
     let mut writer = reader.clone_writer()?;
     let until = pace.until + LAST;
     let (sent, messages) = std::thread::scope(|threads| {
         let reads = threads.spawn(move || read_messages(&mut reader, until));
-        let sent = send_places(&mut writer, pace);
+        let sent = send_finger_places_and_list_due_times(&mut writer, pace);
         let messages = reads.join().unwrap_or_else(|_| Err("the reader has panicked".into()));
         // Lifted when all is read: what the daemon says of that is nobody's place.
         let lifted = writer.send(&json!({"type": "touch", "touches": []}));
         Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))
     })?;
-    Ok(match_touches(pace.first, &sent, &messages))
+    Ok(match_messages_to_touches(pace.first, &sent, &messages))
 }
 
 /// How long a finger that taps is down: as long as a touch of the other ways in.
@@ -37,12 +37,12 @@ const TAP: Duration = Duration::from_millis(100);
 const TAPS: Duration = Duration::from_millis(500);
 
 /// When each place was due.
-fn send_places(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
+fn send_finger_places_and_list_due_times(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     let mut sent = Vec::new();
     for k in 0.. {
-        let Some(due) = pace.due_time(k) else { break };
+        let Some(due) = pace.due_time_unless_past_end(k) else { break };
         pace.sleep_until_due(due);
-        let finger = json!({"id": 1, "x_px": pace.x_px(k), "y_px": 640, "intensity_g": 0.3});
+        let finger = json!({"id": 1, "x_px": pace.touch_x_px(k), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
         if pace.every >= TAPS {
@@ -63,24 +63,28 @@ fn read_messages(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Valu
     Ok(all)
 }
 
-/// What became of each place, of which the first has the number `first`. The daemon takes them in their order: a plan for one says that those before it are driven no more.
-fn match_touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
+/// What became of each place, of which the first has the number `first_number`. The daemon takes them in their order: a plan for one says that those before it are driven no more.
+fn match_messages_to_touches(first_number: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
     let mut all: Vec<Touch> = Vec::with_capacity(due.len());
     for (at, message) in messages {
         if message["type"] == "error" {
             // It does not say for which: the oldest that may have been meant.
             if let Some(due) = due.get(all.len()).filter(|due| **due <= *at) {
-                all.push(Touch { due: *due, ended: *at, end: End::from_problem(&message["problem"]) });
+                all.push(Touch { due: *due, ended: *at, end: TouchEnd::from_problem(&message["problem"]) });
             }
             continue;
         }
         let Some(place) = message["touches"][0]["x_px"].as_f64() else { continue };
         let begun = due.iter().zip(0_u32..).skip(all.len()).take_while(|(due, _)| **due <= *at);
-        let Some(found) = begun.map(|(_, k)| k).find(|k| x_px(first.wrapping_add(*k)) == place) else { continue };
+        let Some(found) =
+            begun.map(|(_, k)| k).find(|k| distinct_x_px_of_touch(first_number.wrapping_add(*k)) == place)
+        else {
+            continue;
+        };
         while let Some((due, k)) = due.get(all.len()).zip(u32::try_from(all.len()).ok())
             && k <= found
         {
-            let end = if k < found { End::Overtaken } else { End::from_plan(&message["plan"]) };
+            let end = if k < found { TouchEnd::Overtaken } else { TouchEnd::from_plan(&message["plan"]) };
             all.push(Touch { due: *due, ended: *at, end });
         }
     }
@@ -88,7 +92,7 @@ fn match_touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> 
     let untold = due.iter().skip(all.len()).map(|due| Touch {
         due: *due,
         ended: last.unwrap_or(*due).max(*due),
-        end: End::Refused("neither plan nor error came".into()),
+        end: TouchEnd::Refused("neither plan nor error came".into()),
     });
     let untold: Vec<Touch> = untold.collect();
     all.extend(untold);
@@ -104,23 +108,24 @@ mod tests {
         let zero = Instant::now();
         let ms = |ms| zero + Duration::from_millis(ms);
         let due: Vec<Instant> = (0..6).map(ms).collect();
-        let plan = |k: u32| json!({"type": "plan", "touches": [{"x_px": x_px(k)}], "plan": {"drives": []}});
+        let plan =
+            |k: u32| json!({"type": "plan", "touches": [{"x_px": distinct_x_px_of_touch(k)}], "plan": {"drives": []}});
         let error = json!({"type": "error", "problem": {"type": "urn:era:problem:device-refused"}});
         let messages = [(ms(3), plan(0)), (ms(4), plan(2)), (ms(5), error), (ms(6), plan(2)), (ms(7), plan(4))];
-        let ends: Vec<(u128, End)> = match_touches(0, &due, &messages)
+        let ends: Vec<(u128, TouchEnd)> = match_messages_to_touches(0, &due, &messages)
             .into_iter()
             .map(|touch| ((touch.ended - touch.due).as_millis(), touch.end))
             .collect();
-        let driven = || End::Driven(Vec::new());
+        let driven = || TouchEnd::Driven(Vec::new());
         assert_eq!(
             ends,
             [
                 (3, driven()),
-                (3, End::Overtaken),
+                (3, TouchEnd::Overtaken),
                 (2, driven()),
-                (2, End::Refused("device-refused".into())),
+                (2, TouchEnd::Refused("device-refused".into())),
                 (3, driven()),
-                (2, End::Refused("neither plan nor error came".into())),
+                (2, TouchEnd::Refused("neither plan nor error came".into())),
             ]
         );
     }
@@ -130,8 +135,8 @@ mod tests {
     fn a_plan_for_a_place_that_is_not_due_yet_is_another_ones() {
         let zero = Instant::now();
         let due = [zero, zero + Duration::from_millis(5)];
-        let early = json!({"type": "plan", "touches": [{"x_px": x_px(1)}], "plan": {"drives": []}});
-        let ends = match_touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
-        assert!(ends.iter().all(|touch| matches!(touch.end, End::Refused(_))), "{ends:?}");
+        let early = json!({"type": "plan", "touches": [{"x_px": distinct_x_px_of_touch(1)}], "plan": {"drives": []}});
+        let ends = match_messages_to_touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
+        assert!(ends.iter().all(|touch| matches!(touch.end, TouchEnd::Refused(_))), "{ends:?}");
     }
 }

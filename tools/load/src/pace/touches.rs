@@ -12,12 +12,12 @@ pub struct Touch {
     /// When its end was told.
     pub ended: Instant,
     /// How it has ended.
-    pub end: End,
+    pub end: TouchEnd,
 }
 
 /// How a touch has ended.
 #[derive(Clone, Debug, PartialEq)]
-pub enum End {
+pub enum TouchEnd {
     /// It was driven so.
     Driven(Vec<Drive>),
     /// A newer one of the same finger was driven in its stead, as is intended.
@@ -39,7 +39,7 @@ pub struct Drive {
     pub phase_rad: f64,
 }
 
-impl End {
+impl TouchEnd {
     /// By a plan.
     #[must_use]
     pub fn from_plan(plan: &Value) -> Self {
@@ -80,12 +80,12 @@ mod tests {
     fn an_end_is_read_from_what_the_daemon_says() {
         let drive = json!({"frequency_hz": 200.0, "voltage_v": 900.0, "pulse_width": 0.5, "phase_rad": 0.25});
         let read = Drive { frequency_hz: 200.0, voltage_v: 900.0, pulse_width: 0.5, phase_rad: 0.25 };
-        assert_eq!(End::from_plan(&json!({"drives": [drive]})), End::Driven(vec![read]));
-        assert!(matches!(End::from_plan(&json!({"drives": [{"frequency_hz": 200.0}]})), End::Refused(_)));
-        assert_eq!(End::from_problem(&json!({"type": "urn:era:problem:superseded"})), End::Overtaken);
+        assert_eq!(TouchEnd::from_plan(&json!({"drives": [drive]})), TouchEnd::Driven(vec![read]));
+        assert!(matches!(TouchEnd::from_plan(&json!({"drives": [{"frequency_hz": 200.0}]})), TouchEnd::Refused(_)));
+        assert_eq!(TouchEnd::from_problem(&json!({"type": "urn:era:problem:superseded"})), TouchEnd::Overtaken);
         assert_eq!(
-            End::from_problem(&json!({"type": "urn:era:problem:queue-full"})),
-            End::Refused("queue-full".into())
+            TouchEnd::from_problem(&json!({"type": "urn:era:problem:queue-full"})),
+            TouchEnd::Refused("queue-full".into())
         );
     }
 }

@@ -1,7 +1,7 @@
 //! Clients of every kind, each in a thread of its own.
 
-use super::tally::{Answered, Tally};
-use super::world::{Serving, World};
+use super::tally::{RequestAnswer, Tally};
+use super::world::{ServingDaemon, SoakState};
 use crate::http::{Answer, Endpoint, Http, PATIENCE};
 use crate::live::Live;
 use fastrand::Rng;
@@ -32,21 +32,21 @@ fn pause_randomly(random: &mut Rng) {
 }
 
 /// In eighths of a pixel, which every reader of numbers gets right to the last bit.
-fn choose_place_px(random: &mut Rng) -> (f64, f64) {
+fn choose_random_place_px(random: &mut Rng) -> (f64, f64) {
     let [x, y] = SCREEN_PX.map(|side| f64::from(random.u32(0..side * 8)) / 8.0);
     (x, y)
 }
 
 /// The body of a touch of any kind; one in fifty is wrong.
-fn make_touch(random: &mut Rng) -> Value {
-    let (x_px, y_px) = choose_place_px(random);
+fn make_random_touch(random: &mut Rng) -> Value {
+    let (x_px, y_px) = choose_random_place_px(random);
     let mut touch = json!({"x_px": x_px, "y_px": y_px, "intensity_g": random.f64()});
     match random.u32(0..50) {
         0 => touch["x_px"] = json!(-1),
         1..10 => touch["effect"] = json!(random.choice(["click", "double_click", "buzz", "swell"])),
         10..14 => touch["trade"] = json!(true),
         14..20 => {
-            let (x_px, y_px) = choose_place_px(random);
+            let (x_px, y_px) = choose_random_place_px(random);
             touch["also"] = json!([{"x_px": x_px, "y_px": y_px}]);
             touch["duration_ms"] = json!(random.u32(20..500));
         }
@@ -58,7 +58,7 @@ fn make_touch(random: &mut Rng) -> Value {
             if random.bool() {
                 touch["objective"] = json!("reach");
             } else {
-                let others = (0..random.usize(0..4)).map(|_| choose_place_px(random));
+                let others = (0..random.usize(0..4)).map(|_| choose_random_place_px(random));
                 touch["also"] = others.map(|(x_px, y_px)| json!({"x_px": x_px, "y_px": y_px})).collect();
             }
         }
@@ -68,10 +68,10 @@ fn make_touch(random: &mut Rng) -> Value {
 }
 
 /// Sends touches, one after the other, over TCP or the socket in the file system.
-pub fn run_http_client(world: &World, socket: Option<&Path>, client: usize, mut random: Rng) -> Tally {
-    let (mut tally, mut known): (Tally, Option<(Serving, Http)>) = Default::default();
-    while !world.is_over() {
-        let Some(serving) = world.current_daemon() else {
+pub fn run_http_client(state: &SoakState, socket: Option<&Path>, client: usize, mut random: Rng) -> Tally {
+    let (mut tally, mut known): (Tally, Option<(ServingDaemon, Http)>) = Default::default();
+    while !state.should_clients_end() {
+        let Some(serving) = state.current_daemon() else {
             std::thread::sleep(LOOK);
             continue;
         };
@@ -83,24 +83,26 @@ pub fn run_http_client(world: &World, socket: Option<&Path>, client: usize, mut 
         let opened = http.opened;
         match random.u64(0..STOPS) {
             0 => {
-                count_other(&mut tally, http.post("/v1/stop", ""));
+                count_non_touch_request_if_answered(&mut tally, http.post("/v1/stop", ""));
                 // Rails that come up while nothing is driven, and then a touch that finds them up.
                 if random.bool() {
-                    count_arming(&mut tally, &http.post("/v1/arm", ""));
+                    count_arming_if_answered(&mut tally, &http.post("/v1/arm", ""));
                 }
             }
-            1 => count_other(&mut tally, http.get("/v1/state")),
-            2 => count_arming(&mut tally, &http.post("/v1/arm", "")),
+            1 => count_non_touch_request_if_answered(&mut tally, http.get("/v1/state")),
+            2 => count_arming_if_answered(&mut tally, &http.post("/v1/arm", "")),
             _ => {
                 tally.sent += 1;
                 let name = format!("client{client}.{}", tally.sent);
-                let (body, begun) = (make_touch(&mut random).to_string(), Instant::now());
+                let (body, begun) = (make_random_touch(&mut random).to_string(), Instant::now());
                 match http.send_request("POST", "/v1/touch", Some(&name), &body) {
                     Ok(answer) => {
-                        tally.times.add(begun.elapsed());
-                        tally.count_answer(Answered::from_status(answer.status, &answer.parse_json()));
+                        tally.times.add_time(begun.elapsed());
+                        tally.count_answer(RequestAnswer::from_status(answer.status, &answer.parse_json()));
                     }
-                    Err(error) => ask_outcome(world, (serving, at), &name, &error, &mut tally),
+                    Err(error) => {
+                        ask_and_count_outcome_of_unanswered_touch(state, (serving, at), &name, &error, &mut tally)
+                    }
                 }
             }
         }
@@ -112,24 +114,30 @@ pub fn run_http_client(world: &World, socket: Option<&Path>, client: usize, mut 
     tally
 }
 
-fn count_other(tally: &mut Tally, answer: io::Result<Answer>) {
+fn count_non_touch_request_if_answered(tally: &mut Tally, answer: io::Result<Answer>) {
     tally.others += u64::from(answer.is_ok());
 }
 
 /// An answer to `POST /v1/arm`. One that did not come is no loss: arming again does no harm.
-fn count_arming(tally: &mut Tally, answer: &io::Result<Answer>) {
+fn count_arming_if_answered(tally: &mut Tally, answer: &io::Result<Answer>) {
     if let Ok(answer) = answer {
-        tally.count_arming(&Answered::from_status(answer.status, &answer.parse_json()));
+        tally.count_answer_to_arm_request(&RequestAnswer::from_status(answer.status, &answer.parse_json()));
     }
 }
 
 /// Asks what became of a touch that was not answered, in the way in which it was sent: names are their clients' own.
-fn ask_outcome(world: &World, (serving, at): (Serving, Endpoint), name: &str, error: &io::Error, tally: &mut Tally) {
+fn ask_and_count_outcome_of_unanswered_touch(
+    state: &SoakState,
+    (serving, at): (ServingDaemon, Endpoint),
+    name: &str,
+    error: &io::Error,
+    tally: &mut Tally,
+) {
     let begun = Instant::now();
     let mut http = Http::new(at);
     let mut last = String::from("nothing");
     while begun.elapsed() < ASK {
-        if !world.is_current(serving) {
+        if !state.is_current_daemon(serving) {
             tally.killed += 1;
             return;
         }
@@ -150,11 +158,11 @@ fn ask_outcome(world: &World, (serving, at): (Serving, Endpoint), name: &str, er
 }
 
 /// Taps and drags on the live socket, one after the other: the last place of each must be driven and shown, or refused.
-pub fn run_live_client(world: &World, client: usize, mut random: Rng) -> Tally {
-    let (mut tally, mut known): (Tally, Option<(Serving, Live)>) = Default::default();
+pub fn run_live_client(state: &SoakState, client: usize, mut random: Rng) -> Tally {
+    let (mut tally, mut known): (Tally, Option<(ServingDaemon, Live)>) = Default::default();
     let mut seen = 0;
-    while !world.is_over() {
-        let Some(serving) = world.current_daemon() else {
+    while !state.should_clients_end() {
+        let Some(serving) = state.current_daemon() else {
             std::thread::sleep(LOOK);
             continue;
         };
@@ -174,18 +182,18 @@ pub fn run_live_client(world: &World, client: usize, mut random: Rng) -> Tally {
         };
         tally.sent += 1;
         let begun = Instant::now();
-        match perform_gesture(&mut live, client, &mut random) {
+        match perform_random_gesture(&mut live, client, &mut random) {
             Ok(answer) => {
                 // A drag of which a place was refused is waited for.
-                if answer.is_driven() {
-                    tally.live_times.add(begun.elapsed());
+                if answer.was_touch_driven() {
+                    tally.live_times.add_time(begun.elapsed());
                 }
                 tally.count_answer(answer);
                 known = Some((serving, live));
             }
             Err(error) => {
                 // What has been said of a kill is said before it.
-                if world.is_current(serving) {
+                if state.is_current_daemon(serving) {
                     tally.record_loss(format!("live{client}.{}: {error}", tally.sent));
                 } else {
                     tally.killed += 1;
@@ -198,13 +206,13 @@ pub fn run_live_client(world: &World, client: usize, mut random: Rng) -> Tally {
 }
 
 /// Puts a finger down, moves it, and lifts it.
-fn perform_gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered, String> {
+fn perform_random_gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<RequestAnswer, String> {
     let (moves, intensity_g) = (random.u64(0..MOST_MOVES), random.f64());
-    let (mut x_px, mut y_px) = choose_place_px(random);
+    let (mut x_px, mut y_px) = choose_random_place_px(random);
     for step in 0..=moves {
         if step > 0 {
             std::thread::sleep(Duration::from_millis(random.u64(2..20)));
-            (x_px, y_px) = choose_place_px(random);
+            (x_px, y_px) = choose_random_place_px(random);
         }
         let finger = json!({"id": client, "x_px": x_px, "y_px": y_px, "intensity_g": intensity_g});
         live.send(&json!({"type": "touch", "touches": [finger]}))?;
@@ -220,13 +228,13 @@ fn perform_gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<A
             Err(error) => return refused.ok_or(error),
         };
         if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
-            return Ok(Answered::from_plan());
+            return Ok(RequestAnswer::from_plan_on_live_socket());
         }
         others += u64::from(message["type"] == "plan");
         if message["type"] == "error" {
             let problem = &message["problem"];
             let status = problem["status"].as_u64().and_then(|status| u16::try_from(status).ok());
-            refused = Some(Answered::from_status(status.unwrap_or(0), problem));
+            refused = Some(RequestAnswer::from_status(status.unwrap_or(0), problem));
             if moves == 0 {
                 break;
             }

@@ -1,10 +1,10 @@
 //! Faults, one after the other, each with what has to be seen of it and after it.
 
-use super::ledger::{Kind, Ledger};
-use super::slow::{self, End, Slow};
-use super::world::{Serving, World};
+use super::ledger::{FaultKind, FaultLedger};
+use super::slow::{self, SlowClient, SlowClientEnd};
+use super::world::{ServingDaemon, SoakState};
 use crate::board::{Bench, Direction, Rubbish};
-use crate::daemon::{Daemon, Plan, Usage};
+use crate::daemon::{Daemon, DaemonSetup, MemoryThreadsAndHandles};
 use crate::error::Error;
 use crate::http::{Endpoint, Http, find_metric};
 use era::device::sim::SimControl;
@@ -42,15 +42,15 @@ const LONG_TOUCH: &str = r#"{"x_px": 960, "y_px": 640, "intensity_g": 0.4, "dura
 /// What faults are injected into.
 pub struct Faults<'a> {
     /// What clients are told.
-    pub world: &'a World,
+    pub world: &'a SoakState,
     /// The board and its cable.
     pub bench: Bench,
     /// How a daemon is started.
-    pub plan: Plan,
+    pub plan: DaemonSetup,
     /// The present one.
     pub daemon: Daemon,
     /// What came of all.
-    pub ledger: Ledger,
+    pub ledger: FaultLedger,
     /// Which comes next.
     pub random: Rng,
     /// Outages of the link that daemons before this one have counted.
@@ -58,76 +58,80 @@ pub struct Faults<'a> {
     /// Faults latched by the board that these have counted.
     pub faults: u64,
     /// What the last of them took before it was killed.
-    pub before_kill: Option<Usage>,
+    pub before_kill: Option<MemoryThreadsAndHandles>,
 }
 
 /// After how long something was seen; otherwise what was.
-type Seen = Result<Duration, String>;
+type SeenAfter = Result<Duration, String>;
 
 impl Faults<'_> {
     /// A round of all faults, in an order of its own.
     ///
     /// # Errors
     /// What keeps the run from going on.
-    pub fn inject_round(&mut self) -> Result<(), Error> {
-        let serving = self.find_daemon()?;
+    pub fn inject_every_fault(&mut self) -> Result<(), Error> {
+        let serving = self.find_serving_daemon()?;
         let world = self.world;
         std::thread::scope(|threads| -> Result<(), Error> {
-            let slow: Vec<_> = (Slow::ALL.iter().cycle().take(SLOW_EACH * Slow::ALL.len()))
+            let slow: Vec<_> = (SlowClient::ALL.iter().cycle().take(SLOW_EACH * SlowClient::ALL.len()))
                 .map(|slow| (*slow, threads.spawn(move || slow::run_slow_client(world, serving, *slow))))
                 .collect();
             let mut order = [
-                Kind::Unplugged,
-                Kind::DeadLine,
-                Kind::AnswersLost,
-                Kind::RequestsLost,
-                Kind::RubbishToBoard,
-                Kind::RubbishToHost,
-                Kind::Held,
+                FaultKind::Unplugged,
+                FaultKind::DeadLine,
+                FaultKind::AnswersLost,
+                FaultKind::RequestsLost,
+                FaultKind::RubbishToBoard,
+                FaultKind::RubbishToHost,
+                FaultKind::Held,
             ];
             self.random.shuffle(&mut order);
             for kind in order {
                 eprintln!("fault: {kind}");
                 match kind {
-                    Kind::Unplugged => self.inject_unplugging()?,
-                    Kind::DeadLine => self.inject_cuts(CUTS, kind, &[Direction::ToBoard, Direction::ToHost])?,
-                    Kind::AnswersLost => self.inject_cuts(CUTS_ONE_WAY, kind, &[Direction::ToHost])?,
-                    Kind::RequestsLost => self.inject_cuts(CUTS_ONE_WAY, kind, &[Direction::ToBoard])?,
-                    Kind::RubbishToBoard => self.inject_rubbish(Direction::ToBoard, kind),
-                    Kind::RubbishToHost => self.inject_rubbish(Direction::ToHost, kind),
-                    _ => self.inject_pause()?,
+                    FaultKind::Unplugged => self.inject_unplugging()?,
+                    FaultKind::DeadLine => {
+                        self.inject_line_cuts(CUTS, kind, &[Direction::ToBoard, Direction::ToHost])?
+                    }
+                    FaultKind::AnswersLost => self.inject_line_cuts(CUTS_ONE_WAY, kind, &[Direction::ToHost])?,
+                    FaultKind::RequestsLost => self.inject_line_cuts(CUTS_ONE_WAY, kind, &[Direction::ToBoard])?,
+                    FaultKind::RubbishToBoard => self.inject_rubbish(Direction::ToBoard, kind),
+                    FaultKind::RubbishToHost => self.inject_rubbish(Direction::ToHost, kind),
+                    _ => self.inject_daemon_pause()?,
                 }
             }
             eprintln!("fault: waiting for the end of {} slow clients", slow.len());
             for (slow, thread) in slow {
-                let end = thread.join().unwrap_or(End::Unknown);
-                self.record_slow_client(slow, end);
+                let end = thread.join().unwrap_or(SlowClientEnd::Unknown);
+                self.record_end_of_slow_client_and_recovery(slow, end);
             }
             Ok(())
         })?;
-        eprintln!("fault: {}", Kind::Killed);
-        self.inject_kill()
+        eprintln!("fault: {}", FaultKind::Killed);
+        self.inject_daemon_kill()
     }
 
-    fn find_daemon(&self) -> Result<Serving, Error> {
+    fn find_serving_daemon(&self) -> Result<ServingDaemon, Error> {
         self.world.current_daemon().ok_or_else(|| Error::Answer("no daemon serves".into()))
     }
 
-    pub(super) fn control(&self) -> SimControl {
-        self.bench.control()
+    pub(super) fn sim_control(&self) -> SimControl {
+        self.bench.sim_control()
     }
 
-    pub(super) fn open_http(&self) -> Http {
+    pub(super) fn new_http_client(&self) -> Http {
         Http::new(Endpoint::Tcp(self.daemon.address))
     }
 
     /// Drives something, so that there is high voltage to be lost.
-    pub(super) fn drive_touch(&self) -> Result<(), String> {
-        let mut http = self.open_http();
+    pub(super) fn drive_until_energised(&self) -> Result<(), String> {
+        let mut http = self.new_http_client();
         let mut last = String::new();
         for _ in 0..TRIES {
             match http.post("/v1/touch", LONG_TOUCH) {
-                Ok(answer) if answer.status == 200 && self.control().self_observations().energised => return Ok(()),
+                Ok(answer) if answer.status == 200 && self.sim_control().observations_since_start().energised => {
+                    return Ok(());
+                }
                 Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
                 Err(error) => last = error.to_string(),
             }
@@ -137,8 +141,8 @@ impl Faults<'_> {
     }
 
     /// Waits until a touch is driven.
-    fn await_driven_touch(&self) -> Seen {
-        let (begun, mut http) = (Instant::now(), self.open_http());
+    fn await_driven_touch(&self) -> SeenAfter {
+        let (begun, mut http) = (Instant::now(), self.new_http_client());
         let mut last = String::new();
         while begun.elapsed() < AGAIN {
             match http.post("/v1/touch", LONG_TOUCH) {
@@ -152,34 +156,37 @@ impl Faults<'_> {
     }
 
     /// Waits until the board has switched high voltage off.
-    fn await_high_voltage_off(&self) -> Seen {
-        wait_until(OFF, || !self.control().self_observations().energised)
+    fn await_high_voltage_off(&self) -> SeenAfter {
+        wait_until(OFF, || !self.sim_control().observations_since_start().energised)
             .ok_or_else(|| format!("the board's high voltage was still on after {} ms", OFF.as_millis()))
     }
 
     /// Waits until a metric is as wanted.
-    fn await_metric(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> Seen {
-        let mut http = self.open_http();
+    fn await_metric(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> SeenAfter {
+        let mut http = self.new_http_client();
         let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
         wait_until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
             .ok_or_else(|| format!("{what} in {} s", NOTICED.as_secs()))
     }
 
     fn fetch_metrics(&self) -> String {
-        self.open_http()
+        self.new_http_client()
             .get("/metrics")
             .map(|answer| String::from_utf8_lossy(&answer.body).into_owned())
             .unwrap_or_default()
     }
 
     /// Doubts, outages and faults that the daemon has counted so far.
-    fn count_troubles(text: &str) -> f64 {
+    fn count_troubles_in_metrics(text: &str) -> f64 {
         let names = ["era_device_doubts_total", "era_device_outages_total", "era_device_faults_total"];
         names.iter().filter_map(|name| find_metric(text, name)).sum()
     }
 
-    /// Takes the board away by `lose`; says after how long that was told.
-    pub(super) fn lose_board(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
+    /// Takes the board away by `remove_board`; says after how long that was told.
+    pub(super) fn time_loss_detection_and_voltage_off(
+        &mut self,
+        remove_board: impl FnOnce(&mut Bench) -> Result<(), Error>,
+    ) -> Result<SeenAfter, Error> {
         let (address, watched) = (self.daemon.address, mpsc::channel());
         let watcher = std::thread::spawn(move || {
             let mut http = Http::new(Endpoint::Tcp(address));
@@ -194,21 +201,21 @@ impl Faults<'_> {
         });
         let _ = watched.1.recv_timeout(NOTICED);
         let begun = Instant::now();
-        let lost = lose(&mut self.bench);
+        let lost = remove_board(&mut self.bench);
         let off = self.await_high_voltage_off();
         let told = watcher.join().ok().flatten().map(|told| told.saturating_duration_since(begun));
         lost?;
         if let Some(after) = told {
-            self.ledger.losses.add(after);
+            self.ledger.losses.add_time(after);
         }
         let told = told.ok_or_else(|| format!("the loss was not told in {} s", NOTICED.as_secs()));
-        Ok(later_of(off, told))
+        Ok(later_if_both_seen(off, told))
     }
 
     fn inject_unplugging(&mut self) -> Result<(), Error> {
-        let driven = self.drive_touch();
+        let driven = self.drive_until_energised();
         let before = find_metric(&self.fetch_metrics(), "era_device_outages_total");
-        let seen = self.lose_board(Bench::unplug)?;
+        let seen = self.time_loss_detection_and_voltage_off(Bench::unplug)?;
         let off = driven.and(seen);
         let noticed = self.await_metric("the outage was not counted", |text| {
             find_metric(text, "era_device_outages_total") > before
@@ -216,47 +223,52 @@ impl Faults<'_> {
         });
         std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
         self.bench.plug_in()?;
-        self.ledger.record(Kind::Unplugged, later_of(off, noticed), self.await_driven_touch());
+        self.ledger.record_fault(FaultKind::Unplugged, later_if_both_seen(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn inject_cuts(&mut self, count: usize, kind: Kind, directions: &[Direction]) -> Result<(), Error> {
-        (0..count).try_for_each(|_| self.inject_cut(kind, directions))
+    fn inject_line_cuts(&mut self, count: usize, kind: FaultKind, directions: &[Direction]) -> Result<(), Error> {
+        (0..count).try_for_each(|_| self.inject_line_cut(kind, directions))
     }
 
-    pub(super) fn inject_cut(&mut self, kind: Kind, directions: &[Direction]) -> Result<(), Error> {
-        let driven = self.drive_touch();
-        let before = Self::count_troubles(&self.fetch_metrics());
-        let seen = self.lose_board(|bench| {
-            bench.block(directions);
+    pub(super) fn inject_line_cut(&mut self, kind: FaultKind, directions: &[Direction]) -> Result<(), Error> {
+        let driven = self.drive_until_energised();
+        let before = Self::count_troubles_in_metrics(&self.fetch_metrics());
+        let seen = self.time_loss_detection_and_voltage_off(|bench| {
+            bench.set_blocked_directions(directions);
             Ok(())
         })?;
         let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
-        let stays_off = check_stays_off(lasts, || self.control().self_observations().energised);
+        let stays_off = check_high_voltage_stays_off(lasts, || self.sim_control().observations_since_start().energised);
         // One that did not go off is named for that.
         let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
-        let off = driven.and(later_of(seen, stays_off));
-        self.bench.block(&[]);
-        let noticed = self
-            .await_metric("neither doubt, outage nor fault was counted", |text| Self::count_troubles(text) > before);
-        self.ledger.record(kind, later_of(off, noticed), self.await_driven_touch());
+        let off = driven.and(later_if_both_seen(seen, stays_off));
+        self.bench.set_blocked_directions(&[]);
+        let noticed = self.await_metric("neither doubt, outage nor fault was counted", |text| {
+            Self::count_troubles_in_metrics(text) > before
+        });
+        self.ledger.record_fault(kind, later_if_both_seen(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn inject_rubbish(&mut self, direction: Direction, kind: Kind) {
+    fn inject_rubbish(&mut self, direction: Direction, kind: FaultKind) {
         for at in 0..BYTES {
-            let Some(mut noticed) = self.spoil_frame(direction, at) else { continue };
+            let Some(mut noticed) = self.insert_rubbish_in_frame_and_await_detection(direction, at) else { continue };
             if noticed.is_err() {
                 // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
-                noticed = self.spoil_frame(direction, at).unwrap_or(noticed);
+                noticed = self.insert_rubbish_in_frame_and_await_detection(direction, at).unwrap_or(noticed);
             }
             let again = self.await_driven_touch();
-            self.ledger.record(kind, noticed, again);
+            self.ledger.record_fault(kind, noticed, again);
         }
     }
 
-    /// Puts rubbish into a frame, before this byte; `None` if no frame was long enough.
-    fn spoil_frame(&mut self, direction: Direction, at: usize) -> Option<Seen> {
+    /// Puts rubbish into a frame, before the byte `before_byte_index`; `None` if no frame was long enough.
+    fn insert_rubbish_in_frame_and_await_detection(
+        &mut self,
+        direction: Direction,
+        before_byte_index: usize,
+    ) -> Option<SeenAfter> {
         let links = |text: &str| {
             let names = ["era_link_repeats_total", "era_link_bad_frames_total", "era_device_outages_total"];
             names.map(|name| find_metric(text, name))
@@ -264,70 +276,71 @@ impl Faults<'_> {
         let before = links(&self.fetch_metrics());
         let length = self.random.usize(1..16);
         let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
-        self.bench.insert_rubbish(Rubbish { direction, at, bytes });
+        self.bench.insert_rubbish_into_next_fitting_frame(Rubbish { direction, at: before_byte_index, bytes });
         let taken = wait_until(FRAME, || self.bench.has_no_pending_rubbish()).is_some();
-        if !taken && self.bench.withdraw_rubbish() {
+        if !taken && self.bench.withdraw_pending_rubbish() {
             return None;
         }
-        Some(self.await_metric(&format!("neither repeat nor bad frame for byte {at}"), |text| {
+        Some(self.await_metric(&format!("neither repeat nor bad frame for byte {before_byte_index}"), |text| {
             let now = links(text);
             now.iter().all(Option::is_some) && now != before
         }))
     }
 
-    fn inject_pause(&mut self) -> Result<(), Error> {
-        let driven = self.drive_touch();
-        let before = Self::count_troubles(&self.fetch_metrics());
+    fn inject_daemon_pause(&mut self) -> Result<(), Error> {
+        let driven = self.drive_until_energised();
+        let before = Self::count_troubles_in_metrics(&self.fetch_metrics());
         self.daemon.set_paused(true)?;
         let off = driven.and_then(|()| self.await_high_voltage_off());
         std::thread::sleep(Duration::from_millis(self.random.u64(0..3000)));
         self.daemon.set_paused(false)?;
-        let noticed =
-            self.await_metric("neither outage nor fault was counted", |text| Self::count_troubles(text) > before);
-        self.ledger.record(Kind::Held, later_of(off, noticed), self.await_driven_touch());
+        let noticed = self.await_metric("neither outage nor fault was counted", |text| {
+            Self::count_troubles_in_metrics(text) > before
+        });
+        self.ledger.record_fault(FaultKind::Held, later_if_both_seen(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn record_slow_client(&mut self, slow: Slow, end: End) {
+    fn record_end_of_slow_client_and_recovery(&mut self, slow: SlowClient, end: SlowClientEnd) {
         let kind = match slow {
-            Slow::Nothing => Kind::SlowNothing,
-            Slow::HalfHeader => Kind::SlowHeader,
-            Slow::HalfBody => Kind::SlowBody,
-            Slow::Unread => Kind::SlowReader,
+            SlowClient::Nothing => FaultKind::SlowNothing,
+            SlowClient::HalfHeader => FaultKind::SlowHeader,
+            SlowClient::HalfBody => FaultKind::SlowBody,
+            SlowClient::Unread => FaultKind::SlowReader,
         };
         let detected = match end {
-            End::Ended(after) => Ok(after),
-            End::Borne => Err("the daemon still serves it".into()),
-            End::Unknown => return,
+            SlowClientEnd::Ended(after) => Ok(after),
+            SlowClientEnd::Borne => Err("the daemon still serves it".into()),
+            SlowClientEnd::Unknown => return,
         };
         let again = self.await_driven_touch();
-        self.ledger.record(kind, detected, again);
+        self.ledger.record_fault(kind, detected, again);
     }
 
-    fn inject_kill(&mut self) -> Result<(), Error> {
-        let driven = self.drive_touch();
-        self.outages += self.read_count("era_device_outages_total");
-        self.faults += self.read_count("era_device_faults_total");
-        self.before_kill = Some(self.daemon.read_usage());
+    fn inject_daemon_kill(&mut self) -> Result<(), Error> {
+        let driven = self.drive_until_energised();
+        self.outages += self.read_metric_count("era_device_outages_total");
+        self.faults += self.read_metric_count("era_device_faults_total");
+        self.before_kill = Some(self.daemon.read_memory_threads_and_handles());
         self.world.clear_daemon();
         self.daemon.kill();
         let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
         self.world.set_daemon(self.daemon.address);
-        self.ledger.record(Kind::Killed, off, self.await_driven_touch());
+        self.ledger.record_fault(FaultKind::Killed, off, self.await_driven_touch());
         Ok(())
     }
 
     /// What the present daemon has counted of something.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    pub fn read_count(&self, name: &str) -> u64 {
+    pub fn read_metric_count(&self, name: &str) -> u64 {
         find_metric(&self.fetch_metrics(), name).unwrap_or(0.0) as u64
     }
 }
 
 /// The later of two, both of which have to be seen.
-fn later_of(one: Seen, other: Seen) -> Seen {
+fn later_if_both_seen(one: SeenAfter, other: SeenAfter) -> SeenAfter {
     match (one, other) {
         (Ok(one), Ok(other)) => Ok(one.max(other)),
         (Err(one), Err(other)) => Err(format!("{one}; {other}")),
@@ -336,28 +349,28 @@ fn later_of(one: Seen, other: Seen) -> Seen {
 }
 
 /// Looks for as long as that whether high voltage is on again: a board that hears, and that nobody hears, must not be armed.
-pub(super) fn check_stays_off(lasts: Duration, is_on: impl FnMut() -> bool) -> Seen {
-    match wait_until(lasts, is_on) {
+pub(super) fn check_high_voltage_stays_off(duration: Duration, is_on: impl FnMut() -> bool) -> SeenAfter {
+    match wait_until(duration, is_on) {
         Some(after) => Err(format!("the board's high voltage was on again {} ms later", after.as_millis())),
         None => Ok(Duration::ZERO),
     }
 }
 
 /// After how long something is so, if that comes in time.
-pub(super) fn wait_until(longest: Duration, is_so: impl FnMut() -> bool) -> Option<Duration> {
-    poll_until(LOOK, longest, is_so)
+pub(super) fn wait_until(time_limit: Duration, is_reached: impl FnMut() -> bool) -> Option<Duration> {
+    poll_until(LOOK, time_limit, is_reached)
 }
 
 /// The same with another time between two looks.
-fn poll_until(look: Duration, longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
+fn poll_until(interval: Duration, time_limit: Duration, mut is_reached: impl FnMut() -> bool) -> Option<Duration> {
     let begun = Instant::now();
     loop {
-        if is_so() {
+        if is_reached() {
             return Some(begun.elapsed());
         }
-        if begun.elapsed() >= longest {
+        if begun.elapsed() >= time_limit {
             return None;
         }
-        std::thread::sleep(look);
+        std::thread::sleep(interval);
     }
 }

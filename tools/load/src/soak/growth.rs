@@ -1,6 +1,6 @@
 //! Whether a daemon takes more and more of the machine.
 
-use crate::daemon::Usage;
+use crate::daemon::MemoryThreadsAndHandles;
 
 /// What a daemon may take more than when it was warm, in kB. The outcomes of the last 256 requests are kept, some 10 kB each where several
 /// places and what can be had instead are told: 2.5 MB. Memory that is free again stays with the threads that had it, and comes to as
@@ -14,7 +14,7 @@ const THREADS: u64 = 8;
 const HANDLES: u64 = 4;
 
 /// What has grown by more than it may from `warm` to `later`, in words.
-pub fn describe_growth(warm: Usage, later: Usage, when: &str) -> Vec<String> {
+pub fn describe_growth(warm: MemoryThreadsAndHandles, later: MemoryThreadsAndHandles, when: &str) -> Vec<String> {
     // A process without a thread is none.
     if warm.threads == 0 || later.threads == 0 {
         return vec![format!("what the daemon takes {when} could not be read")];
@@ -38,16 +38,23 @@ mod tests {
 
     #[test]
     fn each_grows_by_itself_and_by_no_more_than_it_may() {
-        let warm = Usage { memory_kb: 40_000, threads: 16, handles: 24 };
-        assert_eq!(describe_growth(warm, Usage { memory_kb: 48_192, threads: 24, handles: 28 }, "at the end"), [""; 0]);
+        let warm = MemoryThreadsAndHandles { memory_kb: 40_000, threads: 16, handles: 24 };
+        assert_eq!(
+            describe_growth(
+                warm,
+                MemoryThreadsAndHandles { memory_kb: 48_192, threads: 24, handles: 28 },
+                "at the end"
+            ),
+            [""; 0]
+        );
         for (later, name) in [
-            (Usage { memory_kb: 48_193, ..warm }, "memory grew from 40000 kB to 48193 kB at the end"),
-            (Usage { threads: 25, ..warm }, "threads grew"),
-            (Usage { handles: 29, ..warm }, "handles grew"),
+            (MemoryThreadsAndHandles { memory_kb: 48_193, ..warm }, "memory grew from 40000 kB to 48193 kB at the end"),
+            (MemoryThreadsAndHandles { threads: 25, ..warm }, "threads grew"),
+            (MemoryThreadsAndHandles { handles: 29, ..warm }, "handles grew"),
         ] {
             let found = describe_growth(warm, later, "at the end");
             assert!(found.len() == 1 && found[0].contains(name), "{found:?}");
         }
-        assert_eq!(describe_growth(warm, Usage::default(), "at the end").len(), 1);
+        assert_eq!(describe_growth(warm, MemoryThreadsAndHandles::default(), "at the end").len(), 1);
     }
 }

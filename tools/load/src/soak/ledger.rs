@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum FaultKind {
     /// The board's cable is pulled and plugged in again.
     Unplugged,
     /// The line lets nothing through for a while.
@@ -34,7 +34,7 @@ pub enum Kind {
     Killed,
 }
 
-impl Display for Kind {
+impl Display for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::Unplugged => "cable pulled and plugged in",
@@ -55,7 +55,7 @@ impl Display for Kind {
 
 /// Faults of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Count {
+pub struct FaultCount {
     /// How many there were.
     pub injected: u64,
     /// How many the daemon or the board noticed.
@@ -70,18 +70,23 @@ pub struct Count {
 
 /// All faults.
 #[derive(Debug, Default)]
-pub struct Ledger {
+pub struct FaultLedger {
     /// By kind.
-    pub counts: BTreeMap<Kind, Count>,
+    pub counts: BTreeMap<FaultKind, FaultCount>,
     /// What did not go as it must.
     pub misses: Vec<String>,
     /// From the loss of the board, pulled or silent, until the daemon tells it.
     pub losses: Times,
 }
 
-impl Ledger {
+impl FaultLedger {
     /// Records a fault: after how long it was detected and recovered from, or what was seen instead.
-    pub fn record(&mut self, kind: Kind, detected: Result<Duration, String>, recovered: Result<Duration, String>) {
+    pub fn record_fault(
+        &mut self,
+        kind: FaultKind,
+        detected: Result<Duration, String>,
+        recovered: Result<Duration, String>,
+    ) {
         let count = self.counts.entry(kind).or_default();
         count.injected += 1;
         let mut misses = Vec::new();
@@ -102,15 +107,16 @@ impl Ledger {
     /// Faults that the board may have latched for what was injected: one for each time that it, or the daemon, may have heard nothing.
     #[must_use]
     pub fn count_possible_latches(&self) -> u64 {
-        let is_of_clients =
-            |kind: &Kind| matches!(kind, Kind::SlowNothing | Kind::SlowHeader | Kind::SlowBody | Kind::SlowReader);
+        let is_of_clients = |kind: &FaultKind| {
+            matches!(kind, FaultKind::SlowNothing | FaultKind::SlowHeader | FaultKind::SlowBody | FaultKind::SlowReader)
+        };
         self.counts.iter().filter(|(kind, _)| !is_of_clients(kind)).map(|(_, count)| count.injected).sum()
     }
 
     /// All kinds together.
     #[must_use]
-    pub fn sum_counts(&self) -> Count {
-        self.counts.values().fold(Count::default(), |sum, count| Count {
+    pub fn sum_counts(&self) -> FaultCount {
+        self.counts.values().fold(FaultCount::default(), |sum, count| FaultCount {
             injected: sum.injected + count.injected,
             detected: sum.detected + count.detected,
             recovered: sum.recovered + count.recovered,
@@ -126,9 +132,9 @@ mod tests {
 
     #[test]
     fn what_is_not_seen_is_a_miss() {
-        let mut ledger = Ledger::default();
-        ledger.record(Kind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
-        ledger.record(Kind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
+        let mut ledger = FaultLedger::default();
+        ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
+        ledger.record_fault(FaultKind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
         let total = ledger.sum_counts();
         assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
         assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));

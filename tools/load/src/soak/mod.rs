@@ -4,7 +4,7 @@ mod clients;
 mod faults;
 mod growth;
 #[cfg(test)]
-mod judged;
+mod judge_tests;
 mod ledger;
 mod report;
 mod slow;
@@ -12,18 +12,18 @@ mod tally;
 mod world;
 
 use crate::board::Bench;
-use crate::daemon::{Daemon, Plan, Usage};
+use crate::daemon::{Daemon, DaemonSetup, MemoryThreadsAndHandles};
 use crate::error::Error;
 use clap::Args;
 use fastrand::Rng;
 use faults::Faults;
-use ledger::Ledger;
+use ledger::FaultLedger;
 use report::Report;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tally::Tally;
-use world::World;
+use world::SoakState;
 
 /// Clients over TCP, ...
 const TCP_CLIENTS: usize = 4;
@@ -42,7 +42,7 @@ const TELL: Duration = Duration::from_secs(10);
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// How long, in minutes; with faults, the last round of them is ended
-    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = crate::parse_positive)]
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = crate::parse_number_within_0_001_to_100000)]
     minutes: f64,
     /// Inject faults
     #[arg(long)]
@@ -60,9 +60,9 @@ pub struct Options {
 /// # Errors
 /// [`Error::NotStood`] if something was lost, missed, told late, ever growing or unsafe, and what keeps the run from going on.
 pub fn run_soak(options: &Options) -> Result<(), Error> {
-    let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
+    let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
     let bench = Bench::new(folder.path().join("board"))?;
-    let plan = Plan {
+    let plan = DaemonSetup {
         program: options.program.clone(),
         device: folder.path().join("board"),
         socket: folder.path().join("era.sock"),
@@ -71,7 +71,7 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
     };
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
-    let world = Arc::new(World::default());
+    let world = Arc::new(SoakState::default());
     world.set_daemon(daemon.address);
     let mut random = Rng::with_seed(options.seed);
     let socket = plan.socket.clone();
@@ -80,7 +80,7 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
         bench,
         plan,
         daemon,
-        ledger: Ledger::default(),
+        ledger: FaultLedger::default(),
         random: random.fork(),
         outages: 0,
         faults: 0,
@@ -99,9 +99,9 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
         threads.push(std::thread::spawn(move || clients::run_live_client(&world, client, random)));
     }
     std::thread::sleep(WARM);
-    let at_start = faults.daemon.read_usage();
-    let result = run_load(options, begun, &mut faults);
-    world.end_clients();
+    let at_start = faults.daemon.read_memory_threads_and_handles();
+    let result = run_load_until_end(options, begun, &mut faults);
+    world.tell_clients_to_end();
     let mut tally = Tally::default();
     for thread in threads {
         match thread.join() {
@@ -120,9 +120,15 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
 }
 
 /// What has become of all.
-fn make_report(options: &Options, begun: Instant, at_start: Usage, tally: Tally, faults: Faults<'_>) -> Report {
-    let outages = faults.outages + faults.read_count("era_device_outages_total");
-    let latched = faults.faults + faults.read_count("era_device_faults_total");
+fn make_report(
+    options: &Options,
+    begun: Instant,
+    at_start: MemoryThreadsAndHandles,
+    tally: Tally,
+    faults: Faults<'_>,
+) -> Report {
+    let outages = faults.outages + faults.read_metric_count("era_device_outages_total");
+    let latched = faults.faults + faults.read_metric_count("era_device_faults_total");
     let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
     Report {
         seed: options.seed,
@@ -134,14 +140,14 @@ fn make_report(options: &Options, begun: Instant, at_start: Usage, tally: Tally,
         latched,
         at_start,
         before_kill,
-        at_end: daemon.read_usage(),
-        watch: bench.control().self_observations(),
+        at_end: daemon.read_memory_threads_and_handles(),
+        watch: bench.sim_control().observations_since_start(),
         ended: daemon.has_ended().then(|| daemon.recent_log()),
     }
 }
 
 /// Lets clients and faults go on until the time is over.
-fn run_load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
+fn run_load_until_end(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
     let lasts = Duration::from_secs_f64(options.minutes * 60.0);
     let mut told = Instant::now();
     while begun.elapsed() < lasts {
@@ -152,7 +158,7 @@ fn run_load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Resul
             )));
         }
         if options.faults {
-            faults.inject_round()?;
+            faults.inject_every_fault()?;
             let total = faults.ledger.sum_counts();
             eprintln!(
                 "{:.0} s: {} faults, {} recovered",
@@ -165,7 +171,7 @@ fn run_load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Resul
         std::thread::sleep(Duration::from_millis(200).min(lasts.saturating_sub(begun.elapsed())));
         if told.elapsed() >= TELL {
             told = Instant::now();
-            let takes = faults.daemon.read_usage();
+            let takes = faults.daemon.read_memory_threads_and_handles();
             eprintln!("{:.0} s: {} kB, {} handles", begun.elapsed().as_secs_f64(), takes.memory_kb, takes.handles);
         }
     }

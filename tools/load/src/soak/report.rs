@@ -1,9 +1,9 @@
 //! The table at the end.
 
 use super::growth::describe_growth;
-use super::ledger::Ledger;
+use super::ledger::FaultLedger;
 use super::tally::Tally;
-use crate::daemon::Usage;
+use crate::daemon::MemoryThreadsAndHandles;
 use era::device::sim::SimObservations;
 use std::fmt::Write;
 use std::time::Duration;
@@ -27,17 +27,17 @@ pub struct Report {
     /// What clients counted.
     pub tally: Tally,
     /// What faults came to.
-    pub ledger: Ledger,
+    pub ledger: FaultLedger,
     /// Outages of the link to the board.
     pub outages: u64,
     /// Faults that the board has latched, as the daemons have counted them.
     pub latched: u64,
     /// What the first daemon took when it was warm.
-    pub at_start: Usage,
+    pub at_start: MemoryThreadsAndHandles,
     /// What the last one that was killed took before that, after a round of faults.
-    pub before_kill: Option<Usage>,
+    pub before_kill: Option<MemoryThreadsAndHandles>,
     /// What the last one took after its last client.
-    pub at_end: Usage,
+    pub at_end: MemoryThreadsAndHandles,
     /// What the board has seen.
     pub watch: SimObservations,
     /// The log of a daemon that has ended by itself.
@@ -62,9 +62,9 @@ impl Report {
     }
 
     /// Losses of the board that were told too late, in words.
-    fn describe_late_losses(&self) -> Option<String> {
+    fn describe_board_losses_told_late(&self) -> Option<String> {
         let losses = &self.ledger.losses;
-        let late = losses.count_longer(LOSS_TOLD_MS);
+        let late = losses.count_longer_than(LOSS_TOLD_MS);
         let longest = losses.longest_ms().filter(|_| late > 0)?;
         let of = losses.len();
         Some(format!(
@@ -73,7 +73,7 @@ impl Report {
     }
 
     /// Touches that were not driven though they should have been, in words.
-    fn describe_refusals(&self) -> Vec<String> {
+    fn describe_missing_drives_and_excess_refusals(&self) -> Vec<String> {
         let (tally, mut found) = (&self.tally, Vec::new());
         if tally.sent > 0 && tally.count_driven() == 0 {
             found.push("no touch was driven".into());
@@ -81,15 +81,15 @@ impl Report {
         if !tally.arming.is_empty() && !tally.arming.contains_key("200") {
             found.push("nothing armed the board by hand".into());
         }
-        let (count, kinds) = tally.find_unexpected(self.injects);
-        if count * UNEXPECTED > tally.count_answered() + tally.arming.values().sum::<u64>() {
+        let (count, kinds) = tally.count_and_describe_unexpected_refusals(self.injects);
+        if count * UNEXPECTED > tally.count_answered_touches() + tally.arming.values().sum::<u64>() {
             found.push(format!("{count} requests were refused for what nothing here asks for: {}", kinds.join(", ")));
         }
         found
     }
 
     /// Faults that nobody has injected, in words.
-    fn describe_faults(&self) -> Option<String> {
+    fn describe_latched_faults_exceeding_injected(&self) -> Option<String> {
         let injected = self.ledger.count_possible_latches();
         let Self { latched, .. } = self;
         (*latched > injected).then(|| format!("the board has latched {latched} faults, and {injected} were injected"))
@@ -117,10 +117,10 @@ impl Report {
         if self.tally.sent == 0 {
             wrong.push("no touch was sent".into());
         }
-        wrong.extend(self.describe_refusals());
-        wrong.extend(self.describe_faults());
+        wrong.extend(self.describe_missing_drives_and_excess_refusals());
+        wrong.extend(self.describe_latched_faults_exceeding_injected());
         wrong.extend(self.ledger.misses.iter().cloned());
-        wrong.extend(self.describe_late_losses());
+        wrong.extend(self.describe_board_losses_told_late());
         wrong.extend(self.describe_growth());
         wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; it said:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
@@ -138,7 +138,7 @@ impl Report {
         let unsafe_states = self.describe_unsafe_states();
         row("seed, time", format!("{}, {:.1} s", self.seed, self.lasted.as_secs_f64()));
         row("touches sent", tally.sent.to_string());
-        row("  answered", tally.count_answered().to_string());
+        row("  answered", tally.count_answered_touches().to_string());
         for (with, count) in &tally.answered {
             let detail = tally.details.get(with).map(|detail| format!(", at first: {detail}")).unwrap_or_default();
             row(&format!("    {with}"), format!("{count}{detail}"));
@@ -146,8 +146,8 @@ impl Report {
         row("  outcome told afterwards", tally.told.to_string());
         row("  with a daemon that was killed", tally.killed.to_string());
         row("  lost", tally.lost.to_string());
-        row("HTTP, answer p50 / p99 / max", tally.times.describe());
-        row("live, shown p50 / p99 / max", tally.live_times.describe());
+        row("HTTP, answer p50 / p99 / max", tally.times.describe_median_p99_and_longest());
+        row("live, shown p50 / p99 / max", tally.live_times.describe_median_p99_and_longest());
         for (with, count) in &tally.arming {
             row(&format!("arming by hand: {with}"), count.to_string());
         }
@@ -156,7 +156,7 @@ impl Report {
         row("outages of the link to the board", self.outages.to_string());
         row("faults latched by the board", self.latched.to_string());
         let (start, end) = (self.at_start, self.at_end);
-        let mut takes = |name: &str, unit: &str, of: fn(Usage) -> u64| {
+        let mut takes = |name: &str, unit: &str, of: fn(MemoryThreadsAndHandles) -> u64| {
             let killed =
                 self.before_kill.map(|takes| format!("{}{unit} before a kill, ", of(takes))).unwrap_or_default();
             row(name, format!("{}{unit} at the start, {killed}{}{unit} at the end", of(start), of(end)));
@@ -179,7 +179,7 @@ impl Report {
             );
             row(&format!("    {kind}"), value);
         }
-        row("loss told, p50 / p99 / max", self.ledger.losses.describe());
+        row("loss told, p50 / p99 / max", self.ledger.losses.describe_median_p99_and_longest());
         let travel = self.watch.travel_part;
         row("greatest travel, part of the gap", format!("{travel:.4}, {:.0} % of a third", 100.0 * travel / PULL_IN));
         row("unsafe states seen", unsafe_states.len().to_string());
@@ -195,19 +195,19 @@ pub mod tests {
     use super::*;
 
     /// Of what clients counted, with nothing else to tell.
-    pub fn report_of(tally: Tally) -> Report {
-        Report { tally, ..report() }
+    pub fn make_report_with_tally(tally: Tally) -> Report {
+        Report { tally, ..make_report_without_failures() }
     }
 
-    const TAKES: Usage = Usage { memory_kb: 40_000, threads: 16, handles: 24 };
+    const TAKES: MemoryThreadsAndHandles = MemoryThreadsAndHandles { memory_kb: 40_000, threads: 16, handles: 24 };
 
-    fn report() -> Report {
+    fn make_report_without_failures() -> Report {
         Report {
             seed: 1,
             injects: false,
             lasted: Duration::from_secs(1),
-            tally: Tally::one_driven(),
-            ledger: Ledger::default(),
+            tally: Tally::with_one_driven_touch(),
+            ledger: FaultLedger::default(),
             outages: 0,
             latched: 0,
             at_start: TAKES,
@@ -220,32 +220,45 @@ pub mod tests {
 
     #[test]
     fn a_loss_that_is_told_in_time_is_none() {
-        let mut told = report();
-        told.ledger.losses.add(Duration::from_millis(100));
+        let mut told = make_report_without_failures();
+        told.ledger.losses.add_time(Duration::from_millis(100));
         assert_eq!(told.find_failures(), None);
     }
 
     #[test]
     fn anything_lost_missed_or_unsafe_is_a_failure() {
-        assert_eq!(report().find_failures(), None);
-        let mut lost = report();
+        assert_eq!(make_report_without_failures().find_failures(), None);
+        let mut lost = make_report_without_failures();
         lost.tally.record_loss("one".into());
-        let mut missed = report();
+        let mut missed = make_report_without_failures();
         missed.ledger.misses.push("one".into());
-        let far = Report { watch: SimObservations { travel_part: 0.34, ..SimObservations::default() }, ..report() };
-        let both = Report { watch: SimObservations { overlaps: 1, ..SimObservations::default() }, ..report() };
-        let late = Report { watch: SimObservations { late: 1, ..SimObservations::default() }, ..report() };
-        let leaking = Report { at_end: Usage { handles: 90, ..TAKES }, ..report() };
-        let leaked = Report { before_kill: Some(Usage { memory_kb: 90_000, ..TAKES }), ..report() };
-        let mut untold = report();
-        untold.ledger.losses.add(Duration::from_millis(101));
-        let faulted = Report { latched: 1, ..report() };
-        let undriven = report_of(Tally { sent: 1, ..Tally::default() });
-        let mut refused = report();
+        let far = Report {
+            watch: SimObservations { travel_part: 0.34, ..SimObservations::default() },
+            ..make_report_without_failures()
+        };
+        let both = Report {
+            watch: SimObservations { overlaps: 1, ..SimObservations::default() },
+            ..make_report_without_failures()
+        };
+        let late = Report {
+            watch: SimObservations { late: 1, ..SimObservations::default() },
+            ..make_report_without_failures()
+        };
+        let leaking =
+            Report { at_end: MemoryThreadsAndHandles { handles: 90, ..TAKES }, ..make_report_without_failures() };
+        let leaked = Report {
+            before_kill: Some(MemoryThreadsAndHandles { memory_kb: 90_000, ..TAKES }),
+            ..make_report_without_failures()
+        };
+        let mut untold = make_report_without_failures();
+        untold.ledger.losses.add_time(Duration::from_millis(101));
+        let faulted = Report { latched: 1, ..make_report_without_failures() };
+        let undriven = make_report_with_tally(Tally { sent: 1, ..Tally::default() });
+        let mut refused = make_report_without_failures();
         refused.tally.answered.insert("503 device-late".into(), 1);
-        let mut unarmed = report();
+        let mut unarmed = make_report_without_failures();
         unarmed.tally.arming.insert("429 busy".into(), 1);
-        let with_faults = Report { injects: true, tally: refused.tally, ..report() };
+        let with_faults = Report { injects: true, tally: refused.tally, ..make_report_without_failures() };
         assert_eq!(with_faults.find_failures(), None);
         let refused = Report { injects: false, ..with_faults };
         for report in [lost, missed, far, both, late, leaking, leaked, untold, faulted, undriven, refused, unarmed] {

@@ -1,6 +1,6 @@
 //! Clients that keep a connection and do not get on with it; the daemon must end each, and serve everybody else meanwhile.
 
-use super::world::{Serving, World};
+use super::world::{ServingDaemon, SoakState};
 use crate::http::connect_tcp;
 use crate::live::Live;
 use std::io::{ErrorKind, Read, Write};
@@ -18,7 +18,7 @@ const MOST_LEFT: usize = 20_000;
 
 /// A way of not getting on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Slow {
+pub enum SlowClient {
     /// Connects and says nothing.
     Nothing,
     /// Ends in the middle of a header line.
@@ -29,7 +29,7 @@ pub enum Slow {
     Unread,
 }
 
-impl Slow {
+impl SlowClient {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Nothing, Self::HalfHeader, Self::HalfBody, Self::Unread];
 
@@ -46,7 +46,7 @@ impl Slow {
 
 /// What became of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum SlowClientEnd {
     /// The daemon has ended it, after so long.
     Ended(Duration),
     /// It is still served.
@@ -56,20 +56,20 @@ pub enum End {
 }
 
 /// Is slow in this way until the daemon has had enough.
-pub fn run_slow_client(world: &World, serving: Serving, slow: Slow) -> End {
+pub fn run_slow_client(state: &SoakState, serving: ServingDaemon, slow: SlowClient) -> SlowClientEnd {
     let begun = Instant::now();
     let ended = match slow {
-        Slow::Unread => is_unread_socket_ended(serving.address),
-        _ => is_half_request_ended(serving.address, slow),
+        SlowClient::Unread => is_unread_socket_ended_by_daemon(serving.address),
+        _ => is_half_request_ended_by_daemon(serving.address, slow),
     };
     match ended {
-        _ if !world.is_current(serving) => End::Unknown,
-        true => End::Ended(begun.elapsed()),
-        false => End::Borne,
+        _ if !state.is_current_daemon(serving) => SlowClientEnd::Unknown,
+        true => SlowClientEnd::Ended(begun.elapsed()),
+        false => SlowClientEnd::Borne,
     }
 }
 
-fn is_half_request_ended(address: SocketAddr, slow: Slow) -> bool {
+fn is_half_request_ended_by_daemon(address: SocketAddr, slow: SlowClient) -> bool {
     let connected = || -> std::io::Result<TcpStream> {
         let mut stream = connect_tcp(address)?;
         stream.set_read_timeout(Some(LONGEST))?;
@@ -83,15 +83,15 @@ fn is_half_request_ended(address: SocketAddr, slow: Slow) -> bool {
         match stream.read(&mut buffer) {
             Ok(0) => return true,
             // It is told why, before the end or instead of it.
-            Ok(_) if slow == Slow::HalfBody => return true,
+            Ok(_) if slow == SlowClient::HalfBody => return true,
             Ok(_) => {}
             Err(error) => return !matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock),
         }
     }
 }
 
-fn is_unread_socket_ended(address: SocketAddr) -> bool {
+fn is_unread_socket_ended_by_daemon(address: SocketAddr) -> bool {
     let Ok(mut live) = Live::open(address, "scene,state,plan,field") else { return false };
     std::thread::sleep(UNREAD);
-    live.is_ended(QUIET, MOST_LEFT)
+    live.is_closed_by_daemon(QUIET, MOST_LEFT)
 }

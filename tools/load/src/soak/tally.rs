@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 /// Lost touches of which is told what is known.
 const TOLD: usize = 20;
 
-/// How a touch was answered.
+/// How a touch, or a request to arm, was answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Answered {
+pub struct RequestAnswer {
     /// The status and the end of the problem's type; "shown" for a plan on a live socket.
     pub kind: String,
     /// What the problem says.
     pub detail: Option<String>,
 }
 
-impl Answered {
+impl RequestAnswer {
     /// By a status and perhaps a problem.
     #[must_use]
     pub fn from_status(status: u16, problem: &Value) -> Self {
@@ -27,13 +27,13 @@ impl Answered {
 
     /// By a plan on a live socket.
     #[must_use]
-    pub fn from_plan() -> Self {
+    pub fn from_plan_on_live_socket() -> Self {
         Self { kind: "shown".into(), detail: None }
     }
 
     /// Whether it was driven.
     #[must_use]
-    pub const fn is_driven(&self) -> bool {
+    pub const fn was_touch_driven(&self) -> bool {
         self.detail.is_none()
     }
 }
@@ -74,8 +74,8 @@ pub struct Tally {
 
 impl Tally {
     /// A touch was answered with this status and, where it was refused, this problem.
-    pub fn count_answer(&mut self, with: Answered) {
-        let Answered { kind, detail } = with;
+    pub fn count_answer(&mut self, answer: RequestAnswer) {
+        let RequestAnswer { kind, detail } = answer;
         if let Some(detail) = detail
             && !self.details.contains_key(&kind)
         {
@@ -85,8 +85,8 @@ impl Tally {
     }
 
     /// A request to arm was answered.
-    pub fn count_arming(&mut self, with: &Answered) {
-        *self.arming.entry(with.kind.clone()).or_default() += 1;
+    pub fn count_answer_to_arm_request(&mut self, answer: &RequestAnswer) {
+        *self.arming.entry(answer.kind.clone()).or_default() += 1;
     }
 
     /// A touch was lost.
@@ -129,7 +129,7 @@ impl Tally {
 
     /// Refusals of touches and of arming of kinds that nothing in the run asks for, in words, and how many they are.
     #[must_use]
-    pub fn find_unexpected(&self, has_faults: bool) -> (u64, Vec<String>) {
+    pub fn count_and_describe_unexpected_refusals(&self, has_faults: bool) -> (u64, Vec<String>) {
         let is_expected = |kind: &str| {
             ["200", "shown"].contains(&kind) || EXPECTED.contains(&kind) || (has_faults && OF_FAULTS.contains(&kind))
         };
@@ -140,7 +140,7 @@ impl Tally {
 
     /// Touches that were answered.
     #[must_use]
-    pub fn count_answered(&self) -> u64 {
+    pub fn count_answered_touches(&self) -> u64 {
         self.answered.values().sum()
     }
 }
@@ -148,7 +148,7 @@ impl Tally {
 #[cfg(test)]
 impl Tally {
     /// One touch, which was driven.
-    pub fn one_driven() -> Self {
+    pub fn with_one_driven_touch() -> Self {
         Self { sent: 1, answered: BTreeMap::from([("200".into(), 1)]), ..Self::default() }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::{PoisonError, RwLock};
 
 /// A daemon among those that follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Serving {
+pub struct ServingDaemon {
     /// Counted from 1.
     pub generation: u64,
     /// Where it listens.
@@ -15,13 +15,13 @@ pub struct Serving {
 
 /// Which daemon there is now.
 #[derive(Debug, Default)]
-pub struct World {
+pub struct SoakState {
     serving: RwLock<Option<SocketAddr>>,
     generation: AtomicU64,
     over: AtomicBool,
 }
 
-impl World {
+impl SoakState {
     /// A daemon serves.
     pub fn set_daemon(&self, address: SocketAddr) {
         let mut serving = self.serving.write().unwrap_or_else(PoisonError::into_inner);
@@ -36,26 +36,26 @@ impl World {
 
     /// The daemon that serves now, if any does.
     #[must_use]
-    pub fn current_daemon(&self) -> Option<Serving> {
+    pub fn current_daemon(&self) -> Option<ServingDaemon> {
         // Under the lock, so that a number goes with its address.
         let serving = self.serving.read().unwrap_or_else(PoisonError::into_inner);
-        serving.map(|address| Serving { generation: self.generation.load(Ordering::SeqCst), address })
+        serving.map(|address| ServingDaemon { generation: self.generation.load(Ordering::SeqCst), address })
     }
 
     /// Whether this daemon still serves.
     #[must_use]
-    pub fn is_current(&self, serving: Serving) -> bool {
+    pub fn is_current_daemon(&self, serving: ServingDaemon) -> bool {
         self.current_daemon() == Some(serving)
     }
 
     /// Clients shall end.
-    pub fn end_clients(&self) {
+    pub fn tell_clients_to_end(&self) {
         self.over.store(true, Ordering::SeqCst);
     }
 
     /// Whether clients shall end.
     #[must_use]
-    pub fn is_over(&self) -> bool {
+    pub fn should_clients_end(&self) -> bool {
         self.over.load(Ordering::SeqCst)
     }
 }

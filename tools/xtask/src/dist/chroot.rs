@@ -27,7 +27,7 @@ const FILES: [&str; 6] = [
 ///
 /// # Errors
 /// What could not be run or copied; [`Error::Package`] where a file is missing or left, or the daemon serves no page.
-pub fn try_package(root: &Path, package: &Path) -> Result<(), Error> {
+pub fn try_package_in_chroot(root: &Path, package: &Path) -> Result<(), Error> {
     let system = root.join("target/dist-chroot");
     // Of a run that was cut short: nothing is mounted in it outside the process that does.
     if system.exists() {
@@ -39,15 +39,15 @@ pub fn try_package(root: &Path, package: &Path) -> Result<(), Error> {
     debootstrap.args(["--variant=minbase", &release]).arg(&system).arg(mirror).stdout(Stdio::null());
     run_command(&mut debootstrap)?;
     super::copy_file(package, &system.join("tmp/era.deb"))?;
-    run_command(command_in_system(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
+    run_command(chroot_command(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
     for file in FILES {
         if !system.join(file.trim_start_matches('/')).is_file() {
             return Err(Error::Package(format!("{file} is not installed")));
         }
     }
-    println!("installed: {}", capture_output(&mut command_in_system(&system, "era --version"))?);
-    serve_page(&system)?;
-    run_command(command_in_system(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
+    println!("installed: {}", capture_output(&mut chroot_command(&system, "era --version"))?);
+    check_daemon_serves_page(&system)?;
+    run_command(chroot_command(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
     match FILES.iter().find(|file| system.join(file.trim_start_matches('/')).exists()) {
         Some(file) => Err(Error::Package(format!("{file} is left after the package was removed"))),
         None => run_command(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system)),
@@ -69,9 +69,9 @@ fn find_mirror_and_release() -> Result<(String, String), Error> {
 }
 
 /// A command line in the system, with devices and processes, which are mounted for it alone.
-fn command_in_system(system: &Path, line: &str) -> Command {
+fn chroot_command(system: &Path, command_line: &str) -> Command {
     let script =
-        format!("mount --rbind /dev \"$0/dev\" && mount -t proc proc \"$0/proc\" && exec chroot \"$0\" {line}");
+        format!("mount --rbind /dev \"$0/dev\" && mount -t proc proc \"$0/proc\" && exec chroot \"$0\" {command_line}");
     let mut command = Command::new("unshare");
     command.args(["--mount", "--propagation", "private", "sh", "-c", &script]).arg(system);
     command.env("HOME", "/root").env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin").env("DEBIAN_FRONTEND", "noninteractive");
@@ -79,15 +79,15 @@ fn command_in_system(system: &Path, line: &str) -> Command {
 }
 
 /// Starts the daemon with the simulated device, and gets its page.
-fn serve_page(system: &Path) -> Result<(), Error> {
+fn check_daemon_serves_page(system: &Path) -> Result<(), Error> {
     let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let address = free.map_err(|error| Error::Package(format!("no free port: {error}")))?;
-    let mut serve = command_in_system(system, &format!("era serve --listen {address} --socket none --device sim"));
+    let mut serve = chroot_command(system, &format!("era serve --listen {address} --socket none --device sim"));
     let started = serve.stdout(Stdio::null()).spawn();
     let mut daemon = Daemon(started.map_err(|source| Error::Start { command: format_command(&serve), source })?);
     let until = Instant::now() + PATIENCE;
     loop {
-        match get_page(address) {
+        match fetch_root_page_with_http_headers(address) {
             Ok(page) if page.starts_with("HTTP/1.1 200") && page.contains(TITLE) => break,
             Ok(page) => {
                 return Err(Error::Package(format!(
@@ -108,7 +108,7 @@ fn serve_page(system: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-fn get_page(address: SocketAddr) -> std::io::Result<String> {
+fn fetch_root_page_with_http_headers(address: SocketAddr) -> std::io::Result<String> {
     let mut stream = TcpStream::connect(address)?;
     stream.set_read_timeout(Some(Duration::from_secs(5)))?;
     stream.write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")?;

@@ -24,7 +24,10 @@ pub struct Options {
 /// # Errors
 /// What could not be built, written or installed; [`Error::Package`] where the installed program does not do what it should.
 pub fn make_release(options: &Options) -> Result<(), Error> {
-    setup::ensure("cargo xtask dist", if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT })?;
+    setup::install_missing_needs(
+        "cargo xtask dist",
+        if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT },
+    )?;
     let root = repository_root()?;
     let out = root.join("target/dist");
     clear_folder(&out)?;
@@ -39,15 +42,15 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     ]))?;
     let manual = build_manual(&root, &out)?;
     let package = package::build_package(&root, &out, &manual)?;
-    copy_to_folder(&python::build_wheel(&root)?, &out)?;
-    let (firmware, _) = image::build_image(false)?;
+    copy_into_folder(&python::build_wheel(&root)?, &out)?;
+    let (firmware, _) = image::build_image_and_return_target_source(false)?;
     // All parts have one version.
     copy_file(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
     write_checksums(&out)?;
     if options.no_chroot {
         println!("not tried: the package in a Debian system of its own (--no-chroot)");
     } else {
-        chroot::try_package(&root, &package)?;
+        chroot::try_package_in_chroot(&root, &package)?;
     }
     println!(
         "in {}:\n{}",
@@ -59,7 +62,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
 
 /// The manual as pages for a browser, in a folder of `out`.
 fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
-    dependencies::ensure_subcommand(root, "mdbook", &["mdbook", "--version"])?;
+    dependencies::install_crate_if_probe_command_fails(root, "mdbook", &["mdbook", "--version"])?;
     let manual = out.join("manual");
     run_command(Command::new("mdbook").current_dir(root).args(["build", "docs", "--dest-dir"]).arg(&manual))?;
     run_command(Command::new("tar").current_dir(out).args([
@@ -75,13 +78,13 @@ fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
 /// SHA-256 of each file of `out`, as `sha256sum --check` reads them.
 fn write_checksums(out: &Path) -> Result<(), Error> {
     let mut names: Vec<PathBuf> =
-        list_files(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
+        list_files_unsorted(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
     names.sort();
     let sums = capture_output(Command::new("sha256sum").current_dir(out).args(&names))?;
     write_file(&out.join("SHA256SUMS"), &format!("{sums}\n"))
 }
 
-fn list_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+fn list_files_unsorted(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let entries = fs::read_dir(folder).map_err(file_error("cannot read", folder))?;
     Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
 }
@@ -105,6 +108,6 @@ fn copy_file(from: &Path, to: &Path) -> Result<(), Error> {
     fs::copy(from, to).map(drop).map_err(file_error("cannot copy", from))
 }
 
-fn copy_to_folder(from: &Path, folder: &Path) -> Result<(), Error> {
+fn copy_into_folder(from: &Path, folder: &Path) -> Result<(), Error> {
     copy_file(from, &folder.join(from.file_name().unwrap_or_default()))
 }

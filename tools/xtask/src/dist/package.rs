@@ -18,14 +18,14 @@ const WRITTEN_BY: &str = "# Written by `era install`";
 /// # Errors
 /// What could not be got, run or written; [`Error::Package`] where cargo-deb made none.
 pub fn build_package(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
-    dependencies::ensure_subcommand(root, "cargo-deb", &["cargo", "deb", "--version"])?;
+    dependencies::install_crate_if_probe_command_fails(root, "cargo-deb", &["cargo", "deb", "--version"])?;
     make_packaged_files(root, manual)?;
     let mut deb = Command::new("cargo");
     deb.current_dir(root)
         .args(["deb", "--quiet", "--no-build", "--locked", "--strip", "-p", "era-host", "--output"])
         .arg(out);
     run_command(&mut deb)?;
-    let packages = super::list_files(out)?;
+    let packages = super::list_files_unsorted(out)?;
     let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
     packages.into_iter().find(is_package).ok_or_else(|| Error::Package("cargo deb made no package".into()))
 }

@@ -29,7 +29,7 @@ pub struct Bridge {
 
 /// Times since the board was powered up.
 #[derive(Clone, Copy, Debug, Deserialize)]
-pub struct Times {
+pub struct TimesSincePowerUp {
     /// Emulated, in s.
     pub virtual_s: f64,
     /// Emulated, in clocks of 170 MHz.
@@ -56,13 +56,13 @@ impl Bridge {
         };
         let mut bridge =
             Self { child, commands: Some(commands), answers: BufReader::new(answers), terminal: PathBuf::new() };
-        let ready = bridge.answer()?;
+        let ready = bridge.read_json_line()?;
         bridge.terminal = ready["pty"].as_str().unwrap_or_default().into();
         Ok(bridge)
     }
 
     /// The pseudo-terminal of the board's UART.
-    pub fn terminal(&self) -> &Path {
+    pub fn terminal_path(&self) -> &Path {
         &self.terminal
     }
 
@@ -70,22 +70,22 @@ impl Bridge {
     ///
     /// # Errors
     /// [`Error::Bridge`] if the bridge refuses or has ended.
-    pub fn ask(&mut self, command: &Value) -> Result<Value, Error> {
+    pub fn send_command(&mut self, command: &Value) -> Result<Value, Error> {
         let commands = self.commands.as_mut().ok_or_else(|| Error::Bridge("its input is closed".to_owned()))?;
         writeln!(commands, "{command}").map_err(|error| Error::Bridge(error.to_string()))?;
-        let answer = self.answer()?;
+        let answer = self.read_json_line()?;
         if answer["ok"] == true {
             return Ok(answer);
         }
         Err(Error::Bridge(format!("{command}: {}", answer["error"].as_str().unwrap_or("no reason given"))))
     }
 
-    /// As [`Self::ask`], with the answer understood.
+    /// As [`Self::send_command`], with the answer understood.
     ///
     /// # Errors
     /// [`Error::Bridge`], also if the answer is another one.
-    pub fn ask_for<T: for<'de> Deserialize<'de>>(&mut self, command: &Value) -> Result<T, Error> {
-        let answer = self.ask(command)?;
+    pub fn send_command_and_parse<T: for<'de> Deserialize<'de>>(&mut self, command: &Value) -> Result<T, Error> {
+        let answer = self.send_command(command)?;
         serde_json::from_value(answer).map_err(|error| Error::Bridge(format!("{command}: {error}")))
     }
 
@@ -93,11 +93,11 @@ impl Bridge {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn time(&mut self) -> Result<Times, Error> {
-        self.ask_for(&json!({"op": "time"}))
+    pub fn read_times(&mut self) -> Result<TimesSincePowerUp, Error> {
+        self.send_command_and_parse(&json!({"op": "time"}))
     }
 
-    fn answer(&mut self) -> Result<Value, Error> {
+    fn read_json_line(&mut self) -> Result<Value, Error> {
         let mut line = String::new();
         match self.answers.read_line(&mut line) {
             Ok(0) => Err(Error::Bridge("ended without an answer; its messages are above".to_owned())),
@@ -110,7 +110,7 @@ impl Bridge {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn hand_over(mut self) -> Result<(), Error> {
+    pub fn connect_control_channel_to_standard_io(mut self) -> Result<(), Error> {
         if let Some(mut commands) = self.commands.take() {
             // Not joined: it may wait for a key for ever, and ends with the program.
             thread::spawn(move || io::copy(&mut io::stdin().lock(), &mut commands));

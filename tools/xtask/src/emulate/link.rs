@@ -21,17 +21,26 @@ impl Link {
     ///
     /// # Errors
     /// [`Error::Bridge`], [`Error::NoReply`] if the board does not answer.
-    pub fn request(&mut self, bridge: &mut Bridge, request: &Request) -> Result<Reply, Error> {
-        self.request_as(bridge, CURRENT_VERSION, request)
+    pub fn send_request(&mut self, bridge: &mut Bridge, request: &Request) -> Result<Reply, Error> {
+        self.send_request_as_version(bridge, CURRENT_VERSION, request)
     }
 
     /// The same in the words of another protocol version.
     ///
     /// # Errors
-    /// As [`Self::request`].
-    pub fn request_as(&mut self, bridge: &mut Bridge, version: u8, request: &Request) -> Result<Reply, Error> {
+    /// As [`Self::send_request`].
+    pub fn send_request_as_version(
+        &mut self,
+        bridge: &mut Bridge,
+        version: u8,
+        request: &Request,
+    ) -> Result<Reply, Error> {
         self.sequence = self.sequence.wrapping_add(1);
-        let answer = exchange_bytes(bridge, &encode_request_frame(version, self.sequence, request)?, ANSWER_LIMIT_S)?;
+        let answer = exchange_bytes_until_first_frame(
+            bridge,
+            &encode_request_frame(version, self.sequence, request)?,
+            ANSWER_LIMIT_S,
+        )?;
         decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("{request:?}")))
     }
 }
@@ -60,13 +69,13 @@ pub fn decode_reply(bytes: &[u8], sequence: u16) -> Option<Reply> {
     reply
 }
 
-/// Sends bytes to the board's UART and returns what it answers within `seconds`, up to the end of the first frame.
+/// Sends bytes to the board's UART and returns what it answers within `limit_s`, up to the end of the first frame.
 ///
 /// # Errors
 /// [`Error::Bridge`].
-pub fn exchange_bytes(bridge: &mut Bridge, bytes: &[u8], seconds: f64) -> Result<Vec<u8>, Error> {
+pub fn exchange_bytes_until_first_frame(bridge: &mut Bridge, bytes: &[u8], limit_s: f64) -> Result<Vec<u8>, Error> {
     let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    let answer = bridge.ask(&json!({"op": "exchange", "hex": hex, "seconds": seconds}))?;
+    let answer = bridge.send_command(&json!({"op": "exchange", "hex": hex, "seconds": limit_s}))?;
     let text = answer["hex"].as_str().unwrap_or_default();
     let pairs = text.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).unwrap_or_default());
     pairs

@@ -36,43 +36,43 @@ pub struct Options {
 pub fn run_emulator(options: &Options) -> Result<(), Error> {
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => image::build_image(false)?.0,
+        None => image::build_image_and_return_target_source(false)?.0,
     };
-    let usage = elf::read_usage(&image)?;
+    let usage = elf::read_memory_usage(&image)?;
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
     if options.report {
-        return report::run_report(&image);
+        return report::run_board_checks_printing_report(&image);
     }
     let mut bridge = Bridge::start(&image, Pace::Wall)?;
-    println!("{}", bridge.terminal().display());
-    let mut terminal = Terminal::open(bridge.terminal())?;
-    say_hello(&mut terminal)?;
+    println!("{}", bridge.terminal_path().display());
+    let mut terminal = Terminal::open(bridge.terminal_path())?;
+    send_hello_and_print_answer(&mut terminal)?;
     if let Some(times) = options.measure {
-        return measure_hello(&mut bridge, &mut terminal, times);
+        return measure_and_print_hello_round_trips(&mut bridge, &mut terminal, times);
     }
     drop(terminal);
     eprintln!("emulate: commands of the bridge can be typed here, one JSON object a line; Ctrl-D ends it");
-    bridge.hand_over()
+    bridge.connect_control_channel_to_standard_io()
 }
 
 /// The tests of the emulated board itself, then the report.
 ///
 /// # Errors
 /// As [`run_emulator`].
-pub fn test_emulator() -> Result<(), Error> {
-    let image = image::build_image(false)?.0;
+pub fn run_emulator_self_test_and_board_report() -> Result<(), Error> {
+    let image = image::build_image_and_return_target_source(false)?.0;
     run_command(
         Command::new("python3")
             .arg(repository_root()?.join("tools/emulator/launch.py"))
             .args(["--self-test", "--elf"])
             .arg(&image),
     )?;
-    report::run_report(&image)
+    report::run_board_checks_printing_report(&image)
 }
 
-fn say_hello(terminal: &mut Terminal) -> Result<(), Error> {
+fn send_hello_and_print_answer(terminal: &mut Terminal) -> Result<(), Error> {
     let started = Instant::now();
-    let hello = terminal.hello()?;
+    let hello = terminal.send_hello()?;
     let version = hello.firmware;
     eprintln!(
         "emulate: hello from board {} after {:.0} ms: firmware {}.{}.{}, protocol {} to {}, {} channels",
@@ -88,21 +88,25 @@ fn say_hello(terminal: &mut Terminal) -> Result<(), Error> {
     Ok(())
 }
 
-fn measure_hello(bridge: &mut Bridge, terminal: &mut Terminal, times: usize) -> Result<(), Error> {
-    let mut milliseconds = Vec::with_capacity(times);
-    let before = bridge.time()?;
-    for _ in 0..times {
+fn measure_and_print_hello_round_trips(
+    bridge: &mut Bridge,
+    terminal: &mut Terminal,
+    repeats: usize,
+) -> Result<(), Error> {
+    let mut milliseconds = Vec::with_capacity(repeats);
+    let before = bridge.read_times()?;
+    for _ in 0..repeats {
         let started = Instant::now();
-        terminal.hello()?;
+        terminal.send_hello()?;
         milliseconds.push(started.elapsed().as_secs_f64() * 1e3);
     }
-    let after = bridge.time()?;
+    let after = bridge.read_times()?;
     milliseconds.sort_by(f64::total_cmp);
     let at = |fraction: f64| {
         let index = (fraction * (milliseconds.len().max(1) - 1) as f64).round() as usize;
         milliseconds.get(index).copied().unwrap_or(f64::NAN)
     };
-    println!("round trips     {times}");
+    println!("round trips     {repeats}");
     println!("median          {:.1} ms", at(0.5));
     println!("99 % within     {:.1} ms", at(0.99));
     println!("virtual / wall  {:.2}", (after.virtual_s - before.virtual_s) / (after.wall_s - before.wall_s));

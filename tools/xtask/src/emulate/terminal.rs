@@ -47,7 +47,7 @@ impl Terminal {
     ///
     /// # Errors
     /// [`Error::Silent`] without an answer, [`Error::Bridge`] if the terminal is gone.
-    pub fn hello(&mut self) -> Result<WelcomeReply, Error> {
+    pub fn send_hello(&mut self) -> Result<WelcomeReply, Error> {
         self.sequence = self.sequence.wrapping_add(1);
         let request = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
         let frame = encode_request_frame(CURRENT_VERSION, self.sequence, &request)?;

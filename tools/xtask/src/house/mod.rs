@@ -68,13 +68,13 @@ struct Target {
 ///
 /// # Errors
 /// [`Error::Circles`] if there is one; [`Error::FolderOrder`]; what cannot be read.
-pub fn run_survey() -> Result<(), Error> {
+pub fn survey_crates_failing_on_import_cycles() -> Result<(), Error> {
     let (mut circles, mut breaches) = (0, Vec::new());
-    for (name, survey) in survey_crates(&repository_root()?)? {
-        print!("{}", describe_survey(&name, &survey));
+    for (name, survey) in survey_each_crate(&repository_root()?)? {
+        print!("{}", describe_survey_findings_if_any(&name, &survey));
         circles += survey.circles.len();
         if name == HOST {
-            breaches = order::DAEMON.find_breaches(&survey.imports);
+            breaches = order::DAEMON.find_order_breaches(&survey.imports);
         }
     }
     println!("{circles} circles between files");
@@ -85,7 +85,7 @@ pub fn run_survey() -> Result<(), Error> {
 }
 
 /// Every crate's name and what is found in it.
-fn survey_crates(root: &Path) -> Result<Vec<(String, Survey)>, Error> {
+fn survey_each_crate(root: &Path) -> Result<Vec<(String, Survey)>, Error> {
     let workspace = read_manifest(&root.join("Cargo.toml"))?.workspace;
     let members = workspace.into_iter().flat_map(|workspace| workspace.members).chain([APART.to_owned()]);
     members.map(|member| survey_crate(&root.join(member))).collect()
@@ -114,17 +114,17 @@ fn read_manifest(path: &Path) -> Result<Manifest, Error> {
 }
 
 /// Adds the texts of all sources in a folder of a crate.
-fn read_sources(top: &Path, folder: &Path, texts: &mut BTreeMap<PathBuf, String>) -> Result<(), Error> {
+fn read_sources(crate_folder: &Path, folder: &Path, texts: &mut BTreeMap<PathBuf, String>) -> Result<(), Error> {
     let unreadable = |source| Error::File { what: "cannot read", path: folder.to_path_buf(), source };
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         if path.is_dir() {
             // A folder with a manifest is another crate's.
             if !path.ends_with(BUILT) && !path.join("Cargo.toml").exists() {
-                read_sources(top, &path, texts)?;
+                read_sources(crate_folder, &path, texts)?;
             }
         } else if path.extension().is_some_and(|ending| ending == "rs")
-            && let Ok(inside) = path.strip_prefix(top)
+            && let Ok(inside) = path.strip_prefix(crate_folder)
         {
             texts.insert(inside.to_path_buf(), read_text(&path)?);
         }
@@ -137,7 +137,7 @@ fn read_text(path: &Path) -> Result<String, Error> {
 }
 
 /// What is printed of a crate: nothing where nothing is wrong.
-fn describe_survey(name: &str, survey: &Survey) -> String {
+fn describe_survey_findings_if_any(name: &str, survey: &Survey) -> String {
     let mut lines: Vec<String> =
         survey.long.iter().map(|(file, count)| format!("{name}: {file} has {count} lines, more than 500")).collect();
     lines.extend(survey.lost.iter().map(|file| format!("{name}: no `mod` leads to {file}")));

@@ -10,7 +10,7 @@ pub type Segments = Vec<String>;
 
 /// The code of a module, without that of modules inside it.
 #[derive(Debug, Default)]
-pub struct Code {
+pub struct ModuleCode {
     /// Names of its own items.
     pub items: BTreeSet<String>,
     /// Names that it imports, and what they stand for.
@@ -33,20 +33,20 @@ pub struct Child {
     /// Whether it is there in tests only.
     pub is_test: bool,
     /// Its code, if that is not in a file of its own.
-    pub body: Option<Code>,
+    pub body: Option<ModuleCode>,
 }
 
-impl Code {
+impl ModuleCode {
     /// The code of a file.
     ///
     /// # Errors
     /// What is not Rust.
     pub fn parse(text: &str) -> syn::Result<Self> {
         let file = syn::parse_file(text)?;
-        Ok(Self::of(&file.items))
+        Ok(Self::from_items(&file.items))
     }
 
-    fn of(items: &[Item]) -> Self {
+    fn from_items(items: &[Item]) -> Self {
         let mut code = Self::default();
         for item in items {
             code.visit_item(item);
@@ -54,11 +54,11 @@ impl Code {
         code
     }
 
-    fn declare(&mut self, module: &ItemMod) {
-        let is_test = is_test(&module.attrs);
+    fn add_child_module(&mut self, module: &ItemMod) {
+        let is_test = is_compiled_for_tests_only(&module.attrs);
         let body = match &module.content {
             Some(_) if is_test => return,
-            Some((_, items)) => Some(Self::of(items)),
+            Some((_, items)) => Some(Self::from_items(items)),
             None => None,
         };
         self.children.push(Child {
@@ -69,26 +69,26 @@ impl Code {
         });
     }
 
-    fn import(&mut self, before: &[String], tree: &UseTree) {
+    fn add_imports_of_tree(&mut self, prefix: &[String], tree: &UseTree) {
         match tree {
-            UseTree::Path(path) => self.import(&[before, &[path.ident.to_string()]].concat(), &path.tree),
-            UseTree::Name(name) => self.import_as(before, &name.ident, None),
-            UseTree::Rename(rename) => self.import_as(before, &rename.ident, Some(&rename.rename)),
+            UseTree::Path(path) => self.add_imports_of_tree(&[prefix, &[path.ident.to_string()]].concat(), &path.tree),
+            UseTree::Name(name) => self.add_import(prefix, &name.ident, None),
+            UseTree::Rename(rename) => self.add_import(prefix, &rename.ident, Some(&rename.rename)),
             UseTree::Glob(_) => {
-                self.globs.push(before.to_vec());
-                self.named.insert(before.to_vec());
+                self.globs.push(prefix.to_vec());
+                self.named.insert(prefix.to_vec());
             }
-            UseTree::Group(group) => group.items.iter().for_each(|tree| self.import(before, tree)),
+            UseTree::Group(group) => group.items.iter().for_each(|tree| self.add_imports_of_tree(prefix, tree)),
         }
     }
 
-    fn import_as(&mut self, before: &[String], name: &Ident, other: Option<&Ident>) {
-        let mut path = before.to_vec();
+    fn add_import(&mut self, prefix: &[String], name: &Ident, alias: Option<&Ident>) {
+        let mut path = prefix.to_vec();
         // `a::{self}` is `a`.
-        if name != "self" || before.is_empty() {
+        if name != "self" || prefix.is_empty() {
             path.push(name.to_string());
         }
-        let known_as = other.map(ToString::to_string).or_else(|| path.last().cloned());
+        let known_as = alias.map(ToString::to_string).or_else(|| path.last().cloned());
         if let Some(known_as) = known_as.filter(|name| name != "_") {
             self.imports.entry(known_as).or_insert_with(|| path.clone());
         }
@@ -96,13 +96,13 @@ impl Code {
     }
 }
 
-impl<'ast> Visit<'ast> for Code {
+impl<'ast> Visit<'ast> for ModuleCode {
     fn visit_item(&mut self, item: &'ast Item) {
         let (attributes, name) = find_attributes_and_name(item);
         if let Item::Mod(module) = item {
-            return self.declare(module);
+            return self.add_child_module(module);
         }
-        if is_test(attributes) {
+        if is_compiled_for_tests_only(attributes) {
             return;
         }
         self.items.extend(name.map(ToString::to_string));
@@ -115,14 +115,14 @@ impl<'ast> Visit<'ast> for Code {
             ImplItem::Fn(item) => &item.attrs,
             _ => &[],
         };
-        if !is_test(attributes) {
+        if !is_compiled_for_tests_only(attributes) {
             visit::visit_impl_item(self, item);
         }
     }
 
     fn visit_item_use(&mut self, item: &'ast ItemUse) {
         if item.leading_colon.is_none() {
-            self.import(&[], &item.tree);
+            self.add_imports_of_tree(&[], &item.tree);
         }
     }
 
@@ -199,22 +199,22 @@ fn find_attributes_and_name(item: &Item) -> (&[Attribute], Option<&Ident>) {
 }
 
 /// Whether something is there in tests only.
-fn is_test(attributes: &[Attribute]) -> bool {
+fn is_compiled_for_tests_only(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
-        Meta::List(list) => list.path.is_ident("cfg") && requires_test(list.tokens.clone()),
+        Meta::List(list) => list.path.is_ident("cfg") && requires_test_cfg(list.tokens.clone()),
         _ => false,
     })
 }
 
 /// Whether a condition is `test`, or `all` of several with it among them.
-fn requires_test(condition: TokenStream) -> bool {
+fn requires_test_cfg(condition: TokenStream) -> bool {
     let mut is_all = false;
     condition.into_iter().any(|token| match token {
         TokenTree::Ident(word) => {
             is_all = word == "all";
             word == "test"
         }
-        TokenTree::Group(group) => is_all && requires_test(group.stream()),
+        TokenTree::Group(group) => is_all && requires_test_cfg(group.stream()),
         TokenTree::Punct(_) | TokenTree::Literal(_) => false,
     })
 }

@@ -1,8 +1,8 @@
 //! What is found in a crate: circles of imports, long files, files that no `mod` leads to.
 
-use super::circles::{Graph, find_circles};
-use super::source::Code;
-use super::tree::{Sources, Tree};
+use super::circles::{Graph, find_cycles_with_their_edges};
+use super::source::ModuleCode;
+use super::tree::{ModuleTree, Sources};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -33,31 +33,35 @@ impl Survey {
     pub fn new(texts: &BTreeMap<PathBuf, String>, roots: &[PathBuf]) -> Result<Self, (PathBuf, syn::Error)> {
         let mut sources = Sources::new();
         for (file, text) in texts {
-            sources.insert(file.clone(), Code::parse(text).map_err(|error| (file.clone(), error))?);
+            sources.insert(file.clone(), ModuleCode::parse(text).map_err(|error| (file.clone(), error))?);
         }
-        let trees: Vec<Tree<'_>> = roots.iter().map(|root| Tree::new(&sources, root)).collect();
+        let trees: Vec<ModuleTree<'_>> = roots.iter().map(|root| ModuleTree::new(&sources, root)).collect();
         let reached: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.modules.iter().map(|m| m.file)).collect();
         let in_tests: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.test_files.iter().copied()).collect();
         let is_test = |file: &Path| is_named_as_test(file) || in_tests.contains(file) && !reached.contains(file);
         let is_lost = |file: &Path| file.starts_with(SOURCES) && !reached.contains(file) && !in_tests.contains(file);
-        let lost = sources.keys().filter(|file| is_lost(file)).map(|file| show_path(file)).collect();
-        let lengths = texts.iter().map(|(file, text)| (show_path(file), text.lines().count()));
+        let lost = sources.keys().filter(|file| is_lost(file)).map(|file| format_source_path(file)).collect();
+        let lengths = texts.iter().map(|(file, text)| (format_source_path(file), text.lines().count()));
         let long = lengths.filter(|(_, lines)| *lines > LONG).collect();
         let mut graph = Graph::new();
-        for (from, to) in find_imports(&trees, is_test) {
-            graph.entry(show_path(from)).or_insert_with(BTreeSet::new).insert(show_path(to));
+        for (from, to) in find_file_imports_outside_own_ancestry(&trees, is_test) {
+            graph.entry(format_source_path(from)).or_insert_with(BTreeSet::new).insert(format_source_path(to));
         }
-        Ok(Self { circles: find_circles(&graph), imports: graph, long, lost })
+        Ok(Self { circles: find_cycles_with_their_edges(&graph), imports: graph, long, lost })
     }
 }
 
 /// Which file imports which, but for modules above or below each other.
-fn find_imports<'a>(trees: &[Tree<'a>], is_test: impl Fn(&Path) -> bool) -> BTreeSet<(&'a Path, &'a Path)> {
+fn find_file_imports_outside_own_ancestry<'a>(
+    trees: &[ModuleTree<'a>],
+    is_importer_left_out: impl Fn(&Path) -> bool,
+) -> BTreeSet<(&'a Path, &'a Path)> {
     let mut imports = BTreeSet::new();
     for tree in trees {
-        for (from, module) in tree.modules.iter().enumerate().filter(|(_, module)| !is_test(module.file)) {
-            for to in module.code.named.iter().flat_map(|path| tree.imported(from, path)) {
-                if !tree.are_kin(tree.home(from), to) {
+        for (from, module) in tree.modules.iter().enumerate().filter(|(_, module)| !is_importer_left_out(module.file)) {
+            for to in module.code.named.iter().flat_map(|path| tree.find_declaring_and_reexporting_modules(from, path))
+            {
+                if !tree.is_one_ancestor_of_other(tree.find_top_module_of_file(from), to) {
                     imports.insert((module.file, tree.modules[to].file));
                 }
             }
@@ -73,6 +77,6 @@ fn is_named_as_test(file: &Path) -> bool {
 }
 
 /// A file's path for people: in `src` where it is there.
-fn show_path(file: &Path) -> String {
+fn format_source_path(file: &Path) -> String {
     file.strip_prefix(SOURCES).unwrap_or(file).display().to_string()
 }

@@ -2,7 +2,7 @@
 
 use super::order::DAEMON;
 use super::survey::Survey;
-use super::{HOST, describe_survey, survey_crates};
+use super::{HOST, describe_survey_findings_if_any, survey_each_crate};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -159,8 +159,8 @@ fn long_and_lost_files_and_circles_are_printed() {
         "  a.rs -> c.rs",
         "  c.rs -> a.rs",
     ];
-    assert_eq!(describe_survey("made-up", &found), lines.map(|line| format!("{line}\n")).concat());
-    assert_eq!(describe_survey("made-up", &survey(&[("lib.rs", "mod a;"), ("a.rs", "")])), "");
+    assert_eq!(describe_survey_findings_if_any("made-up", &found), lines.map(|line| format!("{line}\n")).concat());
+    assert_eq!(describe_survey_findings_if_any("made-up", &survey(&[("lib.rs", "mod a;"), ("a.rs", "")])), "");
 }
 
 /// Whoever uses a later folder, or adds one that has no place in the order, is named.
@@ -177,7 +177,7 @@ fn an_import_against_the_order_of_folders_is_named() {
             ("daemon/new.rs", "use super::Daemon;"),
         ]
     };
-    let breaches = |closing| DAEMON.find_breaches(&survey(&files(closing)).imports);
+    let breaches = |closing| DAEMON.find_order_breaches(&survey(&files(closing)).imports);
     assert_eq!(breaches("use crate::daemon::Daemon; pub struct Problem;"), [""; 0]);
     assert_eq!(breaches("use crate::daemon::http::routes::Route;"), ["daemon/api/problem.rs -> daemon/http/routes.rs"]);
     assert_eq!(breaches("use crate::daemon::new::New;"), ["daemon/api/problem.rs -> daemon/new.rs"]);
@@ -185,16 +185,16 @@ fn an_import_against_the_order_of_folders_is_named() {
 
 #[test]
 fn folders_of_the_daemon_use_each_other_in_one_direction() {
-    let all = survey_crates(&crate::repository_root().unwrap()).unwrap();
+    let all = survey_each_crate(&crate::repository_root().unwrap()).unwrap();
     let host = all.iter().find(|(name, _)| name == HOST).unwrap();
     assert!(host.1.imports.keys().any(|file| file.starts_with("daemon/http/")));
-    assert_eq!(DAEMON.find_breaches(&host.1.imports), [""; 0]);
+    assert_eq!(DAEMON.find_order_breaches(&host.1.imports), [""; 0]);
 }
 
 /// Every crate is read, and every file of a `src` is led to: otherwise its imports would be missing.
 #[test]
 fn this_repository_is_read_whole() {
-    let all = survey_crates(&crate::repository_root().unwrap()).unwrap();
+    let all = survey_each_crate(&crate::repository_root().unwrap()).unwrap();
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,

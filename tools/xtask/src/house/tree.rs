@@ -1,11 +1,11 @@
 //! The modules of a crate: which files its `mod` declarations lead to, and what a path in one of them names.
 
-use super::source::{Child, Code};
+use super::source::{Child, ModuleCode};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The code of every file, by its path in the crate's folder.
-pub type Sources = BTreeMap<PathBuf, Code>;
+pub type Sources = BTreeMap<PathBuf, ModuleCode>;
 
 /// A module.
 #[derive(Debug)]
@@ -13,7 +13,7 @@ pub struct Module<'a> {
     /// Where it is written.
     pub file: &'a Path,
     /// What is written there.
-    pub code: &'a Code,
+    pub code: &'a ModuleCode,
     /// The module of its file: itself, unless it is written out inside another.
     home: usize,
     parent: Option<usize>,
@@ -22,7 +22,7 @@ pub struct Module<'a> {
 
 /// All modules from one root on, the root first. Modules that are there in tests only are left out.
 #[derive(Debug, Default)]
-pub struct Tree<'a> {
+pub struct ModuleTree<'a> {
     /// The modules.
     pub modules: Vec<Module<'a>>,
     /// Files that only tests lead to.
@@ -31,28 +31,28 @@ pub struct Tree<'a> {
 
 /// What a path leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Found {
+enum PathTarget {
     /// A module.
     Module(usize),
     /// Something in a module.
     Item(usize),
 }
 
-impl<'a> Tree<'a> {
+impl<'a> ModuleTree<'a> {
     /// The modules from `root` on; none if there is no such file.
     pub fn new(sources: &'a Sources, root: &Path) -> Self {
         let mut tree = Self::default();
         if let Some((file, code)) = sources.get_key_value(root) {
-            tree.add(sources, (file, code), None, None, root.parent().unwrap_or(Path::new("")));
+            tree.add_module(sources, (file, code), None, None, root.parent().unwrap_or(Path::new("")));
         }
         tree
     }
 
     /// Adds a module and all below it, whose files are in `folder`.
-    fn add(
+    fn add_module(
         &mut self,
         sources: &'a Sources,
-        (file, code): (&'a Path, &'a Code),
+        (file, code): (&'a Path, &'a ModuleCode),
         home: Option<usize>,
         parent: Option<usize>,
         folder: &Path,
@@ -62,12 +62,14 @@ impl<'a> Tree<'a> {
         self.modules.push(Module { file, code, home, parent, children: BTreeMap::new() });
         for child in &code.children {
             let added = match (&child.body, find_module_file(sources, child, file, folder)) {
-                (Some(body), _) => self.add(sources, (file, body), Some(home), Some(own), &folder.join(&child.name)),
+                (Some(body), _) => {
+                    self.add_module(sources, (file, body), Some(home), Some(own), &folder.join(&child.name))
+                }
                 (None, Some((file, code, folder))) if !child.is_test => {
-                    self.add(sources, (file, code), None, Some(own), &folder)
+                    self.add_module(sources, (file, code), None, Some(own), &folder)
                 }
                 (None, Some((file, code, folder))) => {
-                    self.add_tests(sources, (file, code), &folder);
+                    self.record_test_file_and_its_children(sources, (file, code), &folder);
                     continue;
                 }
                 (None, None) => continue,
@@ -77,36 +79,41 @@ impl<'a> Tree<'a> {
         own
     }
 
-    fn add_tests(&mut self, sources: &'a Sources, (file, code): (&'a Path, &'a Code), folder: &Path) {
+    fn record_test_file_and_its_children(
+        &mut self,
+        sources: &'a Sources,
+        (file, code): (&'a Path, &'a ModuleCode),
+        folder: &Path,
+    ) {
         self.test_files.insert(file);
         for child in &code.children {
             if let Some((file, code, folder)) = find_module_file(sources, child, file, folder) {
-                self.add_tests(sources, (file, code), &folder);
+                self.record_test_file_and_its_children(sources, (file, code), &folder);
             }
         }
     }
 
     /// Whether one of two modules is above the other, or both are the same.
-    pub fn are_kin(&self, a: usize, b: usize) -> bool {
-        self.is_above(a, b) || self.is_above(b, a)
+    pub fn is_one_ancestor_of_other(&self, one: usize, other: usize) -> bool {
+        self.is_same_or_ancestor(one, other) || self.is_same_or_ancestor(other, one)
     }
 
-    fn is_above(&self, upper: usize, lower: usize) -> bool {
+    fn is_same_or_ancestor(&self, upper: usize, lower: usize) -> bool {
         std::iter::successors(Some(lower), |module| self.modules[*module].parent).any(|module| module == upper)
     }
 
     /// The modules whose files the code of `from` imports by a path: the one in which the thing is declared, and those that hand
     /// it on without having it below them.
-    pub fn imported(&self, from: usize, path: &[String]) -> BTreeSet<usize> {
-        let mut search = Search { tree: self, asked: BTreeSet::new(), handed_on_by: BTreeSet::new() };
-        let found = search.path(from, path);
+    pub fn find_declaring_and_reexporting_modules(&self, from: usize, path: &[String]) -> BTreeSet<usize> {
+        let mut search = PathSearch { tree: self, asked: BTreeSet::new(), handed_on_by: BTreeSet::new() };
+        let found = search.resolve_path(from, path);
         let mut all = search.handed_on_by;
-        all.extend(found.map(|(Found::Module(module) | Found::Item(module))| module));
+        all.extend(found.map(|(PathTarget::Module(module) | PathTarget::Item(module))| module));
         all.into_iter().map(|module| self.modules[module].home).collect()
     }
 
     /// The module of the file in which a module is written.
-    pub fn home(&self, module: usize) -> usize {
+    pub fn find_top_module_of_file(&self, module: usize) -> usize {
         self.modules[module].home
     }
 }
@@ -117,7 +124,7 @@ fn find_module_file<'a>(
     child: &Child,
     parent: &Path,
     folder: &Path,
-) -> Option<(&'a Path, &'a Code, PathBuf)> {
+) -> Option<(&'a Path, &'a ModuleCode, PathBuf)> {
     let beside = |name: &str| (folder.join(name), folder.join(&child.name));
     let candidates = match &child.path {
         Some(path) => {
@@ -134,69 +141,75 @@ fn find_module_file<'a>(
 }
 
 /// One path's search.
-struct Search<'t, 'a> {
-    tree: &'t Tree<'a>,
+struct PathSearch<'t, 'a> {
+    tree: &'t ModuleTree<'a>,
     /// Names that are being looked for, as imports may go round in circles.
     asked: BTreeSet<(usize, String)>,
     handed_on_by: BTreeSet<usize>,
 }
 
-impl Search<'_, '_> {
+impl PathSearch<'_, '_> {
     /// What a path names; `None` for what is not of this crate.
-    fn path(&mut self, from: usize, path: &[String]) -> Option<Found> {
+    fn resolve_path(&mut self, from: usize, path: &[String]) -> Option<PathTarget> {
         let (first, rest) = path.split_first()?;
         let mut module = match first.as_str() {
             "crate" => 0,
             "self" => from,
             "super" => self.tree.modules[from].parent?,
-            name => match self.name(from, name)? {
-                Found::Module(module) => module,
-                item @ Found::Item(_) => return Some(item),
+            name => match self.resolve_name(from, name)? {
+                PathTarget::Module(module) => module,
+                item @ PathTarget::Item(_) => return Some(item),
             },
         };
         for name in rest {
             module = match (name.as_str(), self.tree.modules[module].parent) {
                 ("super", Some(parent)) => parent,
-                _ => match self.name(module, name) {
-                    Some(Found::Module(module)) => module,
-                    Some(item @ Found::Item(_)) => return Some(item),
+                _ => match self.resolve_name(module, name) {
+                    Some(PathTarget::Module(module)) => module,
+                    Some(item @ PathTarget::Item(_)) => return Some(item),
                     // Made by a macro, say.
-                    None => return Some(Found::Item(module)),
+                    None => return Some(PathTarget::Item(module)),
                 },
             };
         }
-        Some(Found::Module(module))
+        Some(PathTarget::Module(module))
     }
 
     /// What a name stands for in a module.
-    fn name(&mut self, module: usize, name: &str) -> Option<Found> {
+    fn resolve_name(&mut self, module: usize, name: &str) -> Option<PathTarget> {
         let own = &self.tree.modules[module];
         if let Some(child) = own.children.get(name) {
-            return Some(Found::Module(*child));
+            return Some(PathTarget::Module(*child));
         }
         if own.code.items.contains(name) {
-            return Some(Found::Item(module));
+            return Some(PathTarget::Item(module));
         }
         if !self.asked.insert((module, name.to_owned())) {
             return None;
         }
         if let Some(path) = own.code.imports.get(name) {
             // Something of another crate is this module's as far as this crate goes.
-            let found = self.path(module, path).unwrap_or(Found::Item(module));
-            return Some(self.handed_on(module, found));
+            let found = self.resolve_path(module, path).unwrap_or(PathTarget::Item(module));
+            return Some(self.note_reexporter_unless_target_below_it_and_return_target(module, found));
         }
-        own.code.globs.iter().find_map(|path| match self.path(module, path)? {
-            Found::Module(all) => self.name(all, name).map(|found| self.handed_on(module, found)),
+        own.code.globs.iter().find_map(|path| match self.resolve_path(module, path)? {
+            PathTarget::Module(all) => self
+                .resolve_name(all, name)
+                .map(|found| self.note_reexporter_unless_target_below_it_and_return_target(module, found)),
             // Of an enum.
-            Found::Item(_) => None,
+            PathTarget::Item(_) => None,
         })
     }
 
     /// Notes which module handed something on, unless it is from below that module: then this is only its front.
-    fn handed_on(&mut self, by: usize, found: Found) -> Found {
-        let (Found::Module(module) | Found::Item(module)) = found;
-        if !self.tree.is_above(by, module) {
-            self.handed_on_by.insert(by);
+    fn note_reexporter_unless_target_below_it_and_return_target(
+        &mut self,
+        reexporter: usize,
+        found: PathTarget,
+    ) -> PathTarget {
+        let (PathTarget::Module(module) | PathTarget::Item(module)) = found;
+        if !self.tree.is_same_or_ancestor(reexporter, module) {
+            self.handed_on_by.insert(reexporter);
         }
         found
     }

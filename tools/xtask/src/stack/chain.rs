@@ -25,7 +25,7 @@ pub struct Rules<'a> {
 
 /// One level of the nesting.
 #[derive(Clone, Debug)]
-pub struct Level {
+pub struct StackLevel {
     /// What runs there.
     pub name: String,
     /// Bytes, with the exception frame that leads to it.
@@ -36,7 +36,7 @@ pub struct Level {
 
 /// What a function is, as far as calls through pointers go.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Class {
+enum FunctionClass {
     Task,
     Formatting,
     Logging,
@@ -48,7 +48,7 @@ enum Class {
 ///
 /// # Errors
 /// [`StackError::NoFunction`] if the rules name what the image does not have.
-pub fn find_worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, StackError> {
+pub fn find_worst_case_stack_levels(program: &Program, rules: &Rules<'_>) -> Result<Vec<StackLevel>, StackError> {
     let find = |name: &str| program.functions.iter().position(|function| function.names.iter().any(|own| own == name));
     let known = |name: &String| find(name).ok_or_else(|| StackError::NoFunction(name.clone()));
     let executors = rules.executors.iter().map(known).collect::<Result<BTreeSet<_>, _>>()?;
@@ -60,14 +60,14 @@ pub fn find_worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level
 
     let panic = find(PANIC_HANDLER).ok_or_else(|| StackError::NoFunction(PANIC_HANDLER.to_owned()))?;
 
-    let mut calls = resolve_calls(program, &executors);
+    let mut calls = list_possible_callees_of_each_function(program, &executors);
     for callees in &mut calls {
         callees.remove(&panic);
     }
     let mut depths = Depths::new(program, &calls, rules.recursion);
     let mut level = |name: String, position: usize, frame: u32| {
-        let (bytes, chain) = depths.of(position);
-        Level { name, bytes: bytes + frame, chain }
+        let (bytes, chain) = depths.find_deepest_stack_and_call_chain(position);
+        StackLevel { name, bytes: bytes + frame, chain }
     };
 
     let mut levels = Vec::new();
@@ -75,7 +75,7 @@ pub fn find_worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level
         levels.push(level("thread mode".to_owned(), *reset, 0));
     }
     // By priority, highest number (lowest urgency) first: the deepest handler of each.
-    let mut handlers: BTreeMap<u8, Level> = BTreeMap::new();
+    let mut handlers: BTreeMap<u8, StackLevel> = BTreeMap::new();
     for (_, position) in program.vectors.range(FIRST_INTERRUPT..) {
         let priority = priorities.get(position).copied().unwrap_or(0);
         let names = program.functions.get(*position).map(|function| function.names.join(", ")).unwrap_or_default();
@@ -95,37 +95,39 @@ pub fn find_worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level
     Ok(levels)
 }
 
-fn classify_function(names: &[String], is_executor: bool) -> Class {
+fn classify_function(names: &[String], is_executor: bool) -> FunctionClass {
     let any = |test: fn(&str) -> bool| names.iter().any(|name| test(name));
     if is_executor {
-        Class::Executor
+        FunctionClass::Executor
     } else if any(|name| name.contains("TaskStorage<") && name.ends_with("::poll")) {
-        Class::Task
+        FunctionClass::Task
     } else if any(|name| name.contains("core::fmt::")) {
-        Class::Formatting
+        FunctionClass::Formatting
     } else if any(|name| name.contains("_defmt_") || name.contains("defmt_rtt::")) {
-        Class::Logging
+        FunctionClass::Logging
     } else {
-        Class::Other
+        FunctionClass::Other
     }
 }
 
 /// Direct calls, and what calls through pointers may reach.
-fn resolve_calls(program: &Program, executors: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
-    let classes: Vec<Class> = program
+fn list_possible_callees_of_each_function(program: &Program, executors: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
+    let classes: Vec<FunctionClass> = program
         .functions
         .iter()
         .enumerate()
         .map(|(position, function)| classify_function(&function.names, executors.contains(&position)))
         .collect();
-    let of = |position: usize| classes.get(position).copied().unwrap_or(Class::Other);
+    let of = |position: usize| classes.get(position).copied().unwrap_or(FunctionClass::Other);
     let calls = program.functions.iter().enumerate().map(|(position, function)| {
         let mut calls = function.calls.clone();
         if function.calls_indirectly {
             calls.extend(program.address_taken.iter().filter(|target| match of(position) {
-                Class::Executor => true,
-                own @ (Class::Formatting | Class::Logging) => of(**target) == own,
-                Class::Task | Class::Other => !matches!(of(**target), Class::Task | Class::Logging),
+                FunctionClass::Executor => true,
+                own @ (FunctionClass::Formatting | FunctionClass::Logging) => of(**target) == own,
+                FunctionClass::Task | FunctionClass::Other => {
+                    !matches!(of(**target), FunctionClass::Task | FunctionClass::Logging)
+                }
             }));
         }
         calls
@@ -162,9 +164,9 @@ impl<'a> Depths<'a> {
     }
 
     /// Bytes below and including this function, and the chain.
-    fn of(&mut self, position: usize) -> (u32, Vec<(String, u32)>) {
-        let members = self.circles.get(position).cloned().unwrap_or_default();
-        let first = members.first().copied().unwrap_or(position);
+    fn find_deepest_stack_and_call_chain(&mut self, function: usize) -> (u32, Vec<(String, u32)>) {
+        let members = self.circles.get(function).cloned().unwrap_or_default();
+        let first = members.first().copied().unwrap_or(function);
         if let Some(known) = self.known.get(&first) {
             return known.clone();
         }
@@ -173,14 +175,17 @@ impl<'a> Depths<'a> {
         let calls = |member: &usize| self.calls.get(*member);
         let in_circle = members.iter().any(|member| calls(member).is_some_and(|set| set.contains(&first)));
         let own = if in_circle { sum * self.recursion } else { sum };
-        let name = self.program.functions.get(position).and_then(|function| function.names.first());
+        let name = self.program.functions.get(function).and_then(|function| function.names.first());
         let mut name = name.cloned().unwrap_or_default();
         if in_circle {
             name = format!("{} times a circle of {} functions with {name}", self.recursion, members.len());
         }
         let outside: BTreeSet<usize> =
             members.iter().filter_map(calls).flatten().copied().filter(|callee| !members.contains(callee)).collect();
-        let deepest = outside.into_iter().map(|callee| self.of(callee)).max_by_key(|(bytes, _)| *bytes);
+        let deepest = outside
+            .into_iter()
+            .map(|callee| self.find_deepest_stack_and_call_chain(callee))
+            .max_by_key(|(bytes, _)| *bytes);
         let (below, rest) = deepest.unwrap_or_default();
         let result = (own + below, [vec![(name, own)], rest].concat());
         self.known.insert(first, result.clone());
@@ -236,7 +241,7 @@ mod tests {
     fn the_longest_chain_of_each_level_is_found() {
         let executors = ["run".to_owned()];
         let rules = Rules { executors: &executors, recursion: 3, priorities: &BTreeMap::new() };
-        let levels = find_worst_case(&program(), &rules).expect("a bound");
+        let levels = find_worst_case_stack_levels(&program(), &rules).expect("a bound");
         let bytes: Vec<u32> = levels.iter().map(|level| level.bytes).collect();
         // The executor calls the task, which formats: write and fmt call each other, counted three times each. Nobody
         // but the executor calls tasks, so the interrupt reaches formatting at most, and is less deep than the slow one.
@@ -248,11 +253,14 @@ mod tests {
     #[test]
     fn each_priority_is_a_level_of_its_own() {
         let priorities = [("Slow".to_owned(), 5)].into();
-        let levels = find_worst_case(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
+        let levels =
+            find_worst_case_stack_levels(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
         let names: Vec<String> = levels.expect("a bound").into_iter().map(|level| level.name).collect();
         assert_eq!(names, ["thread mode", "priority 5: Slow", "priority 0: Tick", "a panic", "a HardFault"]);
         let unknown = ["gone".to_owned()];
         let rules = Rules { executors: &unknown, recursion: 1, priorities: &BTreeMap::new() };
-        assert!(matches!(find_worst_case(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone"));
+        assert!(
+            matches!(find_worst_case_stack_levels(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone")
+        );
     }
 }

@@ -13,7 +13,7 @@
 //!
 //! Why a decoder of our own: the budget holds the worst case, and no run shows that. Of the image of 2026-11-27 the bound is
 //! 23 068 bytes of the 32 768 allowed, 63 % of it for handlers of four priorities on top of each other, a panic and a HardFault. A session
-//! that does everything uses 8 800 bytes of a painted stack on the emulated board ([`measure_stack_bytes`]), because it never meets these together: the
+//! that does everything uses 8 800 bytes of a painted stack on the emulated board ([`measure_most_stack_bytes_in_use`]), because it never meets these together: the
 //! painted stack checks the bound from below, and cannot replace it. `flip-link` gives no figure: it puts the stack below the
 //! variables, so that an overflow faults and overwrites nothing. That guards what the budget should never let happen, and is worth having beside it.
 
@@ -22,9 +22,9 @@ mod program;
 mod seen;
 mod thumb;
 
-pub use chain::{Rules, find_worst_case};
+pub use chain::{Rules, find_worst_case_stack_levels};
 pub use program::Program;
-pub use seen::measure_stack_bytes;
+pub use seen::measure_most_stack_bytes_in_use;
 
 /// Why an image's stack cannot be bounded.
 #[derive(Debug, thiserror::Error)]

@@ -30,14 +30,14 @@ pub struct Program {
     pub vectors: BTreeMap<usize, usize>,
 }
 
-struct Image<'data> {
+struct ImageSections<'data> {
     sections: Vec<(u32, &'data [u8])>,
     /// Where code begins and ends, by the mapping symbols of the ABI (ARM ELF, section 5.5.5).
     marks: BTreeMap<u32, bool>,
 }
 
-impl Image<'_> {
-    fn half(&self, address: u32) -> Option<u16> {
+impl ImageSections<'_> {
+    fn read_half_word(&self, address: u32) -> Option<u16> {
         self.sections.iter().find_map(|(start, bytes)| {
             let offset = usize::try_from(address.checked_sub(*start)?).ok()?;
             Some(u16::from_le_bytes(bytes.get(offset..offset + 2)?.try_into().ok()?))
@@ -56,7 +56,7 @@ impl Program {
     /// [`StackError`] if it is none, or has code whose stack cannot be followed.
     pub fn read(data: &[u8]) -> Result<Self, StackError> {
         let file = ElfFile32::<object::LittleEndian>::parse(data)?;
-        let mut image = Image { sections: Vec::new(), marks: BTreeMap::new() };
+        let mut image = ImageSections { sections: Vec::new(), marks: BTreeMap::new() };
         for section in file.sections().filter(|section| section.address() != 0) {
             image.sections.push((section.address() as u32, section.data()?));
         }
@@ -81,9 +81,9 @@ impl Program {
             // Hand-written code may have no size: it then lasts until the next function.
             let next = starts.get(index + 1).copied().unwrap_or(address + 2);
             let end = if size == 0 { next } else { address + size };
-            program.function(&image, &starts, address..end, names)?;
+            program.add_function(&image, &starts, address..end, names)?;
         }
-        program.stored_addresses(&file, &starts)?;
+        program.note_stored_function_addresses_and_vectors(&file, &starts)?;
         // Only the processor enters handlers, wherever else their addresses are stored.
         for handler in program.vectors.values() {
             program.address_taken.remove(handler);
@@ -91,10 +91,10 @@ impl Program {
         Ok(program)
     }
 
-    fn function(
+    fn add_function(
         &mut self,
-        image: &Image<'_>,
-        starts: &[u32],
+        image: &ImageSections<'_>,
+        function_starts: &[u32],
         range: std::ops::Range<u32>,
         names: Vec<String>,
     ) -> Result<(), StackError> {
@@ -106,15 +106,16 @@ impl Program {
             if !image.is_code(address) {
                 // Constants between the instructions: an address among them may be called.
                 if address.is_multiple_of(4)
-                    && let (Some(first), Some(second)) = (image.half(address), image.half(address + 2))
+                    && let (Some(first), Some(second)) =
+                        (image.read_half_word(address), image.read_half_word(address + 2))
                 {
-                    self.take(starts, u32::from(second) << 16 | u32::from(first));
+                    self.note_function_as_address_taken(function_starts, u32::from(second) << 16 | u32::from(first));
                 }
                 address += 2;
                 continue;
             }
-            let first = image.half(address).ok_or_else(|| unclear(address))?;
-            let second = image.half(address + 2).unwrap_or(0);
+            let first = image.read_half_word(address).ok_or_else(|| unclear(address))?;
+            let second = image.read_half_word(address + 2).unwrap_or(0);
             match decode_effect(address, first, second) {
                 Effect::None => {}
                 Effect::Grow(bytes) => function.frame += bytes,
@@ -126,7 +127,7 @@ impl Program {
                 },
                 Effect::Go(to) if range.contains(&to) => {}
                 Effect::Go(to) => {
-                    let position = starts.partition_point(|start| *start <= to).checked_sub(1);
+                    let position = function_starts.partition_point(|start| *start <= to).checked_sub(1);
                     function.calls.insert(position.ok_or_else(|| unclear(address))?);
                 }
                 Effect::NewStack => leaves = true,
@@ -135,7 +136,10 @@ impl Program {
                 Effect::GoIndirect => function.calls_indirectly = true,
                 Effect::Low { register, value } => drop(low.insert(register, value)),
                 Effect::High { register, value } => {
-                    self.take(starts, value << 16 | low.get(&register).copied().unwrap_or(0));
+                    self.note_function_as_address_taken(
+                        function_starts,
+                        value << 16 | low.get(&register).copied().unwrap_or(0),
+                    );
                 }
                 Effect::Unclear => return Err(unclear(address)),
             }
@@ -147,19 +151,19 @@ impl Program {
     }
 
     /// Notes that the address of a function was seen, which has its lowest bit set for Thumb code.
-    fn take(&mut self, starts: &[u32], value: u32) {
+    fn note_function_as_address_taken(&mut self, function_starts: &[u32], value: u32) {
         if value & 1 == 1
-            && let Ok(position) = starts.binary_search(&(value & !1))
+            && let Ok(position) = function_starts.binary_search(&(value & !1))
         {
             self.address_taken.insert(position);
         }
     }
 
     /// Tables of functions in constants and in variables' initial values; and the vector table, apart from them.
-    fn stored_addresses(
+    fn note_stored_function_addresses_and_vectors(
         &mut self,
         file: &ElfFile32<'_, object::LittleEndian>,
-        starts: &[u32],
+        function_starts: &[u32],
     ) -> Result<(), StackError> {
         for section in file.sections().filter(|section| section.address() != 0) {
             let name = section.name()?;
@@ -169,9 +173,9 @@ impl Program {
             for (number, word) in section.data()?.chunks_exact(4).enumerate() {
                 let word = word.iter().rev().fold(0_u32, |sum, byte| sum << 8 | u32::from(*byte));
                 if name != ".vector_table" {
-                    self.take(starts, word);
+                    self.note_function_as_address_taken(function_starts, word);
                 } else if number > 0
-                    && let Ok(position) = starts.binary_search(&(word & !1))
+                    && let Ok(position) = function_starts.binary_search(&(word & !1))
                 {
                     self.vectors.insert(number, position);
                 }

@@ -3,10 +3,10 @@
 
 use super::{Program, StackError};
 use crate::emulate::bridge::{Bridge, Pace};
-use crate::emulate::link::{Link, encode_request_frame, exchange_bytes};
+use crate::emulate::link::{Link, encode_request_frame, exchange_bytes_until_first_frame};
 use crate::error::Error;
-use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Reply, Request};
-use era_shared::waveform::Effect;
+use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Reply, Request, WindowSequence};
+use era_shared::waveform::{Effect, Electrode, MAX_WINDOWS, SequenceWindow};
 use serde::Deserialize;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,23 +36,27 @@ struct Word {
 ///
 /// # Errors
 /// What the bridge says, or [`StackError::Priority`].
-pub fn measure_stack_bytes(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
+pub fn measure_most_stack_bytes_in_use(
+    image: &Path,
+    program: &Program,
+    priorities: &BTreeMap<String, u8>,
+) -> Result<u32, Error> {
     let mut bridge = Bridge::start(image, Pace::Paused)?;
-    let asked = run_session(&mut bridge)?;
+    let asked = send_all_requests_returning_names(&mut bridge)?;
     let missing: Vec<&str> = REQUESTS.iter().copied().filter(|name| !asked.contains(name)).collect();
     if !missing.is_empty() {
         let source = StackError::NotAsked(missing.join(", "));
         return Err(Error::Stack { path: image.to_path_buf(), source });
     }
-    check_priorities(&mut bridge, program, priorities)
+    check_interrupt_priorities(&mut bridge, program, priorities)
         .map_err(|source| Error::Stack { path: image.to_path_buf(), source })?;
-    let Used { used } = bridge.ask_for(&json!({"op": "stack"}))?;
+    let Used { used } = bridge.send_command_and_parse(&json!({"op": "stack"}))?;
     Ok(used)
 }
 
 /// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared. The names
 /// of the requests.
-fn run_session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
+fn send_all_requests_returning_names(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     let mut link = Link::default();
     let mut asked = BTreeSet::new();
     let prepared = (0..4).map(|channel| make_drive(channel, 1_000_000)).collect();
@@ -68,47 +72,59 @@ fn run_session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
         Request::Details,
         Request::Log,
         Request::Credit,
+        Request::NumberedFault,
     ];
     let mut ask = |bridge: &mut Bridge, request: &Request| {
         asked.insert(name(request));
-        match link.request(bridge, request)? {
+        match link.send_request(bridge, request)? {
             Reply::Refused(refusal) => Err(Error::NoReply(format!("{request:?}, which was refused: {refusal:?}"))),
             _ => Ok(()),
         }
     };
 
     ask(bridge, &Request::Hello { host_min: 1, host_current: CURRENT_VERSION })?;
-    run_for(bridge, READY_S)?;
+    advance_time(bridge, READY_S)?;
     ask(bridge, &Request::Arm { deadman_ms: Some(1_000) })?;
-    run_for(bridge, READY_S)?;
+    advance_time(bridge, READY_S)?;
     ask(bridge, &Request::Disarm)?;
-    run_for(bridge, READY_S)?;
+    advance_time(bridge, READY_S)?;
     ask(bridge, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None })?;
-    run_for(bridge, READY_S)?;
+    advance_time(bridge, READY_S)?;
     for frequency_millihertz in [1_000_000, 150_000, 999_999] {
         ask(bridge, &drives(frequency_millihertz))?;
-        run_for(bridge, 0.1)?;
+        advance_time(bridge, 0.1)?;
     }
     for channel in 0..4 {
         ask(bridge, &play(channel))?;
+        ask(
+            bridge,
+            &Request::PlayOnce {
+                number: 1 + u32::from(channel),
+                channel,
+                start_us: 0,
+                effect: Effect::new_click(1, 1),
+            },
+        )?;
     }
+    ask(bridge, &Request::PlayWindows(windows()))?;
     ask(bridge, &Request::KeepAlive)?;
     for question in &questions {
         ask(bridge, question)?;
     }
-    exchange_bytes(bridge, &[0xA5; 600], 0.05)?;
-    exchange_bytes(bridge, &encode_request_frame(u8::MAX, 1, &Request::Status)?, 0.05)?;
-    run_for(bridge, 0.1)?;
+    exchange_bytes_until_first_frame(bridge, &[0xA5; 600], 0.05)?;
+    exchange_bytes_until_first_frame(bridge, &encode_request_frame(u8::MAX, 1, &Request::Status)?, 0.05)?;
+    advance_time(bridge, 0.1)?;
     ask(bridge, &Request::Prepare { drives: prepared })?;
     for channel in 0..4 {
         ask(bridge, &play(channel))?;
     }
-    run_for(bridge, 0.1)?;
+    advance_time(bridge, 0.1)?;
     ask(bridge, &drives(20_000))?;
     // The dead-man time is 1 s.
-    run_for(bridge, 1.2)?;
+    advance_time(bridge, 1.2)?;
     ask(bridge, &Request::Faults)?;
     ask(bridge, &Request::ClearFaults)?;
+    ask(bridge, &Request::ClearFault { number: 1 })?;
     ask(bridge, &Request::Stop)?;
     Ok(asked)
 }
@@ -145,7 +161,11 @@ requests!(
     Clock,
     Details,
     Log,
-    Credit
+    Credit,
+    PlayOnce,
+    PlayWindows,
+    NumberedFault,
+    ClearFault
 );
 
 /// Half of the half period wide, as 1 kHz with its guards allows.
@@ -159,18 +179,25 @@ const fn make_drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
     }
 }
 
-fn run_for(bridge: &mut Bridge, seconds: f64) -> Result<(), Error> {
-    bridge.ask(&json!({"op": "run_for", "seconds": seconds})).map(drop)
+/// As many windows as there can be, on all channels, 1 ms each.
+fn windows() -> WindowSequence {
+    let window = |channel| SequenceWindow { channel, electrode: Electrode::A, wait_ticks: 40_000, width_ticks: 10_000 };
+    let windows = (0_u8..4).cycle().take(MAX_WINDOWS).map(window).collect();
+    WindowSequence { number: 100, start_us: 0, rail_millivolts: [200_000; 2], windows }
+}
+
+fn advance_time(bridge: &mut Bridge, seconds: f64) -> Result<(), Error> {
+    bridge.send_command(&json!({"op": "run_for", "seconds": seconds})).map(drop)
 }
 
 /// Every interrupt that is enabled must have the priority that the budget says, 0 where it says nothing.
-fn check_priorities(
+fn check_interrupt_priorities(
     bridge: &mut Bridge,
     program: &Program,
     priorities: &BTreeMap<String, u8>,
 ) -> Result<(), StackError> {
     let mut word = |address: usize| {
-        let answer = bridge.ask_for(&json!({"op": "read", "address": address}));
+        let answer = bridge.send_command_and_parse(&json!({"op": "read", "address": address}));
         answer.map(|Word { value }| value).map_err(|error| StackError::Board(error.to_string()))
     };
     for (vector, position) in program.vectors.range(FIRST_INTERRUPT..) {

@@ -52,13 +52,13 @@ pub const fn instruction_bytes(first: u16) -> u32 {
 pub fn decode_effect(address: u32, first: u16, second: u16) -> Effect {
     let (first, second) = (u32::from(first), u32::from(second));
     if instruction_bytes(first as u16) == 2 {
-        decode_short(address, first)
+        decode_short_instruction(address, first)
     } else {
-        decode_long(address, first, second)
+        decode_long_instruction(address, first, second)
     }
 }
 
-fn decode_short(address: u32, code: u32) -> Effect {
+fn decode_short_instruction(address: u32, code: u32) -> Effect {
     let register = code >> 3 & 0xF;
     match code {
         // PUSH: a bit for each of r0 to r7, and one for lr.
@@ -80,7 +80,7 @@ fn decode_short(address: u32, code: u32) -> Effect {
     }
 }
 
-fn decode_long(address: u32, first: u32, second: u32) -> Effect {
+fn decode_long_instruction(address: u32, first: u32, second: u32) -> Effect {
     let (rn, rt, rd) = (first & 0xF, second >> 12, second >> 8 & 0xF);
     // The immediate of data processing: i, imm3, imm8.
     let imm12 = (first >> 10 & 1) << 11 | (second >> 12 & 7) << 8 | second & 0xFF;
@@ -95,7 +95,7 @@ fn decode_long(address: u32, first: u32, second: u32) -> Effect {
         // VPUSH: imm8 counts words, for single and for double registers.
         _ if first & 0xFFBF == 0xED2D => Effect::Grow(4 * (second & 0xFF)),
         // SUB.W sp, sp, #const and SUBW sp, sp, #imm12
-        _ if first & 0xFBEF == 0xF1AD && rd == SP => Effect::Grow(expand_immediate(imm12)),
+        _ if first & 0xFBEF == 0xF1AD && rd == SP => Effect::Grow(expand_modified_immediate(imm12)),
         _ if first & 0xFBFF == 0xF2AD && rd == SP => Effect::Grow(imm12),
         // SUB.W and ADD.W sp, sp, Rm
         _ if matches!(first & 0xFFEF, 0xEBAD | 0xEB0D) && rd == SP => Effect::Unclear,
@@ -109,13 +109,13 @@ fn decode_long(address: u32, first: u32, second: u32) -> Effect {
         _ if first & 0xFF70 == 0xF850 && rt == PC && rn != SP => Effect::GoIndirect,
         // MSR MSP, Rn
         _ if first & 0xFFF0 == 0xF380 && second & 0xFF == 8 => Effect::NewStack,
-        _ if first & 0xF800 == 0xF000 && second & 0x8000 != 0 => decode_branch(address, first, second),
+        _ if first & 0xF800 == 0xF000 && second & 0x8000 != 0 => decode_long_branch(address, first, second),
         _ => Effect::None,
     }
 }
 
 /// `B.W`, `B<c>.W` and `BL`.
-fn decode_branch(address: u32, first: u32, second: u32) -> Effect {
+fn decode_long_branch(address: u32, first: u32, second: u32) -> Effect {
     let (sign, j1, j2) = (first >> 10 & 1, second >> 13 & 1, second >> 11 & 1);
     if second & 0x1000 != 0 {
         // B.W and BL: S, I1, I2, imm10, imm11 with I = not (J xor S).
@@ -132,7 +132,7 @@ fn decode_branch(address: u32, first: u32, second: u32) -> Effect {
 }
 
 /// ThumbExpandImm (A5.3.2): a byte, a byte repeated, or a byte with its top bit set rotated to the right.
-const fn expand_immediate(imm12: u32) -> u32 {
+const fn expand_modified_immediate(imm12: u32) -> u32 {
     let byte = imm12 & 0xFF;
     match imm12 >> 8 {
         0 => byte,

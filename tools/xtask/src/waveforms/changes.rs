@@ -13,7 +13,7 @@ const STEPS: u64 = 40;
 
 /// What was found.
 #[derive(Clone, Debug)]
-pub struct Tally {
+pub struct ChangeTally {
     pub drives: u64,
     pub steps: u64,
     pub pulses: u64,
@@ -26,7 +26,7 @@ pub struct Tally {
     pub worst_phase_ticks: f64,
 }
 
-impl Default for Tally {
+impl Default for ChangeTally {
     fn default() -> Self {
         Self {
             drives: 0,
@@ -43,9 +43,9 @@ impl Default for Tally {
     }
 }
 
-impl Tally {
+impl ChangeTally {
     /// Takes in what another has found.
-    pub fn add(&mut self, other: &Self) {
+    pub fn merge(&mut self, other: &Self) {
         self.drives += other.drives;
         self.steps += other.steps;
         self.pulses += other.pulses;
@@ -59,7 +59,7 @@ impl Tally {
     }
 }
 
-struct Run<'a> {
+struct TimerRun<'a> {
     limits: &'a ChannelLimits,
     random: Rng,
     timers: ModelTimers,
@@ -69,8 +69,8 @@ struct Run<'a> {
     missed: bool,
 }
 
-impl Run<'_> {
-    fn poll(&mut self) {
+impl TimerRun<'_> {
+    fn poll_timers(&mut self) {
         let last_a = &mut self.last_a;
         let polled = self.timers.run_and_preload(self.now_us, |channel, pulse| {
             let Some([before, last]) = last_a.get_mut(channel) else { return };
@@ -84,17 +84,17 @@ impl Run<'_> {
     }
 
     /// Lets time pass as on the board: looked at every ms, sometimes late, and when the sequencer wants it.
-    fn pass(&mut self, milliseconds: u64) {
+    fn pass_time_polling_timers(&mut self, milliseconds: u64) {
         let end_us = self.now_us + 1000 * milliseconds;
         while self.now_us < end_us {
             let late_us = if self.random.u32(0..20) == 0 { self.random.u64(0..2_500) } else { self.random.u64(0..30) };
-            let due_us = self.timers.sequencer.next_due_us().unwrap_or(u64::MAX).max(self.now_us + 1);
+            let due_us = self.timers.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).max(self.now_us + 1);
             self.now_us = (self.now_us + 1000).min(due_us) + late_us;
-            self.poll();
+            self.poll_timers();
         }
     }
 
-    fn any_drive(&mut self, channel: u8, frequency_millihertz: u32) -> Option<ChannelProgram> {
+    fn make_random_program(&mut self, channel: u8, frequency_millihertz: u32) -> Option<ChannelProgram> {
         let drive = ChannelDrive {
             channel,
             frequency_millihertz,
@@ -105,7 +105,7 @@ impl Run<'_> {
         compute_channel_program(self.limits, &drive).ok()
     }
 
-    fn any_frequency(&mut self) -> u32 {
+    fn choose_random_frequency_millihertz(&mut self) -> u32 {
         // The whole range evenly over the octaves, mostly from 20 Hz on, and its upper end, where time is shortest.
         match self.random.u32(0..16) {
             0..4 => 1_000_000,
@@ -117,11 +117,11 @@ impl Run<'_> {
 }
 
 /// Random drives after each other.
-pub fn at_random(limits: &ChannelLimits, drives: u64, seed: u64) -> Tally {
-    let mut tally = Tally::default();
+pub fn check_random_changes(limits: &ChannelLimits, drive_count: u64, seed: u64) -> ChangeTally {
+    let mut tally = ChangeTally::default();
     let mut random = Rng::with_seed(seed);
-    while tally.drives < drives {
-        let run = Run {
+    while tally.drives < drive_count {
+        let run = TimerRun {
             limits,
             random: random.fork(),
             timers: ModelTimers::new(limits.timer_clock_hz / 1_000_000, 777, OUTPUTS),
@@ -129,51 +129,51 @@ pub fn at_random(limits: &ChannelLimits, drives: u64, seed: u64) -> Tally {
             now_us: 777,
             missed: false,
         };
-        session(run, drives - tally.drives, &mut tally);
+        check_random_session(run, drive_count - tally.drives, &mut tally);
     }
     tally
 }
 
-fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
+fn check_random_session(mut run: TimerRun<'_>, max_drives: u64, tally: &mut ChangeTally) {
     let limit_clocks = u64::from(run.limits.min_guard_ns) * u64::from(run.limits.timer_clock_hz) / 1_000_000_000;
     let mut narrowest = u64::MAX;
     let mut set = 0;
     for _ in 0..STEPS {
-        if set >= most {
+        if set >= max_drives {
             break;
         }
-        let common = run.any_frequency();
+        let common = run.choose_random_frequency_millihertz();
         let mut goals = [None; MAX_CHANNELS];
-        let continuous = run.random.u32(0..8) > 0;
+        let drives_without_envelope = run.random.u32(0..8) > 0;
         for (channel, goal) in (0_u8..).zip(&mut goals) {
             // Half of the channels share a frequency, the others have one each or are off.
             let frequency = match run.random.u32(0..4) {
                 0 | 1 => common,
-                2 => run.any_frequency(),
+                2 => run.choose_random_frequency_millihertz(),
                 _ => continue,
             };
-            if let Some(program) = run.any_drive(channel, frequency) {
+            if let Some(program) = run.make_random_program(channel, frequency) {
                 narrowest = narrowest.min(u64::from(program.width) * u64::from(program.divider));
                 set += 1;
-                *goal = Some(ChannelGoal { program, continuous });
+                *goal = Some(ChannelGoal { program, drives_without_envelope });
             }
         }
-        run.timers.sequencer.set_goals(&goals, run.now_us);
-        run.poll();
-        if !continuous {
+        run.timers.sequencer.set_or_end_drives_from_next_boundary(&goals, run.now_us);
+        run.poll_timers();
+        if !drives_without_envelope {
             // Played, reversed and all, at a start that falls anywhere.
             for channel in 0..MAX_CHANNELS {
                 let start_us = run.now_us + run.random.u64(0..20_000);
-                let _ = run.timers.sequencer.queue_effect(channel, start_us, &Effect::new_click(3, 2));
+                let _ = run.timers.sequencer.queue_effect_if_goal_and_room(channel, start_us, &Effect::new_click(3, 2));
             }
         }
         // Most changes come before the last one has had its effect.
         let settle = run.random.u32(0..4) == 0;
         // A period of up to 1 s must end, a gap of as much pass, and two periods be seen.
         let milliseconds = if settle { 4_200 } else { run.random.u64(0..30) };
-        run.pass(milliseconds);
-        if settle && continuous {
-            phases(&run, &goals, tally);
+        run.pass_time_polling_timers(milliseconds);
+        if settle && drives_without_envelope {
+            compare_phases_of_channel_pairs(&run, &goals, tally);
         }
         tally.steps += 1;
     }
@@ -192,7 +192,11 @@ fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
 }
 
 /// Compares the phases of all channels at one frequency with what was commanded.
-fn phases(run: &Run<'_>, goals: &[Option<ChannelGoal>; MAX_CHANNELS], tally: &mut Tally) {
+fn compare_phases_of_channel_pairs(
+    run: &TimerRun<'_>,
+    goals: &[Option<ChannelGoal>; MAX_CHANNELS],
+    tally: &mut ChangeTally,
+) {
     let middle = |channel: usize| {
         let [before, _] = run.last_a.get(channel)?;
         before.map(|pulse| (pulse.from + pulse.to) as f64 / 2.0)

@@ -12,7 +12,7 @@ const PHASES: [u32; 9] = [0, 1, 249_999, 250_000, 499_999, 500_000, 749_999, 750
 
 /// What was found.
 #[derive(Clone, Debug)]
-pub struct Tally {
+pub struct DriveTally {
     pub accepted: u64,
     pub refused: u64,
     pub overlaps: u64,
@@ -25,7 +25,7 @@ pub struct Tally {
     pub worst_phase_ticks: f64,
 }
 
-impl Tally {
+impl DriveTally {
     const fn new() -> Self {
         Self {
             accepted: 0,
@@ -42,7 +42,7 @@ impl Tally {
     }
 
     /// Takes in what another has found.
-    pub fn add(&mut self, other: &Self) {
+    pub fn merge(&mut self, other: &Self) {
         self.accepted += other.accepted;
         self.refused += other.refused;
         self.overlaps += other.overlaps;
@@ -55,7 +55,7 @@ impl Tally {
         self.worst_phase_ticks = self.worst_phase_ticks.max(other.worst_phase_ticks);
     }
 
-    fn check(&mut self, limits: &ChannelLimits, drive: &ChannelDrive, outputs: OutputPair) {
+    fn check_drive(&mut self, limits: &ChannelLimits, drive: &ChannelDrive, outputs: OutputPair) {
         let Ok(planned) = compute_channel_program(limits, drive) else {
             self.refused += 1;
             return;
@@ -104,9 +104,9 @@ impl Tally {
 }
 
 /// Drives anywhere in the space that a channel accepts, and a little beyond.
-pub fn at_random(limits: &ChannelLimits, count: u64, seed: u64) -> Tally {
+pub fn check_random_drives(limits: &ChannelLimits, count: u64, seed: u64) -> DriveTally {
     let mut random = Rng::with_seed(seed);
-    let mut tally = Tally::new();
+    let mut tally = DriveTally::new();
     for _ in 0..count {
         // Half of them evenly over the frequencies, half evenly over the octaves.
         let frequency_millihertz = if random.bool() {
@@ -122,15 +122,15 @@ pub fn at_random(limits: &ChannelLimits, count: u64, seed: u64) -> Tally {
             phase_microturns: random.u32(0..1_000_000),
             voltage_millivolts: random.u32(0..=limits.max_voltage_millivolts),
         };
-        tally.check(limits, &drive, OUTPUTS[usize::from(random.bool())]);
+        tally.check_drive(limits, &drive, OUTPUTS[usize::from(random.bool())]);
     }
     tally
 }
 
 /// Drives at every place where the arithmetic changes: the ends of the range, every change of the prescaler, the widest and the
 /// narrowest pulse, every quarter of a turn.
-pub fn at_boundaries(limits: &ChannelLimits) -> Tally {
-    let mut tally = Tally::new();
+pub fn check_boundary_drives(limits: &ChannelLimits) -> DriveTally {
+    let mut tally = DriveTally::new();
     let ends = [1_000, 1_001, 19_999, 20_000, 20_001, 999_999, 1_000_000];
     // The least prescaler changes where a period has 65 535 ticks of it.
     let clock_millihertz = u64::from(limits.timer_clock_hz) * 1000;
@@ -147,8 +147,8 @@ pub fn at_boundaries(limits: &ChannelLimits) -> Tally {
             voltage_millivolts: limits.max_voltage_millivolts,
         };
         for (index, phase_microturns) in PHASES.into_iter().enumerate() {
-            for width in widths(limits, frequency_millihertz) {
-                tally.check(limits, &drive(width, phase_microturns), OUTPUTS[index % OUTPUTS.len()]);
+            for width in list_boundary_widths_ppm(limits, frequency_millihertz) {
+                tally.check_drive(limits, &drive(width, phase_microturns), OUTPUTS[index % OUTPUTS.len()]);
             }
         }
     }
@@ -156,7 +156,7 @@ pub fn at_boundaries(limits: &ChannelLimits) -> Tally {
 }
 
 /// The narrowest and the widest pulse that a frequency allows, what lies just beyond both, and the one without a third harmonic.
-fn widths(limits: &ChannelLimits, frequency_millihertz: u32) -> [u32; 5] {
+fn list_boundary_widths_ppm(limits: &ChannelLimits, frequency_millihertz: u32) -> [u32; 5] {
     use era_shared::waveform::DriveError;
     let refused = |pulse_width_ppm| {
         let drive = ChannelDrive {

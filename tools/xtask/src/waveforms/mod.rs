@@ -1,5 +1,6 @@
 //! `cargo xtask waveforms`: the waveform arithmetic over its whole parameter space, seen from the electrodes' pins.
 
+mod bursts;
 mod changes;
 mod drives;
 
@@ -23,6 +24,9 @@ pub struct Options {
     /// Random changes of drives on running timers to check
     #[arg(long, default_value_t = Self::default().changes)]
     changes: u64,
+    /// Random sequences of windows to check
+    #[arg(long, default_value_t = Self::default().bursts)]
+    bursts: u64,
     /// Seed of the random numbers
     #[arg(long, default_value_t = Self::default().seed)]
     seed: u64,
@@ -30,7 +34,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { drives: 10_000_000, changes: 200_000, seed: 1 }
+        Self { drives: 10_000_000, changes: 200_000, bursts: 100_000, seed: 1 }
     }
 }
 
@@ -45,29 +49,37 @@ pub fn check_waveforms(options: &Options) -> Result<(), Error> {
         let (threads, index) = (threads as u64, index as u64);
         total * (index + 1) / threads - total * index / threads
     };
-    let mut drives = drives::at_boundaries(&limits);
+    let mut drives = drives::check_boundary_drives(&limits);
     let boundaries = drives.accepted + drives.refused;
-    let mut changes = changes::Tally::default();
+    let mut changes = changes::ChangeTally::default();
+    let mut bursts = bursts::BurstTally::default();
     thread::scope(|scope| {
         let workers: Vec<_> = (0..threads)
             .map(|index| {
                 // Seeds far apart, so that no thread repeats another's numbers.
                 let seed = options.seed.wrapping_add((index as u64) << 32);
                 let (some_drives, some_changes) = (share(options.drives, index), share(options.changes, index));
+                let some_bursts = share(options.bursts, index);
                 scope.spawn(move || {
-                    (drives::at_random(&limits, some_drives, seed), changes::at_random(&limits, some_changes, seed))
+                    (
+                        drives::check_random_drives(&limits, some_drives, seed),
+                        changes::check_random_changes(&limits, some_changes, seed),
+                        bursts::check_random_bursts(&limits, some_bursts, seed),
+                    )
                 })
             })
             .collect();
         for worker in workers {
-            let (some_drives, some_changes) = worker.join().map_err(|_| Error::Waveforms)?;
-            drives.add(&some_drives);
-            changes.add(&some_changes);
+            let (some_drives, some_changes, some_bursts) = worker.join().map_err(|_| Error::Waveforms)?;
+            drives.merge(&some_drives);
+            changes.merge(&some_changes);
+            bursts.merge(&some_bursts);
         }
         Ok(())
     })?;
 
     let guard_us = f64::from(limits.min_guard_ns) / 1e3;
+    let clocks_per_us = f64::from(limits.timer_clock_hz) / 1e6;
     println!("single drives, from their registers");
     println!("  random drives              {} (seed {})", options.drives, options.seed);
     println!("  drives at boundaries       {boundaries}");
@@ -94,9 +106,17 @@ pub fn check_waveforms(options: &Options) -> Result<(), Error> {
         "  worst phase error          {:.3} ticks between channels at one frequency ({} pairs)",
         changes.worst_phase_ticks, changes.pairs
     );
+    println!("sequences of windows, from the pulses at the pins");
+    println!("  sequences                  {}, windows {}", bursts.sequences, bursts.windows);
+    println!("  overlaps                   {}", bursts.overlaps);
+    let least_guard_us = bursts.least_guard.map_or(f64::INFINITY, |clocks| clocks as f64 / clocks_per_us);
+    println!("  guards under the limit     {} (least {least_guard_us:.3} us)", bursts.short_guards);
+    println!("  edges not at their clock   {}", bursts.misplaced);
+    println!("  windows missed             {}", bursts.missed);
 
     let good = drives.overlaps + drives.short_guards + drives.short_half_guards + drives.misreported == 0
         && changes.overlaps + changes.short_guards + changes.runts + changes.misses == 0
+        && bursts.is_good()
         && drives.worst_ppm <= WORST_FREQUENCY_PPM
         && drives.worst_phase_ticks <= WORST_PHASE_TICKS
         && changes.worst_phase_ticks <= WORST_PHASE_TICKS

@@ -13,7 +13,7 @@
 //! misses right at a point force is extrapolated from two orders; of what holds a plate as well, but not between that and the pressed point. A
 //! force f where the mesh misses m f is in doubt by as much, and forces at several places together by no more than (sum of f sqrt(m))^2: the bound.
 
-use super::{BarePanel, LoadShapes, find_load_of_vector, multiply_row_with_column};
+use super::{BarePanel, LoadShapes, find_load_index_of_vector, multiply_row_with_column};
 use crate::model::ModelError;
 use crate::model::assembly::AttachedVectors;
 use crate::model::eigen::DenseEigenpairs;
@@ -61,24 +61,24 @@ impl BarePanel {
     ///
     /// # Errors
     /// As [`Self::couple_to_design`].
-    pub fn compute_surface_compliance(
+    pub fn compute_static_compliance_at_grid_points(
         &self,
         scene: &Scene,
         x_m: &[f64],
         y_m: &[f64],
     ) -> Result<SurfaceCompliance, ModelError> {
         self.check_same_bare_panel(scene)?;
-        let points = self.cached_compliance_points(x_m, y_m);
-        let attached = AttachedVectors::from_scene(self.model.grid(), scene);
+        let points = self.get_or_compute_compliance_points(x_m, y_m);
+        let attached = AttachedVectors::assemble_point_attachments_of_scene(self.model.grid(), scene);
         let (free, modes) = (self.count_unknowns(), self.count_modes());
-        let all = self.collect_load_shapes(&attached.attachments, free);
-        let missing = self.estimate_missing_flexibility(&attached, scene, &all);
+        let all = self.collect_distinct_load_shapes_of_attachments_and_edges(&attached.attachments, free);
+        let missing = self.estimate_flexibility_missed_by_mesh_unless_bar(&attached, scene, &all);
         // What holds the panel: springs to the ground. One to a mass that nothing else holds bears nothing.
         let mut stiffness = vec![0.0; all.len()];
         for attachment in
             attached.attachments.iter().filter(|own| own.vector.iter().all(|(unknown, _)| *unknown < free))
         {
-            if let Some(k) = find_load_of_vector(&all, &attachment.vector, free) {
+            if let Some(k) = find_load_index_of_vector(&all, &attachment.vector, free) {
                 stiffness[k] += attachment.stiffness;
             }
         }
@@ -89,7 +89,7 @@ impl BarePanel {
             let spring = if i == j { 1.0 / stiffness[held[i]] } else { 0.0 };
             spring + missing + multiply_row_with_column(&loads[i].load, &loads[j].shapes, 0)
         });
-        let stiff = invert_flexibility_matrix(&flexible)?;
+        let stiff = pseudo_invert_flexibility_matrix(&flexible)?;
         let at_loads = DMatrix::from_fn(modes, loads.len(), |mode, k| loads[k].modes[mode]);
         let between = DMatrix::from_fn(loads.len(), points.rows.len(), |k, p| {
             multiply_row_with_column(&points.rows[p], &loads[k].shapes, 0)
@@ -136,7 +136,7 @@ impl BarePanel {
             };
             m_per_n.push(found);
             // Edges on springs so stiff that they were taken for supports: stiffness goes with the square of a frequency.
-            error_m_per_n.push(error + 2.0 * self.model.unresolved_frequency_error() * found.abs());
+            error_m_per_n.push(error + 2.0 * self.model.relative_frequency_error_independent_of_mesh() * found.abs());
         }
         Ok(SurfaceCompliance { m_per_n, error_m_per_n })
     }
@@ -144,11 +144,14 @@ impl BarePanel {
     /// Whether a point of the grid is on the surface, not in a cut-out.
     fn is_point_on_surface(&self, points: &CompliancePoints, point_index: usize) -> bool {
         let columns = points.x_m.len();
-        self.scene.layout().layer_at(points.x_m[point_index % columns], points.y_m[point_index / columns]).is_some()
+        self.scene
+            .layout()
+            .layer_at_unless_cut_out(points.x_m[point_index % columns], points.y_m[point_index / columns])
+            .is_some()
     }
 
     /// What is known of the points of a grid: kept from the last question, or newly computed.
-    fn cached_compliance_points(&self, x_m: &[f64], y_m: &[f64]) -> Arc<CompliancePoints> {
+    fn get_or_compute_compliance_points(&self, x_m: &[f64], y_m: &[f64]) -> Arc<CompliancePoints> {
         let known = self.yields.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(known) = known.filter(|known| known.x_m == x_m && known.y_m == y_m) {
             return known;
@@ -163,7 +166,7 @@ impl CompliancePoints {
     fn new(panel: &BarePanel, x_m: &[f64], y_m: &[f64]) -> Self {
         let rows_of = |model: &PanelModel| -> Vec<SparseVector> {
             let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-            points.map(|(x, y)| model.grid().deflection_row_at(x, y, DeflectionDerivative::Value)).collect()
+            points.map(|(x, y)| model.grid().deflection_or_slope_row_at(x, y, DeflectionDerivative::Value)).collect()
         };
         let rows = rows_of(&panel.model);
         let (shift, lambda) = (panel.model.spectral_shift_rad2_per_s2(), &panel.modes.lambda);
@@ -176,10 +179,10 @@ impl CompliancePoints {
             }
             modes
         };
-        let own = compute_point_flexibilities(&panel.model, &rows);
+        let own = compute_shifted_static_flexibility_at_each_row(&panel.model, &rows);
         let below = panel
-            .extrapolation_factor()
-            .map(|part| (part, compute_point_flexibilities(&panel.lower, &rows_of(&panel.lower))));
+            .extrapolation_factor_unless_single_mesh()
+            .map(|part| (part, compute_shifted_static_flexibility_at_each_row(&panel.lower, &rows_of(&panel.lower))));
         let (mut residual, mut missing) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for (p, own) in own.iter().enumerate() {
             let in_modes: f64 =
@@ -192,7 +195,7 @@ impl CompliancePoints {
 }
 
 /// Static deflection per newton of the shifted panel at each row's own point: r (K + s M)^-1 r'.
-fn compute_point_flexibilities(model: &PanelModel, rows: &[SparseVector]) -> Vec<f64> {
+fn compute_shifted_static_flexibility_at_each_row(model: &PanelModel, rows: &[SparseVector]) -> Vec<f64> {
     let mut found = Vec::with_capacity(rows.len());
     for rows in rows.chunks(BLOCK) {
         let mut right = DMatrix::zeros(model.count_unknowns(), rows.len());
@@ -206,7 +209,7 @@ fn compute_point_flexibilities(model: &PanelModel, rows: &[SparseVector]) -> Vec
 }
 
 /// The inverse of a symmetric matrix of flexibilities, over what of it is not rounding.
-fn invert_flexibility_matrix(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
+fn pseudo_invert_flexibility_matrix(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
     let n = flexible.nrows();
     if n == 0 {
         return Ok(DMatrix::zeros(0, 0));
@@ -214,8 +217,8 @@ fn invert_flexibility_matrix(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, Mo
     // Slopes are in other units than deflections.
     let scale = DVector::from_fn(n, |i, _| 1.0 / flexible[(i, i)].abs().max(f64::MIN_POSITIVE).sqrt());
     let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (flexible[(i, j)] + flexible[(j, i)]) * scale[i] * scale[j]);
-    let eigen = DenseEigenpairs::from_symmetric_matrix(&scaled)
-        .ok_or_else(|| ModelError::Factorisation { reason: "flexibility at what holds the panel".to_owned() })?;
+    let eigen = DenseEigenpairs::from_symmetric_matrix_if_converged(&scaled)
+        .ok_or_else(|| ModelError::Factorisation { reason: "flexibility matrix of the supports".to_owned() })?;
     let most = eigen.values.amax();
     let part = DVector::from_fn(n, |k, _| if eigen.values[k] > SAME * most { 1.0 / eigen.values[k] } else { 0.0 });
     let inverse = &eigen.vectors * DMatrix::from_diagonal(&part) * eigen.vectors.transpose();

@@ -1,5 +1,5 @@
 use super::*;
-use crate::response::acceleration_curves;
+use crate::response::compute_acceleration_curves_per_newton;
 use crate::scene::random::random_scene_text;
 use crate::scene::{EdgeKind, Mass, Support};
 use num_complex::Complex64;
@@ -41,8 +41,9 @@ fn curves(model: &ReducedModel, scene: &Scene) -> Option<Curves> {
     let hz: Vec<f64> = (0..121).map(|k| 40.0 + 3.0 * f64::from(k)).collect();
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let places = [(0.13, 0.2), (0.5, 0.5), (0.77, 0.31), (0.31, 0.94)];
-    let curve =
-        |(u, v): &(f64, f64)| acceleration_curves(model, &model.shape_deflections_at(u * length, v * width), &hz).ok();
+    let curve = |(u, v): &(f64, f64)| {
+        compute_acceleration_curves_per_newton(model, &model.shape_deflections_at(u * length, v * width), &hz).ok()
+    };
     places.iter().map(curve).collect()
 }
 
@@ -235,7 +236,9 @@ fn a_point_that_is_pushed_moves_as_its_own_elements_say() {
     });
     scene.masses.push(Mass { x_m: at.0, y_m: at.1, mass_kg: 0.21 });
     let hz: Vec<f64> = (0..37).map(|k| 40.0 + 10.0 * f64::from(k)).collect();
-    let of = |model: &ReducedModel| acceleration_curves(model, &model.shape_deflections_at(at.0, at.1), &hz).unwrap();
+    let of = |model: &ReducedModel| {
+        compute_acceleration_curves_per_newton(model, &model.shape_deflections_at(at.0, at.1), &hz).unwrap()
+    };
     let wanted = of(&PanelModel::build(&scene, Accuracy::REFERENCE, MAX_HZ).unwrap().reduce(MAX_HZ, &[]).unwrap());
     let found = of(&BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().couple_to_design(&scene).unwrap());
     let most = wanted.iter().flatten().map(|z| z.norm()).fold(0.0, f64::max);

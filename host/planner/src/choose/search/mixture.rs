@@ -5,8 +5,8 @@
 //! hull; Geoffrion 1974). Over the columns met so far, a frequency and a force each, that is a small linear programme, whose
 //! dual variables bring new columns (Dantzig and Wolfe 1960).
 
-use super::{Choices, Kind};
-use crate::choose::allocate::Duals;
+use super::{CandidateSet, SearchGoal};
+use crate::choose::allocate::DualVariables;
 use crate::choose::linear::Programme;
 
 /// Shares below this are rounding.
@@ -30,14 +30,14 @@ pub struct Mixture {
     /// What it is worth: what it reaches, or minus what it costs.
     pub worth: f64,
     /// Its dual variables.
-    pub duals: Duals,
+    pub duals: DualVariables,
     /// Part of the wishes that it meets. Where that is less than all, the dual variables of a mixture for the least cost are those
     /// of its reach.
     pub met: f64,
 }
 
-/// Adds a column; whether it is new.
-pub fn add(columns: &mut Vec<Column>, actuator: usize, candidate: usize, force_n: f64) -> bool {
+/// Adds a column; returns whether it is new.
+pub fn add_column_and_is_new(columns: &mut Vec<Column>, actuator: usize, candidate: usize, force_n: f64) -> bool {
     let is_known = |column: &Column| {
         column.actuator == actuator
             && column.candidate == candidate
@@ -51,7 +51,11 @@ pub fn add(columns: &mut Vec<Column>, actuator: usize, candidate: usize, force_n
 }
 
 /// The best mixture of `columns`, whose shares it sets; `None` if nothing reaches any target.
-pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mixture> {
+pub fn set_best_mixture_shares_if_anything_reached(
+    choices: &CandidateSet,
+    columns: &mut [Column],
+    goal: SearchGoal,
+) -> Option<Mixture> {
     let (n, targets, limits) = (columns.len(), choices.wanted.len(), choices.allowed.len());
     let gain =
         |column: &Column, t: usize| choices.gains[column.actuator][column.candidate * targets + t] * column.force_n;
@@ -69,37 +73,37 @@ pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mix
         // What these columns cannot use up has dual variables of 0.
         if most.iter().sum::<f64>() > *allowed {
             let scale = most.iter().copied().fold(*allowed, f64::max);
-            programme.row(entries.map(|entry| entry / scale), allowed / scale);
+            programme.add_row(entries.map(|entry| entry / scale), allowed / scale);
             scales.push((targets + c, scale));
         }
     }
     for (t, wanted) in choices.wanted.iter().enumerate() {
         let entries = columns.iter().map(|column| gain(column, t));
         let scale = entries.clone().fold(*wanted, f64::max).max(f64::MIN_POSITIVE);
-        programme.row(entries.map(|entry| -entry / scale).chain([wanted / scale]), 0.0);
+        programme.add_row(entries.map(|entry| -entry / scale).chain([wanted / scale]), 0.0);
         scales.push((t, scale));
     }
     for actuator in 0..choices.candidates.len() {
-        programme.row(columns.iter().map(|column| f64::from(u8::from(column.actuator == actuator))), 1.0);
+        programme.add_row(columns.iter().map(|column| f64::from(u8::from(column.actuator == actuator))), 1.0);
     }
-    if kind == Kind::Cost {
-        programme.row((0..=n).map(|j| f64::from(u8::from(j == n))), 1.0);
+    if goal == SearchGoal::Cost {
+        programme.add_row((0..=n).map(|j| f64::from(u8::from(j == n))), 1.0);
     }
     let first: Vec<f64> = (0..=n).map(|j| f64::from(u8::from(j == n))).collect();
     let costs = columns.iter().map(|column| {
         let candidate = &choices.candidates[column.actuator][column.candidate];
         (candidate.energy * column.force_n + candidate.power) * column.force_n
     });
-    let costs: Vec<f64> = if kind == Kind::Cost { costs.collect() } else { vec![0.0; n] };
+    let costs: Vec<f64> = if goal == SearchGoal::Cost { costs.collect() } else { vec![0.0; n] };
     let unit = costs.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let second: Vec<f64> = costs.iter().map(|cost| -cost / unit).collect();
-    let vertex = programme.maximise(&first, &second)?;
+    let vertex = programme.maximise_first_then_second_objective_if_bounded(&first, &second)?;
     for (column, share) in columns.iter_mut().zip(&vertex.x) {
         column.share = if *share > NO_SHARE { *share } else { 0.0 };
     }
     let met = vertex.x.last().copied().unwrap_or(0.0);
-    let is_met = kind == Kind::Cost && met >= 1.0 - NO_SHARE;
-    let mut duals = Duals { gain: vec![0.0; targets], load: vec![0.0; limits] };
+    let is_met = goal == SearchGoal::Cost && met >= 1.0 - NO_SHARE;
+    let mut duals = DualVariables { gain: vec![0.0; targets], load: vec![0.0; limits] };
     let of = if is_met { &vertex.second } else { &vertex.first };
     for (dual, (row, scale)) in of.iter().zip(&scales) {
         let dual = if is_met { dual * unit / scale } else { dual / scale };
@@ -117,5 +121,5 @@ pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mix
         duals.gain.iter_mut().chain(&mut duals.load).for_each(|dual| *dual /= sum);
     }
     let cost: f64 = columns.iter().zip(&costs).map(|(column, cost)| column.share * cost).sum();
-    Some(Mixture { worth: if kind == Kind::Cost { -cost } else { met }, duals, met })
+    Some(Mixture { worth: if goal == SearchGoal::Cost { -cost } else { met }, duals, met })
 }

@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-fn choices() -> impl Strategy<Value = Choices> {
+fn any_candidate_set() -> impl Strategy<Value = CandidateSet> {
     (2_usize..=3, 1_usize..=3, 0_usize..=4, 0..3_u8).prop_flat_map(|(p, targets, limits, kind)| {
         let nodes = if p == 2 { 24 } else { 12 };
         let per = nodes * 2;
@@ -38,7 +38,7 @@ fn choices() -> impl Strategy<Value = Choices> {
                             .collect()
                     })
                     .collect();
-                Choices {
+                CandidateSet {
                     is_estimated: false,
                     frequencies_hz,
                     candidates,
@@ -47,7 +47,7 @@ fn choices() -> impl Strategy<Value = Choices> {
                     wanted,
                     allowed,
                     spacing_hz: 20.0,
-                    work: Work::Study,
+                    work: SearchEffort::Study,
                 }
             })
     })
@@ -56,10 +56,10 @@ fn choices() -> impl Strategy<Value = Choices> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
     #[test]
-    fn it_is_the_exhaustive_optimum(choices in choices(), picky in any::<bool>()) {
+    fn it_is_the_exhaustive_optimum(choices in any_candidate_set(), picky in any::<bool>()) {
         let fits = |a: f64, b: f64| !picky || (a - b).abs() % 7.0 > 2.0;
-        let found = choices.best(&fits);
-        match choices.exhaustive(&fits).0 {
+        let found = choices.find_best_combination_if_spacing_can_be_kept(&fits);
+        match choices.find_best_allocation_exhaustively_and_count_combinations(&fits).0 {
             None => prop_assert!(found.is_none()),
             Some(expected) => {
                 let found = found.unwrap();
@@ -70,7 +70,7 @@ proptest! {
                     prop_assert!((cost - least).abs() <= 1e-9 * least, "{cost} {least}");
                 }
                 // A touch is no further from it than it says.
-                let touch = Choices { work: Work::Touch, ..choices.clone() }.best(&fits).unwrap();
+                let touch = CandidateSet { work: SearchEffort::Touch, ..choices.clone() }.find_best_combination_if_spacing_can_be_kept(&fits).unwrap();
                 let Allocation { met, cost, .. } = touch.allocation;
                 if expected.met < 1.0 {
                     prop_assert!(met * (1.0 + touch.gap) >= expected.met * (1.0 - 1e-9), "{met} {}", touch.gap);
@@ -90,16 +90,17 @@ fn the_only_pair_that_fits_is_found() {
     let frequencies_hz: Vec<f64> = (0..300).map(|k| 40.0 + 25.0 * f64::from(k)).collect();
     let only = [frequencies_hz[70], frequencies_hz[220]];
     let candidate = |node| Candidate { node, energy: 1.0, power: 0.0, max_force_n: 1.0, tag: node };
-    let choices = Choices {
+    let choices = CandidateSet {
         candidates: vec![(0..300).map(candidate).collect(); 2],
         gains: vec![vec![1.0; 300]; 2],
         loads: vec![Vec::new(); 2],
         wanted: vec![0.5],
         frequencies_hz,
         spacing_hz: 20.0,
-        ..Choices::default()
+        ..CandidateSet::default()
     };
-    let found = choices.best(&|a, b| only.contains(&a) && only.contains(&b)).unwrap();
+    let found =
+        choices.find_best_combination_if_spacing_can_be_kept(&|a, b| only.contains(&a) && only.contains(&b)).unwrap();
     let mut chosen = found.chosen[..2].to_vec();
     chosen.sort_unstable();
     assert_eq!(chosen, [70, 220]);

@@ -38,7 +38,7 @@ const ZERO: Complex64 = Complex64::ZERO;
 /// What the actuators do at every frequency of a grid, seen from one target. Entries of actuators beyond `actuators` are
 /// of no account. All slices are as long as `frequencies_hz`.
 #[derive(Clone, Copy, Debug)]
-pub struct Field<'a> {
+pub struct TargetField<'a> {
     /// Ascending, in Hz.
     pub frequencies_hz: &'a [f64],
     /// How many there are: 1 to [`MAX_ACTUATORS`].
@@ -78,21 +78,21 @@ pub struct BestPhasors {
 /// well-posed problem. Not felt (1e-8 dB).
 pub const REACH_SLACK: f64 = 1e-9;
 
-/// The least energy elsewhere for a peak of `wanted` m/s^2 at the target, over all frequencies of the grid; the most peak
+/// The least energy elsewhere for a peak of `wanted_m_per_s2` m/s^2 at the target, over all frequencies of the grid; the most peak
 /// there is if the wish is beyond reach. Without a positive wish the forces are zero.
 ///
 /// `None` if there is no frequency at which anything can be driven, or if the field's slices differ in length.
 #[must_use]
-pub fn best(field: &Field<'_>, wanted: f64) -> Option<BestPhasors> {
+pub fn find_least_energy_or_largest_peak_phasors(field: &TargetField<'_>, wanted_m_per_s2: f64) -> Option<BestPhasors> {
     let count = field.frequencies_hz.len();
     let lengths = [field.gain.len(), field.energy.len(), field.max_force_n.len(), field.travel.len()];
     if !(1..=MAX_ACTUATORS).contains(&field.actuators) || lengths.iter().any(|length| *length != count) {
         return None;
     }
-    search::best(field, wanted)
+    search::find_least_energy_else_largest_peak(field, wanted_m_per_s2)
 }
 
 /// The actuators of a mask, ascending.
-fn list(mask: u8) -> impl Iterator<Item = usize> {
+fn actuator_indices_in_mask(mask: u8) -> impl Iterator<Item = usize> {
     (0..MAX_ACTUATORS).filter(move |i| mask >> i & 1 == 1)
 }

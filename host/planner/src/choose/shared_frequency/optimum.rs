@@ -1,6 +1,6 @@
 //! One frequency, solved: least energy for a peak of 1, or most peak.
 
-use super::barrier::{Objective, solve};
+use super::barrier::{Objective, solve_by_barrier};
 use super::program::Program;
 use super::{Phasors, ZERO};
 use crate::scene::MAX_ACTUATORS;
@@ -24,44 +24,52 @@ pub(super) struct Optimum {
 }
 
 /// Least energy for a peak of 1 if no limit binds.
-pub(super) fn within_limits(program: &Program) -> Option<Optimum> {
-    let direction = program.unlimited();
-    let scale = program.peak(&direction).recip();
+pub(super) fn find_least_energy_if_no_limit_binds(program: &Program) -> Option<Optimum> {
+    let direction = program.optimal_direction_without_limits();
+    let scale = program.real_peak_of_phasors(&direction).recip();
     let x = direction.map(|x| x * scale);
-    (scale.is_finite() && program.allows(&x)).then_some(Optimum { x, cost: scale, bound: scale })
+    (scale.is_finite() && program.is_within_force_and_travel_limits(&x)).then_some(Optimum {
+        x,
+        cost: scale,
+        bound: scale,
+    })
 }
 
-/// Least energy for a peak of 1 where limits bind; `None` if there is no such peak, or proof that it takes `limit` or more.
-pub(super) fn least_energy(program: &Program, limit: f64) -> Option<Optimum> {
-    if program.most_peak() <= 1.0 {
+/// Least energy for a peak of 1 where limits bind; `None` if there is no such peak, or proof that it takes `cost_limit` or more.
+pub(super) fn minimise_energy_for_unit_peak_unless_cost_exceeds(program: &Program, cost_limit: f64) -> Option<Optimum> {
+    if program.max_peak_without_travel_limits() <= 1.0 {
         return None;
     }
     // Inside, or a proof that there is no inside.
-    let inside = solve(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |value, bound| {
-        -bound <= 1.0 || -value - 1.0 > INSIDE * (-bound - 1.0)
-    });
-    if program.peak(&inside.x) <= 1.0 {
+    let inside =
+        solve_by_barrier(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |value, bound| {
+            -bound <= 1.0 || -value - 1.0 > INSIDE * (-bound - 1.0)
+        });
+    if program.real_peak_of_phasors(&inside.x) <= 1.0 {
         return None;
     }
-    let solution = solve(program, Objective::LeastEnergy, &inside.x, ENERGY_TOLERANCE, |_, bound| bound >= limit);
-    if solution.bound >= limit {
+    let solution =
+        solve_by_barrier(program, Objective::LeastEnergy, &inside.x, ENERGY_TOLERANCE, |_, bound| bound >= cost_limit);
+    if solution.bound >= cost_limit {
         return None;
     }
     // The point is inside: a peak above 1 is brought back to it.
-    let scale = program.peak(&solution.x).recip();
+    let scale = program.real_peak_of_phasors(&solution.x).recip();
     let x = solution.x.map(|x| x * scale);
-    Some(Optimum { x, cost: program.energy_of(&x), bound: solution.bound })
+    Some(Optimum { x, cost: program.energy_of_phasors(&x), bound: solution.bound })
 }
 
-/// Most peak within the limits; as good as it gets unless it is proven to cost `limit` or more before.
-pub(super) fn most_peak(program: &Program, limit: f64) -> Optimum {
-    if !(0..MAX_ACTUATORS).any(|row| program.may_travel_too_far(row)) {
+/// Most peak within the limits; as good as it gets unless it is proven to cost `cost_limit` or more before.
+pub(super) fn maximise_peak_within_limits_until_cost_exceeds(program: &Program, cost_limit: f64) -> Optimum {
+    if !(0..MAX_ACTUATORS).any(|row| program.can_reach_travel_limit(row)) {
         // Every actuator at its limit, all in phase at the target.
         let x = program.gain.map(|gain| if gain == ZERO { ZERO } else { gain.conj() / gain.norm() });
-        let cost = -program.most_peak();
+        let cost = -program.max_peak_without_travel_limits();
         return Optimum { x, cost, bound: cost };
     }
     let solution =
-        solve(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |_, bound| bound >= limit);
-    Optimum { x: solution.x, cost: -program.peak(&solution.x), bound: solution.bound }
+        solve_by_barrier(program, Objective::MostPeak, &[ZERO; MAX_ACTUATORS], PEAK_TOLERANCE, |_, bound| {
+            bound >= cost_limit
+        });
+    Optimum { x: solution.x, cost: -program.real_peak_of_phasors(&solution.x), bound: solution.bound }
 }

@@ -1,8 +1,8 @@
 //! The convex problem at one frequency, in units of its own.
 
-use super::small::eigen;
-use super::unlimited::Unlimited;
-use super::{Field, PerPair, Phasors, ZERO, list};
+use super::small::hermitian_eigenvalues_and_eigenvectors;
+use super::unlimited::UnlimitedEfficiency;
+use super::{PerPair, Phasors, TargetField, ZERO, actuator_indices_in_mask};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -30,7 +30,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    pub(super) fn new(field: &Field<'_>, unlimited: &Unlimited, k: usize, units: Units) -> Self {
+    pub(super) fn new(field: &TargetField<'_>, unlimited: &UnlimitedEfficiency, k: usize, units: Units) -> Self {
         let mut program = Self {
             used: unlimited.usable,
             gain: [ZERO; MAX_ACTUATORS],
@@ -38,14 +38,14 @@ impl Program {
             travel: [[ZERO; MAX_ACTUATORS]; MAX_ACTUATORS],
         };
         let force = &field.max_force_n[k];
-        for i in program.actuators() {
+        for i in program.drivable_actuators() {
             program.gain[i] = field.gain[k][i] * (force[i] / units.peak);
             for row in 0..field.actuators {
                 program.travel[row][i] = field.travel[k][row][i] * (force[i] / field.max_travel_m[row]);
             }
             let scale = |j: usize| force[i] * force[j] / units.energy;
             program.energy[i][i] = (field.energy[k][i][i].re * (1.0 + unlimited.ridge) * scale(i)).into();
-            for j in program.actuators().take_while(|j| *j < i) {
+            for j in program.drivable_actuators().take_while(|j| *j < i) {
                 let entry = field.energy[k][i][j] * scale(j);
                 (program.energy[i][j], program.energy[j][i]) = (entry, entry.conj());
             }
@@ -54,45 +54,45 @@ impl Program {
     }
 
     /// The actuators that can be driven.
-    pub(super) fn actuators(&self) -> impl Iterator<Item = usize> + use<> {
-        list(self.used)
+    pub(super) fn drivable_actuators(&self) -> impl Iterator<Item = usize> + use<> {
+        actuator_indices_in_mask(self.used)
     }
 
     /// Re(sum gain_i x_i).
-    pub(super) fn peak(&self, x: &Phasors) -> f64 {
-        self.actuators().map(|i| (self.gain[i] * x[i]).re).sum()
+    pub(super) fn real_peak_of_phasors(&self, x: &Phasors) -> f64 {
+        self.drivable_actuators().map(|i| (self.gain[i] * x[i]).re).sum()
     }
 
     /// energy x.
-    pub(super) fn energy_times(&self, x: &Phasors) -> Phasors {
-        std::array::from_fn(|i| times(&self.energy[i], x))
+    pub(super) fn multiply_by_energy_matrix(&self, x: &Phasors) -> Phasors {
+        std::array::from_fn(|i| multiply_row_by_phasors(&self.energy[i], x))
     }
 
     /// x^H energy x.
-    pub(super) fn energy_of(&self, x: &Phasors) -> f64 {
-        self.energy_times(x).iter().zip(x).map(|(ex, x)| (x.conj() * ex).re).sum()
+    pub(super) fn energy_of_phasors(&self, x: &Phasors) -> f64 {
+        self.multiply_by_energy_matrix(x).iter().zip(x).map(|(ex, x)| (x.conj() * ex).re).sum()
     }
 
     /// Most peak there would be without limits on travel.
-    pub(super) fn most_peak(&self) -> f64 {
-        self.actuators().map(|i| self.gain[i].norm()).sum()
+    pub(super) fn max_peak_without_travel_limits(&self) -> f64 {
+        self.drivable_actuators().map(|i| self.gain[i].norm()).sum()
     }
 
-    /// Whether actuator `row` can get to the limit of its travel at all.
-    pub(super) fn may_travel_too_far(&self, row: usize) -> bool {
-        self.travel[row].iter().map(|entry| entry.norm()).sum::<f64>() > 1.0 + ROUNDING
+    /// Whether actuator `actuator` can get to the limit of its travel at all.
+    pub(super) fn can_reach_travel_limit(&self, actuator: usize) -> bool {
+        self.travel[actuator].iter().map(|entry| entry.norm()).sum::<f64>() > 1.0 + ROUNDING
     }
 
     /// Whether the limits hold.
-    pub(super) fn allows(&self, x: &Phasors) -> bool {
-        let travels = self.travel.iter().map(|row| times(row, x));
+    pub(super) fn is_within_force_and_travel_limits(&self, x: &Phasors) -> bool {
+        let travels = self.travel.iter().map(|row| multiply_row_by_phasors(row, x));
         x.iter().copied().chain(travels).all(|z| z.norm() <= 1.0 + ROUNDING)
     }
 
     /// The same problem in eigenvectors of the energy, which is diagonal then, and the eigenvectors (columns). Forces are
     /// limited in the old unknowns only.
-    pub(super) fn in_eigenvectors(&self) -> (Self, PerPair) {
-        let (energies, turn) = eigen(&self.energy);
+    pub(super) fn diagonalize_energy_and_get_eigenvectors(&self) -> (Self, PerPair) {
+        let (energies, turn) = hermitian_eigenvalues_and_eigenvectors(&self.energy);
         let turned = |row: &Phasors| -> Phasors {
             std::array::from_fn(|n| (0..MAX_ACTUATORS).map(|i| row[i] * turn[i][n]).sum())
         };
@@ -104,25 +104,25 @@ impl Program {
     }
 
     /// energy^-1 conj(gain) by Cholesky's method: the direction of the best phasors without limits. Its peak is its energy.
-    pub(super) fn unlimited(&self) -> Phasors {
+    pub(super) fn optimal_direction_without_limits(&self) -> Phasors {
         let (mut factor, mut x) = (self.energy, self.gain.map(|gain| gain.conj()));
-        for i in self.actuators() {
-            for j in self.actuators().take_while(|j| *j <= i) {
+        for i in self.drivable_actuators() {
+            for j in self.drivable_actuators().take_while(|j| *j <= i) {
                 let mut entry = factor[i][j];
-                for l in self.actuators().take_while(|l| *l < j) {
+                for l in self.drivable_actuators().take_while(|l| *l < j) {
                     entry -= factor[i][l] * factor[j][l].conj();
                 }
                 factor[i][j] =
                     if i == j { entry.re.max(f64::MIN_POSITIVE).sqrt().into() } else { entry / factor[j][j].re };
             }
-            for j in self.actuators().take_while(|j| *j < i) {
+            for j in self.drivable_actuators().take_while(|j| *j < i) {
                 let done = factor[i][j] * x[j];
                 x[i] -= done;
             }
             x[i] /= factor[i][i].re;
         }
         for i in (0..MAX_ACTUATORS).rev().filter(|i| self.used >> i & 1 == 1) {
-            for j in self.actuators().filter(|j| *j > i) {
+            for j in self.drivable_actuators().filter(|j| *j > i) {
                 let done = factor[j][i].conj() * x[j];
                 x[i] -= done;
             }
@@ -133,6 +133,6 @@ impl Program {
 }
 
 /// Sum of row_j x_j.
-pub(super) fn times(row: &Phasors, x: &Phasors) -> Complex64 {
+pub(super) fn multiply_row_by_phasors(row: &Phasors, x: &Phasors) -> Complex64 {
     row.iter().zip(x).map(|(entry, x)| entry * x).sum()
 }

@@ -1,9 +1,9 @@
 //! On panels: random scenes with two and three actuators, against exhaustive search.
 
 use super::tests::{Owned, Random, check, exhaustive};
-use super::{ZERO, best};
+use super::{ZERO, find_least_energy_or_largest_peak_phasors};
 use crate::model::{Accuracy, PanelModel, ReducedModel};
-use crate::response::solve_coordinates_at_frequency;
+use crate::response::solve_coordinates_per_newton_at_frequency;
 use crate::scene::Scene;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -52,7 +52,7 @@ fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) ->
     for k in 0..count {
         let frequency_hz = 40.0 + 360.0 * k as f64 / count as f64;
         owned.frequencies_hz.push(frequency_hz);
-        let q = solve_coordinates_at_frequency(&model, frequency_hz).unwrap();
+        let q = solve_coordinates_per_newton_at_frequency(&model, frequency_hz).unwrap();
         let factor = -(std::f64::consts::TAU * frequency_hz).powi(2);
         let elsewhere: Vec<Vec<Complex64>> =
             q.iter().map(|q| points.iter().map(|point| at(point, q) * factor).collect()).collect();
@@ -61,7 +61,7 @@ fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) ->
             for j in 0..actuators {
                 let products = elsewhere[i].iter().zip(&elsewhere[j]).map(|(a, b)| a.conj() * b);
                 owned.energy[k][i][j] = products.sum::<Complex64>() / POINTS as f64;
-                owned.travel[k][i][j] = model.actuator_travel(i, &q[j]);
+                owned.travel[k][i][j] = model.actuator_mass_travel_against_electrodes(i, &q[j]);
             }
             owned.max_force_n[k][i] = (owned.max_travel_m[i] / owned.travel[k][i][i].norm()).min(most_force_n);
         }
@@ -81,9 +81,9 @@ fn equals_exhaustive_search_on_random_scenes() {
             for most_force_n in [0.02, 0.2] {
                 let owned = field(&scene, random, count, most_force_n);
                 let field = owned.field();
-                let most = best(&field, f64::INFINITY).unwrap().reached;
+                let most = find_least_energy_or_largest_peak_phasors(&field, f64::INFINITY).unwrap().reached;
                 for part in [0.01, 0.5, 0.9, 2.0] {
-                    let found = best(&field, part * most).unwrap();
+                    let found = find_least_energy_or_largest_peak_phasors(&field, part * most).unwrap();
                     let cancelled = check(&field, &found);
                     let (energy, peak) = exhaustive(&field, part * most);
                     let tolerance = if part < 1.0 { 1e-9 + 1e-13 * cancelled } else { 1e-5 };

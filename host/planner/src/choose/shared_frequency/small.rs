@@ -16,7 +16,7 @@ const SWEEPS: usize = 12;
 const NEGLIGIBLE: f64 = 1e-17;
 
 /// matrix += factor v v^T in its first `n` rows and columns.
-pub(super) fn add_outer(matrix: &mut Matrix, v: &Vector, factor: f64, n: usize) {
+pub(super) fn add_lower_triangle_of_outer_product(matrix: &mut Matrix, v: &Vector, factor: f64, n: usize) {
     for i in (0..n).filter(|i| v[*i] != 0.0) {
         let scaled = factor * v[i];
         for j in 0..=i {
@@ -28,7 +28,7 @@ pub(super) fn add_outer(matrix: &mut Matrix, v: &Vector, factor: f64, n: usize) 
 /// Solves with the lower triangle of a positive definite matrix, scaled to a unit diagonal: barriers near the limits
 /// differ by many powers of ten. The factor takes the matrix' place, the solution that of the right side.
 #[expect(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
-pub(super) fn solve_positive(n: usize, matrix: &mut Matrix, right: &mut Vector) -> Option<()> {
+pub(super) fn solve_in_place_if_positive_definite(n: usize, matrix: &mut Matrix, right: &mut Vector) -> Option<()> {
     let mut scale = [0.0; MOST_UNKNOWNS];
     for i in 0..n {
         let diagonal = matrix[i][i];
@@ -66,7 +66,7 @@ pub(super) fn solve_positive(n: usize, matrix: &mut Matrix, right: &mut Vector) 
 
 /// Eigenvalues (the diagonal that is left) and eigenvectors (columns) of a Hermitian matrix by Jacobi's method, which
 /// leaves alone what is not coupled.
-pub(super) fn eigen(matrix: &PerPair) -> ([f64; 4], PerPair) {
+pub(super) fn hermitian_eigenvalues_and_eigenvectors(matrix: &PerPair) -> ([f64; 4], PerPair) {
     let mut a = *matrix;
     let mut vectors = [[ZERO; 4]; 4];
     for (i, row) in vectors.iter_mut().enumerate() {

@@ -1,8 +1,11 @@
 //! Against exhaustive search, brute force over phasors and closed forms.
 
-use super::optimum::{least_energy, most_peak, within_limits};
+use super::optimum::{
+    find_least_energy_if_no_limit_binds, maximise_peak_within_limits_until_cost_exceeds,
+    minimise_energy_for_unit_peak_unless_cost_exceeds,
+};
 use super::program::{Program, Units};
-use super::unlimited::Unlimited;
+use super::unlimited::UnlimitedEfficiency;
 use super::*;
 use proptest::prelude::*;
 use std::f64::consts::PI;
@@ -25,7 +28,7 @@ impl Random {
     }
 }
 
-/// A [`Field`] with its numbers.
+/// A [`TargetField`] with its numbers.
 pub(super) struct Owned {
     pub(super) frequencies_hz: Vec<f64>,
     pub(super) actuators: usize,
@@ -50,8 +53,8 @@ impl Owned {
         }
     }
 
-    pub(super) fn field(&self) -> Field<'_> {
-        Field {
+    pub(super) fn field(&self) -> TargetField<'_> {
+        TargetField {
             frequencies_hz: &self.frequencies_hz,
             actuators: self.actuators,
             gain: &self.gain,
@@ -112,17 +115,22 @@ pub(super) fn panel(seed: u64, actuators: usize, count: usize, travel_m: f64) ->
 }
 
 /// (energy, peak) of the best of all frequencies, each solved on its own.
-pub(super) fn exhaustive(field: &Field<'_>, wanted: f64) -> (f64, f64) {
-    let all: Vec<Unlimited> = (0..field.frequencies_hz.len()).map(|k| Unlimited::at(field, k)).collect();
+pub(super) fn exhaustive(field: &TargetField<'_>, wanted: f64) -> (f64, f64) {
+    let all: Vec<UnlimitedEfficiency> = (0..field.frequencies_hz.len())
+        .map(|k| UnlimitedEfficiency::compute_efficiency_of_all_drivable_actuators(field, k))
+        .collect();
     let efficiency = all.iter().map(|unlimited| unlimited.efficiency).fold(0.0, f64::max);
     let units = |peak: f64| Units { peak, energy: peak * peak / efficiency };
     let programs = |peak: f64| all.iter().enumerate().map(move |(k, own)| Program::new(field, own, k, units(peak)));
     let least = |peak: f64| {
-        let optima = programs(peak).filter_map(|p| within_limits(&p).or_else(|| least_energy(&p, f64::INFINITY)));
+        let optima = programs(peak).filter_map(|p| {
+            find_least_energy_if_no_limit_binds(&p)
+                .or_else(|| minimise_energy_for_unit_peak_unless_cost_exceeds(&p, f64::INFINITY))
+        });
         optima.map(|optimum| optimum.cost).reduce(f64::min).map(|cost| (cost * units(peak).energy, peak))
     };
     least(wanted).unwrap_or_else(|| {
-        let most = programs(wanted).map(|p| -most_peak(&p, f64::INFINITY).cost);
+        let most = programs(wanted).map(|p| -maximise_peak_within_limits_until_cost_exceeds(&p, f64::INFINITY).cost);
         least(wanted * most.fold(0.0, f64::max) * (1.0 - REACH_SLACK)).unwrap()
     })
 }
@@ -137,7 +145,7 @@ struct Figures {
 }
 
 impl Figures {
-    fn of(field: &Field<'_>, k: usize, u: &Phasors) -> Self {
+    fn of(field: &TargetField<'_>, k: usize, u: &Phasors) -> Self {
         let sum = |row: &Phasors| row.iter().zip(u).map(|(entry, u)| entry * u).sum::<Complex64>();
         let forces =
             (0..field.actuators).map(|i| if u[i] == ZERO { 0.0 } else { u[i].norm() / field.max_force_n[k][i] });
@@ -153,7 +161,7 @@ impl Figures {
 
 /// Checks limits, energy and peak of a result; returns what the energy's rounding is relative to: the energy that the same
 /// forces would have one by one, over that which they have together.
-pub(super) fn check(field: &Field<'_>, found: &BestPhasors) -> f64 {
+pub(super) fn check(field: &TargetField<'_>, found: &BestPhasors) -> f64 {
     let (k, u) = (found.frequency, &found.forces_n);
     let Figures { peak, energy, force, travel } = Figures::of(field, k, u);
     let apart: f64 = (0..4).map(|i| field.energy[k][i][i].re * u[i].norm_sqr()).sum();
@@ -177,8 +185,8 @@ proptest! {
         let (actuators, count) = size;
         let owned = panel(seed, actuators, count, travel_m);
         let field = owned.field();
-        let most = best(&field, f64::INFINITY).unwrap().reached;
-        let found = best(&field, part * most).unwrap();
+        let most = find_least_energy_or_largest_peak_phasors(&field, f64::INFINITY).unwrap().reached;
+        let found = find_least_energy_or_largest_peak_phasors(&field, part * most).unwrap();
         let cancelled = check(&field, &found);
         let (energy, peak) = exhaustive(&field, part * most);
         let tolerance = if part < 1.0 { 1e-9 + 1e-13 * cancelled } else { 1e-5 };
@@ -197,7 +205,7 @@ fn no_phasors_are_better() {
     for seed in 0..20 {
         let owned = panel(seed, 2, 1, 3e-5);
         let field = owned.field();
-        let most = best(&field, f64::INFINITY).unwrap().reached;
+        let most = find_least_energy_or_largest_peak_phasors(&field, f64::INFINITY).unwrap().reached;
         for part in [0.5, 0.9, 2.0] {
             let wanted = part * most;
             let cost = |ratio: f64, phase: f64| {
@@ -221,7 +229,7 @@ fn no_phasors_are_better() {
                 (least, (ratio, phase)) = all.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
                 span *= 0.3;
             }
-            let found = best(&field, wanted).unwrap();
+            let found = find_least_energy_or_largest_peak_phasors(&field, wanted).unwrap();
             let own = if part > 1.0 { -found.reached } else { found.energy };
             assert!(own <= least + 1e-8 * own.abs(), "{least} {found:?}");
             assert!(least <= own + 0.01 * own.abs(), "grids too coarse: {least} {found:?}");
@@ -239,7 +247,7 @@ fn without_limits_the_closed_form() {
     let mut owned = panel(3, 2, 1, 1e-4);
     owned.max_force_n[0] = [1e6; 4];
     owned.max_travel_m = [f64::INFINITY; 4];
-    let found = best(&owned.field(), 2.0).unwrap();
+    let found = find_least_energy_or_largest_peak_phasors(&owned.field(), 2.0).unwrap();
     let (e, h) = (&owned.energy[0], &owned.gain[0]);
     let determinant = e[0][0].re * e[1][1].re - e[0][1].norm_sqr();
     let score = (h[0].norm_sqr() * e[1][1].re + h[1].norm_sqr() * e[0][0].re - 2.0 * (h[0] * e[0][1] * h[1].conj()).re)
@@ -254,13 +262,13 @@ fn what_cannot_be_driven_stays_at_rest() {
     for force in &mut owned.max_force_n {
         force[1] = 0.0;
     }
-    let found = best(&owned.field(), 0.1).unwrap();
+    let found = find_least_energy_or_largest_peak_phasors(&owned.field(), 0.1).unwrap();
     check(&owned.field(), &found);
     assert_eq!(found.forces_n[1], ZERO);
-    let nothing = best(&owned.field(), 0.0).unwrap();
+    let nothing = find_least_energy_or_largest_peak_phasors(&owned.field(), 0.0).unwrap();
     assert_eq!((nothing.energy, nothing.reached), (0.0, 0.0));
     owned.max_force_n.fill([0.0; 4]);
-    assert_eq!(best(&owned.field(), 1.0), None);
+    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.field(), 1.0), None);
     owned.travel.pop();
-    assert_eq!(best(&owned.field(), 1.0), None);
+    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.field(), 1.0), None);
 }

@@ -6,7 +6,7 @@
 //! itself does as much. Where E is even less definite (differences of rounded numbers), d grows until all pivots are
 //! positive.
 
-use super::{Field, list};
+use super::{TargetField, actuator_indices_in_mask};
 
 /// Relative ridge on the diagonal: 45 times the rounding of a double, of which a pivot gathers a few.
 const RIDGE: f64 = 1e-14;
@@ -18,7 +18,7 @@ const PIVOT_PART: f64 = 0.25;
 
 /// The optimum at one frequency if nothing were limited.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Unlimited {
+pub(super) struct UnlimitedEfficiency {
     /// s, peak squared over energy; 0 where nothing can be driven.
     pub(super) efficiency: f64,
     /// The ridge.
@@ -27,11 +27,16 @@ pub(super) struct Unlimited {
     pub(super) usable: u8,
 }
 
-impl Unlimited {
-    pub(super) fn at(field: &Field<'_>, k: usize) -> Self {
-        let (usable, mut ridge) = (usable(field, k), RIDGE);
+impl UnlimitedEfficiency {
+    pub(super) fn compute_efficiency_of_all_drivable_actuators(
+        field: &TargetField<'_>,
+        frequency_index: usize,
+    ) -> Self {
+        let (usable, mut ridge) = (drivable_actuator_mask(field, frequency_index), RIDGE);
         while usable != 0 && ridge <= MOST_RIDGE {
-            if let Some(efficiency) = efficiency(field, k, usable, ridge) {
+            if let Some(efficiency) =
+                compute_unlimited_efficiency_if_positive_definite(field, frequency_index, usable, ridge)
+            {
                 return Self { efficiency, ridge, usable };
             }
             ridge *= RIDGE_GROWTH;
@@ -41,36 +46,42 @@ impl Unlimited {
 }
 
 /// Who can be driven at a frequency: a force is allowed, moves the surface, and there is a limit to what it moves.
-fn usable(field: &Field<'_>, k: usize) -> u8 {
+fn drivable_actuator_mask(field: &TargetField<'_>, frequency: usize) -> u8 {
     let drivable = |i: usize| {
-        let (energy, force, gain) = (field.energy[k][i][i].re, field.max_force_n[k][i], field.gain[k][i]);
-        let travels =
-            (0..field.actuators).all(|row| field.max_travel_m[row] > 0.0 && field.travel[k][row][i].is_finite());
+        let (energy, force, gain) =
+            (field.energy[frequency][i][i].re, field.max_force_n[frequency][i], field.gain[frequency][i]);
+        let travels = (0..field.actuators)
+            .all(|row| field.max_travel_m[row] > 0.0 && field.travel[frequency][row][i].is_finite());
         energy > 0.0 && energy.is_finite() && force > 0.0 && force.is_finite() && gain.is_finite() && travels
     };
     (0..field.actuators).filter(|i| drivable(*i)).fold(0, |mask, i| mask | 1 << i)
 }
 
 /// s by Gaussian elimination; `None` if E is not positive definite.
-fn efficiency(field: &Field<'_>, k: usize, usable: u8, ridge: f64) -> Option<f64> {
+fn compute_unlimited_efficiency_if_positive_definite(
+    field: &TargetField<'_>,
+    frequency: usize,
+    actuator_mask: u8,
+    ridge: f64,
+) -> Option<f64> {
     // What is left of E (its lower triangle) and of conj(h).
-    let mut matrix = field.energy[k];
-    let mut right = field.gain[k].map(|gain| gain.conj());
-    for i in list(usable) {
+    let mut matrix = field.energy[frequency];
+    let mut right = field.gain[frequency].map(|gain| gain.conj());
+    for i in actuator_indices_in_mask(actuator_mask) {
         matrix[i][i] = (matrix[i][i].re * (1.0 + ridge)).into();
     }
     let mut efficiency = 0.0;
-    for i in list(usable) {
+    for i in actuator_indices_in_mask(actuator_mask) {
         let pivot = matrix[i][i].re;
-        if pivot.is_nan() || pivot <= PIVOT_PART * ridge * field.energy[k][i][i].re {
+        if pivot.is_nan() || pivot <= PIVOT_PART * ridge * field.energy[frequency][i][i].re {
             return None;
         }
         efficiency += right[i].norm_sqr() / pivot;
-        for row in list(usable).filter(|row| *row > i) {
+        for row in actuator_indices_in_mask(actuator_mask).filter(|row| *row > i) {
             let factor = matrix[row][i] / pivot;
             let eliminated = factor * right[i];
             right[row] -= eliminated;
-            for column in list(usable).filter(|column| *column > i && *column < row) {
+            for column in actuator_indices_in_mask(actuator_mask).filter(|column| *column > i && *column < row) {
                 let eliminated = factor * matrix[column][i].conj();
                 matrix[row][column] -= eliminated;
             }

@@ -10,7 +10,7 @@ fn residual() -> ResidualVibration {
     let mode = |rate_per_s: f64| {
         let mut travel = [0.0; MAX_ACTUATORS];
         travel[0] = 1.0;
-        DecayingMode { rate_per_s, travel }
+        PoleDecayAndTravel { rate_per_s, travel }
     };
     ResidualVibration::new(RATES.map(mode).to_vec())
 }
@@ -24,7 +24,7 @@ fn motion(size: f64, drive_hz: f64) -> PlanMotion {
     };
     let participation = |part: f64| Participation {
         steady: [Complex64::from(part * size), Complex64::ZERO],
-        afterwards: 0.1 * part * size,
+        free_amplitude_after_rise_or_effect: 0.1 * part * size,
         gain_per_s: 1e3 * size,
     };
     let participations = vec![participation(2.0 / 3.0), participation(1.0 / 3.0)];
@@ -48,95 +48,157 @@ fn motion(size: f64, drive_hz: f64) -> PlanMotion {
 
 fn drives(force_n: f64, frequency_hz: f64) -> Vec<Drive> {
     let (voltage_v, pulse_width) = (1000.0, 0.6);
-    vec![Drive { actuator: "a".into(), frequency_hz, voltage_v, pulse_width, phase_rad: 0.0, force_n }]
+    vec![Drive {
+        actuator: "a".into(),
+        frequency_hz,
+        voltage_v,
+        pulse_width,
+        phase_rad: 0.0,
+        force_phase_rad: 0.0,
+        force_n,
+    }]
 }
 
 #[test]
 fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
     let (residual, drives) = (residual(), drives(1.0, 100.0));
-    let room = |size: f64, board: Board| residual.room(&motion(size, 100.0), Some(&drives), 0.0, board);
-    assert_eq!(room(1.0, Board::Down), Room::ALL);
+    let room = |size: f64, board: RailState| residual.find_headroom(&motion(size, 100.0), Some(&drives), 0.0, board);
+    assert_eq!(room(1.0, RailState::Down), StartHeadroom::ALL);
     // It goes twice as far when it begins at once, and nothing that a wait could mend is left.
-    assert_eq!(room(1.0, Board::Up), Room::at_once(0.5 * (1.0 + CONCEDED)));
-    assert_eq!(room(0.5, Board::Up), Room::ALL);
-    assert_eq!(room(1.1, Board::Down), Room::at_once((1.0 + CONCEDED) / 1.1));
+    assert_eq!(room(1.0, RailState::Up), StartHeadroom::without_wait(0.5 * (1.0 + LIMIT_TOLERANCE)));
+    assert_eq!(room(0.5, RailState::Up), StartHeadroom::ALL);
+    assert_eq!(room(1.1, RailState::Down), StartHeadroom::without_wait((1.0 + LIMIT_TOLERANCE) / 1.1));
 }
 
 #[test]
 fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     let (mut residual, drives) = (residual(), drives(1.0, 100.0));
-    residual.begin(1, &motion(0.9, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
-    residual.end(5.0, Ending::AtItsBoundary);
-    let left = |at_s: f64| residual.left_at(5.0, at_s)[0];
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(0.9, 100.0),
+        Some(&drives),
+        RailState::Down,
+        0.0,
+        10.0,
+    );
+    residual.record_end_of_current_drives(5.0, Ending::AtItsBoundary);
+    let left = |at_s: f64| residual.bound_travel_left_after_end_m(5.0, at_s)[0];
     // The steady part of both poles, from a period and a bit after the end on; what it was begun with has decayed.
     assert!((left(5.0) - 0.9).abs() < 1e-9, "{}", left(5.0));
     let end_s = 5.0 + LATE_S + 0.01;
     let expected = 0.6 * f64::exp(-10.0 * (5.3 - end_s)) + 0.3 * f64::exp(-40.0 * (5.3 - end_s));
     assert!((left(5.3) - expected).abs() < 1e-9, "{} {expected}", left(5.3));
     // 0.12 is left of the limit, and 0.8 is needed; 30 ms later more than twice as much.
-    let room = |now_s: f64| residual.room(&motion(0.4, 200.0), Some(&drives), now_s, Board::Up);
-    assert!((residual.part(&motion(0.4, 200.0), Some(&drives), 5.0, Board::Up) - 0.12 / 0.8).abs() < 1e-9);
-    assert!((room(5.0).part - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && room(5.0).after_s == 0.03, "{:?}", room(5.0));
+    let room = |now_s: f64| residual.find_headroom(&motion(0.4, 200.0), Some(&drives), now_s, RailState::Up);
+    assert!(
+        (residual.max_force_fraction_that_fits_without_wait(&motion(0.4, 200.0), Some(&drives), 5.0, RailState::Up)
+            - 0.12 / 0.8)
+            .abs()
+            < 1e-9
+    );
+    assert!(
+        (room(5.0).force_fraction - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && room(5.0).wait_s == 0.03,
+        "{:?}",
+        room(5.0)
+    );
     let later = room(5.1);
-    assert!((later.part - (1.02 - left(5.1)) / 0.8).abs() < 1e-9 && later.after_s == 0.0, "{later:?}");
+    assert!((later.force_fraction - (1.02 - left(5.1)) / 0.8).abs() < 1e-9 && later.wait_s == 0.0, "{later:?}");
     // 30 ms are the most it waits; and it does not wait again.
     let mut residual = super::tests::residual();
-    residual.begin(1, &motion(1.0, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
-    residual.end_of(1, 4.99);
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(1.0, 100.0),
+        Some(&drives),
+        RailState::Down,
+        0.0,
+        10.0,
+    );
+    residual.record_end_of_drives_with_id(1, 4.99);
     let next = motion(0.4, 200.0);
-    let room = residual.room(&next, Some(&drives), 5.0, Board::Driving);
-    let now = residual.part(&next, Some(&drives), 5.0, Board::Driving);
-    assert!(room.part >= WORTH_WAITING * now && room.after_s > 0.0 && room.after_s <= LONGEST_WAIT_S, "{room:?} {now}");
-    residual.end(5.0, Ending::AtItsBoundary);
-    let then_s = 5.0 + room.after_s;
-    let then = residual.room(&next, Some(&drives), then_s, Board::Up);
-    assert!((then.part - room.part).abs() < 1e-9 && then.after_s < LONGEST_WAIT_S - room.after_s + 1e-9, "{then:?}");
-    assert_eq!(residual.room(&motion(0.01, 200.0), Some(&drives), 5.0, Board::Up), Room::ALL);
+    let room = residual.find_headroom(&next, Some(&drives), 5.0, RailState::Driving);
+    let now = residual.max_force_fraction_that_fits_without_wait(&next, Some(&drives), 5.0, RailState::Driving);
+    assert!(
+        room.force_fraction >= WORTH_WAITING * now && room.wait_s > 0.0 && room.wait_s <= LONGEST_WAIT_S,
+        "{room:?} {now}"
+    );
+    residual.record_end_of_current_drives(5.0, Ending::AtItsBoundary);
+    let then_s = 5.0 + room.wait_s;
+    let then = residual.find_headroom(&next, Some(&drives), then_s, RailState::Up);
+    assert!(
+        (then.force_fraction - room.force_fraction).abs() < 1e-9 && then.wait_s < LONGEST_WAIT_S - room.wait_s + 1e-9,
+        "{then:?}"
+    );
+    assert_eq!(residual.find_headroom(&motion(0.01, 200.0), Some(&drives), 5.0, RailState::Up), StartHeadroom::ALL);
 }
 
 #[test]
 fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
     let (mut residual, first) = (residual(), drives(1.0, 100.0));
-    residual.begin(1, &motion(0.95, 100.0), Some(&first), Board::Down, 0.0, 5.0);
-    let part = |next: &PlanMotion, drives: Option<&[Drive]>, board: Board| residual.part(next, drives, 2.0, board);
-    assert_eq!(part(&motion(0.95, 100.0), Some(&first), Board::Driving), 1.0);
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(0.95, 100.0),
+        Some(&first),
+        RailState::Down,
+        0.0,
+        5.0,
+    );
+    let part = |next: &PlanMotion, drives: Option<&[Drive]>, board: RailState| {
+        residual.max_force_fraction_that_fits_without_wait(next, drives, 2.0, board)
+    };
+    assert_eq!(part(&motion(0.95, 100.0), Some(&first), RailState::Driving), 1.0);
     // The same, a little weaker: of what is left only the difference counts.
     let weaker = drives(0.98, 100.0);
-    assert_eq!(part(&motion(0.93, 100.0), Some(&weaker), Board::Driving), 1.0);
+    assert_eq!(part(&motion(0.93, 100.0), Some(&weaker), RailState::Driving), 1.0);
     // As an effect, or when the board has ended it, it begins anew, beside 0.95 of what is left.
-    let anew = (1.0 + CONCEDED - 0.95) / (2.0 * 0.95);
-    for found in [part(&motion(0.95, 100.0), None, Board::Driving), part(&motion(0.95, 100.0), Some(&first), Board::Up)]
+    let anew = (1.0 + LIMIT_TOLERANCE - 0.95) / (2.0 * 0.95);
+    for found in
+        [part(&motion(0.95, 100.0), None, RailState::Driving), part(&motion(0.95, 100.0), Some(&first), RailState::Up)]
     {
         assert!((found - anew).abs() < 1e-9, "{found}");
     }
     // Another channel had the frequency: the board keeps in phase with that one.
     let mut other = motion(0.93, 100.0);
     other.lines[0].channel = 1;
-    assert!(part(&other, Some(&weaker), Board::Driving) < 0.1);
+    assert!(part(&other, Some(&weaker), RailState::Driving) < 0.1);
 }
 
 #[test]
 fn the_force_of_a_change_is_the_most_there_is_room_for() {
     // Twice the force at the same frequency: what is changed is as much as there was.
     let (mut residual, first) = (residual(), drives(0.4, 100.0));
-    residual.begin(1, &motion(0.4, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(0.4, 100.0),
+        Some(&first),
+        RailState::Down,
+        0.0,
+        5.0,
+    );
     let next = motion(0.8, 100.0);
-    let part = residual.part(&next, Some(&drives(0.8, 100.0)), 3.0, Board::Driving);
-    // GROWN (0.8 p - 0.4) + 0.8 p = 1.02.
-    let expected = (1.0 + CONCEDED + 0.4 * GROWN) / (0.8 * (1.0 + GROWN));
+    let part =
+        residual.max_force_fraction_that_fits_without_wait(&next, Some(&drives(0.8, 100.0)), 3.0, RailState::Driving);
+    // SOFTENING_GROWTH (0.8 p - 0.4) + 0.8 p = 1.02.
+    let expected = (1.0 + LIMIT_TOLERANCE + 0.4 * SOFTENING_GROWTH) / (0.8 * (1.0 + SOFTENING_GROWTH));
     assert!((part - expected).abs() < 2e-3 && part <= expected + 1e-9, "{part} {expected}");
 }
 
 #[test]
 fn what_electrodes_make_grow_counts_for_more() {
     let (mut residual, drives) = (residual(), drives(1.0, 100.0));
-    residual.begin(1, &motion(0.5, 100.0), Some(&drives), Board::Down, 0.0, 1.0);
-    residual.end(1.0, Ending::AtItsBoundary);
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(0.5, 100.0),
+        Some(&drives),
+        RailState::Down,
+        0.0,
+        1.0,
+    );
+    residual.record_end_of_current_drives(1.0, Ending::AtItsBoundary);
     let mut next = motion(0.5, 200.0);
     next.growth[0] = 1.2;
-    let left = residual.left_at(1.0, 1.0)[0];
-    let part = residual.part(&next, Some(&drives), 1.0, Board::Up);
-    assert!((part - (1.0 + CONCEDED - 1.2 * left)).abs() < 1e-9, "{part} {left}");
+    let left = residual.bound_travel_left_after_end_m(1.0, 1.0)[0];
+    let part = residual.max_force_fraction_that_fits_without_wait(&next, Some(&drives), 1.0, RailState::Up);
+    assert!((part - (1.0 + LIMIT_TOLERANCE - 1.2 * left)).abs() < 1e-9, "{part} {left}");
 }
 
 #[test]
@@ -147,11 +209,12 @@ fn weaker_until_there_is_room() {
         tries.borrow_mut().push(part);
         Ok(part)
     };
-    let (part, found) = fitted(1.0, weaker, |part: &f64| (0.5 / part.sqrt()).min(1.0)).unwrap();
+    let (part, found) =
+        find_fraction_and_plan_within_headroom(1.0, weaker, |part: &f64| (0.5 / part.sqrt()).min(1.0)).unwrap();
     assert!(found == part && part <= 0.25 && part > 0.2, "{:?}", tries.borrow());
-    assert_eq!(fitted(1.0, Ok::<_, ()>, |_| 0.0), Ok((0.0, 0.0)));
-    assert_eq!(fitted(1.0, |_| Err(()), |_| 0.5), Err(()));
-    assert_eq!(fitted(7.0, |_| Err(()), |_| 1.0), Ok((1.0, 7.0)));
+    assert_eq!(find_fraction_and_plan_within_headroom(1.0, Ok::<_, ()>, |_| 0.0), Ok((0.0, 0.0)));
+    assert_eq!(find_fraction_and_plan_within_headroom(1.0, |_| Err(()), |_| 0.5), Err(()));
+    assert_eq!(find_fraction_and_plan_within_headroom(7.0, |_| Err(()), |_| 1.0), Ok((1.0, 7.0)));
 }
 
 /// What is near to what is driven has room, as little is left of the change; what is weaker by much has next to none.
@@ -163,7 +226,7 @@ fn a_narrow_room_is_found() {
         part if part > 0.9 => 1.0,
         _ => 0.1,
     };
-    let (part, _) = fitted(1.0, Ok::<_, ()>, room).unwrap();
+    let (part, _) = find_fraction_and_plan_within_headroom(1.0, Ok::<_, ()>, room).unwrap();
     assert!(part > 0.9, "{part}");
 }
 
@@ -171,27 +234,38 @@ fn a_narrow_room_is_found() {
 #[test]
 fn a_growing_touch_takes_no_step_back() {
     let up_to = |most: f64| move |part: &f64| if (0.5..=most).contains(part) { 1.0 } else { 0.2 };
-    let from = |part: f64, most: f64| grown(part, Ok::<_, ()>, up_to(most)).unwrap().map(|(part, _)| part);
+    let from = |part: f64, most: f64| {
+        find_larger_fraction_and_plan_if_worth_it(part, Ok::<_, ()>, up_to(most)).unwrap().map(|(part, _)| part)
+    };
     assert_eq!(from(0.5, 1.0), Some(1.0));
     assert_eq!(from(0.5, 0.9), Some(0.8));
     assert_eq!(from(0.5, 0.7), Some(0.65));
     assert_eq!(from(0.5, 0.6), None);
-    assert_eq!(grown(0.5, |_| Err::<f64, _>(()), |_| 1.0), Err(()));
+    assert_eq!(find_larger_fraction_and_plan_if_worth_it(0.5, |_| Err::<f64, _>(()), |_| 1.0), Err(()));
 }
 
 #[test]
 fn drives_that_have_just_begun_go_on_for_a_moment() {
     let (mut residual, first) = (residual(), drives(1.0, 100.0));
-    residual.begin(1, &motion(1.0, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    residual.record_drives_that_begin_in_place_of_others(
+        1,
+        &motion(1.0, 100.0),
+        Some(&first),
+        RailState::Down,
+        0.0,
+        5.0,
+    );
     let next = (motion(1.0, 200.0), drives(1.0, 200.0));
-    let room = |residual: &ResidualVibration, now_s: f64| residual.room(&next.0, Some(&next.1), now_s, Board::Driving);
+    let room = |residual: &ResidualVibration, now_s: f64| {
+        residual.find_headroom(&next.0, Some(&next.1), now_s, RailState::Driving)
+    };
     let found = room(&residual, 0.01);
-    assert!(found.goes_on && (found.after_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
+    assert!(found.goes_on && (found.wait_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
     assert!(!room(&residual, LONGEST_WAIT_S).goes_on);
     // Its finger was lifted.
-    residual.end_of(2, 0.01);
+    residual.record_end_of_drives_with_id(2, 0.01);
     assert!(room(&residual, 0.01).goes_on);
-    residual.end_of(1, 0.01);
+    residual.record_end_of_drives_with_id(1, 0.01);
     assert!(!room(&residual, 0.01).goes_on);
 }
 
@@ -200,25 +274,28 @@ fn what_has_hardly_begun_leaves_no_more_than_its_time_brings() {
     let (mut residual, drives) = (residual(), drives(1.0, 1000.0));
     let mut slow = motion(0.9, 1000.0);
     slow.lines[0].participations.iter_mut().for_each(|participation| participation.gain_per_s = 1.0);
-    residual.begin(1, &slow, Some(&drives), Board::Up, 0.0, 5.0);
-    residual.end(0.004, Ending::AtItsBoundary);
+    residual.record_drives_that_begin_in_place_of_others(1, &slow, Some(&drives), RailState::Up, 0.0, 5.0);
+    residual.record_end_of_current_drives(0.004, Ending::AtItsBoundary);
     // 1 a second on each pole for 4 ms, and as long as the end may take.
     let most = 2.0 * (0.004 + LATE_S + 1e-3);
-    assert!((residual.left_at(0.004, 0.004)[0] - most).abs() < 1e-9);
+    assert!((residual.bound_travel_left_after_end_m(0.004, 0.004)[0] - most).abs() < 1e-9);
     // While the rails rise it is less, with a stop no period more.
     let mut residual = super::tests::residual();
-    residual.begin(1, &slow, Some(&drives), Board::Down, 0.0, 5.0);
-    residual.end(0.05, Ending::AtOnce);
+    residual.record_drives_that_begin_in_place_of_others(1, &slow, Some(&drives), RailState::Down, 0.0, 5.0);
+    residual.record_end_of_current_drives(0.05, Ending::AtOnce);
     let time_s = 0.05 + LATE_S;
-    assert!((residual.left_at(0.05, 0.05)[0] - 2.0 * time_s * (time_s / 0.1).powi(2) / 3.0).abs() < 1e-9);
+    assert!(
+        (residual.bound_travel_left_after_end_m(0.05, 0.05)[0] - 2.0 * time_s * (time_s / 0.1).powi(2) / 3.0).abs()
+            < 1e-9
+    );
 }
 
 #[test]
 fn an_effect_leaves_what_it_leaves_in_the_end_or_its_most_before() {
     let mut residual = residual();
-    residual.begin(1, &motion(0.5, 100.0), None, Board::Up, 0.0, 0.2);
-    assert!((residual.left_at(0.1, 0.1)[0] - 0.5).abs() < 1e-9);
-    assert!((residual.left_at(0.3, 0.2)[0] - 0.05).abs() < 1e-9);
+    residual.record_drives_that_begin_in_place_of_others(1, &motion(0.5, 100.0), None, RailState::Up, 0.0, 0.2);
+    assert!((residual.bound_travel_left_after_end_m(0.1, 0.1)[0] - 0.5).abs() < 1e-9);
+    assert!((residual.bound_travel_left_after_end_m(0.3, 0.2)[0] - 0.05).abs() < 1e-9);
 }
 
 proptest! {
@@ -226,30 +303,30 @@ proptest! {
     #[test]
     fn no_order_of_touches_goes_beyond(touches in prop::collection::vec((0.05_f64..1.0, 40.0_f64..400.0, 0.005_f64..0.4, any::<bool>()), 1..30)) {
         let mut residual = residual();
-        let (mut now_s, mut board) = (0.0, Board::Down);
+        let (mut now_s, mut board) = (0.0, RailState::Down);
         for (id, (size, hz, hold_s, goes_on)) in (0..).zip(touches) {
             let whole = (motion(size, hz), drives(size, hz));
-            let room = residual.room(&whole.0, Some(&whole.1), now_s, board);
-            prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.after_s) && (0.0..=1.0).contains(&room.part), "{room:?}");
+            let room = residual.find_headroom(&whole.0, Some(&whole.1), now_s, board);
+            prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.wait_s) && (0.0..=1.0).contains(&room.force_fraction), "{room:?}");
             if room.goes_on {
-                now_s += room.after_s;
-            } else if room.after_s > 0.0 {
-                residual.end(now_s, Ending::AtItsBoundary);
-                now_s += room.after_s;
-                board = if board == Board::Down { Board::Down } else { Board::Up };
+                now_s += room.wait_s;
+            } else if room.wait_s > 0.0 {
+                residual.record_end_of_current_drives(now_s, Ending::AtItsBoundary);
+                now_s += room.wait_s;
+                board = if board == RailState::Down { RailState::Down } else { RailState::Up };
             }
-            let part = residual.part(&whole.0, Some(&whole.1), now_s, board);
+            let part = residual.max_force_fraction_that_fits_without_wait(&whole.0, Some(&whole.1), now_s, board);
             // No less than was promised, and with so much of it there is room for all.
-            prop_assert!(room.goes_on || part >= room.part - 1e-9, "{part} {room:?}");
+            prop_assert!(room.goes_on || part >= room.force_fraction - 1e-9, "{part} {room:?}");
             let (motion, drives) = (motion(part * size, hz), drives(part * size, hz));
-            prop_assert!(part == 0.0 || residual.part(&motion, Some(&drives), now_s, board) >= 1.0 - 1e-9);
-            residual.begin(id, &motion, Some(&drives), board, now_s, now_s + hold_s);
+            prop_assert!(part == 0.0 || residual.max_force_fraction_that_fits_without_wait(&motion, Some(&drives), now_s, board) >= 1.0 - 1e-9);
+            residual.record_drives_that_begin_in_place_of_others(id, &motion, Some(&drives), board, now_s, now_s + hold_s);
             now_s += hold_s;
-            board = Board::Driving;
+            board = RailState::Driving;
             if !goes_on {
-                residual.end(now_s, Ending::AtItsBoundary);
+                residual.record_end_of_current_drives(now_s, Ending::AtItsBoundary);
                 now_s += 0.01;
-                board = Board::Up;
+                board = RailState::Up;
             }
         }
     }

@@ -12,7 +12,7 @@
 //! a tuned absorber does) Y is small, and the motion on the way is not: each pole has its own time, and until the slower one
 //! has come up the other moves the mass alone.
 
-use super::{RIGID_RAD_S, RiseTimes};
+use super::{PanelPoles, RIGID_RAD_S};
 use crate::model::ReducedModel;
 use crate::physics::softening::{NearPole, TimeResponse};
 use crate::physics::{PerPair, Phasors};
@@ -37,13 +37,13 @@ const NEAR_HZ: f64 = 80.0;
 
 /// What switching on is told from: every pole that vibrates, as actuators drive it and as it moves their masses.
 #[derive(Clone, Debug)]
-pub struct Onset {
-    poles: Vec<OwnPole>,
+pub struct SwitchOnModel {
+    poles: Vec<DrivenPole>,
     actuators: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct OwnPole {
+struct DrivenPole {
     /// In 1/s.
     s: Complex64,
     /// x2 . b.
@@ -52,16 +52,16 @@ struct OwnPole {
     output: Phasors,
 }
 
-impl OwnPole {
+impl DrivenPole {
     /// What forces drive it by.
-    fn pushed(&self, force_n: &Phasors) -> Complex64 {
+    fn modal_force(&self, force_n: &Phasors) -> Complex64 {
         self.input.iter().zip(force_n).map(|(b, force)| b * force).sum()
     }
 }
 
 /// A pole by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DecayingMode {
+pub struct PoleDecayAndTravel {
     /// How fast it decays, in 1/s.
     pub rate_per_s: f64,
     /// Travel of every mass in m per amplitude of the pole.
@@ -75,40 +75,45 @@ pub struct Participation {
     /// it: all of it is what is left of the pole when the force ends.
     pub steady: [Complex64; 2],
     /// Amplitude of the free motion that is there once the rails are up; of an effect, once it has ended.
-    pub afterwards: f64,
+    pub free_amplitude_after_rise_or_effect: f64,
     /// How much amplitude comes in a second at most.
     pub gain_per_s: f64,
 }
 
-impl RiseTimes {
+impl PanelPoles {
     /// Of a model's actuators. Rigid motions, whose drift is no vibration, are left out.
     #[must_use]
-    pub fn onset(&self, model: &ReducedModel) -> Onset {
+    pub fn build_switch_on_model(&self, model: &ReducedModel) -> SwitchOnModel {
         let actuators = model.count_actuators().min(MAX_ACTUATORS);
         let seen: Vec<(DVector<f64>, DVector<f64>)> = (0..actuators)
             .map(|actuator| {
-                let row = model.actuator_travel_row(actuator);
+                let row = model.actuator_mass_travel_row(actuator);
                 (self.re.tr_mul(&row), self.im.tr_mul(&row))
             })
             .collect();
-        let poles = self.poles.iter().take(self.ringing).enumerate().filter(|(_, s)| s.norm() > 10.0 * RIGID_RAD_S);
+        let poles = self
+            .poles
+            .iter()
+            .take(self.poles_below_highest_hz)
+            .enumerate()
+            .filter(|(_, s)| s.norm() > 10.0 * RIGID_RAD_S);
         let own = |(k, s): (usize, &Complex64)| {
             let (mut input, mut output) = ([Complex64::ZERO; MAX_ACTUATORS], [Complex64::ZERO; MAX_ACTUATORS]);
             for (i, (re, im)) in seen.iter().enumerate() {
                 input[i] = self.force[(k, i)];
                 output[i] = Complex64::new(re[k], im[k]) / s;
             }
-            OwnPole { s: *s, input, output }
+            DrivenPole { s: *s, input, output }
         };
-        Onset { poles: poles.map(own).collect(), actuators }
+        SwitchOnModel { poles: poles.map(own).collect(), actuators }
     }
 }
 
-impl Onset {
+impl SwitchOnModel {
     /// By how much in m the travel of every mass may be larger than the steady one while 1 N of `driven` at `frequency_hz`
     /// is switched on over `rise_s`; `steady` are the steady travels' phasors in m/N.
     #[must_use]
-    pub fn overshoots(
+    pub fn bound_overshoot_of_each_mass_m_per_n(
         &self,
         driven: usize,
         frequency_hz: f64,
@@ -119,43 +124,55 @@ impl Onset {
         if driven >= self.actuators {
             return [0.0; MAX_ACTUATORS];
         }
-        let push = |pole: &OwnPole| (pole.input[driven], pole.input[driven].norm());
-        self.overshoots_under(push, frequency_hz, rise_s, steady)
+        let push = |pole: &DrivenPole| (pole.input[driven], pole.input[driven].norm());
+        self.bound_overshoot_of_each_mass_under_modal_push(push, frequency_hz, rise_s, steady)
     }
 
     /// The same while forces with the phasors `force_n` on all actuators are switched on together at once; `steady` in m.
     #[must_use]
-    pub fn overshoots_at_once(
+    pub fn bound_overshoot_of_each_mass_under_instant_switch_on_m(
         &self,
         force_n: &Phasors,
         frequency_hz: f64,
         steady: &[Complex64; MAX_ACTUATORS],
     ) -> [f64; MAX_ACTUATORS] {
         let turned = force_n.map(|force| force.conj());
-        let push = |pole: &OwnPole| (pole.pushed(force_n), pole.pushed(&turned).norm());
-        self.overshoots_under(push, frequency_hz, 0.0, steady)
+        let push = |pole: &DrivenPole| (pole.modal_force(force_n), pole.modal_force(&turned).norm());
+        self.bound_overshoot_of_each_mass_under_modal_push(push, frequency_hz, 0.0, steady)
     }
 
     /// What every pole does by itself.
     #[must_use]
-    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
-        let mode =
-            |pole: &OwnPole| DecayingMode { rate_per_s: (-pole.s.re).max(0.0), travel: pole.output.map(|z| z.norm()) };
+    pub fn list_decay_rate_and_travel_of_each_pole(&self) -> Vec<PoleDecayAndTravel> {
+        let mode = |pole: &DrivenPole| PoleDecayAndTravel {
+            rate_per_s: (-pole.s.re).max(0.0),
+            travel: pole.output.map(|z| z.norm()),
+        };
         self.poles.iter().map(mode).collect()
     }
 
     /// What forces with the phasors `force_n` at `frequency_hz` do to every pole, whose rails take `rise_s` to rise.
     #[must_use]
-    pub fn participations(&self, force_n: &Phasors, frequency_hz: f64, rise_s: f64) -> Vec<Participation> {
+    pub fn participation_of_each_pole_under_steady_drive(
+        &self,
+        force_n: &Phasors,
+        frequency_hz: f64,
+        rise_s: f64,
+    ) -> Vec<Participation> {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let turned_n = force_n.map(|force| force.conj());
-        let participation = |pole: &OwnPole| {
-            let (with, against) = (pole.pushed(force_n), pole.pushed(&turned_n));
+        let participation = |pole: &DrivenPole| {
+            let (with, against) = (pole.modal_force(force_n), pole.modal_force(&turned_n));
             let steady = [with / (jw - pole.s), against / (-jw - pole.s)];
-            let left = [pole.s - jw, pole.s + jw].map(|beat| part_left(beat * rise_s).norm());
+            let left =
+                [pole.s - jw, pole.s + jw].map(|beat| residue_factor_of_quadratic_force_rise(beat * rise_s).norm());
             Participation {
                 steady,
-                afterwards: steady.iter().zip(left).map(|(steady, left)| steady.norm() * left).sum(),
+                free_amplitude_after_rise_or_effect: steady
+                    .iter()
+                    .zip(left)
+                    .map(|(steady, left)| steady.norm() * left)
+                    .sum(),
                 gain_per_s: with.norm() + against.norm(),
             }
         };
@@ -165,9 +182,15 @@ impl Onset {
     /// The same of an effect on one actuator, period by period at `levels` of `force_n`: the largest amplitude as the steady
     /// one. A period P of sin(wt) brings the pole s, which is driven by b, w (e^(sP) - 1) / (s^2 + w^2) b.
     #[must_use]
-    pub fn played(&self, actuator: usize, force_n: f64, frequency_hz: f64, levels: &[f64]) -> Vec<Participation> {
+    pub fn compute_participation_of_each_pole_in_effect(
+        &self,
+        actuator: usize,
+        force_n: f64,
+        frequency_hz: f64,
+        levels: &[f64],
+    ) -> Vec<Participation> {
         let omega = TAU * frequency_hz;
-        let participation = |pole: &OwnPole| {
+        let participation = |pole: &DrivenPole| {
             // Twice, as a pole stands for its conjugate too.
             let push = pole.input.get(actuator).copied().unwrap_or_default() * (2.0 * force_n);
             let turn = (pole.s / frequency_hz).exp();
@@ -179,7 +202,7 @@ impl Onset {
             }
             Participation {
                 steady: [most.sqrt().into(), Complex64::ZERO],
-                afterwards: now.norm(),
+                free_amplitude_after_rise_or_effect: now.norm(),
                 gain_per_s: push.norm(),
             }
         };
@@ -187,9 +210,9 @@ impl Onset {
     }
 
     /// `push` is what drives a pole, and how much in the second phasor.
-    fn overshoots_under(
+    fn bound_overshoot_of_each_mass_under_modal_push(
         &self,
-        push: impl Fn(&OwnPole) -> (Complex64, f64),
+        push: impl Fn(&DrivenPole) -> (Complex64, f64),
         frequency_hz: f64,
         rise_s: f64,
         steady: &[Complex64; MAX_ACTUATORS],
@@ -204,33 +227,39 @@ impl Onset {
                 let beat = pole.s - jw;
                 let sum = pole.s + jw;
                 let (push, turned) = push(pole);
-                let left = most_left(sum.norm() * rise_s) / sum.norm() * turned;
+                let left = bound_residue_factor_of_quadratic_force_rise(sum.norm() * rise_s) / sum.norm() * turned;
                 against.iter_mut().zip(&pole.output).for_each(|(against, output)| *against += left * output.norm());
-                (beat, part_left(beat * rise_s) / beat * push, &pole.output)
+                (beat, residue_factor_of_quadratic_force_rise(beat * rise_s) / beat * push, &pole.output)
             })
             .collect();
         let mut overshoots = [0.0; MAX_ACTUATORS];
         for (other, overshoot) in overshoots.iter_mut().enumerate().take(self.actuators) {
             let parts = motions.iter().map(|(beat, left, output)| (*beat, left * output[other]));
-            *overshoot = overshoot_of(parts, steady[other]) + against[other];
+            *overshoot = bound_overshoot_of_free_motions(parts, steady[other]) + against[other];
         }
         overshoots
     }
 
-    /// What the poles that [`Onset::time_response`] takes to follow at once may leave of their parts on the way, in m, for these
+    /// What the poles that [`SwitchOnModel::build_time_response`] takes to follow at once may leave of their parts on the way, in m, for these
     /// forces at `frequency_hz` over `rise_s` each, and the phasors that turn the other way.
     #[must_use]
-    pub fn beyond(&self, frequency_hz: f64, forces: &Phasors, rise_s: &[f64; MAX_ACTUATORS]) -> [f64; MAX_ACTUATORS] {
+    pub fn bound_transients_of_instantly_following_poles_m(
+        &self,
+        frequency_hz: f64,
+        forces: &Phasors,
+        rise_s: &[f64; MAX_ACTUATORS],
+    ) -> [f64; MAX_ACTUATORS] {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let mut sums = [0.0; MAX_ACTUATORS];
         for pole in &self.poles {
             let left = |beat: Complex64| -> f64 {
                 let of = |((input, force), rise_s): ((&Complex64, &Complex64), &f64)| {
-                    most_left(beat.norm() * rise_s) / beat.norm() * (input * force).norm()
+                    bound_residue_factor_of_quadratic_force_rise(beat.norm() * rise_s) / beat.norm()
+                        * (input * force).norm()
                 };
                 pole.input.iter().zip(forces).zip(rise_s).map(of).sum()
             };
-            let far = if is_near(pole, jw) { 0.0 } else { left(pole.s - jw) };
+            let far = if is_pole_near_drive_frequency(pole, jw) { 0.0 } else { left(pole.s - jw) };
             let all = far + left(pole.s + jw);
             sums.iter_mut().zip(&pole.output).for_each(|(sum, output)| *sum += all * output.norm());
         }
@@ -239,10 +268,11 @@ impl Onset {
 
     /// How masses follow forces at `frequency_hz`, where their steady travel is `receptance` per force.
     #[must_use]
-    pub fn time_response(&self, frequency_hz: f64, receptance: &PerPair) -> TimeResponse {
+    pub fn build_time_response(&self, frequency_hz: f64, receptance: &PerPair) -> TimeResponse {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
-        let near = |pole: &OwnPole| NearPole { beat: pole.s - jw, input: pole.input, output: pole.output };
-        let near_poles: Vec<NearPole> = self.poles.iter().filter(|pole| is_near(pole, jw)).map(near).collect();
+        let near = |pole: &DrivenPole| NearPole { beat: pole.s - jw, input: pole.input, output: pole.output };
+        let near_poles: Vec<NearPole> =
+            self.poles.iter().filter(|pole| is_pole_near_drive_frequency(pole, jw)).map(near).collect();
         let mut at_once = *receptance;
         for near in &near_poles {
             for (row, output) in at_once.iter_mut().zip(&near.output) {
@@ -256,25 +286,28 @@ impl Onset {
 }
 
 /// Whether a pole takes its time beside a drive; one that hardly swings has no amplitude to speak of.
-fn is_near(pole: &OwnPole, jw: Complex64) -> bool {
+fn is_pole_near_drive_frequency(pole: &DrivenPole, jw: Complex64) -> bool {
     pole.s.im > pole.s.re.abs() && (pole.s - jw).norm() < TAU * NEAR_HZ
 }
 
 /// |p(z)| for |z| at most, the real part of z not above 0: |e^z - 1 - z| is neither above 2 + |z| nor above |z|^2 / 2.
-fn most_left(z: f64) -> f64 {
+fn bound_residue_factor_of_quadratic_force_rise(z: f64) -> f64 {
     (2.0 * (2.0 + z) / (z * z)).min(1.0)
 }
 
 /// p(z) of the module's text.
-fn part_left(z: Complex64) -> Complex64 {
+fn residue_factor_of_quadratic_force_rise(z: Complex64) -> Complex64 {
     // The series, where the difference loses more than it leaves out.
     if z.norm_sqr() < 1e-4 { 1.0 + z / 3.0 } else { 2.0 * (z.exp() - 1.0 - z) / (z * z) }
 }
 
 /// Of free motions (rate relative to the drive, phasor when the force is up) beside a steady one.
-fn overshoot_of(parts: impl Iterator<Item = (Complex64, Complex64)> + Clone, steady: Complex64) -> f64 {
+fn bound_overshoot_of_free_motions(
+    rates_and_phasors: impl Iterator<Item = (Complex64, Complex64)> + Clone,
+    steady: Complex64,
+) -> f64 {
     let at_rest = steady.norm();
-    let sum: f64 = parts.clone().map(|(_, phasor)| phasor.norm()).sum();
+    let sum: f64 = rates_and_phasors.clone().map(|(_, phasor)| phasor.norm()).sum();
     if sum <= NOT_FOLLOWED * at_rest || !sum.is_finite() {
         return sum;
     }
@@ -282,7 +315,7 @@ fn overshoot_of(parts: impl Iterator<Item = (Complex64, Complex64)> + Clone, ste
     let mut followed = [(Complex64::ZERO, Complex64::ZERO); FOLLOWED];
     let mut count = 0;
     let least = REST * sum / FOLLOWED as f64;
-    for (beat, phasor) in parts.filter(|(_, phasor)| phasor.norm_sqr() > least * least) {
+    for (beat, phasor) in rates_and_phasors.filter(|(_, phasor)| phasor.norm_sqr() > least * least) {
         if count < FOLLOWED {
             followed[count] = (beat, phasor);
             count += 1;

@@ -35,21 +35,24 @@ fn motion_is_that_of_the_propagator() {
     for (i, text) in bars().iter().enumerate() {
         let model = model(text);
         let shape = model.shape_deflections_at(0.06, 0.01);
-        let rise = RiseTimes::prepare(&model).unwrap();
+        let rise = PanelPoles::find_poles_if_converged(&model).unwrap();
         let drives = [sine(0, 83.0, 0.1), sine(1, 171.0, 0.04)];
         let grid = TimeGrid { step_s: 2e-4, count: 1000 };
         let motion = compute_point_motion(&model, &shape, &drives, grid).unwrap();
-        let ringings = rise.ringings(&shape, &drives).unwrap();
+        let ringings = rise.transient_response_per_n_of_each_drive_if_finite(&shape, &drives).unwrap();
         let peak = motion.steady_peak_m_per_s2;
         let steady: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.steady.norm() * d.force_n).sum();
         assert!((steady / peak - 1.0).abs() < 1e-4, "{i}: {steady} {peak}");
         for (k, expected) in motion.acceleration_m_per_s2.iter().enumerate() {
             let t = grid.time_at_index_s(k);
-            let found: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.at(t) * d.force_n).sum();
+            let found: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.value_at(t) * d.force_n).sum();
             // A sine has a kink at its start, which excites poles up there by a few per cent.
             assert!((found - expected).abs() < 0.04 * peak, "{i} at {t}: {found} {expected}, peak {peak}");
-            let found: f64 =
-                ringings.iter().zip(&drives).map(|(r, d)| r.clone().displacement().at(t) * d.force_n).sum();
+            let found: f64 = ringings
+                .iter()
+                .zip(&drives)
+                .map(|(r, d)| r.clone().acceleration_to_displacement().value_at(t) * d.force_n)
+                .sum();
             let expected = motion.displacement_m[k];
             assert!(
                 (found - expected).abs() < 1e-3 * motion.displacement_m.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
@@ -63,13 +66,13 @@ fn motion_is_that_of_the_propagator() {
 fn times_are_those_of_the_running_amplitude() {
     for (i, text) in bars().iter().enumerate() {
         let model = model(text);
-        let rise = RiseTimes::prepare(&model).unwrap();
+        let rise = PanelPoles::find_poles_if_converged(&model).unwrap();
         for (x, hz) in [(0.03, 64.0), (0.11, 131.0), (0.2, 250.0)] {
             let shape = model.shape_deflections_at(x, 0.01);
             let drives = [sine(0, hz, 0.1), sine(1, hz + 37.0, 0.05)];
-            let timing = rise.times(&shape, &drives);
+            let timing = rise.find_rise_and_decay_times(&shape, &drives);
             let grid = TimeGrid { step_s: 1e-4, count: 8001 };
-            let ringings = rise.ringings(&shape, &drives).unwrap();
+            let ringings = rise.transient_response_per_n_of_each_drive_if_finite(&shape, &drives).unwrap();
             let envelope = |t: f64, part: f64| -> f64 {
                 let amplitude = |(r, d): (&TransientResponse, &SwitchedForce)| {
                     let carrier = Complex64::new(0.0, -r.omega_rad_s * t).exp();
@@ -107,7 +110,8 @@ fn without_damping_there_is_no_end() {
         .replace("loss_factor = 0.01", "loss_factor = 0.0");
     let model = model(&text);
     let shape = model.shape_deflections_at(0.06, 0.01);
-    let timing = RiseTimes::prepare(&model).unwrap().times(&shape, &[sine(0, 100.0, 0.1)]);
+    let timing =
+        PanelPoles::find_poles_if_converged(&model).unwrap().find_rise_and_decay_times(&shape, &[sine(0, 100.0, 0.1)]);
     assert_eq!(timing, Timing { reaches_90_s: None, decays_to_10_s: None });
 }
 
@@ -145,8 +149,8 @@ fn critical_damping() {
         let (mass, stiffness) = (0.100_001_f64, 1e4_f64);
         let damping = ratio * 2.0 * (stiffness * mass).sqrt();
         let model = model(&text.replace("DAMPING", &format!("{damping:.12}")));
-        let rise = RiseTimes::prepare(&model).unwrap();
-        let timing = rise.times(&model.shape_deflections_at(0.01, 0.01), &[sine(0, 150.0, 1.0)]);
+        let rise = PanelPoles::find_poles_if_converged(&model).unwrap();
+        let timing = rise.find_rise_and_decay_times(&model.shape_deflections_at(0.01, 0.01), &[sine(0, 150.0, 1.0)]);
         let decay = |t: f64| {
             // Of (x, v) at the end of a steady sine, by the oscillator's own propagator.
             let omega = TAU * 150.0;
@@ -168,21 +172,28 @@ fn critical_damping() {
 #[test]
 fn the_stepper_follows_the_closed_form() {
     let model = model(EXAMPLE_BAR);
-    let rise = RiseTimes::prepare(&model).unwrap();
+    let rise = PanelPoles::find_poles_if_converged(&model).unwrap();
     let rows = [model.shape_deflections_at(0.06, 0.01), model.shape_deflections_at(0.2, 0.01)];
     let (step_s, hz) = (2e-5, 110.0);
-    let mut stepper = rise.stepper(&rows, step_s);
+    let mut stepper = rise.build_stepper(&rows, step_s);
     let drive = sine(1, hz, 1.0);
-    let expected: Vec<TransientResponse> =
-        rows.iter().map(|row| rise.ringings(row, &[drive]).unwrap().remove(0).displacement()).collect();
+    let expected: Vec<TransientResponse> = rows
+        .iter()
+        .map(|row| {
+            rise.transient_response_per_n_of_each_drive_if_finite(row, &[drive])
+                .unwrap()
+                .remove(0)
+                .acceleration_to_displacement()
+        })
+        .collect();
     let mut out = [0.0; 2];
     let size = expected.iter().map(|r| r.steady.norm()).fold(0.0, f64::max);
     for k in 0..4000 {
         // The middle of a step stands for it.
         let t = f64::from(k) * step_s;
-        stepper.step(&[0.0, (TAU * hz * (t + 0.5 * step_s)).sin()], &mut out);
+        stepper.advance_one_step(&[0.0, (TAU * hz * (t + 0.5 * step_s)).sin()], &mut out);
         for (found, ringing) in out.iter().zip(&expected) {
-            let wanted = ringing.at(t + step_s);
+            let wanted = ringing.value_at(t + step_s);
             assert!((found - wanted).abs() < 0.02 * size, "{found} {wanted} at {t}, {size}");
         }
     }
@@ -200,26 +211,30 @@ fn switching_on_goes_as_far_as_is_told() {
         (&absorbed, [60.0, 190.0, 223.0, 260.0]),
     ] {
         let model = model(text);
-        let rise = RiseTimes::prepare(&model).unwrap();
-        let onset = rise.onset(&model);
+        let rise = PanelPoles::find_poles_if_converged(&model).unwrap();
+        let onset = rise.build_switch_on_model(&model);
         let rows: Vec<DVector<f64>> =
-            (0..model.count_actuators()).map(|actuator| model.actuator_travel_row(actuator)).collect();
-        let at_rest = rise.stepper(&rows, 5e-5);
+            (0..model.count_actuators()).map(|actuator| model.actuator_mass_travel_row(actuator)).collect();
+        let at_rest = rise.build_stepper(&rows, 5e-5);
         for (driven, hz) in (0..model.count_actuators()).flat_map(|driven| frequencies_hz.map(|hz| (driven, hz))) {
             let mut steady = [Complex64::ZERO; crate::scene::MAX_ACTUATORS];
             for (steady, row) in steady.iter_mut().zip(&rows) {
-                let ringing = rise.ringings(row, &[sine(driven, hz, 1.0)]).unwrap().remove(0).displacement();
+                let ringing = rise
+                    .transient_response_per_n_of_each_drive_if_finite(row, &[sine(driven, hz, 1.0)])
+                    .unwrap()
+                    .remove(0)
+                    .acceleration_to_displacement();
                 *steady = ringing.steady * Complex64::from_polar(1.0, FRAC_PI_2);
             }
             for rise_s in [0.02, 0.06] {
-                let told = onset.overshoots(driven, hz, rise_s, &steady);
+                let told = onset.bound_overshoot_of_each_mass_m_per_n(driven, hz, rise_s, &steady);
                 let (mut stepper, mut out, mut most) =
                     (at_rest.clone(), vec![0.0; rows.len()], vec![0.0_f64; rows.len()]);
                 for k in 0..12_000 {
                     let t = (f64::from(k) + 0.5) * 5e-5;
                     let mut forces = vec![0.0; rows.len()];
                     forces[driven] = (t / rise_s).min(1.0).powi(2) * (TAU * hz * t).sin();
-                    stepper.step(&forces, &mut out);
+                    stepper.advance_one_step(&forces, &mut out);
                     most.iter_mut().zip(&out).for_each(|(most, out)| *most = most.max(out.abs()));
                 }
                 for (i, most) in most.iter().enumerate() {

@@ -5,7 +5,10 @@
 //! under the voltages as they are. That is the averaged motion (Krylov and Bogoliubov) of what [`super::settle`] finds the end
 //! of: it tells how far masses go beyond it, and whether a softening spring's other motion is where they end.
 
-use super::{ClosingGaps, Excitation, Line, MAX_LINES, Motion, NotSafe, PerPair, Phasors, Transducer, times};
+use super::{
+    ClosingGaps, Excitation, Line, MAX_LINES, Motion, MotionError, PerPair, Phasors, Transducer,
+    multiply_matrix_by_vector,
+};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -40,21 +43,21 @@ pub struct TimeResponse {
 /// motion is `steady`.
 ///
 /// # Errors
-/// [`NotSafe`], for motions that go beyond half the gap.
-pub fn rise(
+/// [`MotionError`], for motions that go beyond half the gap.
+pub fn find_largest_travel_while_rails_rise_m(
     actuators: &[Transducer],
     excitations: &[Excitation],
     lines: &[Line],
-    following: &[TimeResponse],
+    time_responses: &[TimeResponse],
     rise_s: &[f64; MAX_ACTUATORS],
     steady: &Motion,
-) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
+) -> Result<[f64; MAX_ACTUATORS], MotionError> {
     let problem = ClosingGaps::new(actuators, excitations, lines)?;
     let p = actuators.len();
-    let mut near_poles: Vec<Vec<State>> = following
+    let mut near_poles: Vec<Vec<PoleState>> = time_responses
         .iter()
         .zip(&steady.force_n)
-        .map(|(line, forces)| line.near_poles.iter().map(|pole| State::new(pole, forces)).collect())
+        .map(|(line, forces)| line.near_poles.iter().map(|pole| PoleState::new(pole, forces)).collect())
         .collect();
     let longest_s = rise_s.iter().take(p).copied().fold(0.0, f64::max);
     let mut most = [0.0_f64; MAX_ACTUATORS];
@@ -73,22 +76,24 @@ pub fn rise(
         let mut forces = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES];
         for i in 0..p {
             let up = ((time_s + 0.5 * RAMP_STEP_S) / rise_s[i]).min(1.0);
-            let description = problem.describe(i, &middle, up * up).ok_or(NotSafe::Travel { actuator: i })?;
+            let description = problem
+                .describe_force_on_actuator_unless_too_far(i, &middle, up * up)
+                .ok_or(MotionError::Travel { actuator: i })?;
             forces.iter_mut().zip(&description.force).for_each(|(forces, force)| forces[i] = *force);
         }
         time_s += RAMP_STEP_S;
         // What is still to go matters from then on.
         let are_up = time_s > longest_s;
         let mut away = [0.0; MAX_ACTUATORS];
-        for (l, line) in following.iter().enumerate().take(lines.len()) {
-            let mut travel = times(&line.at_once, &forces[l], p);
+        for (l, line) in time_responses.iter().enumerate().take(lines.len()) {
+            let mut travel = multiply_matrix_by_vector(&line.at_once, &forces[l], p);
             for (state, pole) in near_poles[l].iter_mut().zip(&line.near_poles) {
-                state.step(pole, &forces[l]);
+                state.advance_one_step(pole, &forces[l]);
                 for (travel, output) in travel.iter_mut().zip(&pole.output).take(p) {
                     *travel += output * state.now;
                 }
                 if are_up {
-                    let left = state.left();
+                    let left = state.distance_to_steady_pole_state();
                     away.iter_mut().zip(&state.moved).for_each(|(away, moved)| *away += moved * left);
                 }
             }
@@ -112,7 +117,7 @@ pub fn rise(
 }
 
 /// One pole on its way.
-struct State {
+struct PoleState {
     now: Complex64,
     steady: Complex64,
     /// e^(beat h), and what a force that stays for a step adds.
@@ -122,7 +127,7 @@ struct State {
     moved: [f64; MAX_ACTUATORS],
 }
 
-impl State {
+impl PoleState {
     fn new(pole: &NearPole, steady_n: &Phasors) -> Self {
         let turn = (pole.beat * RAMP_STEP_S).exp();
         let input: Complex64 = pole.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
@@ -130,13 +135,13 @@ impl State {
         Self { now: Complex64::ZERO, steady, turn, gain, moved: pole.output.map(|output| output.norm()) }
     }
 
-    fn step(&mut self, pole: &NearPole, forces: &Phasors) {
+    fn advance_one_step(&mut self, pole: &NearPole, forces: &Phasors) {
         let input: Complex64 = pole.input.iter().zip(forces).map(|(b, force)| b * force).sum();
         self.now = self.turn * self.now + self.gain * input;
     }
 
     /// How much is left to the steady motion.
-    fn left(&self) -> f64 {
+    fn distance_to_steady_pole_state(&self) -> f64 {
         (self.now - self.steady).norm_sqr().sqrt()
     }
 }

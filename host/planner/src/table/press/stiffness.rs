@@ -1,5 +1,6 @@
-//! Springs with which masses bear a press that have no stop: as many times each one's own need, the others as they are, as all of them
-//! together take. Stiffer springs under one ERA are what a panel turns about, so that another's mass may go further than before.
+//! Springs with which masses without a stop withstand a press: each actuator's own need times one common factor, the
+//! smallest that suffices for all. Stiffer springs under one ERA change the axis about which the panel turns, so that
+//! another mass may travel further than before.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,8 +9,8 @@ const MOST_STIFFER: f64 = 1e3;
 /// Halvings of that factor: to 1e-4 of itself.
 const SPRING_HALVINGS: u32 = 24;
 
-/// Masses that do not bear a press, with all that moves them.
-pub(super) struct Loose<'a> {
+/// Masses whose springs do not withstand a press, with everything that moves them.
+pub(super) struct UnheldMasses<'a> {
     /// Which actuators.
     pub actuators: &'a [usize],
     /// Displacement of every actuator's mass in m when the press is at each point: [actuator][point].
@@ -22,10 +23,10 @@ pub(super) struct Loose<'a> {
     pub most_m: &'a [f64],
 }
 
-impl Loose<'_> {
-    /// What has to be added to the springs of each of the actuators, in N/m; `None` where no springs do.
-    pub fn springs(&self) -> Option<Vec<f64>> {
-        let pulled = self.pulled(&self.receptance);
+impl UnheldMasses<'_> {
+    /// Stiffness in N/m to add to the springs of each of the actuators; `None` if no springs suffice.
+    pub fn added_stiffness_to_withstand_press_if_any_n_per_m(&self) -> Option<Vec<f64>> {
+        let pulled = self.travel_of_each_mass_by_electrode_pull_m(&self.receptance);
         let own = |i: &usize| {
             let furthest = self.pressed_m[*i].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             ((furthest + pulled[*i]) / self.most_m[*i] - 1.0) / self.receptance[(*i, *i)]
@@ -36,7 +37,7 @@ impl Loose<'_> {
         }
         let times = |factor: f64| -> Vec<f64> { needs.iter().map(|need| factor * need).collect() };
         let (mut low, mut high) = (0.0, 1.0);
-        while !self.is_borne(&times(high)) {
+        while !self.keeps_travel_limits_with_added_stiffness(&times(high)) {
             (low, high) = (high, 2.0 * high);
             if high > MOST_STIFFER {
                 return None;
@@ -44,23 +45,25 @@ impl Loose<'_> {
         }
         for _ in 0..SPRING_HALVINGS {
             let middle = 0.5 * (low + high);
-            *(if self.is_borne(&times(middle)) { &mut high } else { &mut low }) = middle;
+            *(if self.keeps_travel_limits_with_added_stiffness(&times(middle)) { &mut high } else { &mut low }) =
+                middle;
         }
         Some(times(high))
     }
 
-    fn pulled(&self, receptance: &DMatrix<f64>) -> DVector<f64> {
+    /// Travel of every mass in m that the electrodes' pull causes.
+    fn travel_of_each_mass_by_electrode_pull_m(&self, receptance: &DMatrix<f64>) -> DVector<f64> {
         receptance.map(f64::abs) * DVector::from_column_slice(self.pulls_n)
     }
 
-    /// Whether springs beside the actuators' own keep all of them within their limits: x' = (1 + G K)^-1 x.
-    fn is_borne(&self, added: &[f64]) -> bool {
+    /// Whether all these masses stay within their limits with the stiffnesses `added_n_per_m`: x' = (1 + G K)^-1 x.
+    fn keeps_travel_limits_with_added_stiffness(&self, added_n_per_m: &[f64]) -> bool {
         let p = self.receptance.nrows();
         let mut springs = DVector::zeros(p);
-        self.actuators.iter().zip(added).for_each(|(i, k)| springs[*i] = *k);
+        self.actuators.iter().zip(added_n_per_m).for_each(|(i, k)| springs[*i] = *k);
         let stiffened = DMatrix::identity(p, p) + &self.receptance * DMatrix::from_diagonal(&springs);
         let Some(inverse) = stiffened.try_inverse() else { return false };
-        let pulled = self.pulled(&(&inverse * &self.receptance));
+        let pulled = self.travel_of_each_mass_by_electrode_pull_m(&(&inverse * &self.receptance));
         let points = self.pressed_m.first().map_or(0, Vec::len);
         (0..points).all(|point| {
             let moved = |i: usize| (0..p).map(|j| inverse[(i, j)] * self.pressed_m[j][point]).sum::<f64>().abs();

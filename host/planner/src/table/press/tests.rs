@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::model::{Accuracy, PanelModel};
+use crate::physics::limits::BreakdownTangent;
 use crate::{PlanTable, TableOptions};
 
 /// A stiff block on one grounded ERA in its middle: everything moves by P / k.
@@ -100,25 +101,42 @@ fn stop_with_stiffness(table: &PlanTable, stiffness_n_per_m: f64) -> Stop {
 /// The force law of one electrode after the other, at its two ends.
 #[test]
 fn what_a_press_leaves_of_gap_and_springs() {
-    let free = Electrodes { area_m2: 1e-3, gap_m: 0.5e-3, max_voltage_v: 2000.0, stop_m: f64::INFINITY, sag_m: 0.0 };
+    let free = Electrodes {
+        area_m2: 1e-3,
+        gap_m: 0.5e-3,
+        max_voltage_v: 2000.0,
+        stop_m: f64::INFINITY,
+        sag_m: 0.0,
+        capacitance_f: 116e-12,
+        charging: crate::scene::ChargingTimes::default(),
+    };
     let sagging = Electrodes { sag_m: 100e-6, ..free };
-    assert!((sagging.gap_left_m(50e-6) - 350e-6).abs() < 1e-12);
-    assert!((free.pressed_softening() - 1.0).abs() < 1e-12);
+    assert!((sagging.remaining_gap_under_press_m(50e-6) - 350e-6).abs() < 1e-12);
+    assert!((free.press_softening_ratio() - 1.0).abs() < 1e-12);
     // The slope of u / (1 - u^2)^2 by differences.
     let h = 1e-6;
-    assert!((sagging.pressed_softening() - (pull(0.2 + h) - pull(0.2 - h)) / (2.0 * h)).abs() < 1e-6);
+    assert!(
+        (sagging.press_softening_ratio()
+            - (mean_pull_relative_to_softening(0.2 + h) - mean_pull_relative_to_softening(0.2 - h)) / (2.0 * h))
+            .abs()
+            < 1e-6
+    );
     let stopped = Electrodes { sag_m: 150e-6, stop_m: 150e-6, ..free };
-    assert!((stopped.gap_left_m(100e-6) - 350e-6).abs() < 1e-12);
-    assert!((stopped.pressed_softening() - pull(0.3) / 0.3).abs() < 1e-12);
-    assert!((stopped.most_travel_m() - 150e-6).abs() < 1e-12);
+    assert!((stopped.remaining_gap_under_press_m(100e-6) - 350e-6).abs() < 1e-12);
+    assert!((stopped.press_softening_ratio() - mean_pull_relative_to_softening(0.3) / 0.3).abs() < 1e-12);
+    assert!((stopped.max_travel_m() - 150e-6).abs() < 1e-12);
     // No voltage that the tangent allows is above what the gap holds.
     for electrodes in [free, sagging, stopped, Electrodes { stop_m: 200e-6, ..sagging }] {
-        let (slope, allowed) = electrodes.breakdown_line();
+        let BreakdownTangent { slope_v2_per_m, bound_v2 } =
+            electrodes.tangent_of_squared_breakdown_voltage_over_travel();
         for part in 0..=20 {
-            let travel = electrodes.most_travel_m() * f64::from(part) / 20.0;
-            let most_v = (allowed - slope * travel).max(0.0).sqrt();
-            assert!(most_v <= electrodes.holds_v(travel) * (1.0 + 1e-12), "{electrodes:?} {part}");
-            assert!(most_v >= 0.8 * electrodes.holds_v(travel), "{electrodes:?} {part}");
+            let travel = electrodes.max_travel_m() * f64::from(part) / 20.0;
+            let most_v = (bound_v2 - slope_v2_per_m * travel).max(0.0).sqrt();
+            assert!(
+                most_v <= electrodes.max_voltage_of_remaining_gap_v(travel) * (1.0 + 1e-12),
+                "{electrodes:?} {part}"
+            );
+            assert!(most_v >= 0.8 * electrodes.max_voltage_of_remaining_gap_v(travel), "{electrodes:?} {part}");
         }
     }
 }

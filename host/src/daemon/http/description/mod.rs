@@ -6,7 +6,7 @@
 mod problems;
 mod ranges;
 
-use super::authorize::needed_role;
+use super::authorize::find_needed_role_unless_public;
 use crate::daemon::access::permissions::Role;
 use axum::http::Method;
 use serde_json::{Map, Value, json};
@@ -24,23 +24,23 @@ const TOKEN: &str = "Where the daemon was started with --token-file; for /v1/liv
 
 /// The whole description as JSON text, of what the routes declare.
 #[must_use]
-pub fn text(declared: &OpenApi) -> String {
+pub fn build_openapi_json(declared: &OpenApi) -> String {
     let mut document = json!(declared);
     document["info"] = json!({"title": "ERA haptics daemon", "version": "1", "description": ABOUT});
     document["servers"] = json!([{"url": "/", "description": SERVER}]);
     document["components"]["securitySchemes"] =
         json!({"token": {"type": "http", "scheme": "bearer", "description": TOKEN}});
-    document["components"]["responses"] = problems::everywhere();
+    document["components"]["responses"] = problems::build_common_responses();
     if let Some(schemas) = document.pointer_mut("/components/schemas").and_then(Value::as_object_mut) {
-        schemas.values_mut().for_each(nothing_is_null);
-        problems::put_kinds(schemas);
+        schemas.values_mut().for_each(require_nullable_fields);
+        problems::insert_problem_types(schemas);
     }
-    ranges::put(&mut document);
-    tidy(&mut document);
+    ranges::insert_field_ranges(&mut document);
+    tidy_descriptions_and_formats(&mut document);
     if let Some(paths) = document["paths"].as_object_mut() {
         for (path, operations) in paths {
             for (method, operation) in operations.as_object_mut().into_iter().flatten() {
-                complete(path, method, operation);
+                complete_openapi_operation(path, method, operation);
             }
         }
     }
@@ -48,9 +48,9 @@ pub fn text(declared: &OpenApi) -> String {
 }
 
 /// What belongs to an operation beside what its handler says.
-fn complete(path: &str, method: &str, operation: &mut Value) {
+fn complete_openapi_operation(path: &str, method: &str, operation: &mut Value) {
     let Ok(method) = Method::from_bytes(method.to_ascii_uppercase().as_bytes()) else { return };
-    let role = needed_role(&method, path);
+    let role = find_needed_role_unless_public(&method, path);
     operation["security"] = if role.is_some() { json!([{}, {"token": []}]) } else { json!([]) };
     operation["x-role"] = role.map(Role::name).into();
     if path == "/v1/live" {
@@ -58,13 +58,13 @@ fn complete(path: &str, method: &str, operation: &mut Value) {
         operation["x-websocket"] = json!({"receives": message("LiveIn"), "sends": message("LiveOut")});
     }
     if let Some(responses) = operation["responses"].as_object_mut() {
-        responses.extend(problems::of(path, role));
+        responses.extend(problems::build_problem_responses_of_path(path, role));
     }
 }
 
 /// In what the daemon tells, an `Option` is null where there is nothing: its key is always there. One that may be left out says so
 /// by not being null. Requests, which are closed, may leave out what may be null.
-fn nothing_is_null(schema: &mut Value) {
+fn require_nullable_fields(schema: &mut Value) {
     let Value::Object(map) = schema else { return };
     if map.get("additionalProperties") == Some(&Value::Bool(false)) {
         return;
@@ -82,7 +82,7 @@ fn nothing_is_null(schema: &mut Value) {
     }
     for key in ["allOf", "oneOf", "anyOf"] {
         if let Some(Value::Array(parts)) = map.get_mut(key) {
-            parts.iter_mut().for_each(nothing_is_null);
+            parts.iter_mut().for_each(require_nullable_fields);
         }
     }
 }
@@ -97,7 +97,7 @@ fn may_be_null(schema: &Value) -> bool {
 
 /// Comments of the source are broken at its width; and a whole number from 0 on has no sign, whose largest are beyond those of one
 /// with a sign.
-fn tidy(value: &mut Value) {
+fn tidy_descriptions_and_formats(value: &mut Value) {
     match value {
         Value::Object(map) => {
             if let Some(Value::String(text)) = map.get_mut("description") {
@@ -111,15 +111,15 @@ fn tidy(value: &mut Value) {
                     _ => None,
                 };
             }
-            map.values_mut().for_each(tidy);
+            map.values_mut().for_each(tidy_descriptions_and_formats);
         }
-        Value::Array(list) => list.iter_mut().for_each(tidy),
+        Value::Array(list) => list.iter_mut().for_each(tidy_descriptions_and_formats),
         _ => {}
     }
 }
 
 /// A schema of the components, by its name.
-fn schema<'a>(document: &'a mut Value, name: &str) -> Option<&'a mut Map<String, Value>> {
+fn find_component_schema<'a>(document: &'a mut Value, name: &str) -> Option<&'a mut Map<String, Value>> {
     document.pointer_mut(&format!("/components/schemas/{name}")).and_then(Value::as_object_mut)
 }
 
@@ -132,10 +132,10 @@ mod tests {
         let mut answer = json!({"properties": {
             "a": {"type": ["number", "null"]}, "b": {"oneOf": [{"type": "null"}, {"$ref": "#"}]}, "c": {"type": "number"},
         }, "required": ["a"]});
-        nothing_is_null(&mut answer);
+        require_nullable_fields(&mut answer);
         assert_eq!(answer["required"], json!(["a", "b"]));
         let mut request = json!({"properties": {"a": {"type": ["number", "null"]}}, "additionalProperties": false});
-        nothing_is_null(&mut request);
+        require_nullable_fields(&mut request);
         assert!(request.get("required").is_none());
     }
 }

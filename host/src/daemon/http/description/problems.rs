@@ -1,152 +1,166 @@
 //! Which problems each path may answer with, as responses of the description.
 
 use crate::daemon::access::permissions::Role;
-use crate::daemon::api::kinds::{Kind, URN};
+use crate::daemon::api::kinds::{ProblemKind, URN};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
 /// Whatever is asked for: who asks is looked at, and a body is read, before anything else.
-const ALWAYS: &[Kind] = &[
-    Kind::BadHeader,
-    Kind::ForeignOrigin,
-    Kind::ForeignHost,
-    Kind::BadBody,
-    Kind::LongBody,
-    Kind::SlowBody,
-    Kind::ContentCoding,
-    Kind::TransferCoding,
-    Kind::Internal,
+const ALWAYS: &[ProblemKind] = &[
+    ProblemKind::BadHeader,
+    ProblemKind::ForeignOrigin,
+    ProblemKind::ForeignHost,
+    ProblemKind::BadBody,
+    ProblemKind::LongBody,
+    ProblemKind::SlowBody,
+    ProblemKind::ContentCoding,
+    ProblemKind::TransferCoding,
+    ProblemKind::Internal,
 ];
 
 /// What a path may answer with beside that.
-fn own(path: &str) -> &'static [Kind] {
+fn list_path_specific_problem_kinds(path: &str) -> &'static [ProblemKind] {
     match path {
         "/v1/touch" => &[
-            Kind::ContentType,
-            Kind::OutOfRange,
-            Kind::EmptyZone,
-            Kind::TouchCount,
-            Kind::QuietCount,
-            Kind::Options,
-            Kind::InCutout,
-            Kind::NoPlan,
-            Kind::QueueFull,
-            Kind::Stopped,
-            Kind::Superseded,
-            Kind::DeviceFault,
-            Kind::DeviceRefused,
-            Kind::DeviceUnfit,
-            Kind::NotArmed,
-            Kind::DeviceLost,
-            Kind::DeviceLate,
-            Kind::SessionEnded,
-            Kind::SessionHangs,
-            Kind::Closing,
+            ProblemKind::ContentType,
+            ProblemKind::OutOfRange,
+            ProblemKind::EmptyZone,
+            ProblemKind::TouchCount,
+            ProblemKind::QuietCount,
+            ProblemKind::Options,
+            ProblemKind::InCutout,
+            ProblemKind::NoPlan,
+            ProblemKind::QueueFull,
+            ProblemKind::Stopped,
+            ProblemKind::Superseded,
+            ProblemKind::DeviceFault,
+            ProblemKind::DeviceRefused,
+            ProblemKind::DeviceUnfit,
+            ProblemKind::NotArmed,
+            ProblemKind::DeviceLost,
+            ProblemKind::DeviceLate,
+            ProblemKind::SessionEnded,
+            ProblemKind::SessionHangs,
+            ProblemKind::Closing,
         ],
         "/v1/preview" => &[
-            Kind::ContentType,
-            Kind::OutOfRange,
-            Kind::InCutout,
-            Kind::BadScene,
-            Kind::NoPlan,
-            Kind::NoModel,
-            Kind::TooLarge,
-            Kind::PreviewSuperseded,
-            Kind::QueueFull,
-            Kind::PreviewFailed,
+            ProblemKind::ContentType,
+            ProblemKind::OutOfRange,
+            ProblemKind::InCutout,
+            ProblemKind::BadScene,
+            ProblemKind::NoPlan,
+            ProblemKind::NoModel,
+            ProblemKind::TooLarge,
+            ProblemKind::PreviewSuperseded,
+            ProblemKind::QueueFull,
+            ProblemKind::PreviewFailed,
         ],
         "/v1/study" => &[
-            Kind::ContentType,
-            Kind::BadScene,
-            Kind::NoModel,
-            Kind::TooLarge,
-            Kind::StudyRuns,
-            Kind::TolerancesRun,
-            Kind::PreviewFailed,
+            ProblemKind::ContentType,
+            ProblemKind::BadScene,
+            ProblemKind::NoModel,
+            ProblemKind::TooLarge,
+            ProblemKind::StudyRuns,
+            ProblemKind::TolerancesRun,
+            ProblemKind::PreviewFailed,
         ],
         "/v1/tolerances" => &[
-            Kind::ContentType,
-            Kind::OutOfRange,
-            Kind::InCutout,
-            Kind::BadScene,
-            Kind::NoPlan,
-            Kind::NoModel,
-            Kind::TooLarge,
-            Kind::StudyRuns,
-            Kind::TolerancesRun,
-            Kind::PreviewFailed,
-            Kind::Closing,
+            ProblemKind::ContentType,
+            ProblemKind::OutOfRange,
+            ProblemKind::InCutout,
+            ProblemKind::BadScene,
+            ProblemKind::NoPlan,
+            ProblemKind::NoModel,
+            ProblemKind::TooLarge,
+            ProblemKind::StudyRuns,
+            ProblemKind::TolerancesRun,
+            ProblemKind::PreviewFailed,
+            ProblemKind::Closing,
         ],
-        "/v1/requests/{id}" => &[Kind::BadPath, Kind::NotFound],
-        "/v1/field" => {
-            &[Kind::BadQuery, Kind::OutOfRange, Kind::InCutout, Kind::NoPlan, Kind::QueueFull, Kind::Closing]
-        }
+        "/v1/requests/{id}" => &[ProblemKind::BadPath, ProblemKind::NotFound],
+        "/v1/field" => &[
+            ProblemKind::BadQuery,
+            ProblemKind::OutOfRange,
+            ProblemKind::InCutout,
+            ProblemKind::NoPlan,
+            ProblemKind::QueueFull,
+            ProblemKind::Closing,
+        ],
         "/v1/stop" => &[
-            Kind::DeviceRefused,
-            Kind::DeviceLost,
-            Kind::DeviceLate,
-            Kind::SessionEnded,
-            Kind::SessionHangs,
-            Kind::Closing,
+            ProblemKind::DeviceRefused,
+            ProblemKind::DeviceLost,
+            ProblemKind::DeviceLate,
+            ProblemKind::SessionEnded,
+            ProblemKind::SessionHangs,
+            ProblemKind::Closing,
         ],
         "/v1/faults/clear" => &[
-            Kind::QueueFull,
-            Kind::DeviceRefused,
-            Kind::DeviceLost,
-            Kind::DeviceLate,
-            Kind::SessionEnded,
-            Kind::SessionHangs,
-            Kind::Closing,
+            ProblemKind::QueueFull,
+            ProblemKind::DeviceRefused,
+            ProblemKind::DeviceLost,
+            ProblemKind::DeviceLate,
+            ProblemKind::SessionEnded,
+            ProblemKind::SessionHangs,
+            ProblemKind::Closing,
         ],
         "/v1/arm" => &[
-            Kind::QueueFull,
-            Kind::Stopped,
-            Kind::DeviceFault,
-            Kind::DeviceRefused,
-            Kind::DeviceUnfit,
-            Kind::DeviceLost,
-            Kind::DeviceLate,
-            Kind::SessionEnded,
-            Kind::SessionHangs,
-            Kind::Closing,
+            ProblemKind::QueueFull,
+            ProblemKind::Stopped,
+            ProblemKind::DeviceFault,
+            ProblemKind::DeviceRefused,
+            ProblemKind::DeviceUnfit,
+            ProblemKind::DeviceLost,
+            ProblemKind::DeviceLate,
+            ProblemKind::SessionEnded,
+            ProblemKind::SessionHangs,
+            ProblemKind::Closing,
         ],
-        "/v1/live" => {
-            &[Kind::BadQuery, Kind::NoWebsocket, Kind::NoWebsocketMethod, Kind::NoWebsocketUpgrade, Kind::SocketsFull]
-        }
+        "/v1/live" => &[
+            ProblemKind::BadQuery,
+            ProblemKind::NoWebsocket,
+            ProblemKind::NoWebsocketMethod,
+            ProblemKind::NoWebsocketUpgrade,
+            ProblemKind::SocketsFull,
+        ],
         _ => &[],
     }
 }
 
 /// The responses of a path that tell of problems, by their status.
-pub fn of(path: &str, role: Option<Role>) -> Map<String, Value> {
+pub fn build_problem_responses_of_path(path: &str, role: Option<Role>) -> Map<String, Value> {
     let mut kinds = ALWAYS.to_vec();
     // Its body is not read.
-    let is_of_a_body =
-        |kind: &Kind| matches!(kind, Kind::BadBody | Kind::LongBody | Kind::SlowBody | Kind::ContentCoding);
+    let is_of_a_body = |kind: &ProblemKind| {
+        matches!(
+            kind,
+            ProblemKind::BadBody | ProblemKind::LongBody | ProblemKind::SlowBody | ProblemKind::ContentCoding
+        )
+    };
     kinds.retain(|kind| path != "/v1/stop" || !is_of_a_body(kind));
-    kinds.extend(own(path));
-    kinds.extend(role.map(|_| Kind::Token));
+    kinds.extend(list_path_specific_problem_kinds(path));
+    kinds.extend(role.map(|_| ProblemKind::Token));
     // Every token may look.
-    kinds.extend(role.filter(|role| *role > Role::View).map(|_| Kind::Role));
+    kinds.extend(role.filter(|role| *role > Role::View).map(|_| ProblemKind::Role));
     // There is always a way to stop.
-    kinds.extend((path != "/v1/stop").then_some(Kind::ConnectionsFull));
-    let mut by_status: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();
+    kinds.extend((path != "/v1/stop").then_some(ProblemKind::ConnectionsFull));
+    let mut by_status: BTreeMap<u16, Vec<ProblemKind>> = BTreeMap::new();
     for kind in kinds {
-        by_status.entry(kind.status().as_u16()).or_default().push(kind);
+        by_status.entry(kind.http_status().as_u16()).or_default().push(kind);
     }
-    by_status.into_iter().map(|(status, kinds)| (status.to_string(), response(&kinds))).collect()
+    by_status.into_iter().map(|(status, kinds)| (status.to_string(), build_problem_response(&kinds))).collect()
 }
 
 /// What is answered where there is nothing, or not by that method.
-pub fn everywhere() -> Value {
-    json!({"NotFound": response(&[Kind::NotFound]), "WrongMethod": response(&[Kind::WrongMethod])})
+pub fn build_common_responses() -> Value {
+    json!({"NotFound": build_problem_response(&[ProblemKind::NotFound]), "WrongMethod": build_problem_response(&[ProblemKind::WrongMethod])})
 }
 
 /// A response with one of several problems of one status.
-fn response(kinds: &[Kind]) -> Value {
-    let told: Vec<String> = kinds.iter().map(|kind| format!("`{}`: {}", kind.name(), kind.meaning())).collect();
-    let status = kinds.first().map(|kind| kind.status().as_u16());
-    let mut types: Vec<String> = kinds.iter().map(|kind| urn(*kind)).collect();
+fn build_problem_response(kinds: &[ProblemKind]) -> Value {
+    let told: Vec<String> =
+        kinds.iter().map(|kind| format!("`{}`: {}", kind.name(), kind.meaning_in_words())).collect();
+    let status = kinds.first().map(|kind| kind.http_status().as_u16());
+    let mut types: Vec<String> = kinds.iter().map(|kind| format_problem_urn(*kind)).collect();
     types.dedup();
     types.sort();
     types.dedup();
@@ -157,13 +171,13 @@ fn response(kinds: &[Kind]) -> Value {
     let mut response =
         json!({"description": told.join(" "), "content": {"application/problem+json": {"schema": schema}}});
     let mut headers = Map::new();
-    if kinds.iter().any(|kind| may_be_asked_again(*kind)) {
+    if kinds.iter().any(|kind| may_have_retry_time(*kind)) {
         headers.insert("retry-after".into(), json!({
             "description": "When to ask again, in whole seconds; `retry_after_ms` says it in ms. Absent where that is not known",
             "schema": {"type": "integer", "minimum": 1},
         }));
     }
-    for (name, about) in kinds.iter().filter_map(|kind| header_of(*kind)) {
+    for (name, about) in kinds.iter().filter_map(|kind| describe_answer_header_besides_retry_after(*kind)) {
         headers.insert(name.into(), json!({"description": about, "schema": {"type": "string"}}));
     }
     if !headers.is_empty() {
@@ -173,42 +187,49 @@ fn response(kinds: &[Kind]) -> Value {
 }
 
 /// The header that says what is wanted instead, and what it says.
-const fn header_of(kind: Kind) -> Option<(&'static str, &'static str)> {
+const fn describe_answer_header_besides_retry_after(kind: ProblemKind) -> Option<(&'static str, &'static str)> {
     match kind {
-        Kind::Token | Kind::Role => {
+        ProblemKind::Token | ProblemKind::Role => {
             Some(("www-authenticate", "That a token is wanted (RFC 6750), and what is wrong with the one that came"))
         }
-        Kind::ContentCoding => Some(("accept-encoding", "`identity`: no compression is taken")),
-        Kind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The version that is spoken: 13")),
+        ProblemKind::ContentCoding => Some(("accept-encoding", "`identity`: no compression is taken")),
+        ProblemKind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The version that is spoken: 13")),
         _ => None,
     }
 }
 
 /// Whether it may say when to ask again.
-const fn may_be_asked_again(kind: Kind) -> bool {
-    matches!(kind, Kind::QueueFull | Kind::ConnectionsFull | Kind::SocketsFull | Kind::DeviceRefused | Kind::DeviceLate)
+const fn may_have_retry_time(kind: ProblemKind) -> bool {
+    matches!(
+        kind,
+        ProblemKind::QueueFull
+            | ProblemKind::ConnectionsFull
+            | ProblemKind::SocketsFull
+            | ProblemKind::DeviceRefused
+            | ProblemKind::DeviceLate
+    )
 }
 
-fn urn(kind: Kind) -> String {
+fn format_problem_urn(kind: ProblemKind) -> String {
     format!("{URN}{}", kind.name())
 }
 
 /// Puts the list of all types among the schemas, and into that of a problem.
-pub fn put_kinds(schemas: &mut Map<String, Value>) {
-    let mut all: Vec<(String, Vec<Kind>)> = Vec::new();
-    for kind in Kind::ALL {
-        let urn = urn(*kind);
+pub fn insert_problem_types(schemas: &mut Map<String, Value>) {
+    let mut all: Vec<(String, Vec<ProblemKind>)> = Vec::new();
+    for kind in ProblemKind::ALL {
+        let urn = format_problem_urn(*kind);
         match all.iter_mut().find(|(known, _)| *known == urn) {
             Some((_, kinds)) => kinds.push(*kind),
             None => all.push((urn, vec![*kind])),
         }
     }
-    let one = |(urn, kinds): (String, Vec<Kind>)| {
-        let mut status: Vec<u16> = kinds.iter().map(|kind| kind.status().as_u16()).collect();
+    let one = |(urn, kinds): (String, Vec<ProblemKind>)| {
+        let mut status: Vec<u16> = kinds.iter().map(|kind| kind.http_status().as_u16()).collect();
         status.sort_unstable();
         status.dedup();
         let told: Vec<String> =
-            kinds.iter().map(|kind| format!("{}: {}", kind.status().as_u16(), kind.meaning())).collect();
+            kinds.iter().map(|kind| format!("{}: {}", kind.http_status().as_u16(), kind.meaning_in_words())).collect();
         json!({"const": urn, "description": told.join(" "), "x-status": status})
     };
     let list: Vec<Value> = all.into_iter().map(one).collect();

@@ -1,20 +1,20 @@
 //! Ranges of what requests take, from the numbers by which they are checked.
 
-use super::schema;
+use super::find_component_schema;
 use crate::daemon::design::attachments::TABLES;
 use crate::daemon::design::preview::MAX_SCENE;
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
-use crate::design::tolerances::MOST;
 use crate::effects::intensity::{MAX_DB, MIN_DB};
 use crate::effects::named::{COUNTS, PERIODS_MS};
 use crate::planner::MAX_QUIET_ZONES;
 use crate::planner::request::{MAX_QUIET_RADIUS_M, MAX_TARGETS};
 use crate::planner::schedule::{MAX_WINDOW_MS, MIN_WINDOW_MS};
+use crate::study::tolerances::MOST;
 use serde_json::{Value, json};
 
 /// Names of numbers in requests, with the least and most that each takes.
-fn numbers() -> Vec<(&'static str, f64, f64)> {
+fn list_field_ranges() -> Vec<(&'static str, f64, f64)> {
     let (least_ms, most_ms) = (f64::from(MIN_DURATION_MS), f64::from(MAX_DURATION_MS));
     let no_most = f64::INFINITY;
     let mut all = vec![
@@ -35,19 +35,19 @@ fn numbers() -> Vec<(&'static str, f64, f64)> {
 }
 
 /// Puts the ranges into the schemas of requests.
-pub fn put(document: &mut Value) {
+pub fn insert_field_ranges(document: &mut Value) {
     let requests =
         ["Touch", "Also", "QuietZone", "PreviewRequest", "TolerancesRequest", "WantedTolerances", "LiveIn", "Finger"];
     for name in requests {
-        let properties = schema(document, name).and_then(|schema| schema.get_mut("properties"));
+        let properties = find_component_schema(document, name).and_then(|schema| schema.get_mut("properties"));
         let Some(properties) = properties.and_then(Value::as_object_mut) else { continue };
-        for (field, least, most) in numbers() {
+        for (field, least, most) in list_field_ranges() {
             // A finger may be a little outside the screen.
             let may_be_below = name == "Finger" && matches!(field, "x_px" | "y_px");
             if let Some(own) = properties.get_mut(field).filter(|_| !may_be_below) {
                 // What a preview is asked for is driven by nobody, and may be anything.
                 let is_free = name == "PreviewRequest" && field == "intensity_g";
-                bound(own, least, if is_free { f64::INFINITY } else { most });
+                set_minimum_and_maximum(own, least, if is_free { f64::INFINITY } else { most });
             }
         }
         for (field, most) in [("also", MAX_TARGETS - 1), ("quiet", MAX_QUIET_ZONES), ("touches", MAX_TARGETS)] {
@@ -63,10 +63,10 @@ pub fn put(document: &mut Value) {
             moves["propertyNames"] = json!({"pattern": format!("^({})\\[[1-9][0-9]*\\]$", TABLES.join("|"))});
         }
     }
-    parameters(document);
+    insert_parameter_ranges(document);
 }
 
-fn parameters(document: &mut Value) {
+fn insert_parameter_ranges(document: &mut Value) {
     let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
         let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
@@ -77,22 +77,22 @@ fn parameters(document: &mut Value) {
                 parameter["schema"]["pattern"] = format!("^(?=.*[A-Za-z_.-])[A-Za-z0-9_.-]{{1,{MAX_NAME}}}$").into();
                 parameter["schema"]["maxLength"] = MAX_NAME.into();
             }
-            if let Some((_, least, most)) = numbers().into_iter().find(|(known, ..)| *known == name) {
-                bound(&mut parameter["schema"], least, most);
+            if let Some((_, least, most)) = list_field_ranges().into_iter().find(|(known, ..)| *known == name) {
+                set_minimum_and_maximum(&mut parameter["schema"], least, most);
             }
         }
     }
 }
 
-fn bound(own: &mut Value, least: f64, most: f64) {
-    own["minimum"] = number(least);
-    if most.is_finite() {
-        own["maximum"] = number(most);
+fn set_minimum_and_maximum(schema: &mut Value, minimum: f64, maximum: f64) {
+    schema["minimum"] = to_json_number(minimum);
+    if maximum.is_finite() {
+        schema["maximum"] = to_json_number(maximum);
     }
 }
 
 /// A whole number as such: that of a count is one.
 #[expect(clippy::cast_possible_truncation, reason = "whole and small")]
-fn number(value: f64) -> Value {
+fn to_json_number(value: f64) -> Value {
     if value.fract() == 0.0 { json!(value as i64) } else { json!(value) }
 }

@@ -17,14 +17,14 @@ const ENDING: &str = "Z.jsonl";
 
 /// How much is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct KeptBytes {
     /// Bytes of one file, after which the next one is begun.
     pub file_bytes: u64,
     /// Bytes of all files together: the oldest are removed before that. Those of earlier starts count as well.
     pub total_bytes: u64,
 }
 
-impl Default for Kept {
+impl Default for KeptBytes {
     /// A day of touches, one each second, and a week.
     fn default() -> Self {
         Self { file_bytes: 256_000_000, total_bytes: 2_000_000_000 }
@@ -33,11 +33,11 @@ impl Default for Kept {
 
 /// The file that is written, and those before it.
 #[derive(Debug)]
-pub struct Files {
+pub struct RecordingFiles {
     /// As the recording was asked for.
     wanted: PathBuf,
     is_in_folder: bool,
-    kept: Kept,
+    kept: KeptBytes,
     scene: String,
     /// All, the oldest first, with their bytes; the last is written.
     all: VecDeque<(PathBuf, u64)>,
@@ -48,19 +48,23 @@ pub struct Files {
     waiting: String,
 }
 
-impl Files {
+impl RecordingFiles {
     /// Begins the first one; a file that is there is not written over.
     ///
     /// # Errors
     /// As the file system has it.
-    pub fn begin(wanted: &Path, kept: Kept, scene: &str) -> Result<Self> {
-        let is_in_folder = Recorder::is_folder(wanted);
+    pub fn create_first_file(wanted: &Path, kept: KeptBytes, scene: &str) -> Result<Self> {
+        let is_in_folder = Recorder::is_folder_path(wanted);
         if is_in_folder {
             make_private_folder(wanted)?;
         }
-        let mut all = if is_in_folder { earlier(wanted)? } else { find_numbered(wanted)? };
+        let mut all = if is_in_folder {
+            list_earlier_recordings_and_bytes(wanted)?
+        } else {
+            list_numbered_files_and_bytes(wanted)?
+        };
         let (path, file) = if is_in_folder {
-            named_after_the_time(wanted)?
+            create_file_named_by_time(wanted)?
         } else {
             (wanted.to_owned(), AppendedFile::create_private(wanted)?)
         };
@@ -68,21 +72,21 @@ impl Files {
         let (wanted, scene) = (wanted.to_owned(), scene.to_owned());
         let mut files =
             Self { wanted, is_in_folder, kept, scene, all, file, began: Duration::ZERO, waiting: String::new() };
-        files.put_beginning();
-        files.write()?;
-        files.remove_oldest();
+        files.buffer_header_line_of_file();
+        files.write_buffered_lines()?;
+        files.remove_oldest_files();
         Ok(files)
     }
 
     /// The file that is written.
     #[must_use]
-    pub fn path(&self) -> &Path {
+    pub fn current_path(&self) -> &Path {
         self.all.back().map_or(&self.wanted, |(path, _)| path)
     }
 
     /// When it was begun, since the recording was.
     #[must_use]
-    pub const fn began(&self) -> Duration {
+    pub const fn start_of_current_file_in_recording(&self) -> Duration {
         self.began
     }
 
@@ -90,24 +94,27 @@ impl Files {
     ///
     /// # Errors
     /// As the file system has it.
-    pub fn make_room(&mut self, bytes: usize, at: Duration) -> Result<()> {
+    pub fn begin_next_file_if_line_does_not_fit(&mut self, more_bytes: usize, start: Duration) -> Result<()> {
         let has = self.all.back().map_or(0, |(_, bytes)| *bytes);
-        if has + (self.waiting.len() + bytes) as u64 <= self.kept.file_bytes {
+        if has + (self.waiting.len() + more_bytes) as u64 <= self.kept.file_bytes {
             return Ok(());
         }
-        self.write()?;
-        self.sync()?;
-        let (path, file) =
-            if self.is_in_folder { named_after_the_time(&self.wanted)? } else { begin_numbered(&self.wanted)? };
-        (self.file, self.began) = (file, at);
+        self.write_buffered_lines()?;
+        self.sync_written_lines_to_disk()?;
+        let (path, file) = if self.is_in_folder {
+            create_file_named_by_time(&self.wanted)?
+        } else {
+            create_next_numbered_file(&self.wanted)?
+        };
+        (self.file, self.began) = (file, start);
         self.all.push_back((path, 0));
-        self.remove_oldest();
-        self.put_beginning();
+        self.remove_oldest_files();
+        self.buffer_header_line_of_file();
         Ok(())
     }
 
-    /// A whole line, which is written with the next [`Self::write`].
-    pub fn put_line(&mut self, line: &str) {
+    /// A whole line, which is written with the next [`Self::write_buffered_lines`].
+    pub fn buffer_line(&mut self, line: &str) {
         self.waiting.push_str(line);
     }
 
@@ -115,7 +122,7 @@ impl Files {
     ///
     /// # Errors
     /// As the file system has it; the file ends with a whole line then.
-    pub fn write(&mut self) -> Result<()> {
+    pub fn write_buffered_lines(&mut self) -> Result<()> {
         // Half a line is none: what was written before it is worth keeping.
         let written = self.file.append_records(self.waiting.as_bytes());
         if let Some((_, bytes)) = self.all.back_mut() {
@@ -129,68 +136,73 @@ impl Files {
     ///
     /// # Errors
     /// As the file system has it.
-    pub fn sync(&mut self) -> Result<()> {
+    pub fn sync_written_lines_to_disk(&mut self) -> Result<()> {
         self.file.sync_records()
     }
 
-    fn put_beginning(&mut self) {
+    fn buffer_header_line_of_file(&mut self) {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
         let (version, scene) = (env!("CARGO_PKG_VERSION"), &self.scene);
         let line = json!({
             "at_ms": 0.0, "kind": "begin", "format": 1, "version": version, "scene": scene, "unix_s": since_1970,
         });
-        self.put_line(&format!("{line}\n"));
+        self.buffer_line(&format!("{line}\n"));
     }
 
     /// Makes room for one more whole file; never removes the one that is written.
-    fn remove_oldest(&mut self) {
+    fn remove_oldest_files(&mut self) {
         let most = self.kept.total_bytes.saturating_sub(self.kept.file_bytes);
         while self.all.len() > 1 && self.all.iter().rev().skip(1).map(|(_, bytes)| bytes).sum::<u64>() > most {
             let Some((path, _)) = self.all.pop_front() else { return };
             if let Err(error) = std::fs::remove_file(&path) {
-                tracing::warn!(%error, "an old recording, {}, cannot be removed", path.display());
+                tracing::warn!(%error, "cannot remove the old recording {}", path.display());
             }
         }
     }
 }
 
 /// The first of some names, from a number on, that is free.
-fn first_free(from: u32, names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, AppendedFile)> {
-    let mut number = from;
+fn create_file_with_first_free_number(
+    first_number: u32,
+    make_path: impl Fn(u32) -> PathBuf,
+) -> Result<(PathBuf, AppendedFile)> {
+    let mut number = first_number;
     loop {
-        let path = names(number);
+        let path = make_path(number);
         match AppendedFile::create_private(&path) {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists && number - from < SAME_NAME => number += 1,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number - first_number < SAME_NAME => number += 1,
             file => return file.map(|file| (path, file)),
         }
     }
 }
 
 /// A new file named after the time (UTC, to a second), and where another has that name, with a number behind.
-fn named_after_the_time(folder: &Path) -> Result<(PathBuf, AppendedFile)> {
+fn create_file_named_by_time(folder: &Path) -> Result<(PathBuf, AppendedFile)> {
     let mut time = String::new();
     let _ = Clock.format_time(&mut Writer::new(&mut time));
     // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
     let time: String = time.chars().take_while(|c| *c != '.').filter(|c| *c != ':').collect();
-    first_free(1, |number| {
+    create_file_with_first_free_number(1, |number| {
         folder.join(if number == 1 { format!("{time}{ENDING}") } else { format!("{time}Z-{number}.jsonl") })
     })
 }
 
 /// `day.jsonl` is followed by `day-2.jsonl`, and that by `day-3.jsonl`, whatever of them has been removed.
-fn begin_numbered(first: &Path) -> Result<(PathBuf, AppendedFile)> {
-    let last = find_numbered(first)?.pop_back().and_then(|(path, _)| read_number(first, &path));
-    let (stem, ending) = split_name(first);
-    first_free(last.unwrap_or(1).saturating_add(1), |number| first.with_file_name(format!("{stem}-{number}{ending}")))
+fn create_next_numbered_file(first: &Path) -> Result<(PathBuf, AppendedFile)> {
+    let last = list_numbered_files_and_bytes(first)?.pop_back().and_then(|(path, _)| parse_file_number(first, &path));
+    let (stem, ending) = split_stem_and_ending(first);
+    create_file_with_first_free_number(last.unwrap_or(1).saturating_add(1), |number| {
+        first.with_file_name(format!("{stem}-{number}{ending}"))
+    })
 }
 
 /// The files that have followed this one, the oldest first, with their bytes.
-fn find_numbered(first: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
+fn list_numbered_files_and_bytes(first: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
     let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = first.with_file_name(entry?.file_name());
-        if let (Some(number), Ok(known)) = (read_number(first, &path), std::fs::symlink_metadata(&path))
+        if let (Some(number), Ok(known)) = (parse_file_number(first, &path), std::fs::symlink_metadata(&path))
             && known.is_file()
         {
             found.push((number, path, known.len()));
@@ -201,22 +213,22 @@ fn find_numbered(first: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
 }
 
 /// The number of a file that has followed this one.
-fn read_number(first: &Path, path: &Path) -> Option<u32> {
-    let (stem, ending) = split_name(first);
+fn parse_file_number(first: &Path, path: &Path) -> Option<u32> {
+    let (stem, ending) = split_stem_and_ending(first);
     let name = path.file_name()?.to_str()?;
     let number = name.strip_prefix(&format!("{stem}-"))?.strip_suffix(&ending)?;
     number.parse().ok().filter(|own: &u32| *own >= 2 && own.to_string() == number)
 }
 
 /// A file's name before its ending, and the ending with its dot.
-fn split_name(path: &Path) -> (String, String) {
+fn split_stem_and_ending(path: &Path) -> (String, String) {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
     (stem, ending)
 }
 
 /// What earlier starts have left in a folder, the oldest first: files whose names this program gives.
-fn earlier(folder: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
+fn list_earlier_recordings_and_bytes(folder: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
     let is_own = |name: &str| {
         let is_time = |text: &str| text.len() == 17 && text.chars().all(|c| c.is_ascii_digit() || c == '-' || c == 'T');
         let is_numbered = |rest: &str| {
@@ -254,16 +266,17 @@ mod tests {
 
     #[test]
     fn what_is_recorded_has_an_end() {
-        let kept = Kept { file_bytes: 20_000, total_bytes: 60_000 };
+        let kept = KeptBytes { file_bytes: 20_000, total_bytes: 60_000 };
         for is_in_folder in [false, true] {
             let folder = tempfile::tempdir().unwrap();
             let foreign = folder.path().join("notes.jsonl");
             std::fs::write(&foreign, "mine").unwrap();
             let path = if is_in_folder { folder.path().to_owned() } else { folder.path().join("day.jsonl") };
             for _ in 0..2 {
-                let recorder = Recorder::start_with(&path, "desk", kept).unwrap();
+                let recorder = Recorder::start_with_kept_bytes(&path, "desk", kept).unwrap();
                 for i in 0..1000 {
-                    recorder.line("touch", || json!({"id": i, "body": {"x_px": 1, "y_px": 2, "duration_ms": 1000}}));
+                    recorder
+                        .record_line("touch", || json!({"id": i, "body": {"x_px": 1, "y_px": 2, "duration_ms": 1000}}));
                     if i % 100 == 99 {
                         // The disk has time.
                         std::thread::sleep(Duration::from_millis(20));
@@ -273,7 +286,7 @@ mod tests {
             }
             if !is_in_folder {
                 // In the order in which they were begun, though the first and others of them have been removed.
-                let numbered = find_numbered(&path).unwrap();
+                let numbered = list_numbered_files_and_bytes(&path).unwrap();
                 let begins: Vec<SystemTime> =
                     numbered.iter().map(|(path, _)| std::fs::metadata(path).unwrap().modified().unwrap()).collect();
                 assert!(begins.len() > 1 && begins.is_sorted(), "{numbered:?}");

@@ -1,12 +1,12 @@
 //! What is asked of the daemon and what becomes of it, line by line in files: `era serve --record PATH`, `era replay FILE`.
 //!
 //! Written by a thread of its own. Where the disk is slower than the fingers, lines are left out and counted: nothing that
-//! drives waits for a file. A file that is full is followed by another, and the oldest make way ([`Kept`]).
+//! drives waits for a file. A file that is full is followed by another, and the oldest make way ([`KeptBytes`]).
 
 mod files;
 
-use files::Files;
-pub use files::Kept;
+pub use files::KeptBytes;
+use files::RecordingFiles;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ const SYNCED_WITHIN: Duration = Duration::from_secs(3);
 #[derive(Debug)]
 pub struct Recorder {
     /// Until the end.
-    lines: Option<SyncSender<Line>>,
+    lines: Option<SyncSender<RecordingLine>>,
     thread: Option<JoinHandle<()>>,
     started: Instant,
     waiting_bytes: Arc<AtomicUsize>,
@@ -35,7 +35,7 @@ pub struct Recorder {
 
 /// A line that waits.
 #[derive(Debug)]
-struct Line {
+struct RecordingLine {
     /// Since the recording began.
     at: Duration,
     kind: String,
@@ -44,10 +44,10 @@ struct Line {
     content: String,
 }
 
-impl Line {
-    /// As it is written to a file that began at `from`.
-    fn text(&self, from: Duration) -> String {
-        let at_ms = self.at.saturating_sub(from).as_secs_f64() * 1e3;
+impl RecordingLine {
+    /// As it is written to a file that began at `file_start`.
+    fn format_as_json_line(&self, file_start: Duration) -> String {
+        let at_ms = self.at.saturating_sub(file_start).as_secs_f64() * 1e3;
         let mut head = json!({"at_ms": at_ms, "kind": self.kind});
         if self.left_out_before > 0 {
             head["left_out_before"] = self.left_out_before.into();
@@ -67,23 +67,23 @@ impl Recorder {
     /// # Errors
     /// As the file system has it.
     pub fn start(path: &Path, scene: &str) -> std::io::Result<Self> {
-        Self::start_with(path, scene, Kept::default())
+        Self::start_with_kept_bytes(path, scene, KeptBytes::default())
     }
 
     /// The same, with how much is kept.
     ///
     /// # Errors
     /// As the file system has it.
-    pub fn start_with(path: &Path, scene: &str, kept: Kept) -> std::io::Result<Self> {
-        let files = Files::begin(path, kept, scene)?;
-        tracing::info!("recording to {}", files.path().display());
+    pub fn start_with_kept_bytes(path: &Path, scene: &str, kept: KeptBytes) -> std::io::Result<Self> {
+        let files = RecordingFiles::create_first_file(path, kept, scene)?;
+        tracing::info!("recording to {}", files.current_path().display());
         let (lines, inbox) = sync_channel(WAITING);
         let waiting_bytes = Arc::<AtomicUsize>::default();
         let known = Arc::clone(&waiting_bytes);
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
             let mut files = files;
             if let Err(error) = write_lines(&mut files, &inbox, &known) {
-                tracing::error!(%error, path = %files.path().display(), "nothing is recorded any more");
+                tracing::error!(%error, path = %files.current_path().display(), "the recording ends because of an error");
             }
         })?;
         Ok(Self {
@@ -97,15 +97,15 @@ impl Recorder {
 
     /// Whether the path means a folder with a file for each start: it is one, or ends in a slash.
     #[must_use]
-    pub fn is_folder(path: &Path) -> bool {
+    pub fn is_folder_path(path: &Path) -> bool {
         path.as_os_str().to_string_lossy().ends_with(std::path::is_separator) || path.is_dir()
     }
 
     /// A line of a kind, with its time in ms since the recording began.
-    pub fn line(&self, kind: &str, content: impl FnOnce() -> Value) {
+    pub fn record_line(&self, kind: &str, content: impl FnOnce() -> Value) {
         let left_out_before = self.left_out.swap(0, Ordering::Relaxed);
         let at = self.started.elapsed();
-        let line = Line { at, kind: kind.into(), left_out_before, content: content().to_string() };
+        let line = RecordingLine { at, kind: kind.into(), left_out_before, content: content().to_string() };
         let bytes = line.content.len();
         let before = self.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
         let has_room = before + bytes <= WAITING_BYTES;
@@ -127,7 +127,11 @@ impl Drop for Recorder {
 }
 
 /// Writes lines as they come until there are no more. After an error the file ends with a whole line.
-fn write_lines(files: &mut Files, inbox: &Receiver<Line>, waiting_bytes: &AtomicUsize) -> std::io::Result<()> {
+fn write_lines(
+    files: &mut RecordingFiles,
+    inbox: &Receiver<RecordingLine>,
+    waiting_bytes: &AtomicUsize,
+) -> std::io::Result<()> {
     // The first line that is not yet forced onto the disk.
     let mut unsynced: Option<Instant> = None;
     loop {
@@ -137,17 +141,17 @@ fn write_lines(files: &mut Files, inbox: &Receiver<Line>, waiting_bytes: &Atomic
                 // What waits is written at once.
                 for line in std::iter::once(line).chain(inbox.try_iter()) {
                     waiting_bytes.fetch_sub(line.content.len(), Ordering::Relaxed);
-                    files.make_room(line.content.len(), line.at)?;
-                    files.put_line(&line.text(files.began()));
+                    files.begin_next_file_if_line_does_not_fit(line.content.len(), line.at)?;
+                    files.buffer_line(&line.format_as_json_line(files.start_of_current_file_in_recording()));
                 }
-                files.write()?;
+                files.write_buffered_lines()?;
                 unsynced.get_or_insert_with(Instant::now);
             }
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return files.sync(),
+            Err(RecvTimeoutError::Disconnected) => return files.sync_written_lines_to_disk(),
         }
         if unsynced.is_some_and(|since| since.elapsed() >= SYNCED_WITHIN) {
-            files.sync()?;
+            files.sync_written_lines_to_disk()?;
             unsynced = None;
         }
     }

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 /// Those who wait, by client. The first client is the next.
 #[derive(Debug)]
-pub struct Fair<K, T> {
-    clients: VecDeque<Line<K, T>>,
+pub struct FairQueue<K, T> {
+    clients: VecDeque<ClientLine<K, T>>,
     waiting: usize,
     most: usize,
     last_ticket: u64,
@@ -14,21 +14,21 @@ pub struct Fair<K, T> {
 
 /// What one client waits for, the oldest first; never empty.
 #[derive(Debug)]
-struct Line<K, T> {
+struct ClientLine<K, T> {
     client: K,
     items: VecDeque<(u64, T)>,
 }
 
 /// Somebody who has got a place to wait.
 #[derive(Debug)]
-pub struct Joined<T> {
-    /// Names it for [`Fair::leave`].
+pub struct JoinedQueue<T> {
+    /// Names it for [`FairQueue::remove_by_ticket`].
     pub ticket: u64,
     /// Who had to go for it.
     pub pushed_out: Option<T>,
 }
 
-impl<K: Eq, T> Fair<K, T> {
+impl<K: Eq, T> FairQueue<K, T> {
     /// Nobody yet, and never more than `most`.
     #[must_use]
     pub const fn new(most: usize) -> Self {
@@ -37,7 +37,7 @@ impl<K: Eq, T> Fair<K, T> {
 
     /// How many wait.
     #[must_use]
-    pub const fn waiting(&self) -> usize {
+    pub const fn count_waiting(&self) -> usize {
         self.waiting
     }
 
@@ -48,7 +48,7 @@ impl<K: Eq, T> Fair<K, T> {
     ///
     /// # Errors
     /// The item, if its client has as many as any.
-    pub fn join(&mut self, client: K, item: T) -> Result<Joined<T>, T> {
+    pub fn join_queue_displacing_from_busiest_client(&mut self, client: K, item: T) -> Result<JoinedQueue<T>, T> {
         let mut pushed_out = None;
         if self.waiting >= self.most {
             let own = self.clients.iter().find(|line| line.client == client).map_or(0, |line| line.items.len());
@@ -64,14 +64,14 @@ impl<K: Eq, T> Fair<K, T> {
         let ticket = self.last_ticket;
         match self.clients.iter_mut().find(|line| line.client == client) {
             Some(line) => line.items.push_back((ticket, item)),
-            None => self.clients.push_back(Line { client, items: VecDeque::from([(ticket, item)]) }),
+            None => self.clients.push_back(ClientLine { client, items: VecDeque::from([(ticket, item)]) }),
         }
         self.waiting += 1;
-        Ok(Joined { ticket, pushed_out })
+        Ok(JoinedQueue { ticket, pushed_out })
     }
 
     /// Whose turn it is; its client is the last one after that.
-    pub fn next(&mut self) -> Option<T> {
+    pub fn take_item_of_next_client_in_turn(&mut self) -> Option<T> {
         let mut line = self.clients.pop_front()?;
         let (_, item) = line.items.pop_front()?;
         if !line.items.is_empty() {
@@ -82,8 +82,8 @@ impl<K: Eq, T> Fair<K, T> {
     }
 
     /// Waits no more; `None` if its turn has come, or it had to go, before.
-    pub fn leave(&mut self, ticket: u64) -> Option<T> {
-        let of = |line: &Line<K, T>| line.items.iter().position(|(known, _)| *known == ticket);
+    pub fn remove_by_ticket(&mut self, ticket: u64) -> Option<T> {
+        let of = |line: &ClientLine<K, T>| line.items.iter().position(|(known, _)| *known == ticket);
         let (client, place) = self.clients.iter().enumerate().find_map(|(at, line)| Some((at, of(line)?)))?;
         let line = self.clients.get_mut(client)?;
         let (_, item) = line.items.remove(place)?;
@@ -103,29 +103,34 @@ mod tests {
 
     #[test]
     fn one_request_waits_for_one_turn_of_each_other_client() {
-        let mut fair = Fair::new(64);
+        let mut fair = FairQueue::new(64);
         for n in 0..40 {
-            fair.join("many", n).unwrap();
+            fair.join_queue_displacing_from_busiest_client("many", n).unwrap();
         }
-        fair.join("few", 100).unwrap();
-        fair.join("one", 200).unwrap();
-        fair.join("few", 101).unwrap();
-        let turns: Vec<i32> = std::iter::from_fn(|| fair.next()).collect();
+        fair.join_queue_displacing_from_busiest_client("few", 100).unwrap();
+        fair.join_queue_displacing_from_busiest_client("one", 200).unwrap();
+        fair.join_queue_displacing_from_busiest_client("few", 101).unwrap();
+        let turns: Vec<i32> = std::iter::from_fn(|| fair.take_item_of_next_client_in_turn()).collect();
         assert_eq!(turns[..7], [0, 100, 200, 1, 101, 2, 3]);
-        assert_eq!((turns.len(), fair.waiting()), (43, 0));
+        assert_eq!((turns.len(), fair.count_waiting()), (43, 0));
     }
 
     #[test]
     fn who_has_the_most_goes_first_where_all_is_taken() {
-        let mut fair = Fair::new(6);
+        let mut fair = FairQueue::new(6);
         for n in 0..6 {
-            fair.join('a', n).unwrap();
+            fair.join_queue_displacing_from_busiest_client('a', n).unwrap();
         }
-        assert_eq!(fair.join('a', 6).unwrap_err(), 6, "alone it has them all, and no more");
-        let pushed: Vec<_> = (10..13).map(|n| fair.join('b', n).unwrap().pushed_out).collect();
+        assert_eq!(
+            fair.join_queue_displacing_from_busiest_client('a', 6).unwrap_err(),
+            6,
+            "alone it has them all, and no more"
+        );
+        let pushed: Vec<_> =
+            (10..13).map(|n| fair.join_queue_displacing_from_busiest_client('b', n).unwrap().pushed_out).collect();
         assert_eq!(pushed, [Some(5), Some(4), Some(3)]);
-        assert_eq!(fair.join('b', 13).unwrap_err(), 13, "three each");
-        assert!(fair.join('c', 20).unwrap().pushed_out.is_some());
+        assert_eq!(fair.join_queue_displacing_from_busiest_client('b', 13).unwrap_err(), 13, "three each");
+        assert!(fair.join_queue_displacing_from_busiest_client('c', 20).unwrap().pushed_out.is_some());
     }
 
     #[derive(Clone, Copy, Debug)]
@@ -192,30 +197,30 @@ mod tests {
     proptest! {
         #[test]
         fn it_does_as_the_model(steps in prop::collection::vec(step(), 0..120), most in 1..9_usize) {
-            let (mut fair, mut model) = (Fair::new(most), Model::default());
+            let (mut fair, mut model) = (FairQueue::new(most), Model::default());
             let mut tickets = Vec::new();
             for (item, step) in (0..).zip(steps) {
                 match step {
                     Step::Join(client) => {
                         let wanted = model.join(client, item, most);
-                        match fair.join(client, item) {
-                            Ok(Joined { ticket, pushed_out }) => {
+                        match fair.join_queue_displacing_from_busiest_client(client, item) {
+                            Ok(JoinedQueue { ticket, pushed_out }) => {
                                 prop_assert_eq!(wanted, Ok(pushed_out));
                                 tickets.push((ticket, item));
                             }
                             Err(refused) => prop_assert_eq!((wanted, refused), (Err(()), item)),
                         }
                     }
-                    Step::Next => prop_assert_eq!(fair.next(), model.next()),
+                    Step::Next => prop_assert_eq!(fair.take_item_of_next_client_in_turn(), model.next()),
                     Step::Leave(which) => {
                         let Some((ticket, item)) = tickets.get(usize::from(which) % tickets.len().max(1)).copied() else {
                             continue;
                         };
                         let at = model.waiting.iter().position(|(_, known)| *known == item);
-                        prop_assert_eq!(fair.leave(ticket), at.map(|at| model.take(at)));
+                        prop_assert_eq!(fair.remove_by_ticket(ticket), at.map(|at| model.take(at)));
                     }
                 }
-                prop_assert_eq!(fair.waiting(), model.waiting.len());
+                prop_assert_eq!(fair.count_waiting(), model.waiting.len());
             }
         }
     }

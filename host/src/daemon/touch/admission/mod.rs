@@ -3,11 +3,11 @@
 mod fair;
 mod places;
 
-use super::outcome::Told;
+use super::outcome::RequestOutcome;
 use crate::daemon::access::client::Client;
-use crate::daemon::api::problem::{Kind, Problem};
-pub use places::Place;
-use places::{Full, Places};
+use crate::daemon::api::problem::{Problem, ProblemKind};
+pub use places::HeldPlace;
+use places::{Places, QueueFull};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -40,11 +40,11 @@ pub struct Admission {
     by_hand: Arc<Places>,
     trades: Arc<Places>,
     refused: AtomicU64,
-    known: Mutex<VecDeque<Known>>,
+    known: Mutex<VecDeque<KnownRequest>>,
 }
 
 #[derive(Debug)]
-struct Known {
+struct KnownRequest {
     id: u64,
     /// Whose it is.
     client: Client,
@@ -76,29 +76,30 @@ impl Default for Admission {
 impl Admission {
     /// The number of a client's request that has just arrived: a later one is larger, whichever is planned first. Where as many are kept as may be, the
     /// oldest one of whoever has the most makes way.
-    pub fn arrived(&self, client: Client, name: Option<String>) -> u64 {
+    pub fn register_request(&self, client: Client, name: Option<String>) -> u64 {
         // Under the lock, so that the list is in the order of the numbers.
-        let mut known = self.known();
-        let id = self.number();
+        let mut known = self.lock_known_requests();
+        let id = self.allocate_request_number();
         if known.len() == KEPT {
             let mut counts: Vec<(Client, usize)> = Vec::new();
             for own in known.iter() {
-                match counts.iter_mut().find(|(client, _)| client.shares_names(&own.client)) {
+                match counts.iter_mut().find(|(client, _)| client.shares_request_names_with(&own.client)) {
                     Some((_, count)) => *count += 1,
                     None => counts.push((own.client, 1)),
                 }
             }
             let crowded = counts.into_iter().max_by_key(|(_, count)| *count);
-            let oldest = crowded.and_then(|(client, _)| known.iter().position(|own| own.client.shares_names(&client)));
+            let oldest = crowded
+                .and_then(|(client, _)| known.iter().position(|own| own.client.shares_request_names_with(&client)));
             oldest.and_then(|at| known.remove(at));
         }
-        known.push_back(Known { id, client, name, arrived: Instant::now(), outcome: None });
+        known.push_back(KnownRequest { id, client, name, arrived: Instant::now(), outcome: None });
         id
     }
 
     /// A number alone, for touches whose outcome their sender is told anyway: fingers that move would push all others out of
     /// what is kept.
-    pub fn number(&self) -> u64 {
+    pub fn allocate_request_number(&self) -> u64 {
         self.last_id.fetch_add(1, Ordering::Relaxed) + 1
     }
 
@@ -106,41 +107,52 @@ impl Admission {
     ///
     /// # Errors
     /// [`Problem`] with status 429: too many wait, and this client has as many of them as any.
-    pub async fn place(&self, client: Client) -> Result<Place, Problem> {
-        self.planner.take(client).await.map_err(|full| self.full(full, "wait for the planner", RETRY_MS))
+    pub async fn wait_for_planner_place_unless_queue_full(&self, client: Client) -> Result<HeldPlace, Problem> {
+        self.planner
+            .wait_for_place(client)
+            .await
+            .map_err(|full| self.count_refusal_and_build_queue_full_problem(full, "wait for the planner", RETRY_MS))
     }
 
     /// A place for a request to arm or to clear a fault, with turns as at the planner.
     ///
     /// # Errors
-    /// As [`Self::place`].
-    pub async fn place_by_hand(&self, client: Client) -> Result<Place, Problem> {
+    /// As [`Self::wait_for_planner_place_unless_queue_full`].
+    pub async fn wait_for_arm_or_clear_place_unless_queue_full(&self, client: Client) -> Result<HeldPlace, Problem> {
         let wait = "wait to arm or to clear a fault";
-        self.by_hand.take(client).await.map_err(|full| self.full(full, wait, BY_HAND_RETRY_MS))
+        self.by_hand
+            .wait_for_place(client)
+            .await
+            .map_err(|full| self.count_refusal_and_build_queue_full_problem(full, wait, BY_HAND_RETRY_MS))
     }
 
     /// A place for working out what can be had instead; `None` if too many wait.
-    pub async fn place_for_trade(&self, client: Client) -> Option<Place> {
-        self.trades.take(client).await.ok()
+    pub async fn wait_for_trade_place(&self, client: Client) -> Option<HeldPlace> {
+        self.trades.wait_for_place(client).await.ok()
     }
 
-    fn full(&self, Full { waiting }: Full, wait: &str, retry_ms: u64) -> Problem {
+    fn count_refusal_and_build_queue_full_problem(
+        &self,
+        QueueFull { waiting }: QueueFull,
+        awaited: &str,
+        retry_ms: u64,
+    ) -> Problem {
         self.refused.fetch_add(1, Ordering::Relaxed);
         let detail = format!(
-            "{waiting} requests {wait}, which is as many as may, and no client has more of them than this one; try again in \
-             {retry_ms} ms"
+            "{waiting} requests already {awaited}, which is the maximum, and no other client has more waiting requests than this \
+             client; try again in {retry_ms} ms"
         );
-        Problem::new(Kind::QueueFull, detail).retry(retry_ms, Some(waiting))
+        Problem::new(ProblemKind::QueueFull, detail).with_retry(retry_ms, Some(waiting))
     }
 
     /// Whether nobody plans.
-    pub fn is_idle(&self) -> bool {
-        self.planner.free() == AT_ONCE
+    pub fn is_planner_idle(&self) -> bool {
+        self.planner.count_free_places() == AT_ONCE
     }
 
     /// Keeps what became of a request.
-    pub fn done(&self, id: u64, result: Result<Value, Problem>) {
-        let mut known = self.known();
+    pub fn record_outcome(&self, id: u64, result: Result<Value, Problem>) {
+        let mut known = self.lock_known_requests();
         if let Some(known) = known.iter_mut().find(|known| known.id == id) {
             known.outcome = Some(Outcome { at: Instant::now(), result });
         }
@@ -151,19 +163,20 @@ impl Admission {
     ///
     /// # Errors
     /// [`Problem`] if nothing is.
-    pub fn told(&self, client: Client, key: &str) -> Result<Told, Problem> {
-        let known = self.known();
+    pub fn find_outcome(&self, client: Client, key: &str) -> Result<RequestOutcome, Problem> {
+        let known = self.lock_known_requests();
         // Of the ways to write a number its own only: `+3` and `03` are no names of the third.
         let id = key.parse().ok().filter(|id: &u64| id.to_string() == key);
-        let is_it = |known: &&Known| {
-            Some(known.id) == id || known.name.as_deref() == Some(key) && known.client.shares_names(&client)
+        let is_it = |known: &&KnownRequest| {
+            Some(known.id) == id
+                || known.name.as_deref() == Some(key) && known.client.shares_request_names_with(&client)
         };
         let Some(known) = known.iter().rev().find(is_it) else {
-            let detail = format!("no request {key:?} of this client is known; the last {KEPT} are kept");
-            return Err(Problem::new(Kind::NotFound, detail));
+            let detail = format!("this client has no request {key:?}; the daemon keeps the last {KEPT} requests");
+            return Err(Problem::new(ProblemKind::NotFound, detail));
         };
         let ms = |until: Instant| until.saturating_duration_since(known.arrived).as_secs_f64() * 1e3;
-        let mut told = Told {
+        let mut told = RequestOutcome {
             id: known.id,
             name: known.name.clone(),
             state: "waiting",
@@ -187,16 +200,16 @@ impl Admission {
     }
 
     /// How many wait for the planner.
-    pub fn waiting(&self) -> usize {
-        self.planner.waiting()
+    pub fn count_waiting_for_planner(&self) -> usize {
+        self.planner.count_waiting_requests()
     }
 
     /// How many were refused as too many waited.
-    pub fn refused(&self) -> u64 {
+    pub fn count_requests_refused_by_full_queue(&self) -> u64 {
         self.refused.load(Ordering::Relaxed)
     }
 
-    fn known(&self) -> MutexGuard<'_, VecDeque<Known>> {
+    fn lock_known_requests(&self) -> MutexGuard<'_, VecDeque<KnownRequest>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -215,7 +228,7 @@ mod tests {
     #[tokio::test]
     async fn more_than_the_planner_can_do_soon_are_sent_away() {
         let admission = Admission::default();
-        let place = || admission.place(Client::default());
+        let place = || admission.wait_for_planner_place_unless_queue_full(Client::default());
         let first = [place().await.unwrap(), place().await.unwrap()];
         let mut waiting: Vec<_> = (0..MOST_WAITING).map(|_| Box::pin(place())).collect();
         for place in &mut waiting {
@@ -224,50 +237,53 @@ mod tests {
         let refused = place().await.unwrap_err();
         let told = json!(refused);
         assert_eq!((refused.status().as_u16(), &told["depth"]), (429, &json!(MOST_WAITING)), "{told}");
-        assert!(told["retry_after_ms"].as_u64() > Some(0) && admission.refused() == 1, "{told}");
+        assert!(
+            told["retry_after_ms"].as_u64() > Some(0) && admission.count_requests_refused_by_full_queue() == 1,
+            "{told}"
+        );
         // First come, first served; who gives up leaves the queue.
         drop(waiting.pop());
         drop(first);
         assert!(is_ready(waiting[0].as_mut()));
         assert!(!is_ready(waiting[5].as_mut()));
         // One has gone, two had their turn, and the first of these has given its place to the next already.
-        assert_eq!(admission.waiting(), MOST_WAITING - 4);
+        assert_eq!(admission.count_waiting_for_planner(), MOST_WAITING - 4);
     }
 
     #[test]
     fn the_outcome_is_found_by_number_and_by_name() {
         let admission = Admission::default();
         let own = Client::default();
-        let (a, b) = (admission.arrived(own, Some("tap".into())), admission.arrived(own, None));
+        let (a, b) = (admission.register_request(own, Some("tap".into())), admission.register_request(own, None));
         assert!(b > a);
-        assert_eq!(admission.told(own, "tap").unwrap().state, "waiting");
-        admission.done(a, Ok(json!({"plan_id": a})));
-        admission.done(b, Err(Problem::body("no".into())));
+        assert_eq!(admission.find_outcome(own, "tap").unwrap().state, "waiting");
+        admission.record_outcome(a, Ok(json!({"plan_id": a})));
+        admission.record_outcome(b, Err(Problem::bad_body("no".into())));
         for key in ["tap", &a.to_string()] {
-            let told = json!(admission.told(own, key).unwrap());
+            let told = json!(admission.find_outcome(own, key).unwrap());
             assert_eq!(
                 (&told["id"], &told["answer"], &told["status"]),
                 (&json!(a), &json!({"plan_id": a}), &json!(200))
             );
         }
-        assert_eq!(json!(admission.told(own, &b.to_string()).unwrap())["problem"]["status"], 400);
+        assert_eq!(json!(admission.find_outcome(own, &b.to_string()).unwrap())["problem"]["status"], 400);
         for _ in 0..KEPT {
-            admission.arrived(own, None);
+            admission.register_request(own, None);
         }
-        assert_eq!(admission.told(own, "tap").unwrap_err().status().as_u16(), 404);
+        assert_eq!(admission.find_outcome(own, "tap").unwrap_err().status().as_u16(), 404);
     }
 
     #[test]
     fn a_name_is_its_clients_own_and_nobody_pushes_anothers_out() {
         let admission = Admission::default();
-        let (one, other) = (Client::numbered(1), Client::numbered(2));
-        let first = admission.arrived(one, Some("tap-1".into()));
-        assert_eq!(admission.told(other, "tap-1").unwrap_err().status().as_u16(), 404);
-        let second = admission.arrived(other, Some("tap-1".into()));
+        let (one, other) = (Client::with_token_number(1), Client::with_token_number(2));
+        let first = admission.register_request(one, Some("tap-1".into()));
+        assert_eq!(admission.find_outcome(other, "tap-1").unwrap_err().status().as_u16(), 404);
+        let second = admission.register_request(other, Some("tap-1".into()));
         for _ in 0..2 * KEPT {
-            admission.arrived(other, None);
+            admission.register_request(other, None);
         }
-        assert_eq!(admission.told(one, "tap-1").unwrap().id, first);
-        assert_eq!(admission.told(other, "tap-1").unwrap_err().status().as_u16(), 404, "{second} has made way");
+        assert_eq!(admission.find_outcome(one, "tap-1").unwrap().id, first);
+        assert_eq!(admission.find_outcome(other, "tap-1").unwrap_err().status().as_u16(), 404, "{second} has made way");
     }
 }

@@ -1,6 +1,6 @@
 //! Places at the planner, and those who wait for one.
 
-use super::fair::{Fair, Joined};
+use super::fair::{FairQueue, JoinedQueue};
 use crate::daemon::access::client::Client;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
@@ -13,16 +13,16 @@ pub struct Places(Mutex<State>);
 struct State {
     /// None of them while somebody waits.
     free: usize,
-    waiting: Fair<Client, oneshot::Sender<Place>>,
+    waiting: FairQueue<Client, oneshot::Sender<HeldPlace>>,
 }
 
 /// A place, for as long as it is held; then it is the next one's.
 #[derive(Debug)]
-pub struct Place(Option<Arc<Places>>);
+pub struct HeldPlace(Option<Arc<Places>>);
 
 /// As many wait as may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Full {
+pub struct QueueFull {
     /// How many.
     pub waiting: usize,
 }
@@ -31,79 +31,82 @@ impl Places {
     /// So many places, and so many who may wait for them.
     #[must_use]
     pub fn new(places: usize, most_waiting: usize) -> Arc<Self> {
-        Arc::new(Self(Mutex::new(State { free: places, waiting: Fair::new(most_waiting) })))
+        Arc::new(Self(Mutex::new(State { free: places, waiting: FairQueue::new(most_waiting) })))
     }
 
     /// A place, when it is the client's turn. Whoever drops this waits no more.
     ///
     /// # Errors
-    /// [`Full`], at once or when a client that has less comes.
-    pub async fn take(self: &Arc<Self>, client: Client) -> Result<Place, Full> {
+    /// [`QueueFull`], at once or when a client that has less comes.
+    pub async fn wait_for_place(self: &Arc<Self>, client: Client) -> Result<HeldPlace, QueueFull> {
         let (sender, place) = oneshot::channel();
-        let Joined { ticket, pushed_out } = {
-            let mut state = self.state();
+        let JoinedQueue { ticket, pushed_out } = {
+            let mut state = self.lock_state();
             if state.free > 0 {
                 state.free -= 1;
-                return Ok(Place(Some(Arc::clone(self))));
+                return Ok(HeldPlace(Some(Arc::clone(self))));
             }
-            let waiting = state.waiting.waiting();
-            state.waiting.join(client, sender).map_err(|_| Full { waiting })?
+            let waiting = state.waiting.count_waiting();
+            state
+                .waiting
+                .join_queue_displacing_from_busiest_client(client, sender)
+                .map_err(|_| QueueFull { waiting })?
         };
         // Who waits for it hears that it is gone.
         drop(pushed_out);
-        let _waits = Waits { places: self, ticket };
-        place.await.map_err(|_| Full { waiting: self.waiting() })
+        let _waits = LeaveOnDrop { places: self, ticket };
+        place.await.map_err(|_| QueueFull { waiting: self.count_waiting_requests() })
     }
 
     /// How many places nobody has.
-    pub fn free(&self) -> usize {
-        self.state().free
+    pub fn count_free_places(&self) -> usize {
+        self.lock_state().free
     }
 
     /// How many wait.
-    pub fn waiting(&self) -> usize {
-        self.state().waiting.waiting()
+    pub fn count_waiting_requests(&self) -> usize {
+        self.lock_state().waiting.count_waiting()
     }
 
     /// Gives a place to whoever is next, to nobody if nobody waits.
-    fn hand_on(self: &Arc<Self>) {
+    fn pass_on_or_free_released_place(self: &Arc<Self>) {
         loop {
             let next = {
-                let mut state = self.state();
-                let next = state.waiting.next();
+                let mut state = self.lock_state();
+                let next = state.waiting.take_item_of_next_client_in_turn();
                 state.free += usize::from(next.is_none());
                 next
             };
             let Some(next) = next else { return };
             // Not under the lock: what is sent to somebody who goes at that moment is dropped there, and comes here again.
-            let Err(mut back) = next.send(Place(Some(Arc::clone(self)))) else { return };
+            let Err(mut back) = next.send(HeldPlace(Some(Arc::clone(self)))) else { return };
             // It is still in hand.
             back.0 = None;
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn lock_state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Drop for Place {
+impl Drop for HeldPlace {
     fn drop(&mut self) {
         if let Some(places) = self.0.take() {
-            places.hand_on();
+            places.pass_on_or_free_released_place();
         }
     }
 }
 
 /// Takes whoever waits no more out of the queue.
-struct Waits<'a> {
+struct LeaveOnDrop<'a> {
     places: &'a Places,
     ticket: u64,
 }
 
-impl Drop for Waits<'_> {
+impl Drop for LeaveOnDrop<'_> {
     fn drop(&mut self) {
-        let gone = self.places.state().waiting.leave(self.ticket);
+        let gone = self.places.lock_state().waiting.remove_by_ticket(self.ticket);
         drop(gone);
     }
 }
@@ -147,17 +150,17 @@ mod tests {
     }
 
     struct Asking {
-        future: Pin<Box<dyn Future<Output = Result<Place, Full>>>>,
+        future: Pin<Box<dyn Future<Output = Result<HeldPlace, QueueFull>>>>,
         woken: Arc<Flag>,
     }
 
     impl Asking {
         fn new(places: &Arc<Places>, client: usize) -> Self {
-            let (places, client) = (Arc::clone(places), Client::numbered(client));
-            Self { future: Box::pin(async move { places.take(client).await }), woken: Arc::default() }
+            let (places, client) = (Arc::clone(places), Client::with_token_number(client));
+            Self { future: Box::pin(async move { places.wait_for_place(client).await }), woken: Arc::default() }
         }
 
-        fn poll(&mut self) -> Poll<Result<Place, Full>> {
+        fn poll(&mut self) -> Poll<Result<HeldPlace, QueueFull>> {
             self.woken.0.store(false, Ordering::SeqCst);
             self.future.as_mut().poll(&mut Context::from_waker(&Waker::from(Arc::clone(&self.woken))))
         }
@@ -172,8 +175,8 @@ mod tests {
         #[test]
         fn nobody_is_forgotten(steps in prop::collection::vec(step(), 0..80)) {
             let places = Places::new(PLACES, MOST);
-            let (mut asking, mut held) = (Vec::<Asking>::new(), Vec::<Place>::new());
-            let ready = |asked: &mut Asking, held: &mut Vec<Place>| match asked.poll() {
+            let (mut asking, mut held) = (Vec::<Asking>::new(), Vec::<HeldPlace>::new());
+            let ready = |asked: &mut Asking, held: &mut Vec<HeldPlace>| match asked.poll() {
                 Poll::Pending => false,
                 Poll::Ready(answer) => {
                     held.extend(answer);
@@ -199,9 +202,9 @@ mod tests {
                     Step::GiveBack(which) if !held.is_empty() => drop(held.remove(which % held.len())),
                     Step::HangUp(_) | Step::GiveBack(_) => {}
                 }
-                prop_assert!(held.len() <= PLACES && places.waiting() <= MOST);
+                prop_assert!(held.len() <= PLACES && places.count_waiting_requests() <= MOST);
                 let asleep = asking.iter().filter(|asked| !asked.is_woken()).count();
-                prop_assert_eq!(places.waiting(), asleep, "who waits, and nobody else, is in the queue");
+                prop_assert_eq!(places.count_waiting_requests(), asleep, "who waits, and nobody else, is in the queue");
             }
             while !asking.is_empty() {
                 held.clear();
@@ -211,8 +214,8 @@ mod tests {
                 prop_assert!(ready(&mut asked, &mut held));
             }
             held.clear();
-            let free = places.state().free;
-            prop_assert_eq!((free, places.waiting()), (PLACES, 0));
+            let free = places.lock_state().free;
+            prop_assert_eq!((free, places.count_waiting_requests()), (PLACES, 0));
         }
     }
 }

@@ -1,9 +1,12 @@
 //! Drives: their registers, and what their pins do while they change.
 
-use super::bench::Bench;
+use super::board::EmulatedBoard;
 use super::channels::CHANNELS;
-use super::expected::{code, programmed, registers, told, told_as_seen};
-use super::table::Table;
+use super::expected::{
+    compute_expected_registers, compute_expected_timer_program, compute_rail_dac_code, format_read_registers,
+    format_registers,
+};
+use super::table::ReportTable;
 use crate::error::Error;
 use era_shared::limits::GUARD_NANOSECONDS;
 use era_shared::protocol::{ChannelDrive, Reply};
@@ -11,21 +14,21 @@ use era_shared::waveform::Pulse;
 
 /// Two channels in step, two on their own, from slow to fast; two voltages, one for each rail.
 pub const FIRST: [ChannelDrive; 4] = [
-    drive(0, 200_000, 800_000, 0, 600_000),
-    drive(1, 200_000, 600_000, 250_000, 500_000),
-    drive(2, 61_500, 900_000, 0, 600_000),
-    drive(3, 1_000_000, 500_000, 100_000, 500_000),
+    make_drive(0, 200_000, 800_000, 0, 600_000),
+    make_drive(1, 200_000, 600_000, 250_000, 500_000),
+    make_drive(2, 61_500, 900_000, 0, 600_000),
+    make_drive(3, 1_000_000, 500_000, 100_000, 500_000),
 ];
 
 /// How long a change may take to reach the registers of all channels, in s: a soft start to 600 V takes 30 ms, a gap before
 /// a common phase three periods of the slowest.
 const SETTLED_S: f64 = 0.25;
 
-/// How many changes [`many_changes`] makes.
+/// How many changes [`check_rapid_changes`] makes.
 const CHANGES: usize = 40;
 
 /// One drive.
-pub const fn drive(
+pub const fn make_drive(
     channel: u8,
     frequency_millihertz: u32,
     pulse_width_ppm: u32,
@@ -39,57 +42,65 @@ pub const fn drive(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn change(
-    bench: &mut Bench,
-    table: &mut Table,
+pub fn check_drive_change(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
     name: &str,
     before: Option<&[ChannelDrive; 4]>,
     drives: &[ChannelDrive; 4],
 ) -> Result<(), Error> {
-    bench.follow_edges()?;
-    bench.edges.begin();
-    let began = bench.clock()?;
-    let refused = bench.drive(drives)?;
-    table.same(&format!("{name}: accepted"), "None", &format!("{refused:?}"));
-    bench.keep_alive(SETTLED_S)?;
-    bench.follow_edges()?;
-    let ended = bench.clock()?;
-    drives_in_force(bench, table, name, drives)?;
-    check_pulses(bench, table, name, (began, ended), &[before, Some(drives)])
+    board.update_pin_edges_until_now()?;
+    board.edges.forget_pulses();
+    let began = board.read_clock_cycles()?;
+    let refused = board.set_drives(drives)?;
+    table.add_comparison_row(&format!("{name}: accepted"), "None", &format!("{refused:?}"));
+    board.advance_time_with_keep_alives(SETTLED_S)?;
+    board.update_pin_edges_until_now()?;
+    let ended = board.read_clock_cycles()?;
+    check_registers_rails_and_phases(board, table, name, drives)?;
+    check_pulses(board, table, name, (began, ended), &[before, Some(drives)])
 }
 
 /// Registers, rails and phases with these drives.
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn drives_in_force(
-    bench: &mut Bench,
-    table: &mut Table,
+pub fn check_registers_rails_and_phases(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
     name: &str,
     drives: &[ChannelDrive; 4],
 ) -> Result<(), Error> {
-    for ((channel, drive), seen) in CHANNELS.into_iter().zip(drives).zip(bench.timers()?) {
-        let expected = told(channel, &registers(channel, Some(drive))?, true);
-        table.same(&format!("{name}: {}", channel.timer), &expected, &told_as_seen(channel, &seen));
+    for ((channel, drive), seen) in CHANNELS.into_iter().zip(drives).zip(board.read_timer_registers()?) {
+        let expected = format_registers(channel, &compute_expected_registers(channel, Some(drive))?, true);
+        table.add_comparison_row(
+            &format!("{name}: {}", channel.timer),
+            &expected,
+            &format_read_registers(channel, &seen),
+        );
     }
     let [one, two, ..] = drives;
-    let expected = format!("DAC {}/{}", code(one.voltage_millivolts), code(two.voltage_millivolts));
-    let [seen_one, seen_two] = bench.rails()?.rails;
-    table.same(&format!("{name}: rails"), &expected, &format!("DAC {seen_one}/{seen_two}"));
-    let (first, second) = (programmed(one)?, programmed(two)?);
+    let expected = format!(
+        "DAC {}/{}",
+        compute_rail_dac_code(one.voltage_millivolts),
+        compute_rail_dac_code(two.voltage_millivolts)
+    );
+    let [seen_one, seen_two] = board.read_set_points_and_rail_voltages()?.rails;
+    table.add_comparison_row(&format!("{name}: rails"), &expected, &format!("DAC {seen_one}/{seen_two}"));
+    let (first, second) = (compute_expected_timer_program(one)?, compute_expected_timer_program(two)?);
     if first.period_clocks() == second.period_clocks()
-        && let [track_one, track_two, ..] = &bench.edges.tracks
+        && let [track_one, track_two, ..] = &board.edges.tracks
         && let (Some((origin_one, divider, period)), Some((origin_two, _, other))) =
-            (track_one.lattice(), track_two.lattice())
+            (track_one.origin_tick_and_period_clocks(), track_two.origin_tick_and_period_clocks())
     {
-        table.same(&format!("{name}: clocks in a period"), &period.to_string(), &other.to_string());
+        table.add_comparison_row(&format!("{name}: clocks in a period"), &period.to_string(), &other.to_string());
         // Counter 1 minus counter 2 at any moment, in clocks; it should be the difference of their places at the origin.
         let seen = (origin_two + period - origin_one % period) % period;
         let wanted = (first.origin_clocks + period - second.origin_clocks % period) % period;
         let apart = seen.abs_diff(wanted);
         let error = apart.min(period - apart.min(period));
         let ticks = error as f64 / divider as f64;
-        table.row(
+        table.add_row(
             &format!("{name}: phase of 1 and 2"),
             "within 1 tick",
             &format!("{ticks:.2} ticks off"),
@@ -104,10 +115,14 @@ pub fn drives_in_force(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn many_changes(bench: &mut Bench, table: &mut Table, before: &[ChannelDrive; 4]) -> Result<(), Error> {
-    bench.follow_edges()?;
-    bench.edges.begin();
-    let began = bench.clock()?;
+pub fn check_rapid_changes(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    before: &[ChannelDrive; 4],
+) -> Result<(), Error> {
+    board.update_pin_edges_until_now()?;
+    board.edges.forget_pulses();
+    let began = board.read_clock_cycles()?;
     // Knuth's generator (MMIX): the same changes every time.
     let mut state = 1_u64;
     let mut random = |least: u32, most: u32| {
@@ -124,44 +139,45 @@ pub fn many_changes(bench: &mut Bench, table: &mut Table, before: &[ChannelDrive
             drive.pulse_width_ppm = random(50_000, 800_000);
             drive.phase_microturns = random(0, 999_999);
         }
-        if let Some(refusal) = bench.drive(&drives)? {
+        if let Some(refusal) = board.set_drives(&drives)? {
             return Err(Error::NoReply(format!("{drives:?}: {refusal:?}")));
         }
-        bench.run(f64::from(random(1, 40)) * 1e-3)?;
+        board.advance_time(f64::from(random(1, 40)) * 1e-3)?;
         sets.push(drives);
     }
-    bench.keep_alive(SETTLED_S)?;
-    bench.follow_edges()?;
-    let ended = bench.clock()?;
+    board.advance_time_with_keep_alives(SETTLED_S)?;
+    board.update_pin_edges_until_now()?;
+    let ended = board.read_clock_cycles()?;
     if let Some(last) = sets.last() {
-        drives_in_force(bench, table, "many changes", last)?;
+        check_registers_rails_and_phases(board, table, "many changes", last)?;
     }
     let sets: Vec<_> = sets.iter().map(Some).collect();
-    check_pulses(bench, table, "many changes", (began, ended), &sets)
+    check_pulses(board, table, "many changes", (began, ended), &sets)
 }
 
 /// Overlaps, guards and pulses that neither the drives before nor those after make.
 fn check_pulses(
-    bench: &mut Bench,
-    table: &mut Table,
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
     name: &str,
     (began, ended): (u64, u64),
     drives: &[Option<&[ChannelDrive; 4]>],
 ) -> Result<(), Error> {
-    let (overlap, guard, count) = bench.edges.total();
+    let (overlap, guard, count) = board.edges.overlap_least_guard_and_pulse_count();
     let mut odd = 0;
-    for (index, track) in bench.edges.tracks.iter().enumerate() {
+    for (index, track) in board.edges.tracks.iter().enumerate() {
         let mut widths = Vec::new();
         for drive in drives.iter().filter_map(|set| set.and_then(|set| set.get(index))) {
-            let program = programmed(drive)?;
+            let program = compute_expected_timer_program(drive)?;
             widths.push(u64::from(program.width) * u64::from(program.divider));
         }
-        let whole = merged(&track.pulses).into_iter().filter(|pulse| pulse.from > began && pulse.to < ended);
+        let whole =
+            merge_touching_pulses(&track.pulses).into_iter().filter(|pulse| pulse.from > began && pulse.to < ended);
         odd += whole.filter(|pulse| !widths.contains(&(pulse.to - pulse.from))).count();
     }
     let least = u64::from(GUARD_NANOSECONDS) * 170 / 1000;
     let microseconds = guard.map_or(f64::NAN, |clocks| clocks as f64 / 170.0);
-    table.row(
+    table.add_row(
         &format!("{name}: pins"),
         &format!("overlap 0, guard >= {} us, runts 0", GUARD_NANOSECONDS / 1000),
         &format!("overlap {overlap}, guard {microseconds:.1} us, runts {odd} of {count} pulses"),
@@ -171,7 +187,7 @@ fn check_pulses(
 }
 
 /// Pulses of which those that touch are one.
-pub fn merged(pulses: &[Pulse]) -> Vec<Pulse> {
+pub fn merge_touching_pulses(pulses: &[Pulse]) -> Vec<Pulse> {
     let mut whole: Vec<Pulse> = Vec::new();
     for pulse in pulses {
         match whole.last_mut() {
@@ -183,6 +199,6 @@ pub fn merged(pulses: &[Pulse]) -> Vec<Pulse> {
 }
 
 /// A row for a reply.
-pub fn show(seen: Reply, expected: Reply, table: &mut Table, name: &str) {
-    table.same(name, &format!("{expected:?}"), &format!("{seen:?}"));
+pub fn add_reply_row(seen: Reply, expected: Reply, table: &mut ReportTable, name: &str) {
+    table.add_comparison_row(name, &format!("{expected:?}"), &format!("{seen:?}"));
 }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 /// A change of what a timer's outputs do, from the bridge's op `history`.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Record {
+pub struct TimerChange {
     timer: String,
     /// When, in clocks since power-up.
     clock: u64,
@@ -24,8 +24,8 @@ pub struct Record {
     ccer: u32,
 }
 
-impl Record {
-    fn registers(&self) -> TimerRegisters {
+impl TimerChange {
+    fn timer_registers(&self) -> TimerRegisters {
         /// BDTR.MOE.
         const MOE: u32 = 1 << 15;
         TimerRegisters {
@@ -43,9 +43,9 @@ impl Record {
 
 /// One channel's pins.
 #[derive(Debug, Default)]
-pub struct Track {
-    current: Option<(Record, TimerModel)>,
-    /// What its pulses were like since the last [`Edges::begin`].
+pub struct ChannelPins {
+    current: Option<(TimerChange, TimerModel)>,
+    /// What its pulses were like since the last [`PinEdges::forget_pulses`].
     pub check: PulseCheck,
     /// Every pulse since then; one that was cut in two by the end of a look is told in two parts that touch.
     pub pulses: Vec<Pulse>,
@@ -53,21 +53,21 @@ pub struct Track {
     pub off_since: Option<u64>,
 }
 
-impl Track {
+impl ChannelPins {
     /// Origin of the counting and clocks in a tick and in a period, of the registers that count now.
-    pub fn lattice(&self) -> Option<(u64, u64, u64)> {
+    pub fn origin_tick_and_period_clocks(&self) -> Option<(u64, u64, u64)> {
         let (record, _) = self.current.as_ref()?;
         let divider = u64::from(record.psc) + 1;
         Some((record.origin, divider, divider * (u64::from(record.arr) + 1)))
     }
 
-    fn run(&mut self, until: u64) -> Result<(), Error> {
+    fn record_pulses_until(&mut self, until_clock: u64) -> Result<(), Error> {
         let Some((record, model)) = &mut self.current else { return Ok(()) };
         if !record.outputs {
             return Ok(());
         }
         let (check, pulses, from) = (&mut self.check, &mut self.pulses, record.clock);
-        let told = model.run_until(until, |pulse| {
+        let told = model.run_until(until_clock, |pulse| {
             // The outputs were not yet connected in what lies before.
             let pulse = Pulse { from: pulse.from.max(from), ..pulse };
             if pulse.from < pulse.to {
@@ -78,38 +78,38 @@ impl Track {
         told.map_err(|error| Error::NoReply(format!("windows of {}: {error:?}", record.timer)))
     }
 
-    fn change(&mut self, record: &Record) -> Result<(), Error> {
-        self.run(record.clock)?;
-        self.off_since = if record.outputs { None } else { Some(self.off_since.unwrap_or(record.clock)) };
-        self.current = Some((record.clone(), TimerModel::new(record.registers(), record.origin)));
+    fn apply_timer_change(&mut self, change: &TimerChange) -> Result<(), Error> {
+        self.record_pulses_until(change.clock)?;
+        self.off_since = if change.outputs { None } else { Some(self.off_since.unwrap_or(change.clock)) };
+        self.current = Some((change.clone(), TimerModel::new(change.timer_registers(), change.origin)));
         Ok(())
     }
 }
 
 /// All channels.
 #[derive(Debug, Default)]
-pub struct Edges {
+pub struct PinEdges {
     /// In the order of the channels.
-    pub tracks: [Track; 4],
+    pub tracks: [ChannelPins; 4],
 }
 
-impl Edges {
-    /// Takes note of changes, and of what happened up to `now`.
+impl PinEdges {
+    /// Takes note of changes, and of what happened up to `now_clock`.
     ///
     /// # Errors
     /// [`Error::NoReply`] if registers made something else than windows.
-    pub fn follow(&mut self, records: &[Record], now: u64) -> Result<(), Error> {
-        for record in records {
+    pub fn apply_timer_changes(&mut self, changes: &[TimerChange], now_clock: u64) -> Result<(), Error> {
+        for record in changes {
             let place = CHANNELS.iter().position(|channel| channel.timer == record.timer);
             if let Some(track) = place.and_then(|place| self.tracks.get_mut(place)) {
-                track.change(record)?;
+                track.apply_timer_change(record)?;
             }
         }
-        self.tracks.iter_mut().try_for_each(|track| track.run(now))
+        self.tracks.iter_mut().try_for_each(|track| track.record_pulses_until(now_clock))
     }
 
     /// Forgets the pulses so far.
-    pub fn begin(&mut self) {
+    pub fn forget_pulses(&mut self) {
         for track in &mut self.tracks {
             track.check = PulseCheck::default();
             track.pulses.clear();
@@ -117,12 +117,12 @@ impl Edges {
     }
 
     /// When the last of the outputs went off, if all are off.
-    pub fn all_off_since(&self) -> Option<u64> {
+    pub fn all_off_since_clock(&self) -> Option<u64> {
         self.tracks.iter().map(|track| track.off_since).try_fold(0, |latest, off| off.map(|off| latest.max(off)))
     }
 
     /// Overlap, least guard and number of pulses over all channels.
-    pub fn total(&self) -> (u64, Option<u64>, u64) {
+    pub fn overlap_least_guard_and_pulse_count(&self) -> (u64, Option<u64>, u64) {
         let checks = || self.tracks.iter().map(|track| &track.check);
         (
             checks().map(|check| check.overlap).sum(),
@@ -133,7 +133,7 @@ impl Edges {
 }
 
 /// Whether electrode A or B, as a letter.
-pub fn letter(electrode: Electrode) -> char {
+pub fn electrode_letter(electrode: Electrode) -> char {
     match electrode {
         Electrode::A => 'A',
         Electrode::B => 'B',

@@ -8,13 +8,13 @@ const EXPECTED: usize = 62;
 
 /// Rows so far, printed as they come, and figures for the end.
 #[derive(Debug)]
-pub struct Table {
+pub struct ReportTable {
     rows: usize,
     wrong: Vec<String>,
     figures: Vec<(String, String)>,
 }
 
-impl Table {
+impl ReportTable {
     /// Prints the head.
     pub fn new() -> Self {
         println!("{:<STEP$} | {:<EXPECTED$} | seen | ", "step", "expected");
@@ -22,24 +22,24 @@ impl Table {
     }
 
     /// One row that is right if both columns are the same.
-    pub fn same(&mut self, step: &str, expected: &str, seen: &str) {
-        self.row(step, expected, seen, expected == seen);
+    pub fn add_comparison_row(&mut self, step: &str, expected: &str, seen: &str) {
+        self.add_row(step, expected, seen, expected == seen);
     }
 
     /// One row.
-    pub fn row(&mut self, step: &str, expected: &str, seen: &str, right: bool) {
+    pub fn add_row(&mut self, step: &str, expected: &str, seen: &str, is_right: bool) {
         self.rows += 1;
-        let verdict = if right { "ok" } else { "WRONG" };
+        let verdict = if is_right { "ok" } else { "WRONG" };
         println!("{step:<STEP$} | {expected:<EXPECTED$} | {seen} | {verdict}");
-        if !right {
+        if !is_right {
             self.wrong.push(step.to_owned());
         }
     }
 
     /// A step that must not take longer than `limit_ms`.
-    pub fn within(&mut self, step: &str, limit_ms: f64, seen_ms: Option<f64>) {
+    pub fn add_time_limit_row(&mut self, step: &str, limit_ms: f64, seen_ms: Option<f64>) {
         let seen = seen_ms.map_or("never".to_owned(), |ms| format!("{ms:.3} ms"));
-        self.row(
+        self.add_row(
             step,
             &format!("within {limit_ms} ms"),
             &seen,
@@ -48,28 +48,32 @@ impl Table {
     }
 
     /// A step that must take from `least_ms` to `limit_ms`.
-    pub fn between(&mut self, step: &str, least_ms: f64, limit_ms: f64, seen_ms: Option<f64>) {
+    pub fn add_time_range_row(&mut self, step: &str, least_ms: f64, limit_ms: f64, seen_ms: Option<f64>) {
         let seen = seen_ms.map_or("never".to_owned(), |ms| format!("{ms:.3} ms"));
         let right = seen_ms.is_some_and(|ms| (least_ms..=limit_ms).contains(&ms));
-        self.row(step, &format!("{least_ms} to {limit_ms} ms"), &seen, right);
+        self.add_row(step, &format!("{least_ms} to {limit_ms} ms"), &seen, right);
     }
 
     /// A part of the report that is wrong as a whole if it cannot be carried out; whether it could.
-    pub fn part(&mut self, name: &str, work: impl FnOnce(&mut Self) -> Result<(), Error>) -> bool {
+    pub fn run_part_adding_row_on_error(
+        &mut self,
+        name: &str,
+        work: impl FnOnce(&mut Self) -> Result<(), Error>,
+    ) -> bool {
         let result = work(self);
         if let Err(error) = &result {
-            self.row(name, "carried out", &error.to_string(), false);
+            self.add_row(name, "carried out", &error.to_string(), false);
         }
         result.is_ok()
     }
 
     /// A figure for the end.
-    pub fn figure(&mut self, name: &str, value: String) {
+    pub fn add_figure(&mut self, name: &str, value: String) {
         self.figures.push((name.to_owned(), value));
     }
 
     /// Prints the figures and what was wrong.
-    pub fn summary(&self) {
+    pub fn print_figures_and_wrong_rows(&self) {
         println!();
         for (name, value) in &self.figures {
             println!("{name:<60} {value}");
@@ -81,7 +85,7 @@ impl Table {
     }
 
     /// How many rows are wrong.
-    pub fn wrong(&self) -> usize {
+    pub fn count_wrong_rows(&self) -> usize {
         self.wrong.len()
     }
 }

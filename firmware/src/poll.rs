@@ -1,0 +1,17 @@
+//! Waiting for a condition, for a limited time.
+
+use embassy_time::{Duration, Instant};
+
+/// Whether `condition` becomes true within `limit`. It is evaluated at least twice, the last time after the limit.
+pub fn poll_within(limit: Duration, mut condition: impl FnMut() -> bool) -> bool {
+    let end = Instant::now() + limit;
+    loop {
+        let is_over = Instant::now() > end;
+        if condition() {
+            return true;
+        }
+        if is_over {
+            return false;
+        }
+    }
+}

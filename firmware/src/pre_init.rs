@@ -1,0 +1,41 @@
+//! What runs before the start-up code has set up memory.
+//!
+//! * The first write to SRAM after a reset may be lost (errata sheet ES0430; its text was not at hand). One that nobody needs comes first: the
+//!   start-up code's own first write is a return address.
+//! * Memory that keeps notes over a reset (`.uninit`) holds anything at all after power-on. Where the option byte SRAM_PE has turned parity on,
+//!   reading a word that was never written is an NMI, which would be noted, and end in a reset, for ever. So it is written first there; a dip
+//!   of the supply is then not told from a rest. Parity covers the first 32 KiB of SRAM1 and the CCM SRAM (RM0440, section 2.4).
+
+use core::arch::global_asm;
+
+// RCC_CSR is in RM0440, section 7.4.31, with BORRSTF in bit 27; FLASH_OPTR in 3.7.8, with SRAM_PE in bit 24, 1 = no parity.
+global_asm!(
+    ".section .text.era_pre_init, \"ax\", %progbits",
+    ".p2align 2",
+    ".thumb_func",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    "__pre_init:",
+    "    movs r0, #0",
+    "    str r0, [sp, #-8]",
+    "    dsb",
+    "    ldr r1, =0x40021094", // RCC_CSR
+    "    ldr r1, [r1]",
+    "    lsls r1, r1, #4", // BORRSTF
+    "    bpl 2f",
+    "    ldr r1, =0x40022020", // FLASH_OPTR
+    "    ldr r1, [r1]",
+    "    lsls r1, r1, #7", // SRAM_PE
+    "    bmi 2f",
+    "    ldr r1, =__suninit",
+    "    ldr r2, =__euninit",
+    "1:  cmp r1, r2",
+    "    bhs 2f",
+    "    str r0, [r1]",
+    "    adds r1, #4",
+    "    b 1b",
+    "2:  bx lr",
+    "    .ltorg",
+    ".size __pre_init, . - __pre_init",
+    ".text",
+);

@@ -1,0 +1,518 @@
+//! The steps from a wished peak to windows: forces of slots, voltages of rails, widths, corrections.
+
+use super::felt::{SAMPLE_S, felt_motion_from_means};
+use super::measures::measure_click;
+use super::motion::{WindowMotion, simulate_windows};
+use super::options::{ClickOptions, Preference};
+use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SlotForce};
+use super::realise::{
+    SLOT_S, TICK_S, WIDEST_S, find_window_width_s, integrate_squared_voltage_of_window_s, narrowest_window_s,
+    place_window_in_slot_s,
+};
+use super::slots::SlotResponses;
+use super::window::{ClickWindow, LEAD_S};
+use crate::PlanTable;
+use crate::physics::limits::{Electrodes, Limit, MAX_SOFTENING_FRACTION, max_mean_supply_current_a};
+use crate::physics::rise::PanelPoles;
+use crate::scene::{ChargingTimes, MAX_ACTUATORS};
+use era_shared::circuit::{BLEEDER_OHMS, ELECTRODE_PICOFARADS};
+use era_shared::limits::{MAX_RAIL_MILLIVOLTS, OVER_CURRENT_AFTER_MS};
+use era_shared::supply::{RAILS, rail_index_of_channel};
+use era_shared::waveform::{Electrode, MAX_WINDOWS};
+use nalgebra::DVector;
+
+/// Samples of a slot.
+pub const SLOT_SAMPLES: usize = 4;
+/// From when on a click is to be quiet if it can be, in s.
+const SOON_QUIET_S: f64 = 0.030;
+/// Part of the peak asked for that a click has to reach to be taken as it is.
+const STRONG_ENOUGH: f64 = 0.8;
+/// Times in s at which the peak may come, the best first: later it is felt as late.
+const PEAKS_S: [f64; 2] = [0.012, 0.0145];
+/// Parts of the peak that may be left on the panel and on panels off it; windows and rounding take what is left to a tenth and a fifth.
+const CRISP: [f64; 2] = [0.085, 0.15];
+/// The same where a crisp click is too weak and strength is preferred, one after the other.
+const LESS_CRISP: [[f64; 2]; 2] = [[0.4, 0.6], [1.0, 1.1]];
+/// Part of the motion's peak before it is quiet, on the panel and on panels off it.
+const BEFORE: [f64; 2] = [1.0, 1.1];
+/// Part of the peak that is as good as all of it.
+const WHOLE: f64 = 0.999;
+/// The same of what windows really make.
+const NEARLY_WHOLE: f64 = 0.96;
+/// Part of an actuator's force that is all of it.
+const FULL: f64 = 0.95;
+/// How many times as much force as needed windows may have.
+const SPARE_FORCE: f64 = 1.7;
+/// Times that slots are made dearer that have little force.
+const REWEIGHTED: usize = 2;
+/// Before the time asked for, in s, a click is to be quiet: the burst's lead, and what the motion takes from one sample to the next.
+const SPARE_S: f64 = 1.5e-3;
+/// Latest peak of a crisp click in s.
+const LATEST_PEAK_S: f64 = 15.0e-3;
+/// Rounds of correction by what windows really do.
+const CORRECTIONS: usize = 3;
+/// Room that windows keep for corrections, as a part of their force.
+const ROOM: f64 = 0.06;
+/// Part of the travel that may be used: a rail that is 5 % above its set-point makes a tenth more force.
+const USED_TRAVEL: f64 = 0.90;
+/// Least part of the wished peak that a click has: a place that does not move is no click.
+const LEAST_CLICK: f64 = 0.05;
+/// Least peak in m/s^2 that counts as a motion: a ten-thousandth of what is felt at best.
+const MOVED: f64 = 1e-6;
+/// Least voltage in V of a rail that is used: a board does not discharge rails below 60 V, and its self-test leaves them at 50 V.
+const LEAST_RAIL_V: f64 = 100.0;
+
+/// Highest voltage in V of an actuator's windows, and what sets it: the scene's, the board's, what the gap holds that press and travel have closed,
+/// and what leaves the mass enough of its stiffness, windows following each other.
+#[must_use]
+pub fn find_highest_window_voltage_v(table: &PlanTable, actuator: usize) -> (f64, Limit) {
+    let Some(electrodes) = table.electrodes.get(actuator) else { return (0.0, Limit::Voltage) };
+    let own = electrodes.max_voltage_v.min(f64::from(MAX_RAIL_MILLIVOLTS) / 1e3);
+    let held = electrodes.max_voltage_of_remaining_gap_v(electrodes.max_travel_m());
+    let receptance = table.static_receptance.get(actuator).and_then(|row| row.get(actuator)).copied().unwrap_or(0.0);
+    let counted = table.scene.actuators.get(actuator).map_or(0.0, crate::scene::Actuator::softening_n_per_m);
+    // Per V^2: 2 k / g for the part of the time in which windows are on.
+    let softening = 2.0 * electrodes.force_at_rest_n_per_v2() / electrodes.gap_m * WIDEST_S / SLOT_S
+        * electrodes.press_softening_ratio();
+    let left = if receptance > 0.0 { MAX_SOFTENING_FRACTION / receptance } else { f64::INFINITY };
+    let pulled_in = ((left + counted) / softening).sqrt();
+    [(own, Limit::Voltage), (held, Limit::Breakdown), (pulled_in, Limit::PullIn)]
+        .into_iter()
+        .fold((f64::INFINITY, Limit::Voltage), |least, now| if now.0 < least.0 { now } else { least })
+}
+
+/// An actuator as clicks use it.
+#[derive(Clone, Copy, Debug)]
+pub struct ClickActuator {
+    pub charging: ChargingTimes,
+    /// Highest voltage of its windows, by its rail, what sets it, and of which actuator.
+    pub highest_v: f64,
+    pub limit: Limit,
+    pub limited_by: usize,
+    /// Force in N of an electrode at that voltage, the mass at rest.
+    pub plateau_n: f64,
+    /// Mean force over a slot of the widest window.
+    pub full_n: f64,
+    /// Least part of that which a window makes.
+    pub least_part: f64,
+}
+
+impl ClickActuator {
+    pub fn new(table: &PlanTable, actuator: usize, electrodes: &Electrodes) -> Self {
+        let rail = rail_index_of_channel(actuator);
+        let on_rail = (0..table.electrodes.len()).filter(|other| rail_index_of_channel(*other) == rail);
+        let each = on_rail.map(|other| (find_highest_window_voltage_v(table, other), other));
+        let lowest = each.min_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        let ((highest_v, limit), limited_by) = lowest.unwrap_or(((0.0, Limit::Voltage), actuator));
+        let highest_v = highest_v.max(0.0);
+        let plateau_n = electrodes.force_at_rest_n_per_v2() * highest_v * highest_v;
+        let charging = electrodes.charging;
+        let widest_s = integrate_squared_voltage_of_window_s(charging, WIDEST_S);
+        Self {
+            charging,
+            highest_v,
+            limit,
+            limited_by,
+            plateau_n,
+            full_n: plateau_n * widest_s / SLOT_S,
+            least_part: integrate_squared_voltage_of_window_s(charging, narrowest_window_s()) / widest_s,
+        }
+    }
+}
+
+/// A click before its figures are read.
+#[derive(Clone, Debug)]
+pub struct BuiltClick {
+    /// From the first slot's beginning.
+    pub windows: Vec<ClickWindow>,
+    pub motion: WindowMotion,
+    /// Actuators that are used in full, and what keeps them from more.
+    pub saturated: Vec<(usize, Limit)>,
+    pub lacks_current: bool,
+}
+
+/// Forces of slots, the peak in m/s^2 that they are for, and the part of it that they make.
+struct ChosenPushes {
+    pushes: Vec<SlotPush>,
+    reachable: f64,
+    peak: f64,
+}
+
+/// A click, and what it is.
+#[derive(Clone, Debug)]
+struct JudgedClick {
+    built: BuiltClick,
+    is_crisp: bool,
+    /// As a part of what is asked for.
+    peak: f64,
+}
+
+impl JudgedClick {
+    /// The crisp one of two, or the stronger one of two that are alike.
+    fn or_better(self, other: &Self) -> Self {
+        let is_better = (other.is_crisp, other.peak.min(1.0)) > (self.is_crisp, self.peak.min(1.0));
+        if is_better { other.clone() } else { self }
+    }
+}
+
+/// A force of a slot that becomes a window: as a part of the actuator's full one at its rail's voltage.
+#[derive(Clone, Copy, Debug)]
+struct SlotPush {
+    actuator: usize,
+    slot: usize,
+    is_positive: bool,
+    part: f64,
+}
+
+pub struct ClickDesigner<'a> {
+    pub table: &'a PlanTable,
+    pub poles: &'a PanelPoles,
+    pub shape: &'a DVector<f64>,
+    pub panels: &'a [SlotResponses],
+    pub actuators: &'a [ClickActuator],
+    pub options: ClickOptions,
+}
+
+impl ClickDesigner<'_> {
+    /// The first click of those tried that is what was asked for, or the best of them.
+    pub fn design_for_peak(&self, asked: f64) -> Option<BuiltClick> {
+        if asked <= 0.0 {
+            return Some(self.build(&[], &[0.0; RAILS], (Vec::new(), false)));
+        }
+        let crisp_s = self.options.crisp_s;
+        let soon_s = SOON_QUIET_S.min(crisp_s - SPARE_S);
+        let crisp_rungs = [(soon_s, &PEAKS_S[..1]), (crisp_s - SPARE_S, &PEAKS_S[..])];
+        let mut best: Option<JudgedClick> = None;
+        for (quiet_s, peaks_s) in crisp_rungs {
+            for peak_s in peaks_s {
+                let Some(found) = self.design_for_times(asked, *peak_s, quiet_s, CRISP) else { continue };
+                if found.is_crisp && found.peak >= NEARLY_WHOLE {
+                    return Some(found.built);
+                }
+                best = Some(best.map_or_else(|| found.clone(), |best| best.or_better(&found)));
+            }
+            if best.as_ref().is_some_and(|best| best.is_crisp && best.peak >= STRONG_ENOUGH) {
+                return best.map(|best| best.built);
+            }
+        }
+        if self.options.preference == Preference::Crispness && best.as_ref().is_some_and(|best| best.is_crisp) {
+            return best.map(|best| best.built);
+        }
+        for after in LESS_CRISP {
+            let found = self.design_for_times(asked, PEAKS_S[0], crisp_s - SPARE_S, after);
+            if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.peak > best.peak)) {
+                best = Some(found);
+            }
+            if best.as_ref().is_some_and(|best| best.peak >= STRONG_ENOUGH) {
+                break;
+            }
+        }
+        best.map(|best| best.built)
+    }
+
+    /// A click with these times, or the strongest that there is with them.
+    fn design_for_times(&self, asked: f64, peak_s: f64, quiet_s: f64, after: [f64; 2]) -> Option<JudgedClick> {
+        if peak_s >= quiet_s {
+            return None;
+        }
+        let bounds = MotionBounds {
+            peak_sample: time_to_sample(peak_s),
+            quiet_sample: time_to_sample(quiet_s),
+            before: BEFORE,
+            after,
+        };
+        let ChosenPushes { pushes, reachable, peak } = self.choose_pushes(asked, bounds)?;
+        let rails = self.choose_rail_voltages(&pushes);
+        let chosen = pushes;
+        let mut pushes = self.express_at_rail_voltages(&chosen, &rails);
+        let lacks_current = self.drop_pushes_beyond_board(&mut pushes, &rails);
+        let is_short = reachable < asked || peak < WHOLE;
+        let saturated = if is_short { self.list_actuators_at_full_force(&chosen) } else { Vec::new() };
+        // From here on what can be reached is what is asked for.
+        let wished = asked;
+        let asked = reachable;
+        let mut best: Option<(f64, JudgedClick)> = None;
+        for round in 0..=CORRECTIONS {
+            let built = self.build(&pushes, &rails, (saturated.clone(), lacks_current));
+            let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
+            let felt = felt_motion_from_means(means);
+            let measures = measure_click(&felt);
+            let coarse: Vec<f64> = felt.into_iter().step_by(4).collect();
+            let excess = worst_excess(&coarse, bounds, asked * peak);
+            if best.as_ref().is_none_or(|(least, _)| excess < *least) {
+                let is_quiet = measures.quiet_s.is_some_and(|quiet_s| quiet_s + LEAD_S <= self.options.crisp_s);
+                let is_in_time = measures.peak_s + LEAD_S <= LATEST_PEAK_S;
+                let is_crisp = is_quiet && is_in_time && measures.peak >= LEAST_CLICK * asked;
+                best = Some((excess, JudgedClick { built, is_crisp, peak: measures.peak / wished }));
+            }
+            if excess <= 0.0 || round == CORRECTIONS {
+                break;
+            }
+            let Some(corrected) = self.correct_pushes(&pushes, &rails, &coarse, bounds, (asked, peak)) else { break };
+            pushes = corrected;
+        }
+        best.map(|(_, judged)| judged)
+    }
+
+    /// Forces of slots in parts of each actuator's full one, and the peak as a part of what is asked for. They come from forces that are not
+    /// much larger than needed, so that windows are wide, and from few slots, so that none is too weak for a window.
+    fn choose_pushes(&self, asked: f64, bounds: MotionBounds) -> Option<ChosenPushes> {
+        // In m/s^2: a programme whose peak is small beside what is asked for has no digits left.
+        let strongest = self.solve_for_bounds(1.0, bounds, 1.0, |_, _| 1.0, true)?.1;
+        if strongest < MOVED {
+            return Some(ChosenPushes { pushes: Vec::new(), reachable: asked, peak: 0.0 });
+        }
+        let asked = asked.min(strongest);
+        let scale = (SPARE_FORCE * asked / strongest).min(1.0);
+        let (mut pushes, mut peak) = self.solve_for_bounds(asked, bounds, scale, |_, _| 1.0, false)?;
+        for _ in 0..REWEIGHTED {
+            let is_weak = |push: &SlotPush| {
+                self.actuators.get(push.actuator).is_some_and(|own| push.part < own.least_part * scale)
+            };
+            // Where all force is needed there is none to move to other slots.
+            if peak < WHOLE || pushes.len() <= MAX_WINDOWS && !pushes.iter().any(is_weak) {
+                break;
+            }
+            let cost = |actuator: usize, slot: usize| {
+                let own = pushes.iter().find(|push| push.actuator == actuator && push.slot == slot);
+                1.0 / (own.map_or(0.0, |own| own.part) / scale + 0.1)
+            };
+            let again = self.solve_for_bounds(asked, bounds, scale, cost, false)?;
+            if again.1 < peak * WHOLE {
+                break;
+            }
+            (pushes, peak) = again;
+        }
+        Some(ChosenPushes { pushes, reachable: asked, peak })
+    }
+
+    /// Actuators that a click uses in full, with what keeps them from more; all of those that have a force if none is.
+    fn list_actuators_at_full_force(&self, pushes: &[SlotPush]) -> Vec<(usize, Limit)> {
+        let uses = |least: f64| -> Vec<(usize, Limit)> {
+            let used = |actuator: usize| pushes.iter().any(|push| push.actuator == actuator && push.part >= least);
+            let own = self.actuators.iter().enumerate().filter(|(actuator, _)| used(*actuator));
+            own.map(|(_, own)| (own.limited_by, own.limit)).collect()
+        };
+        let full = uses(FULL);
+        if full.is_empty() { uses(0.0) } else { full }
+    }
+
+    /// Solves for forces up to `scale` of the full ones, at these costs of slots: the least, or, with `largest`, those of the largest peak.
+    fn solve_for_bounds(
+        &self,
+        asked: f64,
+        bounds: MotionBounds,
+        scale: f64,
+        cost: impl Fn(usize, usize) -> f64,
+        largest: bool,
+    ) -> Option<(Vec<SlotPush>, f64)> {
+        let slots = (bounds.quiet_sample / SLOT_SAMPLES).saturating_sub(2);
+        let mut forces = Vec::with_capacity(2 * slots * self.actuators.len());
+        for (actuator, own) in self.actuators.iter().enumerate() {
+            for slot in 0..slots {
+                let cost = if largest { 0.0 } else { cost(actuator, slot) };
+                for force_n in [own.full_n * scale, -own.full_n * scale] {
+                    forces.push(SlotForce { actuator, slot, force_n, bounds: (0.0, 1.0), cost });
+                }
+            }
+        }
+        let panels = if largest { self.panels.get(..1)? } else { self.panels };
+        let program = ForceProgram { panels, forces, bounds, asked, besides: &[] };
+        let solved = if largest { program.find_largest_peak()? } else { program.find_least_forces_for_peak()? };
+        let pushes = program.forces.iter().zip(&solved.values).filter(|(_, value)| **value > 1e-6);
+        let pushes = pushes.map(|(force, value)| SlotPush {
+            actuator: force.actuator,
+            slot: force.slot,
+            is_positive: force.force_n > 0.0,
+            part: *value * scale,
+        });
+        Some((pushes.collect(), solved.goal))
+    }
+
+    /// The least voltages at which the pushes fit their slots, with some room.
+    fn choose_rail_voltages(&self, pushes: &[SlotPush]) -> [f64; RAILS] {
+        let mut rails = [0.0; RAILS];
+        for (rail, voltage_v) in rails.iter_mut().enumerate() {
+            let on_rail = pushes.iter().filter(|push| rail_index_of_channel(push.actuator) == rail);
+            let most = on_rail.map(|push| push.part).fold(0.0, f64::max);
+            let highest = (0..self.actuators.len()).filter(|i| rail_index_of_channel(*i) == rail);
+            let highest_v = highest.filter_map(|i| self.actuators.get(i)).map(|own| own.highest_v).fold(0.0, f64::max);
+            // Rails are set in whole volts, rounded up where there is room.
+            if most > 0.0 {
+                *voltage_v =
+                    (highest_v * (most * (1.0 + ROOM)).min(1.0).sqrt()).ceil().max(LEAST_RAIL_V).min(highest_v);
+            }
+        }
+        rails
+    }
+
+    /// The pushes as parts of the full force at the rails' voltages; what no window can make is left out or made as small as it can be.
+    fn express_at_rail_voltages(&self, pushes: &[SlotPush], rails: &[f64; RAILS]) -> Vec<SlotPush> {
+        let express = |push: &SlotPush| {
+            let own = self.actuators.get(push.actuator)?;
+            let scale = (rails.get(rail_index_of_channel(push.actuator))? / own.highest_v).powi(2);
+            let part = if scale > 0.0 { push.part / scale } else { 0.0 };
+            (part >= 0.5 * own.least_part).then(|| SlotPush { part: part.clamp(own.least_part, 1.0), ..*push })
+        };
+        let expressed: Vec<SlotPush> = pushes.iter().filter_map(express).collect();
+        if !expressed.is_empty() {
+            return expressed;
+        }
+        // Of a wish that is too weak for any window the strongest push is left.
+        let strongest = pushes.iter().max_by(|a, b| a.part.total_cmp(&b.part));
+        let least = |push: &SlotPush| Some(SlotPush { part: self.actuators.get(push.actuator)?.least_part, ..*push });
+        strongest.and_then(least).into_iter().collect()
+    }
+
+    /// Drops the weakest pushes that a board takes no more of: beyond its number of windows, or its supply's current. Returns whether the
+    /// current was the reason.
+    fn drop_pushes_beyond_board(&self, pushes: &mut Vec<SlotPush>, rails: &[f64; RAILS]) -> bool {
+        let mut lacks_current = false;
+        loop {
+            let is_current_short = self.highest_mean_current_a(pushes, rails) > max_mean_supply_current_a();
+            if pushes.len() <= MAX_WINDOWS && !is_current_short {
+                return lacks_current;
+            }
+            lacks_current |= is_current_short && pushes.len() <= MAX_WINDOWS;
+            let force = |push: &SlotPush| self.actuators.get(push.actuator).map_or(0.0, |own| own.full_n * push.part);
+            let weakest = pushes.iter().enumerate().min_by(|a, b| force(a.1).total_cmp(&force(b.1))).map(|(i, _)| i);
+            let Some(weakest) = weakest else { return lacks_current };
+            pushes.remove(weakest);
+        }
+    }
+
+    /// The largest mean of the supply's current over the time that a board allows it, in A.
+    fn highest_mean_current_a(&self, pushes: &[SlotPush], rails: &[f64; RAILS]) -> f64 {
+        let span_s = f64::from(OVER_CURRENT_AFTER_MS) * 1e-3;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ten slots")]
+        let span = (span_s / SLOT_S).ceil() as usize;
+        let charge_c = |push: &SlotPush| {
+            let board_f = f64::from(ELECTRODE_PICOFARADS.get(push.actuator).copied().unwrap_or(0)) * 1e-12;
+            let own_f = self.table.electrodes.get(push.actuator).map_or(0.0, |own| own.capacitance_f);
+            own_f.max(board_f) * rails.get(rail_index_of_channel(push.actuator)).copied().unwrap_or(0.0)
+        };
+        let within = |from: usize| -> f64 {
+            pushes.iter().filter(|push| (from..=from + span).contains(&push.slot)).map(charge_c).sum()
+        };
+        let most_c = pushes.iter().map(|push| within(push.slot)).fold(0.0, f64::max);
+        // A board leaves a rail where it is that feeds none of the windows.
+        let most_v = f64::from(MAX_RAIL_MILLIVOLTS) / 1e3;
+        let is_there = |rail: usize| (0..self.actuators.len()).any(|i| rail_index_of_channel(i) == rail);
+        let stands_v = |(rail, volts): (usize, &f64)| if *volts > 0.0 || !is_there(rail) { *volts } else { most_v };
+        let rails_v: f64 = rails.iter().enumerate().map(stands_v).sum();
+        most_c / span_s + rails_v * 2.0 / f64::from(BLEEDER_OHMS)
+    }
+
+    /// The windows of pushes, and what they do.
+    fn build(
+        &self,
+        pushes: &[SlotPush],
+        rails: &[f64; RAILS],
+        (saturated, lacks_current): (Vec<(usize, Limit)>, bool),
+    ) -> BuiltClick {
+        let window = |push: &SlotPush| {
+            let own = self.actuators.get(push.actuator)?;
+            let width_s = round_to_tick_s(find_window_width_s(own.charging, push.part).max(narrowest_window_s()));
+            let begin_s = round_to_tick_s(slot_begin_s(push.slot) + place_window_in_slot_s(width_s));
+            Some(ClickWindow {
+                actuator: push.actuator,
+                electrode: if push.is_positive { Electrode::A } else { Electrode::B },
+                begin_s,
+                width_s,
+                voltage_v: rails.get(rail_index_of_channel(push.actuator)).copied()?,
+            })
+        };
+        let windows: Vec<ClickWindow> = pushes.iter().filter_map(window).collect();
+        self.build_from_windows(windows, (saturated, lacks_current))
+    }
+
+    fn build_from_windows(
+        &self,
+        windows: Vec<ClickWindow>,
+        (saturated, lacks_current): (Vec<(usize, Limit)>, bool),
+    ) -> BuiltClick {
+        let motion = simulate_windows(self.table, self.poles, std::slice::from_ref(self.shape), &windows);
+        BuiltClick { windows, motion, saturated, lacks_current }
+    }
+
+    /// The same windows at voltages that make this part of the force.
+    pub fn weaken(&self, built: &BuiltClick, part: f64) -> BuiltClick {
+        let mut windows = built.windows.clone();
+        windows.iter_mut().for_each(|window| window.voltage_v = (window.voltage_v * part.sqrt()).floor());
+        self.build_from_windows(windows, (built.saturated.clone(), built.lacks_current))
+    }
+
+    /// The parts of the pushes at which the bounds are missed least, given what windows make of the present ones.
+    fn correct_pushes(
+        &self,
+        pushes: &[SlotPush],
+        rails: &[f64; RAILS],
+        felt: &[f64],
+        bounds: MotionBounds,
+        (asked, peak): (f64, f64),
+    ) -> Option<Vec<SlotPush>> {
+        let force = |push: &SlotPush| {
+            let own = self.actuators.get(push.actuator)?;
+            let scale = (rails.get(rail_index_of_channel(push.actuator))? / own.highest_v).powi(2);
+            let force_n = own.full_n * scale * if push.is_positive { 1.0 } else { -1.0 };
+            Some(SlotForce {
+                actuator: push.actuator,
+                slot: push.slot,
+                force_n,
+                bounds: (own.least_part, 1.0),
+                cost: 1e-4,
+            })
+        };
+        let forces = pushes.iter().map(force).collect::<Option<Vec<_>>>()?;
+        let values: Vec<f64> = pushes.iter().map(|push| push.part).collect();
+        let linear = ForceProgram { panels: self.panels, forces, bounds, asked, besides: &[] };
+        let besides: Vec<f64> = linear
+            .motion_of_panel(0, &values)
+            .into_iter()
+            .zip(felt)
+            .map(|(linear, felt)| felt - linear * asked)
+            .collect();
+        let program = ForceProgram { besides: &besides, ..linear };
+        let solved = program.find_forces_with_least_excess(peak)?;
+        Some(
+            pushes
+                .iter()
+                .zip(solved.values)
+                .map(|(push, part)| SlotPush { part: part.clamp(0.0, 1.0), ..*push })
+                .collect(),
+        )
+    }
+
+    /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.
+    pub fn find_largest_travel_excess(&self, motion: &WindowMotion) -> Option<(usize, f64)> {
+        let excess =
+            |(i, (travel_m, own)): (usize, (&f64, &Electrodes))| (i, travel_m / (USED_TRAVEL * own.max_travel_m()));
+        let all = motion.travel_m.iter().zip(&self.table.electrodes).take(MAX_ACTUATORS).enumerate().map(excess);
+        all.filter(|(_, excess)| *excess > 1.0).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// By which part a motion misses its bounds or its peak, at most.
+fn worst_excess(felt: &[f64], bounds: MotionBounds, peak: f64) -> f64 {
+    let missed = |(sample, x): (usize, &f64)| {
+        let allowed = if sample >= bounds.quiet_sample { bounds.after[0] } else { bounds.before[0] };
+        x.abs() / (allowed * peak) - 1.0
+    };
+    let reached = felt.get(bounds.peak_sample).copied().unwrap_or(0.0) / peak;
+    let counted = felt.iter().enumerate().take(LOOKED_AT).map(missed).fold(0.0, f64::max);
+    counted.max(5.0 * (1.0 - reached))
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
+fn time_to_sample(time_s: f64) -> usize {
+    (time_s / SAMPLE_S).round() as usize
+}
+
+#[expect(clippy::cast_precision_loss, reason = "some slots")]
+fn slot_begin_s(slot: usize) -> f64 {
+    slot as f64 * SLOT_S
+}
+
+fn round_to_tick_s(time_s: f64) -> f64 {
+    (time_s / TICK_S).round() * TICK_S
+}

@@ -1,0 +1,28 @@
+//! Crisp clicks: bursts of single windows on all electrodes from one clock edge, chosen by a linear programme.
+//!
+//! A click is crisp if it comes at once and leaves nothing: its peak within 15 ms, and below a tenth of it from 30 or 45 ms on. What a
+//! place does under forces that are constant over slots of 1 ms is linear in them (`slots`); the forces of least effort that make the
+//! peak, and leave no more than allowed on the panel and on panels whose stiffness is off, are a linear programme (`program`). Its
+//! solutions are sparse: most slots have no force, and most others nearly the full one. Each force becomes one window of an electrode
+//! (`realise`), whose motion is then computed with the electrodes' charging and the moving gaps (`motion`); what that differs by is
+//! given back to the programme. [`measures`] has the figures of a click, [`bound`] the strongest crisp click that no drive of these
+//! actuators can exceed, and [`design`] the whole.
+//!
+//! What counts is the felt band ([`felt`]): full up to 300 Hz and nothing from 500 Hz on. Method: minimum-effort input shaping
+//! (Singhose, Command shaping for flexible systems, 2009), with the constraints as Chebyshev bounds in time.
+
+pub mod bound;
+pub mod design;
+mod designer;
+pub mod felt;
+pub mod measures;
+mod motion;
+mod options;
+mod program;
+mod realise;
+mod slots;
+mod window;
+
+pub use design::{ClickDesign, design_click_windows, simulate_felt_motion_of_windows};
+pub use options::{CRISP_RANGE_S, ClickOptions, Preference};
+pub use window::{ClickWindow, LEAD_S};

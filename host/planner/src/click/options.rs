@@ -1,0 +1,35 @@
+//! How a click is to be.
+
+/// What a click is to be where it cannot be both strong and crisp.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Preference {
+    /// As strong as was asked for, even if it rings longer
+    #[default]
+    Strength,
+    /// Quiet at the time asked for, even if it is weaker
+    Crispness,
+}
+
+/// How a click is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClickOptions {
+    /// Longest time in s until it is quiet.
+    pub crisp_s: f64,
+    /// What counts more.
+    pub preference: Preference,
+    /// Whether to compute the strongest click that is possible.
+    pub with_bound: bool,
+    /// The part of its forces that the click gets in the end, 0 to 1: for what is left of earlier touches.
+    pub force_fraction: f64,
+}
+
+/// Least and most of [`ClickOptions::crisp_s`] in s.
+pub const CRISP_RANGE_S: (f64, f64) = (0.020, 0.100);
+
+impl Default for ClickOptions {
+    fn default() -> Self {
+        Self { crisp_s: 0.045, preference: Preference::Strength, with_bound: false, force_fraction: 1.0 }
+    }
+}

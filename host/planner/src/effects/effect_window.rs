@@ -1,0 +1,24 @@
+//! A window of an effect, by the actuator's name.
+
+use era_shared::waveform::Electrode;
+use serde::Serialize;
+
+/// One window of a burst, from the burst's common start.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct EffectWindow {
+    /// The actuator's `id`.
+    pub actuator: String,
+    /// The board's channel, from 0.
+    #[serde(skip)]
+    pub channel: usize,
+    /// Which electrode is on: A pulls as positive force.
+    #[cfg_attr(feature = "schema", schema(value_type = String))]
+    pub electrode: Electrode,
+    /// When it begins, in us.
+    pub begin_us: f64,
+    /// For how long it is on, in us.
+    pub width_us: f64,
+    /// Voltage of its rail in V.
+    pub voltage_v: f64,
+}

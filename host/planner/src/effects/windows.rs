@@ -1,0 +1,82 @@
+//! A click of single windows as an effect ([`crate::click`]).
+
+use super::design::{EffectDesign, EffectPrediction, design_effect};
+use super::effect_window::EffectWindow;
+use super::error::DesignError;
+use super::intensity::mode_shape_values_at_point_or_on_bar_axis;
+use super::named::{EffectRequest, NamedEffect};
+use crate::click::{ClickDesign, ClickOptions, design_click_windows};
+use crate::physics::rise::PanelPoles;
+use crate::plan::limitation::join_limitations_as_text_if_any;
+use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+
+/// Designs an effect for a board that plays single windows: a click at one place without quiet zones is a burst of them, and everything else is as
+/// [`design_effect`] has it.
+///
+/// # Errors
+/// [`DesignError`].
+pub fn design_effect_with_windows(
+    table: &PlanTable,
+    rise: &PanelPoles,
+    plan: &Plan,
+    request: EffectRequest,
+    options: ClickOptions,
+) -> Result<EffectDesign, DesignError> {
+    let Some(target) = plan.targets.first().filter(|_| is_click_of_windows(plan, request)) else {
+        return design_effect(table, rise, plan, request);
+    };
+    request.check_and_choose_shape()?;
+    let shape = mode_shape_values_at_point_or_on_bar_axis(table, target.x_m, target.y_m);
+    let asked = target.wanted_g * STANDARD_GRAVITY;
+    match design_click_windows(table, rise, &shape, asked, options) {
+        Some(click) => Ok(effect_from_click(table, request, click)),
+        None => design_effect(table, rise, plan, request),
+    }
+}
+
+/// Whether an effect for a plan is a click of single windows on boards that play them.
+#[must_use]
+pub fn is_click_of_windows(plan: &Plan, request: EffectRequest) -> bool {
+    request.effect == NamedEffect::Click && plan.targets.len() == 1 && plan.quiet.is_empty()
+}
+
+fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesign) -> EffectDesign {
+    let us = |time_s: f64| (time_s * 1e7).round() / 10.0;
+    let windows = click.windows.iter().map(|window| EffectWindow {
+        actuator: table.scene.actuators.get(window.actuator).map_or_else(String::new, |own| own.id.clone()),
+        channel: window.actuator,
+        electrode: window.electrode,
+        begin_us: us(window.begin_s),
+        width_us: us(window.width_s),
+        voltage_v: window.voltage_v,
+    });
+    let windows: Vec<EffectWindow> = windows.collect();
+    let measures = click.measures;
+    let peak_g = measures.peak / STANDARD_GRAVITY;
+    let predicted = EffectPrediction {
+        peak_g,
+        peak_least_g: peak_g,
+        peak_most_g: click.shown_peak.max(measures.peak) / STANDARD_GRAVITY,
+        peak_at_ms: 1e3 * measures.peak_s,
+        residual: click.residual,
+        left: click.residual,
+        quiet_ms: measures.quiet_s.map(|quiet_s| 1e3 * quiet_s),
+        quiet_unbraked_ms: None,
+        best_possible_g: click.best_possible.map(|best| best / STANDARD_GRAVITY),
+        pulse_ms: Some(1e3 * measures.pulse_s),
+        pulse_to_ring_db: measures.pulse_to_ring_db,
+        sharpness_db_per_ms: measures.sharpness_db_per_ms(),
+    };
+    EffectDesign {
+        effect: request.effect,
+        drives: Vec::new(),
+        predicted,
+        limited_by: join_limitations_as_text_if_any(&click.limits),
+        length_ms: 1e3 * click.duration_s(),
+        peaks_g: vec![peak_g],
+        limits: click.limits,
+        travel_m: click.travel_m,
+        windows,
+        pole_amplitudes: click.amplitudes.into_iter().map(|(_, most, left)| (most, left)).collect(),
+    }
+}

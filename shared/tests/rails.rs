@@ -1,0 +1,291 @@
+//! The rails under the device: rise, set-points, what is measured of them, discharge, and when they are called safe.
+
+mod support;
+
+use era_shared::protocol::*;
+use era_shared::safety::SafetyState;
+use heapless::Vec as Short;
+use support::{Bench, arm, both, drive};
+
+#[test]
+fn safe_is_only_said_of_rails_that_were_measured() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    bench.board.rails_show = [Some(900_000), None];
+    bench.ask(&Request::Stop);
+    for left in (61..900).rev().step_by(80) {
+        bench.board.rails_show = [Some(left * 1000), None];
+        bench.wait_ms(1);
+        assert_eq!(bench.state(), SafetyState::Discharging, "{left} V are left");
+    }
+    bench.board.rails_show = [Some(59_999), None];
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), SafetyState::Safe);
+    // And if it never falls, that is a fault, which cannot be cleared while it lasts.
+    bench.board.rails_show = [None; 2];
+    bench.arm();
+    bench.board.rails_show = [None, Some(150_000)];
+    bench.ask(&Request::Disarm);
+    bench.wait_ms(14);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(
+        (fault.code, fault.detail, fault.count),
+        (FaultCode::DischargeSlow, 20_150, 1),
+        "the switch is too slow"
+    );
+    bench.wait_ms(1_000);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.count), (FaultCode::DischargeSlow, 2), "and nothing else discharges it either");
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow)));
+    bench.board.rails_show = [None; 2];
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), SafetyState::Safe);
+    // A rail that charges by itself is noticed too.
+    bench.board.rails_show = [Some(70_000), None];
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), SafetyState::Fault);
+}
+
+#[test]
+fn a_rail_that_stays_charged_is_told_whatever_came_first() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    // The enclosure is opened and the discharge fails.
+    bench.board.rails_show = [Some(900_000), None];
+    bench.board.interlock_closed = false;
+    bench.wait_ms(1_100);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(
+        (fault.code, fault.count),
+        (FaultCode::InterlockOpen, 3),
+        "the first reason is kept, a slow discharge and one that failed are counted"
+    );
+    bench.board.interlock_closed = true;
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
+    bench.board.rails_show = [None; 2];
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+}
+
+#[test]
+fn asking_again_does_not_give_the_discharge_more_time() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.board.rails_show = [Some(900_000), None];
+    for _ in 0..3 {
+        bench.ask(&Request::Stop);
+        bench.wait_ms(400);
+    }
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.count), (FaultCode::DischargeSlow, 2));
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)), "no bootloader while charged");
+}
+
+/// A broken divider shows nothing of a rail that is charged. Whatever is done in which order, the rail counts as charged until a bleeder
+/// alone would have discharged it: 2.26 nF and 100 Mohm, from 2 kV to 60 V and with 20 % of tolerance, take 0.95 s.
+#[test]
+fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
+    let broken = || {
+        let mut bench = Bench::new();
+        bench.arm();
+        bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+        bench.ask(&both());
+        bench.wait_ms(60);
+        bench.board.rails_show = [Some(0), None];
+        bench
+    };
+    let is_safe_after_bleeding = |bench: &mut Bench| {
+        bench.wait_ms(920);
+        assert_eq!(bench.state(), SafetyState::Discharging, "the bleeder has not had its time");
+        bench.wait_ms(40);
+        assert_eq!(bench.state(), SafetyState::Safe);
+    };
+    // Noticed as a fault.
+    let mut bench = broken();
+    bench.wait_ms(15);
+    assert_eq!(bench.state(), SafetyState::Fault);
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    is_safe_after_bleeding(&mut bench);
+    // Stopped before it was noticed: no rail falls from 1 kV to nothing within a ms.
+    let mut bench = broken();
+    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    is_safe_after_bleeding(&mut bench);
+    // Armed again instead of waited for.
+    let mut bench = broken();
+    bench.ask(&Request::Stop);
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    bench.wait_ms(930);
+    assert_eq!(bench.state(), SafetyState::Arming);
+    assert!(
+        !bench.board.supply.is_enabled_or_any_discharge_open(),
+        "nothing is charged before the bleeder has had its time"
+    );
+    bench.ask(&Request::KeepAlive);
+    bench.wait_ms(200);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.detail), (FaultCode::ShortCircuit, 1), "and rail 1 never shows its test voltage");
+    // A divider that shows too little, at a rail of too low a voltage for an arc to be told.
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&Request::SetDrives {
+        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 150_000, ..drive(0) }]).unwrap(),
+    });
+    bench.wait_ms(60);
+    bench.board.rails_show = [Some(20_000), None];
+    bench.wait_ms(10);
+    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    is_safe_after_bleeding(&mut bench);
+}
+
+/// A dead discharge switch is noticed at the first stop and at the next arming, although the bleeders discharge the rails within the
+/// second that is allowed.
+#[test]
+fn a_dead_discharge_switch_is_a_fault() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    bench.board.circuit.dead_discharge = true;
+    bench.ask(&Request::Stop);
+    bench.wait_ms(15);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::DischargeSlow);
+    assert!(!bench.board.live());
+    bench.wait_ms(1_000);
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(1_000);
+    assert_eq!(bench.state(), SafetyState::Safe, "the bleeders have done it");
+    bench.ask(&arm());
+    bench.wait_ms(60);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::DischargeSlow, "no arming with a dead switch");
+}
+
+/// A rail that is too high is no excuse for itself: 500 V set and 2000 V shown end within 50 ms, and so does a rail that is right in one ms of 40.
+#[test]
+fn a_wrong_rail_is_noticed_in_time() {
+    let low = || Request::SetDrives {
+        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 500_000, ..drive(0) }]).unwrap(),
+    };
+    let live = || {
+        let mut bench = Bench::new();
+        bench.arm();
+        bench.ask(&low());
+        bench.wait_ms(60);
+        assert_eq!(bench.state(), SafetyState::Running);
+        bench
+    };
+    let mut bench = live();
+    bench.board.rails_show = [Some(2_000_000), None];
+    bench.wait_ms(50);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.detail), (FaultCode::DischargeSlow, 12_000));
+    // Shown too low, with one good ms in 40.
+    let mut bench = live();
+    for ms in 0..100 {
+        bench.board.rails_show = [(ms % 40 != 39).then_some(440_000), None];
+        bench.wait_ms(1);
+        bench.ask(&Request::KeepAlive);
+    }
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::RailImplausible);
+    // One bad ms in 40 is none.
+    let mut bench = live();
+    for ms in 0..1_000 {
+        bench.board.rails_show = [(ms % 40 == 39).then_some(440_000), None];
+        bench.wait_ms(1);
+        bench.ask(&Request::KeepAlive);
+    }
+    assert_eq!(bench.state(), SafetyState::Running);
+}
+
+#[test]
+fn the_rails_start_softly_and_serve_two_voltages() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(2) };
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0), low]).unwrap() });
+    let mut last = [50_000; 2];
+    for _ in 0..48 {
+        bench.wait_ms(1);
+        let now = bench.board.supply.set_point_millivolts;
+        assert!(now[0] <= last[0] + 20_000, "{now:?} after {last:?}");
+        last = now;
+    }
+    assert!(last[0] >= 999_000 && last[1] == 50_000, "rail 2 feeds nobody: {last:?}");
+    let width = |channel: usize| {
+        let period = bench.board.latest(channel);
+        f64::from(period.a.off - period.a.on) / f64::from(period.ticks)
+    };
+    // A quarter of the force: sin(pi w/2), w being twice the part of the period.
+    let force = |part: f64| (std::f64::consts::PI * part).sin();
+    let ratio = force(width(2)) / force(width(0));
+    assert!((ratio - 0.25).abs() < 1e-3, "{ratio}");
+}
+
+/// A rail that is measured 5 % above its set-point, as while it is discharged to a lower one, drives no harder: narrower windows make
+/// the force of the voltage that was asked for, sin(pi w/2) V^2.
+#[test]
+fn a_rail_above_its_set_point_makes_no_more_force() {
+    let force = |rail_v: f64, bench: &Bench| {
+        let period = bench.board.latest(0);
+        let part = f64::from(period.a.off - period.a.on) / f64::from(period.ticks);
+        (std::f64::consts::PI * part).sin() * rail_v * rail_v
+    };
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0)]).unwrap() });
+    bench.wait_ms(60);
+    let asked = force(1_000.0, &bench);
+    bench.board.rails_show = [Some(1_050_000), None];
+    bench.wait_ms(20);
+    assert_eq!(bench.state(), SafetyState::Running);
+    let ratio = force(1_050.0, &bench) / asked;
+    assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
+}
+
+/// A rail that never showed its test voltage may be charged and measured wrongly: when that fault is cleared, the bleeder still gets its time.
+#[test]
+fn a_rail_that_did_not_come_up_is_not_believed_to_be_discharged() {
+    let mut bench = Bench::new();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    bench.board.rails_show = [Some(0), None];
+    for ms in 0.. {
+        assert!(ms < 100, "no fault");
+        bench.wait_ms(1);
+        if bench.state() == SafetyState::Fault {
+            break;
+        }
+    }
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.detail), (FaultCode::ShortCircuit, 1));
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(930);
+    assert_eq!(bench.state(), SafetyState::Discharging, "the bleeder has not had its time");
+    bench.wait_ms(30);
+    assert_eq!(bench.state(), SafetyState::Safe);
+}
+
+/// A device that did not look for 50 ms while a rail rises goes on where it was, by 5 ms of its slope of 20 V/ms at most.
+#[test]
+fn a_late_look_does_not_make_a_rail_jump() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(10);
+    let before = bench.board.supply.set_point_millivolts;
+    assert!(before[0] > 100_000 && before[0] < 400_000, "{before:?}");
+    bench.board.now_us += 50_000;
+    bench.device.poll_next_due_us(&mut bench.board);
+    let after = bench.board.supply.set_point_millivolts;
+    for (after, before) in after.into_iter().zip(before) {
+        assert!(after > before && after <= before + 100_000, "{after} mV after {before} mV");
+    }
+    bench.wait_ms(60);
+    assert_eq!(bench.state(), SafetyState::Running);
+}

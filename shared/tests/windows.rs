@@ -1,0 +1,481 @@
+//! Windows that are given one by one: what the pins do is what was asked for, to the clock, or the whole sequence is refused.
+
+mod support;
+
+use era_shared::protocol::*;
+use era_shared::safety::SafetyState;
+use era_shared::waveform::{
+    ChannelGoal, Effect, Electrode, ModelTimers, OutputPair, PlacedWindows, Pulse, SequenceError, SequenceWindow,
+    compute_channel_program,
+};
+use heapless::Vec as Short;
+use proptest::prelude::*;
+use support::{Bench, arm, both, drive, limits};
+
+/// A tick of a sequence in clocks of 170 MHz: 0.1 us.
+const TICK: u64 = 17;
+/// The guard of 200 us, in clocks and ticks.
+const GUARD_CLOCKS: u64 = 34_000;
+const GUARD: u32 = 2_000;
+
+fn window(channel: u8, electrode: Electrode, wait_ticks: u32, width_ticks: u32) -> SequenceWindow {
+    SequenceWindow { channel, electrode, wait_ticks, width_ticks }
+}
+
+fn any_windows() -> impl Strategy<Value = Vec<SequenceWindow>> {
+    // Pauses from the shortest over those that are about as long as a blank period to those that need several.
+    let wait =
+        prop_oneof![GUARD..GUARD + 3, GUARD..12_000_u32, 6_990_u32..7_010, 60_000_u32..80_000, 2_000_u32..1_000_000];
+    let width = prop_oneof![3_000_u32..3_003, 3_000_u32..56_034, 56_030_u32..56_034];
+    let one = (0_u8..4, any::<bool>(), wait, width).prop_map(|(channel, is_a, wait, width)| {
+        window(channel, if is_a { Electrode::A } else { Electrode::B }, wait, width)
+    });
+    prop::collection::vec(one, 1..=24)
+}
+
+/// What the pins have to do, worked out from the message alone: channel, electrode, first and last clock from the beginning.
+fn expected_pulses(windows: &[SequenceWindow]) -> Vec<Vec<Pulse>> {
+    let mut pulses = vec![Vec::new(); 4];
+    let mut ends = [0_u64; 4];
+    for window in windows {
+        let channel = usize::from(window.channel);
+        let from = ends[channel] + u64::from(window.wait_ticks);
+        ends[channel] = from + u64::from(window.width_ticks);
+        pulses[channel].push(Pulse { electrode: window.electrode, from: TICK * from, to: TICK * ends[channel] });
+    }
+    pulses
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(support::cases(500)))]
+
+    /// Whatever was driven before and however late the device looks (a request that it answers takes up to 0.25 ms), every window of every
+    /// channel is where it was asked to be, to the clock, from one common clock edge on; and around them all guards are kept.
+    #[test]
+    fn windows_are_played_to_the_clock(
+        before in prop::collection::vec((1_000_u32..400_000, 0_u32..1_000_000), 0..=4),
+        windows in any_windows(),
+        waits_us in prop::collection::vec(0_u64..5_000, 2),
+        lates_us in prop::collection::vec(0_u64..250, 1..50),
+    ) {
+        let mut model = ModelTimers::new(170, 5_000, OutputPair { a: 1, b: 3 });
+        let mut pulses: Vec<Vec<Pulse>> = vec![Vec::new(); 4];
+        let mut now_us = 5_000_u64;
+        let mut lates = lates_us.iter().cycle();
+        let mut run = |model: &mut ModelTimers, now_us: &mut u64, pulses: &mut Vec<Vec<Pulse>>, end_us: u64| {
+            while *now_us < end_us {
+                let due_us = model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).min(*now_us + 1_000).max(*now_us + 1);
+                *now_us = due_us + lates.next().unwrap();
+                let told = model.run_and_preload(*now_us, |channel, pulse| match pulses[channel].last_mut() {
+                    Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
+                    _ => pulses[channel].push(pulse),
+                });
+                assert_eq!(told, Ok(()));
+            }
+        };
+        let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
+            let (frequency, phase) = *before.get(channel)?;
+            let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: 300_000, ..drive(0) };
+            Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
+        });
+        run(&mut model, &mut now_us, &mut pulses, 5_000 + waits_us[0]);
+        model.sequencer.set_or_end_drives_from_next_boundary(&goals, now_us);
+        let end_us = now_us + waits_us[1] * 10;
+        run(&mut model, &mut now_us, &mut pulses, end_us);
+
+        let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
+        let start = model.sequencer.earliest_sequence_start_clock(used, now_us);
+        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], &windows).unwrap();
+        placed.begin_at(start);
+        model.sequencer.play_windows_ending_all_drives(&placed, now_us);
+        let length_us = u64::from(placed.last_window_end_tick()) / 10;
+        let end_us = 5_000 + start / 170 + length_us + 5_000;
+        run(&mut model, &mut now_us, &mut pulses, end_us);
+        prop_assert_eq!(model.sequencer.missed_channel(), None);
+        for (channel, expected) in expected_pulses(&windows).iter().enumerate() {
+            // Nothing of what was driven before is cut short or too near; on channels without windows a last period goes on.
+            prop_assert!(pulses[channel].windows(2).all(|two| two[1].from - two[0].to >= GUARD_CLOCKS));
+            if expected.is_empty() {
+                continue;
+            }
+            let expected: Vec<Pulse> = expected.iter().map(|pulse| Pulse { from: pulse.from + start, to: pulse.to + start, ..*pulse }).collect();
+            let played: Vec<Pulse> = pulses[channel].iter().copied().filter(|pulse| pulse.from >= start).collect();
+            prop_assert_eq!(&played, &expected, "channel {}", channel);
+            prop_assert!(!model.sequencer.has_windows(channel) && !model.sequencer.is_active_or_preloaded_period_driving(channel));
+        }
+    }
+
+    /// What is refused is named with its limits, and what is not keeps them.
+    #[test]
+    fn any_sequence_is_refused_or_keeps_its_limits(
+        windows in prop::collection::vec((0_u8..6, any::<bool>(), any::<u32>(), any::<u32>(), any::<bool>()), 0..=24),
+        guard_ns in prop_oneof![Just(200_000_u32), 0_u32..2_000_000, any::<u32>()],
+    ) {
+        let windows: Vec<SequenceWindow> = windows.iter().map(|(channel, is_a, wait, width, is_good)| {
+            let (wait, width) = if *is_good { (wait % 100_000 + 20_000, width % 40_000 + 3_000) } else { (*wait, *width) };
+            window(*channel, if *is_a { Electrode::A } else { Electrode::B }, wait, width)
+        }).collect();
+        let limit = ChannelLimits { min_guard_ns: guard_ns, ..limits() };
+        let guard_ticks = u64::from(guard_ns.max(88_000)).div_ceil(100);
+        match PlacedWindows::from_sequence(&[limit; 4], &windows) {
+            Ok(mut placed) => {
+                placed.begin_at(1_000_000);
+                prop_assert!(!windows.is_empty());
+                for window in &windows {
+                    prop_assert!(window.channel < 4 && u64::from(window.wait_ticks) >= guard_ticks);
+                }
+                for (channel, pulses) in (0..4).zip(expected_pulses(&windows)) {
+                    let (mut boundary, end) = (1_000_000, 1_000_000 + pulses.last().map_or(0, |pulse| pulse.to));
+                    while let Some(period) = placed.period_from(channel, boundary) {
+                        prop_assert!(period.ticks >= 2 && period.ticks <= 65_535, "{:?}", period);
+                        prop_assert!(period.a.off.max(period.b.off) == 0 || u32::from(period.a.off.max(period.b.off)) < period.ticks);
+                        boundary += period.length_clocks();
+                        prop_assert!(boundary <= end + TICK * guard_ticks);
+                    }
+                    prop_assert!(boundary >= end);
+                }
+            }
+            Err(SequenceError::Empty) => prop_assert!(windows.is_empty()),
+            Err(SequenceError::NoSuchChannel { window, channels }) => prop_assert!(channels == 4 && windows[usize::from(window)].channel >= 4),
+            Err(SequenceError::Width { window, requested_ticks, min_ticks, max_ticks }) => {
+                prop_assert_eq!(windows[usize::from(window)].width_ticks, requested_ticks);
+                prop_assert!(requested_ticks < min_ticks || requested_ticks > max_ticks);
+            }
+            Err(SequenceError::Wait { window, requested_ticks, min_ticks, max_ticks }) => {
+                prop_assert_eq!(windows[usize::from(window)].wait_ticks, requested_ticks);
+                prop_assert!(requested_ticks < min_ticks || requested_ticks > max_ticks);
+            }
+            Err(other) => prop_assert!(false, "{other:?}"),
+        }
+    }
+}
+
+fn sequence(number: u32, windows: &[SequenceWindow]) -> Request {
+    Request::PlayWindows(WindowSequence {
+        number,
+        start_us: 0,
+        rail_millivolts: [500_000, 800_000],
+        windows: Short::from_slice(windows).unwrap(),
+    })
+}
+
+/// 1 ms of A, then 1.5 ms of B, on two channels.
+fn make_click_windows() -> [SequenceWindow; 4] {
+    [
+        window(0, Electrode::A, 2_000, 10_000),
+        window(0, Electrode::B, 5_000, 15_000),
+        window(1, Electrode::B, 12_000, 10_000),
+        window(1, Electrode::A, 2_000, 15_000),
+    ]
+}
+
+#[test]
+fn a_sequence_waits_for_its_rails_is_played_once_and_ends() {
+    let mut bench = Bench::new();
+    let refusal = bench.ask(&sequence(1, &make_click_windows()));
+    assert!(matches!(refusal, Reply::Refused(Refusal::State { state: SafetyState::Safe, .. })), "{refusal:?}");
+    bench.arm();
+    let asked_us = bench.board.now_us;
+    let Reply::WindowsPlaying { start_us } = bench.ask(&sequence(7, &make_click_windows())) else { panic!() };
+    // The rails rise by 20 V/ms from 50 V, and settle for 10 ms.
+    assert!(start_us >= asked_us + 37_500 + 10_000 && start_us < asked_us + 60_000, "{}", start_us - asked_us);
+    assert_eq!(bench.state(), SafetyState::Running);
+    bench.wait_ms(5);
+    assert_eq!(
+        bench.ask(&sequence(7, &make_click_windows())),
+        Reply::WindowsPlaying { start_us },
+        "the same again is the same"
+    );
+    bench.wait_ms((start_us - bench.board.now_us) / 1000);
+    assert!((bench.board.circuit.rails[1] - 800_000.0).abs() < 8_000.0, "{:?}", bench.board.circuit.rails);
+    bench.wait_ms(10);
+    let of = |channel: usize| {
+        let windows = bench.board.preloads.iter().filter(move |it| it.channel == channel && !it.period.is_blank());
+        windows.map(|it| {
+            let (which, window) =
+                if it.period.a.off > 0 { (Electrode::A, it.period.a) } else { (Electrode::B, it.period.b) };
+            (which, it.at + TICK * u64::from(window.on), TICK * u64::from(window.off - window.on))
+        })
+    };
+    let (first, second): (Vec<_>, Vec<_>) = (of(0).collect(), of(1).collect());
+    let zero = first[0].1 - TICK * 2_000;
+    assert_eq!(
+        first,
+        [(Electrode::A, zero + TICK * 2_000, TICK * 10_000), (Electrode::B, zero + TICK * 17_000, TICK * 15_000)]
+    );
+    assert_eq!(
+        second,
+        [(Electrode::B, zero + TICK * 12_000, TICK * 10_000), (Electrode::A, zero + TICK * 24_000, TICK * 15_000)]
+    );
+    bench.wait_ms(5);
+    assert_eq!(bench.state(), SafetyState::Armed, "nothing is driven any more");
+    assert!(!bench.board.driving());
+    let count = bench.board.preloads.len();
+    assert_eq!(bench.ask(&sequence(7, &make_click_windows())), Reply::WindowsPlaying { start_us });
+    bench.wait_ms(100);
+    assert_eq!(bench.board.preloads.len(), count, "a repeated request plays nothing");
+}
+
+#[test]
+fn a_sequence_is_refused_as_a_whole() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let mut ask = |change: &dyn Fn(&mut WindowSequence)| {
+        let Request::PlayWindows(mut asked) = sequence(9, &make_click_windows()) else { panic!() };
+        change(&mut asked);
+        let Reply::Refused(refusal) = bench.ask(&Request::PlayWindows(asked)) else { panic!() };
+        refusal
+    };
+    let too_high = SequenceError::Voltage { rail: 2, requested_millivolts: 2_000_001, max_millivolts: 2_000_000 };
+    assert_eq!(ask(&|it| it.rail_millivolts[1] = 2_000_001), Refusal::Sequence(too_high));
+    let narrow = SequenceError::Width { window: 3, requested_ticks: 2_999, min_ticks: 3_000, max_ticks: 56_034 };
+    assert_eq!(ask(&|it| it.windows[3].width_ticks = 2_999), Refusal::Sequence(narrow));
+    let early = SequenceError::Wait { window: 1, requested_ticks: 1_999, min_ticks: 2_000, max_ticks: 10_000_000 };
+    assert_eq!(ask(&|it| it.windows[1].wait_ticks = 1_999), Refusal::Sequence(early));
+    let long = SequenceError::TooLong { requested_ms: 2_003, max_ms: 2_000 };
+    let lasts = |it: &mut WindowSequence| {
+        it.windows[2].wait_ticks = 10_000_000;
+        it.windows[3].wait_ticks = 10_000_000;
+    };
+    assert_eq!(ask(&lasts), Refusal::Sequence(long));
+    // 24 windows of 2 kV in 12.5 ms, of which 20 begin within 10 ms: 20 x 116 pF x 2 kV / 10 ms are 464 uA; of two channels twice as much,
+    // and the bleeders of both rails take 80 uA.
+    let crowd = |it: &mut WindowSequence| {
+        it.rail_millivolts = [2_000_000; 2];
+        it.windows = (0..24).map(|i| window(i % 2, Electrode::A, 2_000, 3_000)).collect();
+    };
+    let Refusal::Current { requested_microamps, max_microamps: 500 } = ask(&crowd) else { panic!() };
+    assert!((600..=640).contains(&requested_microamps), "{requested_microamps}");
+    assert!(matches!(ask(&|it| it.start_us = 1), Refusal::Start { start_us: 1, .. }));
+    let now_us = bench.board.now_us;
+    let mut soon = |start_us: u64| {
+        let Request::PlayWindows(asked) = sequence(10, &make_click_windows()) else { panic!() };
+        bench.ask(&Request::PlayWindows(WindowSequence { start_us, ..asked }))
+    };
+    assert!(matches!(soon(now_us + 20_000), Reply::Refused(Refusal::Start { .. })), "the rails are not there by then");
+    assert_eq!(soon(now_us + 100_000), Reply::WindowsPlaying { start_us: now_us + 100_000 });
+    assert_eq!(bench.ask_on(1, &sequence(1, &make_click_windows())), Reply::Refused(Refusal::OtherLink));
+}
+
+/// A window that cannot be prepared in time would come at another time: everything goes off.
+#[test]
+fn a_missed_window_is_a_fault() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let Reply::WindowsPlaying { start_us } = bench.ask(&sequence(1, &make_click_windows())) else { panic!() };
+    bench.wait_ms((start_us - bench.board.now_us) / 1000);
+    // The device does not look for 4 ms.
+    bench.board.now_us += 4_000;
+    bench.wait_ms(1);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::DriveFailed);
+    assert!(!bench.board.live());
+}
+
+#[test]
+fn a_stop_ends_a_sequence_and_drives_replace_it() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&sequence(1, &make_click_windows()));
+    bench.wait_ms(20);
+    assert!(matches!(bench.ask(&both()), Reply::DrivesSet { .. }));
+    bench.wait_ms(60);
+    let plays = |bench: &Bench| bench.board.preloads.iter().any(|it| it.period.divider == 17 && !it.period.is_blank());
+    assert!(!plays(&bench) && bench.board.driving(), "the drives, and no window");
+    bench.ask(&sequence(2, &make_click_windows()));
+    bench.wait_ms(20);
+    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    assert!(!bench.board.live());
+    bench.wait_ms(100);
+    assert!(!bench.board.live() && bench.board.preloads.is_empty());
+}
+
+/// A repeated request is not played again: 12 ms of a drive stay 12 ms. Another one is played after it, and loses nothing.
+#[test]
+fn an_effect_is_played_once_and_the_next_after_it() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let prepare = Request::Prepare { drives: Short::from_slice(&[drive(0)]).unwrap() };
+    bench.ask(&prepare);
+    bench.wait_ms(60);
+    let play = |number| Request::PlayOnce { number, channel: 0, start_us: 0, effect: Effect::new_click(2, 2) };
+    // Periods in which something is on.
+    let driven = |bench: &mut Bench| {
+        for _ in 0..20 {
+            bench.ask(&Request::KeepAlive);
+            bench.wait_ms(10);
+        }
+        let own: Vec<_> = bench.board.preloads.iter().filter(|it| it.channel == 0).collect();
+        let clocks = own.windows(2).filter(|two| !two[0].period.is_blank()).map(|two| two[1].at - two[0].at);
+        let clocks: u64 = clocks.sum();
+        bench.board.preloads.clear();
+        clocks as f64 * 150.0 / 170e6
+    };
+    assert_eq!(bench.ask(&play(1)), Reply::Playing);
+    bench.wait_ms(1);
+    assert_eq!(bench.ask(&play(1)), Reply::Playing, "its answer was lost");
+    let periods = driven(&mut bench);
+    assert!((periods - 4.0).abs() < 0.4, "{periods}");
+    bench.ask(&prepare);
+    assert_eq!(bench.ask(&play(2)), Reply::Playing);
+    bench.board.now_us += 1_000;
+    assert_eq!(bench.ask(&play(3)), Reply::Playing);
+    let periods = driven(&mut bench);
+    assert!((periods - 8.0).abs() < 0.4, "two clicks of four periods: {periods}");
+}
+
+/// A late request to clear a fault does not clear a newer one.
+#[test]
+fn a_fault_is_cleared_by_its_number() {
+    let mut bench = Bench::new();
+    bench.board.trip = Some((FaultCode::OverCurrent, 0));
+    bench.wait_ms(1);
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = bench.ask(&Request::NumberedFault) else { panic!() };
+    assert_eq!(fault.code, FaultCode::OverCurrent);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared, "repeated");
+    bench.board.trip = Some((FaultCode::EmergencyStop, 0));
+    bench.wait_ms(1);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::Refused(Refusal::OtherFault { number: 2 }));
+    assert_eq!(bench.ask(&Request::ClearFault { number: 2 }), Reply::FaultsCleared);
+}
+
+/// A link that was closed and opened again has another program at its end: the session of the one before is over.
+#[test]
+fn a_reopened_link_ends_its_session() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    let [first, second] = &mut bench.ports;
+    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, second);
+    assert_eq!(bench.device.state(), SafetyState::Running, "another link is nobody's session");
+    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, first);
+    assert!(!bench.board.live());
+    bench.wait_ms(20);
+    assert_eq!(bench.state(), SafetyState::Safe, "which is no fault");
+}
+
+/// Requests that are refused are no sign that somebody looks after the drive.
+#[test]
+fn refused_requests_do_not_feed_the_dead_man_timer() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    for _ in 0..3 {
+        bench.wait_ms(100);
+        let refused = bench.ask(&Request::Arm { deadman_ms: Some(7) });
+        assert!(matches!(refused, Reply::Refused(_)), "{refused:?}");
+    }
+    assert_eq!(bench.state(), SafetyState::Fault);
+}
+
+#[test]
+fn the_bootloader_swallows_no_trip_and_nothing_is_armed_on_the_way() {
+    let mut bench = Bench::new();
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    bench.board.trip = Some((FaultCode::OverVoltage, 0));
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::StillThere(FaultCode::OverVoltage)));
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::OverVoltage);
+    bench.ask(&Request::ClearFaults);
+    bench.wait_ms(1_000);
+    assert_eq!(bench.ask(&go), Reply::Bootloader);
+    assert_eq!(bench.ask(&arm()), Reply::Refused(Refusal::Restarting));
+}
+
+/// Set-points, measurements and trips refer to one supply: if it is wrong, all of them agree with each other. The chip's own reference tells.
+#[test]
+fn a_wrong_reference_is_a_fault_in_every_state() {
+    for millivolts in [3_200, 3_400, 0, u32::MAX] {
+        for is_live in [false, true] {
+            let mut bench = Bench::new();
+            if is_live {
+                bench.arm();
+            }
+            bench.board.reference_millivolts = millivolts;
+            bench.wait_ms(8);
+            let Reply::NumberedFault { latched: Some(fault), .. } = bench.ask(&Request::NumberedFault) else {
+                panic!()
+            };
+            assert_eq!((fault.code, fault.detail), (FaultCode::Reference, millivolts));
+            assert!(!bench.board.live());
+            assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Reference)));
+            bench.board.reference_millivolts = 3_300;
+            bench.wait_ms(40);
+            assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+        }
+    }
+    let mut bench = Bench::new();
+    bench.board.reference_millivolts = 3_390;
+    bench.wait_ms(100);
+    assert_eq!(bench.state(), SafetyState::Safe, "within 3 %");
+}
+
+/// A reset gives no channel new credit, and one while the board is live is told.
+#[test]
+fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.board.kept, Some((false, [60_000; 4])));
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.wait_ms(support::ARMING_MS);
+    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) };
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[strong]).unwrap() });
+    for _ in 0..8 {
+        bench.wait_ms(500);
+        bench.ask(&Request::KeepAlive);
+    }
+    let Some((true, credit_ms)) = bench.board.kept else { panic!("{:?}", bench.board.kept) };
+    assert!(credit_ms[0] < 59_000 && credit_ms[1] == 60_000, "{credit_ms:?}");
+    // As a board starts that finds this record.
+    let mut next = Bench::new();
+    next.board.info.credit_before_reset_ms = Some(credit_ms);
+    next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
+    next.device = era_shared::device::Device::new();
+    next.device.complete_boot_to_discharging_or_fault(&mut next.board);
+    let Reply::Credit(credit) = next.ask(&Request::Credit) else { panic!() };
+    assert_eq!(credit.channels[0].left_ms, credit_ms[0]);
+    assert_eq!(next.state(), SafetyState::Fault);
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.ask(&Request::NumberedFault) else { panic!() };
+    assert_eq!(fault.code, FaultCode::ResetWhileLive);
+    bench.ask(&Request::Stop);
+    assert_eq!(bench.board.kept.map(|(is_live, _)| is_live), Some(false), "at once, and not a ms later");
+}
+
+/// Hosts of version 3 are told of what they know, and nothing sounds safer to them than it is.
+#[test]
+fn a_host_of_version_3_is_answered_in_its_words() {
+    use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
+    let mut bench = Bench::new();
+    let ask = |bench: &mut Bench, request: &Request| {
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode_frame(3, FrameKind::Request, 9, request, &mut frame).unwrap();
+        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        assert_eq!((version, sequence), (3, 9));
+        reply
+    };
+    assert_eq!(
+        ask(&mut bench, &sequence(1, &make_click_windows())),
+        Reply::Refused(Refusal::Malformed),
+        "it does not know windows"
+    );
+    assert_eq!(ask(&mut bench, &Request::NumberedFault), Reply::Refused(Refusal::Malformed));
+    let known = [
+        (FaultCode::DischargeSlow, FaultCode::DischargeFailed),
+        (FaultCode::ResetWhileLive, FaultCode::DriveFailed),
+        (FaultCode::Reference, FaultCode::RailImplausible),
+        (FaultCode::Electrode, FaultCode::ShortCircuit),
+        (FaultCode::Permit, FaultCode::SelfTest),
+        (FaultCode::Clock, FaultCode::ReadBack),
+        (FaultCode::OptionBytes, FaultCode::SelfTest),
+        (FaultCode::TimerStopped, FaultCode::TimerStopped),
+    ];
+    for (code, told) in known {
+        let now_us = bench.board.now_us;
+        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
+        let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
+        assert_eq!(fault.code, told);
+        let Reply::Status(status) = ask(&mut bench, &Request::Status) else { panic!() };
+        assert_eq!(status.fault.map(|fault| fault.code), Some(told));
+        assert_eq!(ask(&mut bench, &Request::ClearFaults), Reply::FaultsCleared);
+    }
+}

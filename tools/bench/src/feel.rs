@@ -1,0 +1,213 @@
+//! Clicks over grids of places: how many are crisp, before and now, on the panel and on panels whose stiffness is off, beside what is possible.
+
+use crate::clock::median;
+use crate::error::Error;
+use crate::table::Table;
+use era_model::model::{Accuracy, levels::ReducedLevels};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene, SurfaceKind};
+use era_planner::click::measures::{ClickMeasures, QUIET, measure_click};
+use era_planner::click::{ClickDesign, ClickOptions, design_click_windows, simulate_felt_motion_of_windows};
+use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
+use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
+use era_planner::{PlanTable, STANDARD_GRAVITY, TableOptions, Target};
+use nalgebra::DVector;
+use std::fmt::Write;
+use std::time::Instant;
+
+/// Places of a plate; a bar has one row.
+const COLUMNS: u32 = 12;
+const ROWS: u32 = 8;
+/// Peak asked for in g.
+const ASKED_G: f64 = 0.5;
+/// Latest peak of a crisp click, and from when on it is quiet, in s.
+const LATEST_PEAK_S: f64 = 0.015;
+const QUIET_S: f64 = 0.045;
+/// Part of the peak that may be left then on panels off the scene.
+const QUIET_OFF: f64 = 0.2;
+/// How far modulus and springs are off.
+const OFF: f64 = 0.05;
+
+/// A sheet of 700 x 400 mm on eight springs, with four ERAs.
+fn sheet_scene_text() -> String {
+    let mut text = String::from(
+        "version = 1\nname = \"sheet\"\n[surface]\nkind = \"plate\"\nlength_mm = 700.0\nwidth_mm = 400.0\nthickness_mm = 3.0\n\
+         [surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.33\ndensity_kg_m3 = 2700.0\n[surface.damping]\nloss_factor = 0.01\n\
+         [screen]\nwidth_px = 3840\nheight_px = 2160\n",
+    );
+    for (x, y) in [(0, 0), (350, 0), (700, 0), (0, 200), (700, 200), (0, 400), (350, 400), (700, 400)] {
+        let _ =
+            write!(text, "[[support]]\nx_mm = {x}\ny_mm = {y}\nstiffness_n_per_m = 6000.0\ndamping_n_s_per_m = 5.0\n");
+    }
+    for (number, (x, y)) in [(90, 70), (300, 330), (420, 60), (640, 300)].into_iter().enumerate() {
+        let _ = write!(
+            text,
+            "[[actuator]]\nid = \"era{}\"\nx_mm = {x}\ny_mm = {y}\nmount = \"grounded\"\nmoving_mass_g = 10.0\nstiffness_n_per_m = 5000.0\n\
+             damping_n_s_per_m = 0.7\nelectrode_area_mm2 = 1963.5\nair_gap_um = 500.0\nmax_voltage_v = 2000.0\nstop_um = 120.0\n",
+            number + 1
+        );
+    }
+    text
+}
+
+/// A scene whose values of a key are so many times as large.
+fn scale_values(text: &str, key: &str, factor: f64) -> String {
+    let scaled = |line: &str| {
+        let (name, value) = line.split_once('=').filter(|(name, _)| name.trim() == key)?;
+        let number = value.split('#').next()?.trim().parse::<f64>().ok()?;
+        Some(format!("{name}= {:e}", number * factor))
+    };
+    text.lines().map(|line| scaled(line).unwrap_or_else(|| line.to_owned()) + "\n").collect()
+}
+
+fn build_table(text: &str) -> Result<PlanTable, Error> {
+    let scene = Scene::parse("bench feel", text)?;
+    let grid = TableOptions::default();
+    Ok(PlanTable::from_levels(&scene, ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?, grid)?)
+}
+
+fn list_places_m(scene: &Scene) -> Vec<(f64, f64)> {
+    let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { ROWS };
+    let part = |k: u32, count: u32| (f64::from(k) + 0.5) / f64::from(count);
+    let place = |r: u32, c: u32| (part(c, COLUMNS) * scene.surface.length_m, part(r, rows) * scene.surface.width_m);
+    (0..rows).flat_map(|r| (0..COLUMNS).map(move |c| (r, c))).map(|(r, c)| place(r, c)).collect()
+}
+
+/// One place.
+struct Clicked {
+    before_is_crisp: bool,
+    click: ClickDesign,
+    took_ms: f64,
+    /// On the panels off the scene.
+    off: Vec<ClickMeasures>,
+    quiet_off: bool,
+    contrast_db: f64,
+}
+
+fn is_crisp(measures: &ClickMeasures) -> bool {
+    measures.peak_s <= LATEST_PEAK_S && measures.quiet_s.is_some_and(|quiet_s| quiet_s <= QUIET_S)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sample number")]
+fn is_quiet_after(motion: &[f64], fraction: f64) -> bool {
+    let peak = motion.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let from = (QUIET_S * motion.len() as f64) as usize;
+    let counted = motion.len() * 9 / 10;
+    motion.get(from..counted).is_some_and(|rest| rest.iter().all(|x| x.abs() <= fraction * peak))
+}
+
+fn click_at(table: &PlanTable, off: &[PlanTable], (x_m, y_m): (f64, f64), others: &[DVector<f64>]) -> Option<Clicked> {
+    let poles = table.panel_poles()?;
+    let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
+    let begun = Instant::now();
+    let click = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, ClickOptions::default())?;
+    let took_ms = 1e3 * begun.elapsed().as_secs_f64();
+    let with_bound = ClickOptions { with_bound: true, ..ClickOptions::default() };
+    let best = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, with_bound)?.best_possible;
+    let click = ClickDesign { best_possible: best, ..click };
+    let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
+    let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
+    let before_is_crisp = before.peak_at_ms <= 15.0 && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0);
+    let motions: Vec<Vec<f64>> = off
+        .iter()
+        .filter_map(|table| {
+            let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
+            simulate_felt_motion_of_windows(table, table.panel_poles()?, &[shape], &click.windows).pop()
+        })
+        .collect();
+    let measured: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
+    let quiet_off = motions.iter().all(|motion| is_quiet_after(motion, QUIET_OFF));
+    let square = |motion: &[f64]| motion.iter().map(|x| x * x).sum::<f64>();
+    let elsewhere = simulate_felt_motion_of_windows(table, poles, others, &click.windows);
+    #[expect(clippy::cast_precision_loss, reason = "some places")]
+    let mean = elsewhere.iter().map(|motion| square(motion)).sum::<f64>() / elsewhere.len().max(1) as f64;
+    let contrast_db = 10.0 * (square(&click.felt_motion) / mean).log10();
+    Some(Clicked { before_is_crisp, click, took_ms, off: measured, quiet_off, contrast_db })
+}
+
+/// The tables.
+///
+/// # Errors
+/// [`Error`]: a scene that cannot be modelled.
+pub fn tables() -> Result<Vec<Table>, Error> {
+    let scenes = [
+        ("plate", EXAMPLE_PLATE.to_owned()),
+        ("bar", EXAMPLE_BAR.to_owned()),
+        ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned()),
+        ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned()),
+        ("sheet 700 x 400 mm, 4 ERAs", sheet_scene_text()),
+    ];
+    let mut table = Table::new(
+        "Clicks of 0.5 g at 12 x 8 places (at 12 of the bar)",
+        &[
+            "scene",
+            "crisp before",
+            "crisp",
+            "modulus or springs 5 % off: below a fifth",
+            "peak after (median)",
+            "quiet after (median)",
+            "least peak",
+            "least bound",
+            "least of peak over min(0.5 g, bound)",
+            "pulse to ring (median)",
+            "sharpness (median)",
+            "contrast (median)",
+            "time (median, 99 %)",
+        ],
+    );
+    for (name, text) in scenes {
+        let own = build_table(&text)?;
+        let variants = [
+            ("youngs_modulus_pa", 1.0 + OFF),
+            ("youngs_modulus_pa", 1.0 - OFF),
+            ("stiffness_n_per_m", 1.0 + OFF),
+            ("stiffness_n_per_m", 1.0 - OFF),
+        ];
+        let off = variants
+            .iter()
+            .map(|(key, factor)| build_table(&scale_values(&text, key, *factor)))
+            .collect::<Result<Vec<_>, _>>()?;
+        let places = list_places_m(&own.scene);
+        let others: Vec<DVector<f64>> = places
+            .iter()
+            .step_by(4)
+            .map(|(x_m, y_m)| mode_shape_values_at_point_or_on_bar_axis(&own, *x_m, *y_m))
+            .collect();
+        let clicked: Vec<Clicked> = places.iter().filter_map(|place| click_at(&own, &off, *place, &others)).collect();
+        // A place without a click counts as one that is not crisp.
+        table.row(row_of(name, places.len(), &clicked));
+        eprintln!("{name}: {} places", clicked.len());
+    }
+    Ok(vec![table])
+}
+
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some places")]
+fn row_of(name: &str, places: usize, clicked: &[Clicked]) -> Vec<String> {
+    let count = places.max(1) as f64;
+    let share = |is: &dyn Fn(&Clicked) -> bool| {
+        format!("{:.0} %", 100.0 * clicked.iter().filter(|own| is(own)).count() as f64 / count)
+    };
+    let middle = |of: &dyn Fn(&Clicked) -> Option<f64>| median(clicked.iter().filter_map(of).collect());
+    let least = |of: &dyn Fn(&Clicked) -> f64| clicked.iter().map(of).fold(f64::INFINITY, f64::min);
+    let peak_g = |own: &Clicked| own.click.measures.peak / STANDARD_GRAVITY;
+    let bound_g = |own: &Clicked| own.click.best_possible.unwrap_or(0.0) / STANDARD_GRAVITY;
+    let mut times: Vec<f64> = clicked.iter().map(|own| own.took_ms).collect();
+    times.sort_by(f64::total_cmp);
+    let slow = times.get((0.99 * (times.len().max(1) - 1) as f64).round() as usize).copied().unwrap_or(0.0);
+    vec![
+        name.to_owned(),
+        share(&|own| own.before_is_crisp),
+        share(&|own| is_crisp(&own.click.measures)),
+        share(&|own| own.quiet_off && own.off.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)),
+        format!("{:.1} ms", 1e3 * middle(&|own| Some(own.click.measures.peak_s))),
+        format!("{:.1} ms", 1e3 * middle(&|own| Some(own.click.measures.quiet_s.unwrap_or(f64::INFINITY)))),
+        format!("{:.2} g", least(&peak_g)),
+        format!("{:.2} g", least(&bound_g)),
+        format!("{:.2}", least(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
+        format!("{:.1} dB", middle(&|own| own.click.measures.pulse_to_ring_db)),
+        format!("{:.2} dB/ms", middle(&|own| own.click.measures.sharpness_db_per_ms())),
+        format!("{:.1} dB", middle(&|own| Some(own.contrast_db))),
+        format!("{:.1} ms, {slow:.1} ms", median(times)),
+    ]
+}
+
+const _: () = assert!(QUIET < QUIET_OFF);

@@ -1,0 +1,180 @@
+"""`era effect --effect click`: the windows as printed, played on own modes in gaps that move, with electrodes behind resistors; the rules
+of a board; and the strongest crisp click with free forces, as an own linear programme.
+
+What the figures mean is said in docs/src/effects.md: accelerations in the felt band, full to 300 Hz and a raised cosine to nothing at
+500 Hz; times from the burst's common start.
+"""
+
+import numpy as np
+from scipy.optimize import linprog
+
+from ..harness import ProgramFailed, Result, change_all, not_comparable
+from ..reference import motion
+
+MOVED = ("click: peak", "click: time of the peak", "click: quiet", "click: travel")
+QUANTITIES = (*MOVED, "click: rules of the board", "click: best possible")
+PLANTS = {
+    "click: peak": change_all("actuator", "air_gap_um", 1.04),
+    "click: time of the peak": "answer",
+    "click: quiet": "answer",
+    "click: travel": change_all("actuator", "air_gap_um", 0.45),
+    "click: rules of the board": "answer",
+    "click: best possible": "answer",
+}
+EVERY, FIRST = 6, 2
+MAX_HZ, BAND_HZ, MOST = 1000.0, 2000.0, 120
+G = 9.80665
+STEP_S, RECORD_S = 5e-5, 1.0
+# A board's rules (docs/src/protocol.md, "Windows"), in us, and the supply's current in A over 10 ms.
+LEAST_WIDTH_US, GUARD_US, MOST_WINDOWS, MOST_CURRENT_A = 300.0, 200.0, 24, 0.5e-3
+# Of an electrode in F, as the board counts it at least, and of a rail's two bleeders in ohm.
+COUNTED_F, BLEEDERS_OHM = 116e-12, 50e6
+# Of the peak: gaps move between steps, the program's of 25 us and the reference's of 50 us. A motion at 500 Hz that has a tenth of the peak
+# moves by 0.03 of the peak in 0.1 ms.
+PEAK, QUIET = 0.025, 0.035
+# A place that the strongest click moves by less, in g, may be without one: bounds of the gaps may forbid all voltage.
+MOVABLE_G = 0.02
+# What moves less, in g, is hardly felt, and what modes above the band do counts for much of it.
+NOTHING = 3e-3
+# Free forces: pieces of 0.5 ms for 30 ms, peaks after so many ms, quiet from then on, samples in s.
+PIECE_S, PIECES, PEAKS_MS, QUIET_MS, SAMPLE_S, LOOKED_S = 5e-4, 60, (8, 12, 15), 45, 2.5e-4, 0.25
+HERTZ = np.arange(1, 500)
+
+
+def felt_weight(hertz):
+    """What frequencies in Hz count."""
+    return np.where(hertz <= 0, 0.0, 1.0) * np.where(hertz <= 300, 1.0, np.where(hertz < 500, 0.5 * (1 + np.cos(np.pi * (hertz - 300) / 200)), 0.0))
+
+
+def felt(record, step):
+    """The felt part of a record, which is taken to begin again at its end."""
+    lines = np.fft.rfft(record)
+    return np.fft.irfft(lines * felt_weight(np.fft.rfftfreq(len(record), step)), len(record))
+
+
+def run(context):
+    """One click at a random point."""
+    rng, name, scene = context.rng("clicks"), context.name, context.scene
+    point = context.random_point(rng)
+    # Some ask for more than anything can make: what comes is as strong as it can be.
+    strength = 1000.0 if rng.random() < 0.2 else float(np.exp(rng.uniform(np.log(0.05), np.log(2))))
+    where = f"at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm, {strength:.3g} g"
+    at = f"{point[0] * 1e3!r},{point[1] * 1e3!r}"
+    try:
+        answer = context.era.json("effect", "--at", at, "--unit", "mm", "--effect", "click", "--intensity-g", strength)
+    except ProgramFailed as failure:
+        return [not_comparable(quantity, name, f"no click: {failure}") for quantity in QUANTITIES]
+    ids, predicted = [era.id for era in scene.actuators], answer["predicted"]
+    windows = [
+        motion.Window(ids.index(w["actuator"]), w["begin_us"] * 1e-6, (w["begin_us"] + w["width_us"]) * 1e-6, 1 if w["electrode"] == "A" else -1, w["voltage_v"])
+        for w in answer["windows"]
+    ]
+    panel = context.panel(MAX_HZ)
+    if not windows:
+        none = [not_comparable(quantity, name, "nothing moves the place") for quantity in QUANTITIES[:-1]]
+        return [*none, _best(context, panel, point, windows, predicted, where)]
+    results = [_rules(context, windows, where)]
+    results.append(_best(context, panel, point, windows, predicted, where))
+    system = motion.System(panel, BAND_HZ, [point])
+    if system.size > MOST or system.defective:
+        return results + [not_comparable(quantity, name, f"{system.size} modes, or poles that coincide") for quantity in MOVED]
+    if predicted["peak_g"] < NOTHING:
+        return results + [not_comparable(quantity, name, "nothing moves") for quantity in MOVED]
+    return results + _motion(context, system, windows, predicted, where)
+
+
+def _rules(context, windows, where):
+    """How many of a board's rules are broken."""
+    scene = context.scene
+    broken = int(len(windows) > MOST_WINDOWS)
+    rails = {}
+    for window in windows:
+        rails.setdefault(window.actuator % 2, set()).add(window.voltage_v)
+        era = scene.actuators[window.actuator]
+        broken += window.voltage_v > min(era.max_voltage, 2000.0) + 1e-9
+        broken += (window.off - window.on) * 1e6 < LEAST_WIDTH_US - 1e-6
+    broken += sum(len(volts) > 1 for volts in rails.values())
+    for actuator in {window.actuator for window in windows}:
+        own = sorted((w.on, w.off) for w in windows if w.actuator == actuator)
+        edges = [0.0, *[off for _, off in own]]
+        broken += sum((on - off) * 1e6 < GUARD_US - 1e-6 for (on, _), off in zip(own, edges))
+    charge = lambda w: max(COUNTED_F, scene.actuators[w.actuator].capacitance) * w.voltage_v
+    bleeders = sum(max(volts) for volts in rails.values()) / BLEEDERS_OHM
+    within = lambda start: sum(charge(w) for w in windows if start <= w.on < start + 0.01) / 0.01
+    broken += bleeders + max(within(w.on) for w in windows) > MOST_CURRENT_A
+    if context.planted("click: rules of the board"):
+        broken += 1
+    return Result("click: rules of the board", context.name, float(broken), 0.0, note=where)
+
+
+def _motion(context, system, windows, predicted, where):
+    name = context.name
+    voltages = motion.Voltages(windows, len(system.gap), times=system.times)
+    record = motion.integrate(system, voltages, RECORD_S - STEP_S, STEP_S)
+    if record.pulled_in:
+        return [Result("click: travel", name, np.inf, 1.0, note=f"pulled in, {where}")]
+    travel = np.abs(record.gap_change / system.gap).max()
+    own = np.abs(felt(record.acceleration[:, 0], STEP_S))
+    # What comes before the beginning, as the band has no phase, is at the end.
+    own = own[: int(0.9 * len(own))]
+    peak, time = own.max(), STEP_S * np.arange(len(own))
+    printed_ms = predicted["peak_at_ms"] * (1.4 if context.planted("click: time of the peak") else 1.0)
+    there = own[np.abs(time - printed_ms * 1e-3) <= 1.5e-4].max(initial=0.0)
+    note = f"{predicted['peak_g']:.3g} g for {peak / G:.3g} g, quiet at {predicted['quiet_ms']} ms, {where}"
+    quiet_s = 1e-3 * (predicted["quiet_ms"] or 900.0) - (0.008 if context.planted("click: quiet") else 0.0)
+    after, before = own[time > quiet_s + 1e-4], own[time > quiet_s - 2e-4]
+    # From then on it is below a tenth, and just before it was not.
+    missed = max(after.max(initial=0.0) / peak - 0.1, 0.1 - before.max(initial=0.0) / peak if predicted["quiet_ms"] else 0.0, 0.0)
+    return [
+        Result("click: peak", name, abs(predicted["peak_g"] * G / peak - 1), PEAK, note=note),
+        Result("click: time of the peak", name, 1 - there / peak, PEAK, note=note),
+        Result("click: quiet", name, missed, QUIET, note=note),
+        Result("click: travel", name, 3 * travel, 1.0, note=where),
+    ]
+
+
+def _best(context, panel, point, windows, predicted, where):
+    """The strongest peak of free forces; forces are those of the highest voltage that the program could have used, which is at least that
+    of its windows: with less the bound is smaller, with all that the scene allows larger."""
+    scene, name, quantity = context.scene, context.name, "click: best possible"
+    least = np.zeros(len(scene.actuators))
+    for window in windows:
+        least[window.actuator] = max(least[window.actuator], window.voltage_v)
+    most = np.array([min(era.max_voltage, 2000.0) for era in scene.actuators])
+    force = lambda volts: np.array([motion.pulses.rest_force(era.electrode_area, era.air_gap, v) for era, v in zip(scene.actuators, volts)])
+    response = panel.accelerance([point], HERTZ)[:, :, 0]
+    low, high = _strongest(response, force(least)), _strongest(response, force(most))
+    best = (predicted["best_possible_g"] or 0.0) * (3 if context.planted(quantity) else 1) * G
+    # Where no window is told, the lower bound is 0: no place that can be moved is without one.
+    if not windows:
+        outside = 0.0 if high < MOVABLE_G * G else np.inf
+    else:
+        outside = max(low / best - 1, best / high - 1, 0.0) if best > 0 else np.inf
+    return Result(quantity, name, outside, 0.03, note=f"{best / G:.3g} g for {low / G:.3g} to {high / G:.3g} g, {where}")
+
+
+def _strongest(response, forces_n):
+    """In m/s^2, for forces of at most so many N."""
+    count = int(round(1 / SAMPLE_S))
+    omega = 2 * np.pi * HERTZ
+    piece = (1 - np.exp(-1j * omega * PIECE_S)) / (1j * omega)
+    columns = []
+    for actuator, force in enumerate(forces_n):
+        if force <= 0:
+            continue
+        lines = np.zeros(count // 2 + 1, complex)
+        lines[HERTZ] = response[:, actuator] * felt_weight(HERTZ) * piece * force
+        record = np.fft.irfft(lines, count) * count
+        columns += [np.roll(record, k * int(round(PIECE_S / SAMPLE_S))) for k in range(PIECES)]
+    if not columns:
+        return 0.0
+    rows = np.array(columns).T[: int(LOOKED_S / SAMPLE_S)]
+    quiet = int(QUIET_MS * 1e-3 / SAMPLE_S)
+    part = np.where(np.arange(len(rows)) >= quiet, 0.1, 1.0)
+    best = 0.0
+    for peak_ms in PEAKS_MS:
+        at = rows[int(peak_ms * 1e-3 / SAMPLE_S)]
+        bounds = np.vstack([rows - part[:, None] * at, -rows - part[:, None] * at])
+        solved = linprog(-at, A_ub=bounds, b_ub=np.zeros(len(bounds)), bounds=(-1, 1), method="highs")
+        best = max(best, -solved.fun if solved.status == 0 else 0.0)
+    return best

@@ -1,0 +1,137 @@
+//! The current that the electrodes take: what a sound board measures at several frequencies, and how soon it notices an electrode that
+//! takes too little or too much while it is driven.
+//!
+//! Nothing of it is shared with the firmware: an electrode of 116 pF takes 2 C V f with its partner, a rail's bleeders are 50 Mohm, and a
+//! short behind 1 Mohm takes V / R while its electrode is on.
+
+use super::board::EmulatedBoard;
+use super::drives::make_drive;
+use super::table::ReportTable;
+use super::trips::{
+    check_latched_fault, delay_until_all_off_if_off_by_now_ms, electrode_fault, heal_faults_and_check_rearming,
+};
+use crate::error::Error;
+use era_shared::protocol::{ChannelDrive, FaultCode, Reply, Request};
+use era_shared::safety::SafetyState;
+
+/// How long a sound board is driven at each frequency, in s: ten times the time over which the current is averaged.
+const SOUND_S: f64 = 1.3;
+/// When a fault must be noticed, in ms: 131 ms is the time constant of the means that are compared, so that 95 % of what has changed is in
+/// them after three of them.
+const NOTICED_MS: f64 = 400.0;
+/// Over how many looks the measured current is averaged, 7 ms apart.
+const LOOKS: u32 = 20;
+
+/// One broken electrode while its ERA is driven alone.
+struct BrokenWhileDriving {
+    name: &'static str,
+    era: u8,
+    electrode: &'static str,
+    is: &'static str,
+    volts: u32,
+    frequency_millihertz: u32,
+}
+
+const BROKEN: [BrokenWhileDriving; 8] = [
+    new_broken_electrode("electrode opens", 1, "a", "open", 1_000, 200_000),
+    new_broken_electrode("electrode opens, 400 Hz", 4, "b", "open", 600, 400_000),
+    new_broken_electrode("electrode is shorted", 2, "b", "shorted", 500, 200_000),
+    new_broken_electrode("electrode is shorted, 40 Hz", 4, "a", "shorted", 300, 40_000),
+    new_broken_electrode("lower switch stays open", 3, "a", "lower_open", 1_000, 200_000),
+    new_broken_electrode("lower switch stays open, 400 Hz", 2, "b", "lower_open", 600, 400_000),
+    new_broken_electrode("lower switch stays closed", 1, "b", "lower_stuck", 500, 200_000),
+    new_broken_electrode("lower switch stays closed, 40 Hz", 3, "a", "lower_stuck", 300, 40_000),
+];
+
+const fn new_broken_electrode(
+    name: &'static str,
+    era: u8,
+    electrode: &'static str,
+    is: &'static str,
+    volts: u32,
+    frequency_millihertz: u32,
+) -> BrokenWhileDriving {
+    BrokenWhileDriving { name, era, electrode, is, volts, frequency_millihertz }
+}
+
+/// All of it, each from power-up.
+pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTable) {
+    for frequency_millihertz in [40_000, 200_000, 400_000] {
+        let name = format!("sound electrodes, {} Hz", frequency_millihertz / 1_000);
+        table.run_part_adding_row_on_error(&name, |table| {
+            check_sound_current(board, table, &name, frequency_millihertz)
+        });
+    }
+    for broken in &BROKEN {
+        table.run_part_adding_row_on_error(broken.name, |table| check_broken_electrode(board, table, broken));
+    }
+}
+
+fn power_up_and_set(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Result<(), Error> {
+    board.power_cycle()?;
+    board.arm_and_wait()?;
+    match board.set_drives(drives)? {
+        Some(refusal) => Err(Error::NoReply(format!("drives: {refusal:?}"))),
+        None => Ok(()),
+    }
+}
+
+fn read_mean_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
+    let mut sum = 0.0;
+    for _ in 0..LOOKS {
+        board.advance_time_with_keep_alives(7e-3)?;
+        match board.send_request(&Request::Details)? {
+            Reply::Details(details) => sum += f64::from(details.average_microamps),
+            other => return Err(Error::NoReply(format!("Details: {other:?}"))),
+        }
+    }
+    Ok(sum / f64::from(LOOKS))
+}
+
+/// Four sound channels stay driven, and take what they should take.
+fn check_sound_current(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+    frequency_millihertz: u32,
+) -> Result<(), Error> {
+    const VOLTS: u32 = 600;
+    let drives = [0, 1, 2, 3].map(|channel| make_drive(channel, frequency_millihertz, 600_000, 0, VOLTS * 1_000));
+    power_up_and_set(board, &drives)?;
+    board.advance_time_with_keep_alives(SOUND_S)?;
+    let (volts, hertz) = (f64::from(VOLTS), f64::from(frequency_millihertz) / 1e3);
+    let expected = (4.0 * 2.0 * 116e-12 * volts * hertz + 2.0 * volts / 50e6) * 1e6;
+    let seen = read_mean_microamps(board)?;
+    // Single looks at a current that comes in lumps: a fifth of it.
+    table.add_row(
+        &format!("{name}: average current"),
+        &format!("{expected:.0} uA"),
+        &format!("{seen:.0} uA"),
+        (seen - expected).abs() < 0.2 * expected + 1.0,
+    );
+    let state = board.read_status()?.state;
+    table.add_comparison_row(&format!("{name}: no fault"), SafetyState::Running.name(), state.name());
+    Ok(())
+}
+
+/// One ERA alone, of which an electrode breaks.
+fn check_broken_electrode(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    broken: &BrokenWhileDriving,
+) -> Result<(), Error> {
+    let name = broken.name;
+    power_up_and_set(
+        board,
+        &[make_drive(broken.era - 1, broken.frequency_millihertz, 800_000, 0, broken.volts * 1_000)],
+    )?;
+    board.advance_time_with_keep_alives(0.6)?;
+    board.update_pin_edges_until_now()?;
+    let since = board.read_clock_cycles()?;
+    board.inject_fault(&electrode_fault(broken.era.into(), broken.electrode, broken.is))?;
+    board.advance_time_with_keep_alives(NOTICED_MS / 1e3 + 0.01)?;
+    let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
+    table.add_time_limit_row(&format!("{name}: electrodes off"), NOTICED_MS, off);
+    check_latched_fault(board, table, name, FaultCode::Electrode)?;
+    heal_faults_and_check_rearming(board, table, name)
+}

@@ -1,0 +1,288 @@
+//! `cargo xtask mutate`: plants mistakes in the board's code, one after the other, and shows which test detects each.
+//!
+//! A mistake in `shared/` is first shown to the tests of that crate. What they do not detect, and every mistake in `firmware/`, is built into an
+//! image and taken through the report of the emulated board, whose expectations come from this program, which has no mistake in it.
+
+mod list;
+
+use crate::error::{Error, file_error};
+use crate::process::capture_output;
+use crate::repository_root;
+use list::{MUTATIONS, Mutation};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Longest time in s for compiling and running the tests of the shared crate with a mistake in it.
+const TEST_LIMIT_S: &str = "400";
+/// The first run compiles everything.
+const NO_LIMIT: &str = "0";
+
+/// Options of `cargo xtask mutate`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Only mistakes whose name contains this
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Only so many, chosen by the commit, of those that the tests of the shared crate see
+    #[arg(long, value_name = "N")]
+    some: Option<usize>,
+}
+
+impl Options {
+    /// The mistakes that a run of all tests plants.
+    pub const fn some(count: usize) -> Self {
+        Self { only: None, some: Some(count) }
+    }
+}
+
+/// What has become of a mistake.
+enum MutationOutcome {
+    /// The code does not compile with it, as its entry says.
+    NotCompiled,
+    /// These tests or rows of the report fail.
+    Detected(Vec<String>),
+    /// Nothing fails.
+    Survived,
+}
+
+/// What tests say of a tree.
+enum TreeVerdict {
+    Sound,
+    /// The code does not compile; the compiler's first error.
+    NotCompiled(String),
+    /// These tests or rows of the report fail.
+    Failed(Vec<String>),
+}
+
+/// The folders of a run, and what is known of the tree without a mistake.
+struct Workbench {
+    root: PathBuf,
+    /// A copy of the tree, which the mistakes are planted in.
+    tree: PathBuf,
+    /// Whether the tests of the shared crate, and the report, pass without a mistake. Each is tried before it judges the first one.
+    are_tests_sound: bool,
+    is_report_sound: bool,
+}
+
+/// Plants the mistakes and prints what detects each.
+///
+/// # Errors
+/// [`Error::Mutations`] with those that nothing detects and those that could not be judged, [`Error::NotSound`] if the tree fails without
+/// a mistake, or what kept one from being planted.
+pub fn plant_mistakes(options: &Options) -> Result<(), Error> {
+    let root = repository_root()?;
+    let tree = root.join("target/mutate/tree");
+    copy_tracked_files(&root, &tree)?;
+    let chosen = select_matching_or_commit_sampled_mutations(&root, options)?;
+    let mut bench = Workbench { root, tree, are_tests_sound: false, is_report_sound: false };
+    let mut unclear = Vec::new();
+    for mutation in chosen {
+        let outcome = match find_what_detects_mutation(&mut bench, mutation) {
+            Err(Error::Unjudged(reason)) => Err(reason),
+            other => Ok(other?),
+        };
+        let seen = match &outcome {
+            Ok(MutationOutcome::NotCompiled) => "the compiler, as its entry says".to_owned(),
+            Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
+            Ok(MutationOutcome::Survived) => "NOTHING".to_owned(),
+            Err(reason) => format!("NOT JUDGED: {reason}"),
+        };
+        println!("{:<58} {}: {seen}", mutation.name, mutation.file);
+        match outcome {
+            Ok(MutationOutcome::Survived) => unclear.push(mutation.name.to_owned()),
+            Err(reason) => unclear.push(format!("{} ({reason})", mutation.name)),
+            Ok(_) => {}
+        }
+    }
+    if unclear.is_empty() { Ok(()) } else { Err(Error::Mutations(unclear.join("; "))) }
+}
+
+fn select_matching_or_commit_sampled_mutations(
+    root: &Path,
+    options: &Options,
+) -> Result<Vec<&'static Mutation>, Error> {
+    let wanted = |mutation: &&Mutation| options.only.as_ref().is_none_or(|only| mutation.name.contains(only));
+    let Some(count) = options.some else { return Ok(MUTATIONS.iter().filter(wanted).collect()) };
+    let shared: Vec<&Mutation> = MUTATIONS.iter().filter(wanted).filter(|it| it.file.starts_with("shared/")).collect();
+    let commit = capture_output(Command::new("git").current_dir(root).args(["rev-parse", "HEAD"]))?;
+    let start = usize::from_str_radix(commit.trim().get(..8).unwrap_or("0"), 16).unwrap_or(0);
+    // A stride that shares no factor with any length below it takes each once.
+    Ok((0..count.min(shared.len())).filter_map(|k| shared.get((start + 97 * k) % shared.len()).copied()).collect())
+}
+
+/// Copies the files that git tracks, as they are now.
+fn copy_tracked_files(root: &Path, tree: &Path) -> Result<(), Error> {
+    let listed = capture_output(Command::new("git").current_dir(root).args(["ls-files"]))?;
+    for file in listed.lines().filter(|file| root.join(file).is_file()) {
+        let to = tree.join(file);
+        if let Some(folder) = to.parent() {
+            std::fs::create_dir_all(folder).map_err(file_error("cannot make", folder))?;
+        }
+        let from = root.join(file);
+        let content = std::fs::read(&from).map_err(file_error("cannot read", &from))?;
+        // What has not changed keeps its time, so that nothing is compiled again for it.
+        if std::fs::read(&to).ok().as_ref() != Some(&content) {
+            std::fs::write(&to, content).map_err(file_error("cannot write", &to))?;
+        }
+    }
+    Ok(())
+}
+
+/// Does `work` while the mistake is in the copy.
+fn with_mistake<T>(tree: &Path, mutation: &Mutation, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    let path = tree.join(mutation.file);
+    let sound = std::fs::read_to_string(&path).map_err(file_error("cannot read", &path))?;
+    let wrong = sound.replacen(mutation.from, mutation.to, 1);
+    std::fs::write(&path, wrong).map_err(file_error("cannot write", &path))?;
+    let result = work();
+    std::fs::write(&path, sound).map_err(file_error("cannot write", &path))?;
+    result
+}
+
+fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Result<MutationOutcome, Error> {
+    if mutation.file.starts_with("shared/") {
+        if !bench.are_tests_sound {
+            expect_sound("the tests of shared/", run_shared_tests(bench, NO_LIMIT)?)?;
+            bench.are_tests_sound = true;
+        }
+        let verdict = with_mistake(&bench.tree, mutation, || run_shared_tests(bench, TEST_LIMIT_S))?;
+        let outcome = judge_verdict(mutation, verdict)?;
+        if !matches!(outcome, MutationOutcome::Survived) {
+            return Ok(outcome);
+        }
+    }
+    if !bench.is_report_sound {
+        expect_sound("the report of the emulated board", build_image_and_run_report(bench)?)?;
+        bench.is_report_sound = true;
+    }
+    judge_verdict(mutation, with_mistake(&bench.tree, mutation, || build_image_and_run_report(bench))?)
+}
+
+/// A tree that fails by itself would detect everything.
+fn expect_sound(what: &'static str, verdict: TreeVerdict) -> Result<(), Error> {
+    match verdict {
+        TreeVerdict::Sound => Ok(()),
+        TreeVerdict::NotCompiled(reason) => Err(Error::NotSound { what, reason }),
+        TreeVerdict::Failed(names) => Err(Error::NotSound { what, reason: names.join(", ") }),
+    }
+}
+
+/// What a verdict on the tree with a mistake means: only what has a name has detected it, and the compiler only where it is meant to.
+fn judge_verdict(mutation: &Mutation, verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
+    match verdict {
+        TreeVerdict::Sound => Ok(MutationOutcome::Survived),
+        TreeVerdict::NotCompiled(_) if mutation.is_for_compiler => Ok(MutationOutcome::NotCompiled),
+        TreeVerdict::NotCompiled(reason) => Err(Error::Unjudged(format!("it does not compile: {reason}"))),
+        TreeVerdict::Failed(names) if names.is_empty() => {
+            Err(Error::Unjudged("a run failed without the name of a test or row".to_owned()))
+        }
+        TreeVerdict::Failed(names) => Ok(MutationOutcome::Detected(names)),
+    }
+}
+
+fn run_shared_tests(bench: &Workbench, limit_s: &str) -> Result<TreeVerdict, Error> {
+    let (works, output) = run_and_read(
+        // A mistake can make a test run for ever. Sound, all of them take seconds once they are compiled.
+        Command::new("timeout")
+            .current_dir(&bench.tree)
+            .args([limit_s, "cargo", "test", "--manifest-path", "shared/Cargo.toml", "--no-fail-fast", "--target-dir"])
+            .arg(bench.root.join("target/mutate/shared")),
+    )?;
+    Ok(if works { TreeVerdict::Sound } else { read_failed_tests(&output) })
+}
+
+/// What cargo's tests said when they did not succeed.
+fn read_failed_tests(output: &str) -> TreeVerdict {
+    if !output.contains("test result:") {
+        return TreeVerdict::NotCompiled(find_first_error(output));
+    }
+    let failed = |line: &str| Some(line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?.to_owned());
+    let mut failed: Vec<String> = output.lines().filter_map(failed).collect();
+    // Only a run that was ended says nothing of the test that it was in.
+    if failed.is_empty() && !output.contains("test failed, to rerun") {
+        failed.push(format!("a test that does not end within {TEST_LIMIT_S} s"));
+    }
+    TreeVerdict::Failed(failed)
+}
+
+fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
+    let target = bench.root.join("target/mutate/firmware");
+    let (works, output) = run_and_read(
+        Command::new("cargo")
+            .current_dir(bench.tree.join("firmware"))
+            .args(["build", "--release", "--locked", "--target", "thumbv7em-none-eabihf", "--target-dir"])
+            .arg(&target),
+    )?;
+    if !works {
+        return Ok(TreeVerdict::NotCompiled(find_first_error(&output)));
+    }
+    let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
+    let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
+    let (works, output) = run_and_read(Command::new(own).args(["emulate", "--report", "--image"]).arg(image))?;
+    if works {
+        return Ok(TreeVerdict::Sound);
+    }
+    let rows = output.lines().filter_map(|line| line.strip_prefix("wrong: ")).map(|row| format!("report: {row}"));
+    Ok(TreeVerdict::Failed(rows.collect()))
+}
+
+/// The first error in what a compiler or a program has written.
+fn find_first_error(output: &str) -> String {
+    let error = output.lines().map(str::trim).find(|line| line.starts_with("error"));
+    error.unwrap_or("no error is named").to_owned()
+}
+
+/// Whether a command succeeds, and all that it writes.
+fn run_and_read(command: &mut Command) -> Result<(bool, String), Error> {
+    let output =
+        command.output().map_err(|source| Error::Start { command: crate::process::format_command(command), source })?;
+    let text = [output.stdout, output.stderr].concat();
+    Ok((output.status.success(), String::from_utf8_lossy(&text).into_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mistake that cannot be planted any more would count as planted and detected.
+    #[test]
+    fn every_mistake_has_its_one_place() {
+        let root = repository_root().expect("the repository");
+        for Mutation { name, file, from, to, .. } in MUTATIONS {
+            let text = std::fs::read_to_string(root.join(file)).expect("a file of the repository");
+            assert_eq!(text.matches(from).count(), 1, "{name}: {file} has not one `{from}`");
+            assert_ne!(from, to, "{name}");
+        }
+    }
+
+    /// A run that ends in an error proves nothing, unless it names a test.
+    #[test]
+    fn only_a_named_test_detects_a_mistake() {
+        let judge = |is_for_compiler, verdict| judge_verdict(&Mutation { is_for_compiler, ..MUTATIONS[0] }, verdict);
+        let verdict =
+            read_failed_tests("test one ... ok\ntest two ... FAILED\ntest result: FAILED. 1 passed; 1 failed");
+        let outcome = judge(false, verdict).expect("it is judged");
+        assert!(matches!(outcome, MutationOutcome::Detected(names) if names == ["two"]));
+        assert!(matches!(judge(false, TreeVerdict::Sound), Ok(MutationOutcome::Survived)));
+        let verdict = || read_failed_tests("error[E0425]: cannot find `x`\nerror: could not compile");
+        assert!(matches!(judge(true, verdict()), Ok(MutationOutcome::NotCompiled)));
+        let Err(Error::Unjudged(reason)) = judge(false, verdict()) else { panic!("the compiler was not to find it") };
+        assert!(reason.ends_with("error[E0425]: cannot find `x`"), "{reason}");
+        // A report that cannot start, and a test program that crashes.
+        assert!(matches!(judge(false, TreeVerdict::Failed(Vec::new())), Err(Error::Unjudged(_))));
+        let crash = "test result: ok. 3 passed\nerror: test failed, to rerun pass `--test link` (signal: 11)";
+        assert!(matches!(judge(false, read_failed_tests(crash)), Err(Error::Unjudged(_))));
+        let Ok(MutationOutcome::Detected(names)) = judge(false, read_failed_tests("test result: ok. 3 passed")) else {
+            panic!("a run that was ended by its time limit is detected")
+        };
+        assert!(names[0].contains("does not end"), "{names:?}");
+    }
+
+    #[test]
+    fn a_tree_that_fails_by_itself_judges_nothing() {
+        assert!(expect_sound("tests", TreeVerdict::Sound).is_ok());
+        for verdict in [TreeVerdict::Failed(vec!["two".to_owned()]), TreeVerdict::NotCompiled("error".to_owned())] {
+            assert!(matches!(expect_sound("tests", verdict), Err(Error::NotSound { .. })));
+        }
+    }
+}
