@@ -65,6 +65,7 @@ class Frequencies(unittest.TestCase):
 
 
 TEXT = """
+version = 1
 name = "birch"
 [surface]
 kind = "plate"
