@@ -86,7 +86,7 @@ fn compute_touched_maps(
     region: Option<Region>,
 ) -> Result<ReachMaps, Failure> {
     tell!(
-        "the scene's [finger] is on each examined point; contrasts are not computed, because each would need the plan of another panel"
+        "the scene has a [finger], so each examined point is computed with the finger on this point; contrasts are not computed, because every point would need a plan for a panel with the finger at another place"
     );
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
     run_with_progress("computing what can be reached with a finger on each point", || -> Result<ReachMaps, Failure> {

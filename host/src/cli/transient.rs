@@ -53,7 +53,7 @@ pub fn run_transient(options: &Transient) -> Outcome {
         (None, _) => String::new(),
     };
     print_text(&format!(
-        "{} times, {elapsed_ms:.0} ms\nlargest acceleration {:.4} m/s^2, in the steady state {:.4} m/s^2{settled}",
+        "{} points in time, computed in {elapsed_ms:.0} ms\nlargest acceleration {:.4} m/s^2, in the steady state {:.4} m/s^2{settled}",
         motion.time_s.len(),
         motion.largest_acceleration_over_time_m_per_s2(),
         motion.steady_peak_m_per_s2,

@@ -89,7 +89,7 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Drive { channel, error } => format!("channel {channel}: {}", describe_drive_error(error)),
         Refusal::DuplicateChannel { channel } => format!("channel {channel} is given twice"),
-        Refusal::OtherLink => "another host has armed the board; it must disarm first".into(),
+        Refusal::OtherLink => "another host has armed the board; that host must disarm the board first".into(),
         Refusal::Deadman { requested_ms, min_ms, max_ms } => {
             format!("deadman_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
         }

@@ -136,9 +136,9 @@ fn judge_clock(clock: Clock) -> Finding {
     let known_ms = known_s * 1e3;
     let found = match rate_ppm {
         Some(rate) => format!(
-            "the board's clock differs from this computer's by {rate:+.0} ppm; the board's time is known to {known_ms:.2} ms"
+            "the board's clock differs from this computer's by {rate:+.0} ppm; the board's time is known with an error of at most {known_ms:.2} ms"
         ),
-        None => format!("the board's time is known to {known_ms:.2} ms"),
+        None => format!("the board's time is known with an error of at most {known_ms:.2} ms"),
     };
     if known_s > KNOWN_S {
         return Finding::warning(

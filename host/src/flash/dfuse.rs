@@ -103,7 +103,7 @@ pub enum DfuError {
         source: PipeError,
     },
     /// The device reports an error.
-    #[error("{step} at {address:#010x}: the bootloader reports status {status}, {}", describe_status(*.status))]
+    #[error("{step} at {address:#010x}: the bootloader reports the status {status}: {}", describe_status(*.status))]
     Status {
         /// What was done.
         step: &'static str,

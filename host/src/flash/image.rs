@@ -76,7 +76,7 @@ pub enum ImageError {
     /// The header is missing, or not known here.
     #[error("{}", match .0 {
         HeaderError::Missing => "there is no image header: this is not the firmware of an ERA board, or it is too old".to_owned(),
-        HeaderError::Format(format) => format!("the image header has format {format}, this program knows format 1: update this program"),
+        HeaderError::Format(format) => format!("the image header has the format {format}, but this program knows only format 1: update this program"),
     })]
     Header(HeaderError),
     /// For another chip.

@@ -192,8 +192,9 @@ impl FaultCode {
                  the bond, then clear the fault."
             }
             FaultCode::DischargeFailed => {
-                "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a minute, measure; the \
-                 discharge switch or the bleeder is broken."
+                "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a \
+                 minute, then measure the rails. The supply still feeds the rail, or its discharge switch or a bleeder is \
+                 broken."
             }
             FaultCode::SelfTest => {
                 "The self-test failed: a part that switches off or measures (a comparator, a break, the supply's enable, a \

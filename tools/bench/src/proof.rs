@@ -168,8 +168,8 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
     table.above.push(format!(
         "There are {scenes} random scenes (`host/model/src/scene/random.rs`, seed {SEED}), computed up to {BAND_HZ} \
          Hz. The tolerances are 1e-2, 1e-3 and 1e-4 in turn. The error is the difference from this program's more \
-         accurate answer, at a hundredth of the tolerance. The more accurate answer has a small bound of its own. If a \
-         bound is below the error by less than this small bound, it does not count as below the error. Errors below \
+         accurate answer, at a hundredth of the tolerance. The more accurate answer has a small bound of its own. A bound \
+         counts as below the error only if it is below the error by more than this small bound. Errors below \
          {ROUNDING:e} are rounding errors and are left out."
     ));
     Ok(table)

@@ -149,8 +149,9 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
     table.below.push(String::from(
         "These times do not agree with the times of the thesis. The number of steps of an explicit solver is about \
          the duration times the largest |lambda|, because longer steps are not stable. This number does not grow \
-         exponentially with the number of unknowns. Each column \"its error\" has the largest deviation of the method \
-         before it from the answer of this program, relative to the largest displacement. RK45 has the default \
+         exponentially with the number of unknowns. Each column \"its error\" is about the method \
+         in the column to its left: it has the largest deviation of this method from the answer of this program, \
+         relative to the largest displacement. RK45 has the default \
          tolerances of ode45 (1e-3 relative, 1e-6 absolute).",
     ));
     Ok(table)

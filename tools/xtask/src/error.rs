@@ -118,7 +118,7 @@ pub enum Error {
     Silent(Duration),
     /// An engine found an input that fails.
     #[error(
-        "fuzzing {target} found an input that fails; see {log}, and run it again with \
+        "fuzzing {target} found an input that fails (log: {log}); run this input again with \
          `cargo xtask fuzz --target {target} --input FILE`\n  {said}"
     )]
     Found {

@@ -74,7 +74,7 @@ impl Need {
             Need::Openssl => "openssl, for certificates in the tests of clients".into(),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
-            Need::Debootstrap => "debootstrap, for the trial of Debian's package".into(),
+            Need::Debootstrap => "debootstrap, for the test of the Debian package of `era`".into(),
             Need::Dpkg => "dpkg-deb and dpkg-shlibdeps, for Debian's package".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
             Need::Target => format!("the compilation target {TARGET}, for the firmware"),

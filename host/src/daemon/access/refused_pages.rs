@@ -45,7 +45,7 @@ fn advise_how_to_allow_origin(origin: &str, option_value: &Result<String, String
              (python3 -m http.server 8000) and allow http://localhost:8000"
                 .into()
         }
-        Err(wanted) => format!("this origin cannot be allowed: an origin {wanted}"),
+        Err(wanted) => format!("this origin cannot be allowed, because it is not of the allowed form: it {wanted}"),
     }
 }
 

@@ -12,9 +12,9 @@ const MOST: usize = 5000;
 /// The places of the plots, as HTML.
 pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
     let what = if study.spec.wishes.len() > 1 {
-        "Large dots are designs that no other surpasses in all wishes; red rings are the best, with their numbers."
+        "Large dots are designs that no other design surpasses in all wishes. Numbered red rings are the best designs."
     } else {
-        "The large dot has the best figure; red rings are the best designs after they were computed again, with their numbers."
+        "The large dot is the design with the best figure. Numbered red rings are the best designs of the thorough evaluation."
     };
     let off = if table.has_ends {
         " Figures that a wish or a limit uses are the worst over the samples of the uncertain values."

@@ -233,7 +233,7 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 minimum_distance.line,
                 format!(
-                    "apart[{entry_number}]: the paths lead to {} places, but at least two are needed",
+                    "apart[{entry_number}]: the number of places that the paths lead to is {}, but must be at least 2",
                     places.len()
                 ),
             );

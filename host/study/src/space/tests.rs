@@ -348,7 +348,10 @@ fn what_is_held_apart_has_places() {
     told("[\"surface\"]", "apart[1]: surface is not a place, because the path leads to no table with an x_mm");
     told("[\"actuator\"]", "apart[1]: actuator is not a place");
     told("[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]", "apart[1]: actuator.left.x_mm is not a place");
-    told("[\"actuator.left\", \"actuator[1]\"]", "apart[1]: the paths lead to 1 places, but at least two are needed");
+    told(
+        "[\"actuator.left\", \"actuator[1]\"]",
+        "apart[1]: the number of places that the paths lead to is 1, but must be at least 2",
+    );
     assert!(
         space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), EXAMPLE_PLATE).is_ok()
     );

@@ -204,7 +204,11 @@ fn read_choice_variable(
     list: Option<&toml_edit::Array>,
 ) -> Option<VariableKind> {
     let Some(list) = list.filter(|list| !list.is_empty()) else {
-        section.report_wrong_value("values", "no list, or an empty one".into(), "a list of values or tables");
+        section.report_wrong_value(
+            "values",
+            "not a list, or an empty list".into(),
+            "a list with at least one value or table",
+        );
         return None;
     };
     let values: Vec<Value> = list.iter().cloned().map(Value::without_decor).collect();
@@ -219,8 +223,8 @@ fn read_choice_variable(
     if names.len() != values.len() {
         section.report_wrong_value(
             "names",
-            format!("{} names", names.len()),
-            &format!("as many as there are values, {}", values.len()),
+            format!("a list of {} names", names.len()),
+            &format!("a list with one name for each value, {} in all", values.len()),
         );
     }
     let costs = costs.unwrap_or_else(|| vec![0.0; values.len()]);

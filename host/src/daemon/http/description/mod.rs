@@ -13,11 +13,11 @@ use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
 const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes drives for electrostatic actuators. All numbers \
-    are SI unless the name says another unit. Requests of other pages than the daemon's own are refused unless --allow-origin names \
-    their origin, and where tokens are set up every request needs one: the role that each path wants is its `x-role`, which counts \
-    where tokens are asked for only. Whatever is not described here is answered with 404 (`#/components/responses/NotFound`), another \
-    method of what is with 405 (`#/components/responses/WrongMethod`). GET takes HEAD as well; pages that --allow-origin names may ask \
-    with OPTIONS first.";
+    are SI unless the name says another unit. Requests of pages other than the daemon's own are refused unless --allow-origin names \
+    their origin. If the daemon requires tokens, every request needs a token; `x-role` is the role that the path needs. A path that is \
+    not described here is answered with 404 (`#/components/responses/NotFound`), and a described path with another method is answered \
+    with 405 (`#/components/responses/WrongMethod`). HEAD is possible wherever GET is; pages that --allow-origin names may send \
+    OPTIONS first.";
 const SERVER: &str = "The daemon that this description came from: whatever scheme, name and port it was asked at, or its socket in \
     the file system";
 const TOKEN: &str = "Where the daemon was started with --token-file; for /v1/live ?token= does as well";
