@@ -28,7 +28,7 @@ fn told(output: &Output) -> String {
 #[test]
 fn a_thick_panel_is_warned_about_with_its_number() {
     let scene = |thickness_mm: &str| {
-        let text = era::scene::EXAMPLE_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {thickness_mm}"));
+        let text = era::scene::STARTING_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {thickness_mm}"));
         let file = scratch(&format!("thick-{thickness_mm}.toml"));
         std::fs::write(&file, text).unwrap();
         file.display().to_string()
@@ -55,7 +55,7 @@ fn first_mistakes_are_answered_with_what_would_do() {
     let output = era(&["--listen", "127.0.0.1:0"]);
     let text = told(&output);
     assert!(output.status.code() == Some(2) && text.contains("era serve --listen"), "{text}");
-    let soft = era::scene::EXAMPLE_PLATE.replace("youngs_modulus_pa = 69e9", "youngs_modulus_pa = 69");
+    let soft = era::scene::STARTING_PLATE.replace("youngs_modulus_pa = 69e9", "youngs_modulus_pa = 69");
     let file = scratch("soft.toml");
     std::fs::write(&file, soft).unwrap();
     let text = told(&era(&["modes", "--scene", &file.display().to_string()]));

@@ -8,7 +8,7 @@ use era::planner::trade::{TradeOffs, explore_trade_offs_if_wishes_conflict, plan
 use era::planner::{
     Grouping, Objective, Plan, PlanError, PlanTable, QuietZone, Request, STANDARD_GRAVITY, SearchEffort, Target, Weigh,
 };
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use era::verify::spread_points;
 
 fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[QuietZone]) -> (Request, TradeOffs) {
@@ -175,7 +175,7 @@ fn peaks_in_quiet_zones_are_of_the_motion_that_targets_have() {
 /// of a crest between points.
 #[test]
 fn quiet_zones_are_quiet_everywhere() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let mut bound = 0;
     for (x_m, y_m, radius_m) in [(0.2, 0.13, 0.05), (0.29, 0.02, 0.09), (0.1, 0.19, 0.04)] {
         for work in [SearchEffort::Touch, SearchEffort::Study] {
@@ -199,7 +199,7 @@ fn quiet_zones_are_quiet_everywhere() {
 /// What targets can have together never says that all of them could have more than the plan gives.
 #[test]
 fn a_plan_is_as_good_as_what_it_is_traded_for() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let target = |x_m, y_m, g| Target { x_m, y_m, intensity_g: Some(g) };
     let zone = |x_m, y_m, radius_m, at_most_g| QuietZone { x_m, y_m, radius_m, at_most_g };
     for (targets, quiet) in [
@@ -230,7 +230,7 @@ fn a_plan_is_as_good_as_what_it_is_traded_for() {
 
 #[test]
 fn what_limits_phases_and_even_plans_has_a_name() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let target = Target { x_m: 0.1, y_m: 0.07, intensity_g: Some(50.0) };
     for (grouping, objective) in [(Grouping::Shared, Objective::Contrast), (Grouping::Distinct, Objective::Reach)] {
         let plan = table.plan_request(&Request { grouping, objective, ..Request::for_touch(&[target]) }).unwrap();
@@ -242,7 +242,7 @@ fn what_limits_phases_and_even_plans_has_a_name() {
 /// With `felt` what is asked for is had in accelerations as they are felt, with less of these elsewhere than any plan in g has.
 #[test]
 fn accelerations_may_count_as_they_are_felt() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let mut differ = 0;
     for (x_m, y_m) in spread_points(12, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.2) };

@@ -7,7 +7,7 @@ mod support;
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::SimKnobs;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use support::Daemon;
 use support::described::described;
@@ -38,7 +38,7 @@ fn touches() -> Vec<Value> {
 
 #[test]
 fn answers_are_as_described() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let told: Value = serde_json::from_str(&daemon.get_text("/openapi.json")).unwrap();
     assert_eq!(told, serde_json::from_str::<Value>(era::daemon::description()).unwrap());
     for path in ["/v1/state", "/v1/scene", "/v1/field", "/v1/field?x_px=480&y_px=640"] {
@@ -64,7 +64,7 @@ fn answers_are_as_described() {
 /// What the daemon refuses, the description refuses as well, as far as a schema can say it; and the refusal is a declared one.
 #[test]
 fn refusals_are_as_described() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let asked = described().schema("/paths/~1v1~1touch/post/requestBody/content/application~1json/schema");
     let wrong = [
         json!({"x_px": -1, "y_px": 1}),
@@ -110,7 +110,7 @@ fn refusals_are_as_described() {
 #[test]
 fn what_a_token_does_not_open_is_as_described() {
     let tokens = Access::parse_tokens("view AAAAAAAAAAAAAAAAAAAAAA\narm CCCCCCCCCCCCCCCCCCCCCCCC\n").unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     assert_eq!((daemon.get("/v1/state").0, daemon.post("/v1/stop", "").0), (401, 401));
     for (path, item) in described().whole["paths"].as_object().unwrap() {
         for (method, operation) in item.as_object().unwrap() {
@@ -129,7 +129,7 @@ fn what_a_token_does_not_open_is_as_described() {
 /// What is said on the live socket, in and out.
 #[test]
 fn live_messages_are_as_described() {
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access::default());
+    let daemon = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), Access::default());
     let (takes, sends) =
         (described().schema("/components/schemas/LiveIn"), described().schema("/components/schemas/LiveOut"));
     let all = "/v1/live?send=scene,state,plan,field";
@@ -178,7 +178,7 @@ fn objects(value: &Value, at: &str, found: &mut Vec<String>) {
 /// and a kind of problem that the path does not declare.
 #[test]
 fn what_is_not_described_is_found() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let described = described();
     let wrong = |path: &str, method: &str, answer: &Value| {
         !described.wrong(method, path, 200, "application/json", answer).is_empty()

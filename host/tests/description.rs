@@ -3,7 +3,7 @@
 
 mod support;
 
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use support::Daemon;
@@ -218,7 +218,7 @@ fn the_manual_names_all_problems_and_their_statuses() {
 /// What is declared is served, and another method of it is not.
 #[test]
 fn what_is_declared_is_served() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for (path, item) in description()["paths"].as_object().unwrap() {
         let url = format!("{}{}", daemon.url, path.replace("{id}", "none"));
         let agent = Daemon::agent();

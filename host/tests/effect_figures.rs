@@ -4,7 +4,7 @@
 mod support;
 
 use era::daemon::Recorder;
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -32,23 +32,23 @@ fn cases() -> Vec<Case> {
             .replace("damping_n_s_per_m = 1.1", &format!("damping_n_s_per_m = {damping}"))
             .replace("max_voltage_v = 2000.0", &format!("max_voltage_v = {volts}"))
     };
-    let hungry = EXAMPLE_PLATE
+    let hungry = STARTING_PLATE
         .replace("electrode_area_mm2 = 1963.5", "electrode_area_mm2 = 30000.0")
         .replace("air_gap_um = 500.0", "air_gap_um = 1000.0");
     vec![
-        case(EXAMPLE_PLATE, [960.0, 640.0], 0.05, None),
+        case(STARTING_PLATE, [960.0, 640.0], 0.05, None),
         case(
-            &EXAMPLE_PLATE.replace("max_voltage_v = 2000.0", "max_voltage_v = 600.0"),
+            &STARTING_PLATE.replace("max_voltage_v = 2000.0", "max_voltage_v = 600.0"),
             [480.0, 640.0],
             0.5,
             Some("voltage"),
         ),
         // What a press leaves of the gap holds no more.
-        case(EXAMPLE_PLATE, [256.0, 1088.0], 0.5, Some("breakdown")),
+        case(STARTING_PLATE, [256.0, 1088.0], 0.5, Some("breakdown")),
         case(&soft("1500.0", "0.3", "1200.0"), [844.0, 80.0], 5.0, Some("travel")),
         case(&soft("500.0", "1.1", "2000.0"), [600.0, 80.0], 50.0, Some("pull-in")),
         case(&hungry, [480.0, 640.0], 20.0, Some("supply")),
-        case(EXAMPLE_PLATE, [400.0, 300.0], 0.2, Some("too-short")),
+        case(STARTING_PLATE, [400.0, 300.0], 0.2, Some("too-short")),
     ]
 }
 
@@ -195,7 +195,7 @@ fn weaker_effects_are_told_as_weak_as_they_are() {
         has_figures_of(&answer, &answer["device"]["effect"], effect);
         assert!(number(&answer["targets"][0]["wanted_g"]) > 29.0, "{answer}");
     }
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for effect in EFFECTS {
         let quiet = json!([{"x_px": 520, "y_px": 640, "radius_mm": 5, "at_most_g": 0.02}]);
         let also = json!([{"x_px": 1500, "y_px": 640}]);

@@ -12,7 +12,7 @@ use era::effects::{
 use era::planner::click::{ClickOptions, LEAD_S, design_click_windows};
 use era::planner::rise::PanelPoles;
 use era::planner::{self, PlanTable, STANDARD_GRAVITY, Target};
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request, WindowSequence};
@@ -130,11 +130,11 @@ fn felt_part(record: &[f64], from_s: f64) -> Vec<f64> {
 fn clicks_of_single_windows_do_what_is_predicted() {
     let resistors =
         "\n[electronics]\ncharging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15\n";
-    let [plate, bar] = [EXAMPLE_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
+    let [plate, bar] = [STARTING_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
     let mut crisp = 0;
     for (scene, x_m, y_m, g) in [
-        (EXAMPLE_PLATE, 0.04, 0.03, 0.5),
-        (EXAMPLE_PLATE, 0.11, 0.1, 0.4),
+        (STARTING_PLATE, 0.04, 0.03, 0.5),
+        (STARTING_PLATE, 0.11, 0.1, 0.4),
         (&plate, 0.04, 0.1, 0.5),
         (EXAMPLE_BAR, 0.06, 0.01, 0.5),
         (&bar, 0.12, 0.01, 0.8),
@@ -191,10 +191,10 @@ fn unbraked(design: &EffectDesign) -> Vec<Effect> {
 fn clicks_do_what_is_predicted() {
     let resistors =
         "\n[electronics]\ncharging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15\n";
-    let [plate, bar] = [EXAMPLE_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
+    let [plate, bar] = [STARTING_PLATE, EXAMPLE_BAR].map(|scene| format!("{scene}{resistors}"));
     let places = [
-        (EXAMPLE_PLATE, 0.15, 0.06, 0.4),
-        (EXAMPLE_PLATE, 0.08, 0.1, 0.3),
+        (STARTING_PLATE, 0.15, 0.06, 0.4),
+        (STARTING_PLATE, 0.08, 0.1, 0.3),
         (EXAMPLE_BAR, 0.06, 0.01, 0.5),
         (EXAMPLE_BAR, 0.15, 0.01, 0.5),
         // Electrodes behind resistors.

@@ -5,7 +5,7 @@ mod support;
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::SimKnobs;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -130,7 +130,7 @@ fn the_python_examples_follow_no_redirect() {
 #[test]
 fn plain_python_touches_and_says_what_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let program = example("python", "def ask_again").replace(HERE, daemon.url.trim_start_matches("http://"));
     assert!(program.contains(&daemon.url));
     let run = || python(Path::new("python3"), &program, folder.path());
@@ -159,7 +159,7 @@ fn plain_python_touches_and_says_what_is_wrong() {
 #[test]
 fn python_draws_a_finger_over_the_live_socket() {
     let folder = tempfile::tempdir().unwrap();
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let program = example("python", "from websockets").replace(HERE, daemon.url.trim_start_matches("http://"));
     let told = python(&with_websockets(), &program, folder.path());
     assert!(!told.is_empty() && told.iter().all(|line| is_plan(line)), "{told:?}");
@@ -271,7 +271,7 @@ fn a_page_of_another_origin_touches() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let origin = format!("http://{}", listener.local_addr().unwrap());
     let access = Access { origins: vec![Access::parse_origin(&origin).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
+    let daemon = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), access);
     let html = example("html", "type=\"module\"").replace(HERE, daemon.url.trim_start_matches("http://"));
     let seen = "document.title = `${answer.status}, ${told.type ?? `plan ${told.plan_id}`}`;\n</script>";
     let html = html.replace("</script>", seen);
@@ -298,7 +298,7 @@ fn the_studies_of_the_manual_are_studies() {
     assert_eq!(studies.first().map(|text| text.trim_end()), Some(example.trim_end()));
     assert!(studies.len() >= 2, "{}", studies.len());
     for text in studies {
-        let study = era::study::run::Study::parse_texts("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
+        let study = era::study::run::Study::parse_texts("studies.md", &text, "plate.toml", STARTING_PLATE);
         assert!(study.is_ok(), "{}", study.unwrap_err());
     }
 }

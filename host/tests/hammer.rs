@@ -3,7 +3,7 @@
 mod support;
 
 use era::daemon::{Access, App};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,7 +90,7 @@ fn rest(app: &App, runtime: &tokio::runtime::Runtime, is_over: &AtomicBool) {
 }
 
 fn hammer(answered: &Sender<&'static str>) {
-    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let (served, url) = Served::at_a_port(&app, None);
     served
         .runtime

@@ -3,7 +3,7 @@
 mod support;
 
 use era::device::sim::SimKnobs;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use support::Daemon;
@@ -11,7 +11,7 @@ use tungstenite::Message;
 
 #[test]
 fn a_touch_drives_both_eras_and_ends_by_itself() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let body = json!({"x_px": 960, "y_px": 640, "intensity_g": 0.3, "duration_ms": 600}).to_string();
     let (status, _, plan) = daemon.post("/v1/touch", &body);
     assert_eq!(status, 200, "{plan}");
@@ -39,7 +39,7 @@ fn a_touch_drives_both_eras_and_ends_by_itself() {
 /// What the daemon tells of a plan and a field has the same keys in the command line's JSON, but for what only a daemon knows.
 #[test]
 fn the_command_line_has_the_daemons_keys() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let era = |arguments: &[&str]| -> Value {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
@@ -63,7 +63,7 @@ fn the_command_line_has_the_daemons_keys() {
 
 #[test]
 fn stop_stops_whatever_runs() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.post("/v1/touch", r#"{"x_px": 100, "y_px": 100, "duration_ms": 9000}"#);
     daemon.wait_for(|state| state["device"]["state"] == "running");
     let (status, _, state) = daemon.post("/v1/stop", "");
@@ -84,7 +84,7 @@ fn stop_stops_whatever_runs() {
 /// A stop ends what was asked for before it, planned or not: touches race with stops at all distances of a plan's time.
 #[test]
 fn a_stop_also_stops_what_is_still_being_planned() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for round in 0..40_u64 {
         std::thread::scope(|threads| {
             let touch =
@@ -107,7 +107,7 @@ fn a_stop_also_stops_what_is_still_being_planned() {
 #[test]
 fn an_old_order_is_refused_after_a_stop() {
     let device = era::device::OpenDevice::open(&era::device::Target::Sim, || {
-        let table = support::table(EXAMPLE_PLATE);
+        let table = support::table(STARTING_PLATE);
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         (era::device::sim::SimPanel::from_plan_table(&table), volts)
     });
@@ -135,7 +135,7 @@ fn an_old_order_is_refused_after_a_stop() {
 
 #[test]
 fn a_finished_touch_is_no_plan_any_more() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (status, _, _) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 150.0}"#);
     assert_eq!(status, 200);
     let state = daemon.wait_for(|state| state["device"]["state"] == "armed");
@@ -144,7 +144,7 @@ fn a_finished_touch_is_no_plan_any_more() {
 
 #[test]
 fn each_bad_request_says_what_is_wrong() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let bad: &[(&str, &[&str])] = &[
         ("", &["EOF", "The whole body has the form"]),
         ("no json", &["The whole body has the form"]),
@@ -179,7 +179,7 @@ fn each_bad_request_says_what_is_wrong() {
 
 #[test]
 fn other_bad_requests() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (status, problem) = daemon.get("/v1/nothing");
     assert!(status == 404 && problem["detail"].as_str().unwrap().contains("/v1/nothing"));
     let (status, problem) = daemon.get("/v1/touch");
@@ -211,7 +211,7 @@ fn other_bad_requests() {
 /// From the request over the board's queue to the panel: an effect is timed by the board's own clock.
 #[test]
 fn effects_reach_the_panel() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch =
         |rest: &str| daemon.post("/v1/touch", &format!(r#"{{"x_px": 900, "y_px": 600, "intensity_g": 0.3{rest}}}"#));
     for (effect, least_ms, most_ms) in
@@ -249,7 +249,7 @@ fn effects_reach_the_panel() {
 
 #[test]
 fn levels_above_the_threshold_are_asked_for() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = |db: f64| {
         let body = format!(r#"{{"x_px": 900, "y_px": 600, "intensity_db": {db}, "duration_ms": 20}}"#);
         daemon.post("/v1/touch", &body)
@@ -269,7 +269,7 @@ fn levels_above_the_threshold_are_asked_for() {
 
 #[test]
 fn the_boards_clock_is_followed() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let state = daemon.wait_for(|state| state["device"]["clock"]["samples"].as_u64() >= Some(8));
     let clock = &state["device"]["clock"];
     for key in ["rate_ppm", "half_round_trip_us", "residual_rms_us", "residual_worst_us"] {
@@ -285,7 +285,7 @@ fn the_boards_clock_is_followed() {
 
 #[test]
 fn field_of_a_touch_without_driving() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (status, field) = daemon.get("/v1/field?x_px=480&y_px=640&intensity_g=0.4");
     assert!(status == 200 && field["max_g"].as_f64().unwrap() >= 0.39);
     assert_eq!(daemon.state()["device"]["state"], "safe");
@@ -293,7 +293,7 @@ fn field_of_a_touch_without_driving() {
 
 #[test]
 fn description_metrics_and_page_are_there() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (_, description) = daemon.get("/openapi.json");
     let paths = description["paths"].as_object().unwrap();
     for path in [
@@ -332,7 +332,7 @@ fn description_metrics_and_page_are_there() {
 
 #[test]
 fn a_silent_device_is_told_and_found_again() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     // It may be only late at first, which is a reason of its own.
     daemon.wait_for(|state| state["device"]["connected"] == false);
@@ -349,7 +349,7 @@ fn a_silent_device_is_told_and_found_again() {
 /// The line goes dead while the device drives: it switches itself off, says why, and goes on only after a clear.
 #[test]
 fn a_dead_line_ends_in_a_fault_that_must_be_cleared() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
     daemon.wait_for(|state| state["device"]["state"] == "running");
     daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
@@ -367,7 +367,7 @@ fn a_dead_line_ends_in_a_fault_that_must_be_cleared() {
 
 #[test]
 fn a_restarted_device_is_noticed() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
     daemon.wait_for(|state| state["device"]["state"] == "running");
     let before = daemon.state()["device"]["boot_id"].clone();
@@ -389,7 +389,7 @@ fn a_restarted_device_is_noticed() {
 
 #[test]
 fn the_live_socket_takes_touches_and_tells_plans() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
     let mut wait_for = |kind: &str, send: Option<Value>| -> Value {
         if let Some(send) = send {

@@ -5,7 +5,7 @@ mod support;
 
 use era::daemon::Access;
 use era::device::sim::SimKnobs;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::net::TcpListener;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -28,7 +28,7 @@ fn with_page(width: u32, height: u32, test: impl Fn(&Daemon, &mut Browser)) {
     let Some(program) = browser_or_skip() else { return };
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     for stalls in 0.. {
-        let daemon = Daemon::start(EXAMPLE_PLATE);
+        let daemon = Daemon::start(STARTING_PLATE);
         let mut browser = Browser::start(program, width, height);
         browser.open(&daemon.url);
         browser.wait_for("document.body?.dataset.state === 'safe'");
@@ -226,7 +226,7 @@ fn a_dragged_support_changes_the_map_and_nothing_is_driven() {
         browser.wait_for("!document.querySelector('#scene-toml').hidden");
         let text = browser.value("document.querySelector('#scene-toml').value");
         let scene = era::scene::Scene::parse("copied", text.as_str().unwrap()).unwrap();
-        let original_scene = era::scene::Scene::parse("example", EXAMPLE_PLATE).unwrap();
+        let original_scene = era::scene::Scene::parse("example", STARTING_PLATE).unwrap();
         let (moved, mm_per_px) = (scene.supports[0], mm_per_px.as_f64().unwrap());
         for (place_m, pixels) in [(moved.x_m, 96.0), (moved.y_m, 72.0)] {
             assert!((place_m * 1e3 - pixels * mm_per_px).abs() < 0.1, "{place_m} m after {pixels} px");
@@ -333,7 +333,7 @@ fn a_board_that_was_away_is_armed_by_the_pages_button() {
 fn a_lost_daemon_is_shown() {
     let Some(program) = browser_or_skip() else { return };
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut browser = Browser::start(program, 800, 600);
     browser.open(&daemon.url);
     browser.wait_for("document.querySelector('#connection')?.className.includes('good')");
@@ -349,7 +349,7 @@ fn a_page_brings_its_token() {
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let secret = "T".repeat(32);
     let tokens = Access::parse_tokens(&format!("touch {secret}")).unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     let mut browser = Browser::start(program, 1280, 800);
     browser.open(&format!("{}/#token={secret}", daemon.url));
     browser.wait_for("document.body?.dataset.state === 'safe'");
@@ -386,7 +386,7 @@ fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
     let [mine, other] = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
     let [mine_url, other_url] = [&mine, &other].map(|page| format!("http://{}", page.local_addr().unwrap()));
     let access = Access { origins: vec![Access::parse_origin(&mine_url).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, era::device::session::policy::SessionPolicy::default(), access);
+    let daemon = Daemon::start_with(STARTING_PLATE, era::device::session::policy::SessionPolicy::default(), access);
     let html = format!(
         r#"<!doctype html><body><script>
         const say = (name, text) => (document.body.dataset[name] = text);
@@ -420,7 +420,7 @@ fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
 fn another_page_cannot_show_the_daemons_in_a_frame() {
     let Some(program) = browser_or_skip() else { return };
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let harmless = serve_page(TcpListener::bind("127.0.0.1:0").unwrap(), "<!doctype html><body>harmless</body>".into());
     for (framed, is_shown) in [(&harmless, true), (&daemon.url, false)] {
         let html = format!(
@@ -481,7 +481,7 @@ fn a_study_is_run_and_its_best_designs_are_opened() {
         save(browser, "study-best");
         // A file, as the command line writes it, of another size; and back to the daemon's own scene.
         let file =
-            EXAMPLE_PLATE.replace("length_mm = 300.0", "length_mm = 411.0").replace("x_mm = 300.0", "x_mm = 411.0");
+            STARTING_PLATE.replace("length_mm = 300.0", "length_mm = 411.0").replace("x_mm = 300.0", "x_mm = 411.0");
         let file = json!(format!("# Best 1 of the study \"a\": design 7.\n# weakest_g = 0.9\n\n{file}"));
         browser.value(&format!(
             "(() => {{ const input = document.querySelector('#open-scenes'), data = new DataTransfer(); \

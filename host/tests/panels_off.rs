@@ -3,7 +3,7 @@
 
 mod support;
 
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use serde_json::{Value, json};
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ const PATH: &str = "/v1/tolerances";
 fn planned(more: &[&str]) -> String {
     let place = tempfile::tempdir().unwrap();
     let scene = place.path().join("plate.toml");
-    std::fs::write(&scene, EXAMPLE_PLATE).unwrap();
+    std::fs::write(&scene, STARTING_PLATE).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_era"))
         .args(["plan", "--at", "480,640", "--intensity-g", "0.3", "--accuracy", "fast", "--no-cache", "--scene"])
         .arg(&scene)
@@ -43,7 +43,7 @@ fn ended(daemon: &Daemon) -> Value {
 
 #[test]
 fn http_tells_what_the_command_line_tells() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (_, none) = daemon.get(PATH);
     assert_eq!(
         (&none["stage"], &none["id"], &none["plan"], &none["off"]),
@@ -108,9 +108,9 @@ fn a_previews_plan_is_looked_at_with_the_tolerances_that_are_given() {
 
 #[test]
 fn what_cannot_be_looked_at_is_refused_with_its_field() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
-    let wide = EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.02");
-    let idle = EXAMPLE_PLATE.split("# Two ERAs").next().unwrap();
+    let daemon = Daemon::start(STARTING_PLATE);
+    let wide = STARTING_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.02");
+    let idle = STARTING_PLATE.split("# Two ERAs").next().unwrap();
     let cases = [
         (json!({"tolerances": {"springs": 0.95}}), 400, "out-of-range", "tolerances.springs", "0 to 0.9"),
         (json!({"tolerances": {"youngs_modulus": -0.1}}), 400, "out-of-range", "tolerances.youngs_modulus", "0 to 0.9"),
@@ -144,7 +144,7 @@ fn what_cannot_be_looked_at_is_refused_with_its_field() {
 /// One piece of work at a time, which touches and stops do not wait for; it ends soon after it is told to, and leaves room for another.
 #[test]
 fn one_at_a_time_beside_touches_until_it_is_stopped() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = r#"{"x_px": 480, "y_px": 640, "intensity_g": 0.3}"#;
     assert_eq!(daemon.post(PATH, touch).0, 200);
     let study =
@@ -184,7 +184,7 @@ fn the_page_shows_the_range_beside_the_bound() {
     const RANGE: &str = "document.querySelector('#off-g').textContent";
     const RUN: &str = "document.querySelector('#tolerances-run').click()";
     let Some(program) = browser_or_skip() else { return };
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut browser = Browser::start(program, 1280, 1000);
     browser.open(&daemon.url);
     browser.wait_for("document.body?.dataset.state === 'safe'");

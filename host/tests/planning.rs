@@ -5,13 +5,13 @@ mod support;
 use era::device::sim::SimPanel;
 use era::planner::limits::breakdown_voltage_v;
 use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Target};
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use era::verify::{VerifyError, compare_plan_with_simulation, compare_planned_request_with_simulation, spread_points};
 use std::fmt::Write;
 
 #[test]
 fn plans_meet_the_request_or_say_what_limits_them() {
-    for text in [EXAMPLE_PLATE, EXAMPLE_BAR] {
+    for text in [STARTING_PLATE, EXAMPLE_BAR] {
         let table = support::table(text);
         let surface = &table.scene.surface;
         let mut limited = 0;
@@ -101,7 +101,7 @@ fn no_other_pair_has_less_energy_elsewhere() {
 /// Ten points of each example scene: the time-domain device and the frequency-domain plan, within 5 %.
 #[test]
 fn simulation_and_prediction_agree() {
-    for text in [EXAMPLE_PLATE, EXAMPLE_BAR] {
+    for text in [STARTING_PLATE, EXAMPLE_BAR] {
         let table = support::table(text);
         let panel = SimPanel::from_plan_table(&table);
         let surface = &table.scene.surface;
@@ -181,7 +181,7 @@ fn a_panel_that_never_settles_says_so() {
 
 #[test]
 fn any_finite_intensity_is_planned_as_far_as_it_goes() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let plan = |intensity_g| table.plan(&[Target { x_m: 0.07, y_m: 0.098, intensity_g: Some(intensity_g) }]);
     let most = plan(1e3).unwrap();
     assert!(most.limited_by.is_some());
@@ -283,7 +283,7 @@ fn verify_refuses_what_it_cannot_do_by_name() {
 /// the phases asked for and at no others.
 #[test]
 fn a_shared_frequency_is_driven_with_its_phases() {
-    let table = support::table(EXAMPLE_PLATE);
+    let table = support::table(STARTING_PLATE);
     let panel = SimPanel::from_plan_table(&table);
     let mut turned = 0;
     for (x_m, y_m) in spread_points(4, 0.3, 0.2) {

@@ -2,17 +2,17 @@
 
 mod support;
 
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use support::Daemon;
 
 #[test]
 fn a_preview_of_the_unchanged_scene_is_its_plan() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = json!({"x_px": 480, "y_px": 640, "intensity_g": 0.4}).to_string();
     let (status, _, preview) = daemon.post("/v1/preview", &touch);
     assert_eq!(status, 200, "{preview}");
-    assert_eq!(preview["scene_toml"], EXAMPLE_PLATE);
+    assert_eq!(preview["scene_toml"], STARTING_PLATE);
     let bound = preview["plan"]["error_bound"].as_f64().unwrap();
     assert!(bound > 0.0 && bound < preview["tolerance"].as_f64().unwrap(), "{bound}");
     assert_eq!(preview["plan"]["drives"].as_array().unwrap().len(), 2);
@@ -34,7 +34,7 @@ fn a_preview_of_the_unchanged_scene_is_its_plan() {
         assert!((a - b).abs() < 1e-2 * top, "{a} and {b} of {top}");
     }
     // The same scene as text in the request is the same.
-    let whole = json!({"x_px": 480, "y_px": 640, "intensity_g": 0.4, "scene": EXAMPLE_PLATE}).to_string();
+    let whole = json!({"x_px": 480, "y_px": 640, "intensity_g": 0.4, "scene": STARTING_PLATE}).to_string();
     let (status, _, again) = daemon.post("/v1/preview", &whole);
     assert_eq!((status, &again["field"]), (200, &preview["field"]));
     assert_eq!(daemon.state()["device"]["state"], "safe", "nothing was driven");
@@ -44,7 +44,7 @@ fn a_preview_of_the_unchanged_scene_is_its_plan() {
 
 #[test]
 fn a_moved_support_is_the_scene_written_with_it_there() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let ask = |body: Value| daemon.post("/v1/preview", &body.to_string());
     let (_, _, still) = ask(json!({"x_px": 960, "y_px": 640}));
     let moves = json!({"support[1]": {"x_mm": 40.0, "y_mm": 30.5}, "actuator[2]": {"x_mm": 210.0}});
@@ -52,7 +52,7 @@ fn a_moved_support_is_the_scene_written_with_it_there() {
     assert_eq!(status, 200, "{moved}");
     assert_ne!(moved["field"]["peak_g"], still["field"]["peak_g"]);
     let text = moved["scene_toml"].as_str().unwrap();
-    let wanted = EXAMPLE_PLATE.replacen("x_mm = 0.0\ny_mm = 0.0", "x_mm = 40.0\ny_mm = 30.5", 1).replacen(
+    let wanted = STARTING_PLATE.replacen("x_mm = 0.0\ny_mm = 0.0", "x_mm = 40.0\ny_mm = 30.5", 1).replacen(
         "x_mm = 225.0",
         "x_mm = 210.0",
         1,
@@ -74,8 +74,8 @@ fn a_moved_support_is_the_scene_written_with_it_there() {
 
 #[test]
 fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
-    let line = |piece: &str| EXAMPLE_PLATE.lines().position(|line| line.starts_with(piece)).unwrap() + 1;
+    let daemon = Daemon::start(STARTING_PLATE);
+    let line = |piece: &str| STARTING_PLATE.lines().position(|line| line.starts_with(piece)).unwrap() + 1;
     let ask = |more: Value| {
         let mut body = json!({"x_px": 960, "y_px": 640});
         body.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
@@ -98,7 +98,7 @@ fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
     assert_eq!(problem["mistakes"].as_array().unwrap().len(), 2);
     assert!(problem["mistakes"][1]["detail"].as_str().unwrap().contains("support[2].y_mm is -1.5"));
 
-    let thin = EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = \"thin\"");
+    let thin = STARTING_PLATE.replace("thickness_mm = 2.0", "thickness_mm = \"thin\"");
     let (_, problem) = ask(json!({"scene": thin}));
     assert_eq!(fields(&problem).1, "surface.thickness_mm");
     assert_eq!((&problem["value"], &problem["line"]), (&json!("thin"), &json!(line("thickness_mm"))));
@@ -114,8 +114,8 @@ fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
     assert_eq!(fields(&problem).1, "x_px");
 
     // More than plans are made for, and more than a preview takes the time for.
-    let actuator = EXAMPLE_PLATE.split("[[actuator]]").nth(1).unwrap();
-    let many = (0..3).fold(EXAMPLE_PLATE.to_owned(), |text, i| {
+    let actuator = STARTING_PLATE.split("[[actuator]]").nth(1).unwrap();
+    let many = (0..3).fold(STARTING_PLATE.to_owned(), |text, i| {
         text + "\n[[actuator]]" + &actuator.replace("\"left\"", &format!("\"more {i}\""))
     });
     let (status, problem) = ask(json!({"scene": many}));
@@ -123,17 +123,17 @@ fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
     assert_eq!(fields(&problem), ("too-large".into(), json!("actuator"), json!(5), json!("at most 4 actuators")));
     let fifth = many.lines().enumerate().filter(|(_, line)| *line == "[[actuator]]").nth(4).unwrap().0 + 1;
     assert_eq!(problem["line"], fifth);
-    let held = format!("{EXAMPLE_PLATE}\n{}", "[[mass]]\nx_mm = 1\ny_mm = 1\nmass_g = 1\n".repeat(27));
+    let held = format!("{STARTING_PLATE}\n{}", "[[mass]]\nx_mm = 1\ny_mm = 1\nmass_g = 1\n".repeat(27));
     let (status, problem) = ask(json!({"scene": held}));
     assert!(status == 422 && problem["value"] == 33, "{problem}");
-    let foil = EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.02");
+    let foil = STARTING_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.02");
     let (status, problem) = ask(json!({"scene": foil}));
     assert!(status == 422 && problem["field"] == "surface" && problem["value"].as_f64().unwrap() > 6000.0, "{problem}");
     let (status, problem) = ask(json!({"scene": "#".repeat(66_000)}));
     assert!(status == 422 && problem["field"] == "scene", "{problem}");
     let (status, problem) = ask(json!({"scene": "#".repeat(200_000)}));
     assert!(status == 413 && problem["type"] == "urn:era:problem:bad-body", "{problem}");
-    let idle = EXAMPLE_PLATE.split("# Two ERAs").next().unwrap();
+    let idle = STARTING_PLATE.split("# Two ERAs").next().unwrap();
     let (status, problem) = ask(json!({"scene": idle}));
     assert!(status == 422 && problem["type"] == "urn:era:problem:no-plan", "{problem}");
     assert_eq!(daemon.state()["device"]["state"], "safe");
@@ -142,7 +142,7 @@ fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
 /// Which of several comes first is chance, but each has a preview or was superseded, and one that is alone has one.
 #[test]
 fn previews_at_once_are_answered_or_superseded() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let answers: Vec<(u16, Value)> = std::thread::scope(|threads| {
         let ask = |i: usize| {
             let (status, _, answer) =
@@ -191,7 +191,7 @@ fn studied(daemon: &Daemon, sections: &str) -> Value {
 /// No two ERAs are 5 m apart on a plate of 300 mm: nothing is said of limits, which nobody has set.
 #[test]
 fn a_study_in_which_all_designs_fail_tells_why() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let done = studied(&daemon, "[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 5000\n");
     assert_eq!((&done["stage"], &done["best"], &done["nearest"]), (&json!("done"), &json!([]), &Value::Null), "{done}");
     let reason = done["all_failed"].as_str().unwrap();
@@ -201,7 +201,7 @@ fn a_study_in_which_all_designs_fail_tells_why() {
 /// The lightest of the plates, the one of 2 mm, weighs 324 g and 20 g of ERAs more; none is within 100 g, and it comes nearest.
 #[test]
 fn a_study_in_which_no_design_keeps_the_limits_tells_the_nearest() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let done = studied(&daemon, "[[limit]]\nfigure = \"mass_g\"\nmost = 100\n");
     assert_eq!((&done["stage"], &done["best"]), (&json!("done"), &json!([])), "{done}");
     assert_eq!((&done["nearest"]["design"], &done["all_failed"]), (&json!(1), &Value::Null), "{done}");
@@ -212,7 +212,7 @@ fn a_study_in_which_no_design_keeps_the_limits_tells_the_nearest() {
 /// What is too much for a daemon that has touches to answer is refused with what is allowed, and nothing begins.
 #[test]
 fn studies_that_are_too_much_are_refused() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for (method, field) in [
         ("way = \"grid\"\nlook = \"thorough\"", "method.look"),
         ("way = \"sobol\"\ndesigns = 1000000", "method.designs"),

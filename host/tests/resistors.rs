@@ -6,7 +6,7 @@ use era::device::sim::SimPanel;
 use era::model::{Accuracy, PanelModel};
 use era::planner::{Grouping, Plan, PlanTable, Request, TableOptions, Target};
 use era::response::compute_curves_with_error_bounds;
-use era::scene::{EXAMPLE_PLATE, Scene};
+use era::scene::{STARTING_PLATE, Scene};
 use era::verify::{compare_plan_with_simulation, compare_planned_request_with_simulation};
 use era_shared::limits::MAX_AVERAGE_MICROAMPS;
 use era_shared::supply::{RAILS, mean_current_of_drives_microamps, rail_index_of_channel};
@@ -22,7 +22,7 @@ const TARGET: Target = Target { x_m: 0.2, y_m: 0.06, intensity_g: Some(0.3) };
 fn plate_with_electronics(electronics: &str, cables_pf: [f64; 2]) -> String {
     let mut text = String::new();
     let mut cables = cables_pf.into_iter();
-    for line in EXAMPLE_PLATE.lines() {
+    for line in STARTING_PLATE.lines() {
         text += line;
         text.push('\n');
         if line.starts_with("max_voltage_v") {
@@ -167,7 +167,7 @@ fn phases_of_unequal_electrodes_are_kept() {
 fn the_board_takes_a_plan_at_the_supplys_limit() {
     let mut text = plate_with_electronics("", [81.0; 2]);
     let era = |id: &str, x: f64, y: f64| {
-        let own = EXAMPLE_PLATE.split("[[actuator]]").nth(1).unwrap();
+        let own = STARTING_PLATE.split("[[actuator]]").nth(1).unwrap();
         let own = own.lines().map(|line| match line.split(' ').next() {
             Some("id") => format!("id = \"{id}\""),
             Some("x_mm") => format!("x_mm = {x}"),

@@ -1,10 +1,10 @@
 //! Scene files: the examples are read, and each mistake is told with key, value, range and line.
 
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Mount, Scene, SurfaceDamping, SurfaceKind};
+use era::scene::{EXAMPLE_BAR, Mount, STARTING_PLATE, Scene, SurfaceDamping, SurfaceKind};
 
 #[test]
 fn examples_are_read() {
-    let plate = Scene::parse("plate.toml", EXAMPLE_PLATE).unwrap();
+    let plate = Scene::parse("plate.toml", STARTING_PLATE).unwrap();
     assert_eq!((plate.surface.kind, plate.supports.len(), plate.actuators.len()), (SurfaceKind::Plate, 4, 2));
     assert_eq!(plate.surface.damping, SurfaceDamping::LossFactor(0.01));
     assert_eq!(plate.screen.convert_px_to_surface_m(960.0, 640.0).unwrap(), (0.15, 0.1));
@@ -15,7 +15,7 @@ fn examples_are_read() {
 
 #[test]
 fn pixels_and_millimetres_are_each_others_inverse() {
-    let text = EXAMPLE_PLATE
+    let text = STARTING_PLATE
         .replace("height_px = 1280", "height_px = 1280\nx_mm = 20.0\ny_mm = 10.0\nwidth_mm = 240.0\nheight_mm = 160.0");
     let screen = Scene::parse("inset", &text).unwrap().screen;
     let (x, y) = screen.convert_px_to_surface_m(480.0, 320.0).unwrap();
@@ -29,14 +29,14 @@ fn pixels_and_millimetres_are_each_others_inverse() {
 
 /// Replaces one piece of the example plate and returns what is said about it.
 fn mistake(from: &str, to: &str) -> String {
-    assert!(EXAMPLE_PLATE.contains(from), "{from:?} is in the example");
-    let text = EXAMPLE_PLATE.replacen(from, to, 1);
+    assert!(STARTING_PLATE.contains(from), "{from:?} is in the example");
+    let text = STARTING_PLATE.replacen(from, to, 1);
     Scene::parse("panel.toml", &text).unwrap_err().to_string()
 }
 
 /// The line of the first place where the example has `text`.
 fn line_of(text: &str) -> usize {
-    EXAMPLE_PLATE[..EXAMPLE_PLATE.find(text).unwrap()].matches('\n').count() + 1
+    STARTING_PLATE[..STARTING_PLATE.find(text).unwrap()].matches('\n').count() + 1
 }
 
 #[test]
@@ -127,12 +127,12 @@ fn what_is_missing_is_named() {
 fn edges_must_fit_the_surface() {
     let with = |text: &str, edges: &str| Scene::parse("edges.toml", &format!("{text}\n{edges}"));
     let left = "[[edge]]\nside = \"left\"\nkind = \"pinned\"\n";
-    let twice = with(EXAMPLE_PLATE, &format!("{left}{left}")).unwrap_err().to_string();
+    let twice = with(STARTING_PLATE, &format!("{left}{left}")).unwrap_err().to_string();
     assert!(twice.contains("edge[2].side") && twice.contains("already"), "{twice}");
     let top = with(EXAMPLE_BAR, "[[edge]]\nside = \"top\"\nkind = \"pinned\"\n").unwrap_err().to_string();
     assert!(top.contains("edge[1].side is \"top\"") && top.contains("\"left\", \"right\""), "{top}");
     let springs = "[[edge]]\nside = \"left\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 1e5\n";
-    assert!(with(EXAMPLE_PLATE, springs).is_ok());
+    assert!(with(STARTING_PLATE, springs).is_ok());
     let wrong_unit = with(EXAMPLE_BAR, springs).unwrap_err().to_string();
     assert!(
         wrong_unit.contains("stiffness_n_per_m2") && wrong_unit.contains("did you mean stiffness_n_per_m?"),
@@ -144,9 +144,10 @@ fn edges_must_fit_the_surface() {
 fn broken_toml_and_all_mistakes_at_once() {
     let said = mistake("width_mm = 200.0", "width_mm = = 200.0");
     assert!(said.contains(&format!("panel.toml:{}: not valid TOML", line_of("width_mm = 200.0"))), "{said}");
-    let twice = Scene::parse("panel.toml", &EXAMPLE_PLATE.replace("[[support]]", "[support]")).unwrap_err().to_string();
+    let twice =
+        Scene::parse("panel.toml", &STARTING_PLATE.replace("[[support]]", "[support]")).unwrap_err().to_string();
     assert!(twice.contains("[support] is given twice") && twice.contains("each is written [[support]]"), "{twice}");
-    let text = EXAMPLE_PLATE
+    let text = STARTING_PLATE
         .replace("thickness_mm = 2.0", "thickness_mm = 0")
         .replace("air_gap_um = 500.0", "air_gap_um = -5");
     let error = Scene::parse("panel.toml", &text).unwrap_err();
@@ -198,7 +199,7 @@ fn border_belongs_to_surface_and_screen() {
 
 #[test]
 fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
-    let (rest, actuator) = EXAMPLE_PLATE.split_at(EXAMPLE_PLATE.rfind("[[actuator]]").unwrap());
+    let (rest, actuator) = STARTING_PLATE.split_at(STARTING_PLATE.rfind("[[actuator]]").unwrap());
     let with = |ids: &[&str]| {
         let more: String = ids.iter().map(|id| actuator.replace("\"right\"", &format!("{id:?}"))).collect();
         Scene::parse("many.toml", &format!("{rest}{more}"))
@@ -220,7 +221,7 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
 
 /// The example plate with more at its end, and what is said about it.
 fn added(text: &str) -> Result<Scene, String> {
-    Scene::parse("panel.toml", &format!("{EXAMPLE_PLATE}{text}")).map_err(|error| error.to_string())
+    Scene::parse("panel.toml", &format!("{STARTING_PLATE}{text}")).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -275,13 +276,13 @@ fn cutouts_leave_one_piece_under_everything() {
     }
     // As long as the surface to the last digit, of which messages show nine.
     let side = "25.10151419019784";
-    let text = EXAMPLE_PLATE.split("[[").next().unwrap().replace("width_mm = 200.0", &format!("width_mm = {side}"));
+    let text = STARTING_PLATE.split("[[").next().unwrap().replace("width_mm = 200.0", &format!("width_mm = {side}"));
     assert!(text.contains(side), "{text}");
     let part = |kind: &str| format!("{text}[[{kind}]]\nx_mm = 100\ny_mm = 0\nlength_mm = 200\nwidth_mm = {side}\n");
     Scene::parse("cut", &part("cutout")).unwrap();
     Scene::parse("patched", &(part("patch") + "thickness_mm = 1\n")).unwrap();
     let edge = "[[edge]]\nside = \"right\"\nkind = \"pinned\"\n".to_owned() + &cutout([250.0, 0.0, 50.0, 200.0]);
-    let text = EXAMPLE_PLATE.replace("x_mm = 300.0", "x_mm = 200.0") + &edge;
+    let text = STARTING_PLATE.replace("x_mm = 300.0", "x_mm = 200.0") + &edge;
     let told = Scene::parse("panel.toml", &text).unwrap_err().to_string();
     assert!(told.contains("edge[1].side") && told.contains("leave nothing of this side"), "{told}");
     let told = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{}", cutout([1.0, 1.0, 1.0, 1.0]))).unwrap_err();
@@ -291,7 +292,7 @@ fn cutouts_leave_one_piece_under_everything() {
 #[test]
 fn a_bias_stays_below_pull_in() {
     let with = |bias: &str, stiffness: &str| {
-        let text = EXAMPLE_PLATE.replacen(
+        let text = STARTING_PLATE.replacen(
             "max_voltage_v = 2000.0",
             &format!("max_voltage_v = 2000.0\nbias_voltage_v = {bias}"),
             1,
@@ -312,7 +313,7 @@ fn a_bias_stays_below_pull_in() {
 #[test]
 fn cables_have_a_capacitance() {
     let with = |cable: &str| {
-        let text = EXAMPLE_PLATE.replacen(
+        let text = STARTING_PLATE.replacen(
             "max_voltage_v = 2000.0",
             &format!("max_voltage_v = 2000.0\ncable_capacitance_pf = {cable}"),
             1,
@@ -329,7 +330,7 @@ fn cables_have_a_capacitance() {
 #[test]
 fn electrodes_behind_resistors() {
     let with = |table: &str, cable: &str| {
-        let text = EXAMPLE_PLATE.replacen("max_voltage_v = 2000.0", &format!("max_voltage_v = 2000.0\n{cable}"), 1);
+        let text = STARTING_PLATE.replacen("max_voltage_v = 2000.0", &format!("max_voltage_v = 2000.0\n{cable}"), 1);
         Scene::parse("panel.toml", &format!("{text}\n[electronics]\n{table}")).map_err(|error| error.to_string())
     };
     let scene =
@@ -385,7 +386,7 @@ fn electrodes_behind_resistors() {
             .and_then(|rest| rest.split(':').next())
             .and_then(|line| line.parse::<usize>().ok());
         if let (Some(line), "cable_capacitance_pf = 300") = (line, cable) {
-            let text = EXAMPLE_PLATE.lines().position(|line| line.contains("max_voltage_v")).unwrap();
+            let text = STARTING_PLATE.lines().position(|line| line.contains("max_voltage_v")).unwrap();
             assert_eq!(line, text + 2, "{found}");
         }
     }

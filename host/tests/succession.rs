@@ -9,7 +9,7 @@ use era::model::levels::ReducedLevels;
 use era::planner::residual::{LIMIT_TOLERANCE, LONGEST_WAIT_S, RailState, ResidualVibration, StartHeadroom};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::random_scene_text;
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use era::verify::VerifyError;
 use era::verify::succession::{PlannedTurn, SuccessionMode, TurnResult, simulate_turns};
 use serde_json::{Value, json};
@@ -139,7 +139,7 @@ fn a_drawn_finger_stays_within_the_limit() {
 /// The same on the example panels at usual strengths, then taps in quick succession, then clicks: nothing waits or is weaker.
 #[test]
 fn ordinary_touches_are_neither_late_nor_weaker() {
-    for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (EXAMPLE_PLATE, 0.2), (EXAMPLE_BAR, 0.6)] {
+    for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (STARTING_PLATE, 0.2), (EXAMPLE_BAR, 0.6)] {
         let table = table_of(text);
         let mut residual = ResidualVibration::new(table.decay_rate_and_travel_of_each_pole());
         let (mut now_s, mut board, mut took) = (0.0, RailState::Down, Vec::new());
@@ -317,7 +317,7 @@ fn a_touch_whose_sender_has_gone_is_counted() {
 /// Usual touches go the same way as ever.
 #[test]
 fn a_second_ordinary_touch_is_neither_late_nor_weaker() {
-    let served = Served::start(EXAMPLE_PLATE);
+    let served = Served::start(STARTING_PLATE);
     for i in 0..6_u32 {
         let (status, answer) = served.touch(0.2 + 0.1 * f64::from(i), 0.4, 0.3, 300);
         assert!(status == 200 && answer["device"]["delayed_ms"].is_null(), "{answer}");

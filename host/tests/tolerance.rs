@@ -6,7 +6,7 @@ use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::{compute_curves_with_error_bounds, sweep_with_error_bounds};
-use era::scene::{EXAMPLE_PLATE, Scene};
+use era::scene::{STARTING_PLATE, Scene};
 use era::verify::spread_points;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRng, TestRunner};
@@ -146,7 +146,7 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
         .era("inertial", 0.37, 0.21, 0.02, 2e4, 1.0)
         .damping("loss_factor", 0.01)
         .scene();
-    for scene in [Scene::parse("plate", EXAMPLE_PLATE).unwrap(), lopsided] {
+    for scene in [Scene::parse("plate", STARTING_PLATE).unwrap(), lopsided] {
         let at = |accuracy| sweep_with_error_bounds::<f64>(&scene, accuracy, (&x_m, &y_m), &frequencies).unwrap();
         let (found, exact) = (at(Accuracy::BALANCED), at(Accuracy::from_tolerance(1e-5).unwrap()));
         for actuator in 0..found.answer.actuators {
@@ -171,7 +171,7 @@ fn bounds_of_sweeps_hold_between_the_points_compared() {
 /// With next to no time two levels are asked; with more time there are more levels and a smaller bound.
 #[test]
 fn more_time_buys_a_smaller_bound() {
-    let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     let within = |time| compute_modes_with_error_bounds(&scene, Accuracy::best_within_time(time), 300.0).unwrap();
     let largest = |found: &era::model::BoundedAnswer<Vec<era::model::PanelMode>>| {
         found.bounds.iter().map(|bound| bound.limit_if_known().unwrap()).fold(0.0, f64::max)

@@ -4,7 +4,7 @@ mod support;
 
 use clap::ValueEnum;
 use era::planner::Objective;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use support::Daemon;
@@ -12,7 +12,7 @@ use support::Daemon;
 /// Two targets, a quiet zone, another objective, in one request; what cannot be had is said, and what can with it.
 #[test]
 fn several_targets_quiet_zones_and_options_are_taken() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = |rest: &str| {
         daemon
             .post("/v1/touch", &format!(r#"{{"x_px": 480, "y_px": 640, "intensity_g": 0.2, "duration_ms": 50{rest}}}"#))
@@ -96,7 +96,7 @@ fn several_targets_quiet_zones_and_options_are_taken() {
 /// Commands, requests, their description and what a wrong request is told know the same objectives.
 #[test]
 fn every_objective_is_told_of() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let names: Vec<String> = Objective::ALL.iter().map(|objective| objective.name().to_owned()).collect();
     let of_commands: Vec<String> = Objective::value_variants()
         .iter()
@@ -114,7 +114,7 @@ fn every_objective_is_told_of() {
 /// Stretches are driven one after the other; a stop or a newer touch ends those that are left.
 #[test]
 fn time_windows_are_driven_in_turn() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let body = |first_ms: u32, second_ms: u32, end_ms: u32| {
         json!({
             "x_px": 480, "y_px": 640, "intensity_g": 0.2, "from_ms": 0, "to_ms": first_ms,

@@ -2,7 +2,7 @@
 //! edges (Timoshenko and Woinowsky-Krieger 1959, section 34), beams, bodies on springs.
 
 use era_model::model::{Accuracy, BarePanel};
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Edge, EdgeKind, Mount, Scene, Side, Support};
+use era_model::scene::{EXAMPLE_BAR, Edge, EdgeKind, Mount, STARTING_PLATE, Scene, Side, Support};
 use std::f64::consts::PI;
 
 const MAX_HZ: f64 = 400.0;
@@ -48,7 +48,7 @@ fn rigidity(scene: &Scene) -> f64 {
 #[test]
 fn a_plate_with_pinned_edges_yields_as_naviers_series_says() {
     let (a, b) = (0.317, 0.211);
-    let mut scene = bare(EXAMPLE_PLATE, a, b);
+    let mut scene = bare(STARTING_PLATE, a, b);
     scene.edges =
         [Side::Left, Side::Right, Side::Top, Side::Bottom].map(|side| Edge { side, kind: EdgeKind::Pinned }).into();
     let places = [(0.5 * a, 0.5 * b), (0.31 * a, 0.44 * b), (0.1 * a, 0.1 * b), (0.77 * a, 0.93 * b)];
@@ -78,7 +78,7 @@ fn a_plate_with_pinned_edges_yields_as_naviers_series_says() {
         }
     }
     // In the middle of a square alpha is 0.01160 (ibid., table 23, to four digits).
-    let mut square = bare(EXAMPLE_PLATE, 0.233, 0.233);
+    let mut square = bare(STARTING_PLATE, 0.233, 0.233);
     square.edges = scene.edges;
     let (found, _) = yields(&square, Accuracy::BALANCED, &[(0.1165, 0.1165)])[0];
     let alpha = found * rigidity(&square) / 0.233_f64.powi(2);
@@ -105,7 +105,7 @@ fn a_bar_on_two_springs_bends_and_sinks() {
 #[test]
 fn a_stiff_plate_sinks_and_tilts_on_its_springs() {
     let (a, b, k) = (0.271, 0.193, 3.0);
-    let mut scene = bare(EXAMPLE_PLATE, a, b);
+    let mut scene = bare(STARTING_PLATE, a, b);
     scene.supports = [(0.0, 0.0), (a, 0.0), (0.0, b), (a, b)].map(|(x, y)| support(x, y, k)).into();
     for (u, v) in [(0.0, 0.0), (0.5, 0.5), (0.2, 0.9)] {
         let expected = (1.0 + (2.0 * u - 1.0_f64).powi(2) + (2.0 * v - 1.0_f64).powi(2)) / (4.0 * k);
@@ -118,7 +118,7 @@ fn a_stiff_plate_sinks_and_tilts_on_its_springs() {
 /// is a rigid support is no trouble.
 #[test]
 fn only_springs_to_the_ground_hold_a_panel() {
-    let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     let (x, y) = ([0.0, 0.041, 0.15, 0.3], [0.0, 0.07, 0.13, 0.2]);
     let of = |scene: &Scene| {
         BarePanel::build(scene, Accuracy::FAST, MAX_HZ)
@@ -153,7 +153,7 @@ fn what_nothing_holds_yields_without_end() {
     let corners = [(0.01, 0.02), (0.26, 0.03), (0.14, 0.18)];
     for stiffness in [30.0, 8e3, 1e15] {
         for count in 0..=3 {
-            let mut scene = bare(EXAMPLE_PLATE, a, b);
+            let mut scene = bare(STARTING_PLATE, a, b);
             scene.supports = corners[..count].iter().map(|(x, y)| support(*x, *y, stiffness)).collect();
             let (found, _) = yields(&scene, Accuracy::FAST, &[(0.2, 0.05)])[0];
             assert_eq!(found.is_finite(), count == 3, "{count} of {stiffness} N/m: {found}");

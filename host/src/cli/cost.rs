@@ -199,7 +199,7 @@ fn measure_operations_per_s() -> f64 {
 mod tests {
     use super::*;
     use crate::model::compute_modes_with_error_bounds;
-    use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+    use crate::scene::{EXAMPLE_BAR, STARTING_PLATE};
 
     #[test]
     fn times_have_one_digit() {
@@ -221,7 +221,7 @@ mod tests {
     /// Against a count: what is said of the modes and the unknowns is of the right size.
     #[test]
     fn modes_and_unknowns_are_about_right() {
-        for (text, max_hz) in [(EXAMPLE_PLATE, 1500.0), (EXAMPLE_BAR, 5000.0)] {
+        for (text, max_hz) in [(STARTING_PLATE, 1500.0), (EXAMPLE_BAR, 5000.0)] {
             let scene = Scene::parse("example", text).unwrap();
             let cost = Cost::estimate_for_modes_unless_time_limited(&scene, Accuracy::FAST, max_hz).unwrap().unwrap();
             let found = compute_modes_with_error_bounds(&scene, Accuracy::FAST, max_hz).unwrap();
@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn more_costs_more() {
-        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let modes = |max_hz: f64| {
             Cost::estimate_for_modes_unless_time_limited(&scene, Accuracy::BALANCED, max_hz)
                 .unwrap()

@@ -126,7 +126,7 @@ mod tests {
         }
         assert_eq!(text.lines().count(), 2 + 1 + found.steps.len() + 1, "{text}");
         let mut lossy = scene.clone();
-        lossy.supports.extend(Scene::parse("plate", crate::scene::EXAMPLE_PLATE).unwrap().supports);
+        lossy.supports.extend(Scene::parse("plate", crate::scene::STARTING_PLATE).unwrap().supports);
         lossy.supports[1].loss_factor = 0.3;
         let text_of_lossy = explain_accuracy(&lossy, Accuracy::BALANCED, &found.steps);
         assert!(text_of_lossy.contains(", 1 supports and edges with a loss factor"), "{text_of_lossy}");

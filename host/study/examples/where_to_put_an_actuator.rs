@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p era-study --example where_to_put_an_actuator`
 
-use era_model::scene::EXAMPLE_PLATE;
+use era_model::scene::STARTING_PLATE;
 use era_study::evaluate::QuickEvaluator;
 use era_study::result::{DesignTable, choose_finalist_indices_best_first};
 use era_study::run::{Shard, Study, StudyFolder, compute_missing_rows_of_shard};
@@ -27,7 +27,7 @@ seed = 7
 "#;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let study = Study::parse_texts("study.toml", STUDY, "plate.toml", EXAMPLE_PLATE)?;
+    let study = Study::parse_texts("study.toml", STUDY, "plate.toml", STARTING_PLATE)?;
     // What is done is kept there: a second run goes on where the first one ended.
     let results = tempfile::tempdir()?;
     let folder = StudyFolder::open_or_create(results.path(), study.fingerprint())?;

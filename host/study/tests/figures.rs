@@ -4,7 +4,7 @@ mod support;
 
 use era_model::model::{Accuracy, PanelModel};
 use era_model::response::compute_acceleration_curves_per_newton;
-use era_model::scene::{Cutout, EXAMPLE_PLATE, Finger, Patch, Scene};
+use era_model::scene::{Cutout, Finger, Patch, STARTING_PLATE, Scene};
 use era_planner::TableOptions;
 use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator, parts};
 use era_study::run::Study;
@@ -71,7 +71,7 @@ fn a_map_is_made_only_where_settings_are_wanted() {
 fn the_example_plate_sags_as_a_ritz_solution_says() {
     let sag = [WantedFigure { force_n: Some(10.0), ..want_figure(Figure::SagUm) }];
     for (stiffness, ritz_um) in [(2e3, 3252.447), (8e3, 1435.29), (40e3, 1094.21)] {
-        let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         scene.supports.iter_mut().for_each(|own| own.stiffness_n_per_m = stiffness);
         let found = ThoroughEvaluator::new(TableOptions::default())
             .compute_figures_and_bounds_refining_once(&scene, &sag)
@@ -134,8 +134,8 @@ fn the_bound_on_a_modes_frequency_holds() {
 /// With one actuator there is one frequency: all three ways to drive are one.
 #[test]
 fn one_actuator_has_one_frequency() {
-    let second = EXAMPLE_PLATE.rfind("[[actuator]]").unwrap();
-    let scene = Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap();
+    let second = STARTING_PLATE.rfind("[[actuator]]").unwrap();
+    let scene = Scene::parse("one", &STARTING_PLATE[..second]).unwrap();
     let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let found = of(&scene, &each);
     near(found[1], found[0], 0.02);
@@ -146,8 +146,8 @@ fn one_actuator_has_one_frequency() {
 /// moduli, and of one frequency as phasors, which leaves more of the limit (1.5 % here).
 #[test]
 fn more_freedom_is_no_worse() {
-    let scene =
-        Scene::parse("plate", &EXAMPLE_PLATE.replace("x_mm = 75.0\ny_mm = 100.0", "x_mm = 61.0\ny_mm = 47.0")).unwrap();
+    let scene = Scene::parse("plate", &STARTING_PLATE.replace("x_mm = 75.0\ny_mm = 100.0", "x_mm = 61.0\ny_mm = 47.0"))
+        .unwrap();
     let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
     let found = of(&scene, &each);
     assert!(found[1] >= found[2] && found[2] > 0.0 && found[0] > 0.8 * found[1], "{found:?}");
@@ -163,7 +163,7 @@ fn more_freedom_is_no_worse() {
 #[test]
 fn what_can_be_had_under_little_voltage_is_known() {
     const VOLTAGE_V: f64 = 50.0;
-    let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     let (length_m, width_m) = (scene.surface.length_m, scene.surface.width_m);
     for (actuator, (x, y)) in scene.actuators.iter_mut().zip([(0.19, 0.81), (0.67, 0.23)]) {
         (actuator.x_m, actuator.y_m, actuator.max_voltage_v) = (x * length_m, y * width_m, VOLTAGE_V);
@@ -254,7 +254,7 @@ fn air_is_no_part() {
     let bar_kg = line(WIDTH_M, 9e-3) * (LENGTH_M - length_m) + line(width_m, 4e-3) * length_m;
     near(parts::mass_of_surface_and_parts_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
     near(scene.surface_mass_with_air_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
-    let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     scene.surface.added_mass_kg_per_m2 = 0.5;
     scene.cutouts.push(Cutout { x_m: 0.1, y_m: 0.05, length_m: 0.04, width_m: 0.03 });
     let plate_kg = 2700.0 * 2e-3 * (0.3 * 0.2 - 0.04 * 0.03);
@@ -271,8 +271,8 @@ fn air_is_no_part() {
 /// with a mass and a support there.
 #[test]
 fn a_finger_is_on_the_place_that_is_looked_at() {
-    let second = EXAMPLE_PLATE.rfind("[[actuator]]").unwrap();
-    let untouched = Scene { press_n: 0.0, ..Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap() };
+    let second = STARTING_PLATE.rfind("[[actuator]]").unwrap();
+    let untouched = Scene { press_n: 0.0, ..Scene::parse("one", &STARTING_PLATE[..second]).unwrap() };
     let finger = Finger { mass_kg: 3e-3, damping_n_s_per_m: 4.0, stiffness_n_per_m: 1500.0 };
     let scene = Scene { finger: Some(finger), ..untouched.clone() };
     let each = FrequencyGrouping::ALL.map(|drives| WantedFigure { drives, ..want_figure(Figure::WeakestG) });
@@ -306,9 +306,9 @@ fn one_setting_for_a_surface_does_not_go_with_a_finger() {
              [[wish]]\nfigure = \"weakest_g\"\nsetting = \"{setting}\"\n[method]\nway = \"sobol\"\n"
         )
     };
-    let touched = format!("{EXAMPLE_PLATE}\n[finger]\nmass_g = 3.0\n");
+    let touched = format!("{STARTING_PLATE}\n[finger]\nmass_g = 3.0\n");
     let of = |setting: &str, scene: &str| Study::parse_texts("s.toml", &study(setting), "plate.toml", scene);
     let error = of("one", &touched).unwrap_err().to_string();
     assert!(error.contains("weakest_g_one_setting") && error.contains("[finger]"), "{error}");
-    assert!(of("one", EXAMPLE_PLATE).is_ok() && of("every_touch", &touched).is_ok());
+    assert!(of("one", STARTING_PLATE).is_ok() && of("every_touch", &touched).is_ok());
 }

@@ -1,6 +1,6 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
-use era_model::scene::{EXAMPLE_PLATE, Scene, SceneError};
+use era_model::scene::{STARTING_PLATE, Scene, SceneError};
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
 use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalist_indices_best_first, write_parquet};
 use era_study::run::{
@@ -46,7 +46,7 @@ fn evaluator() -> Known {
 }
 
 fn study(rest: &str) -> Study {
-    Study::parse_texts("s.toml", &format!("{HEAD}{rest}"), "plate.toml", EXAMPLE_PLATE).unwrap()
+    Study::parse_texts("s.toml", &format!("{HEAD}{rest}"), "plate.toml", STARTING_PLATE).unwrap()
 }
 
 fn folder(place: &Path, study: &Study) -> StudyFolder {
@@ -230,7 +230,7 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
             .map(|column| column.number_or_choice_index_in_design_unless_kept(&entry.row.design).unwrap())
             .collect();
         let worst = [-60.0, 0.0, 60.0].map(|off| {
-            let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+            let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
             scene.actuators[0].x_m = (numbers[0] + off).clamp(0.0, 300.0) / 1e3;
             scene.actuators[0].y_m = numbers[1] / 1e3;
             scene.supports[0].stiffness_n_per_m = numbers[2];
@@ -253,7 +253,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
              [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [0, 0, 300, 200]\n\
              [[wish]]\nfigure = \"weakest_g\"\n[method]\nway = \"grid\"\n{levels}"
         );
-        Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+        Study::parse_texts("s.toml", &text, "plate.toml", STARTING_PLATE)
     };
     let refused = grid("levels = 1000\n").unwrap_err();
     let told: Vec<(usize, &str)> =
@@ -273,7 +273,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
 fn places_off_the_surface_and_narrow_bands_are_told() {
     let of = |variable: &str, rest: &str| {
         let text = format!("version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\n{variable}\n{rest}");
-        Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+        Study::parse_texts("s.toml", &text, "plate.toml", STARTING_PLATE)
     };
     let hold = |study: Result<Study, SceneError>, expected: &[(usize, &str)]| {
         let error = study.unwrap_err();
@@ -314,7 +314,7 @@ fn the_scene_as_it_is_costs_what_the_same_design_costs() {
              {{ density_kg_m3 = 2500.0, youngs_modulus_pa = 72e9, poisson_ratio = 0.22 }},\n]\n{costs}\n\
              [[wish]]\nfigure = \"cost\"\n[cost]\nactuator = 10\n[method]\nway = \"grid\"\n"
         );
-        let study = Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+        let study = Study::parse_texts("s.toml", &text, "plate.toml", STARTING_PLATE).unwrap();
         let place = tempfile::tempdir().unwrap();
         compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
         let table = DesignTable::gather_from_folder(&study, &folder(place.path(), &study)).unwrap();
@@ -335,7 +335,7 @@ fn the_scene_as_it_is_costs_what_the_same_design_costs() {
 #[test]
 fn panels_on_other_air_are_other_panels() {
     let on_air = |depth_mm: f64| {
-        Scene::parse("plate.toml", &format!("{EXAMPLE_PLATE}\n[air]\nsealed_depth_mm = {depth_mm:?}\n")).unwrap()
+        Scene::parse("plate.toml", &format!("{STARTING_PLATE}\n[air]\nsealed_depth_mm = {depth_mm:?}\n")).unwrap()
     };
     let study = study("");
     let quick = QuickEvaluator::new(study.table_options());

@@ -4,7 +4,7 @@ mod support;
 
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
-use era_model::scene::{EXAMPLE_PLATE, EdgeKind, Finger, Scene};
+use era_model::scene::{EdgeKind, Finger, STARTING_PLATE, Scene};
 use era_planner::{Plan, PlanTable, TableOptions, Target};
 use era_study::tolerances::{
     PanelDeviations, PeakRange, Spread, ToleranceKind, Tolerances, compute_target_peak_spread_under_tolerances,
@@ -14,7 +14,7 @@ use support::{LENGTH_M, WIDTH_M, bar};
 const NOTHING: Tolerances = Tolerances { springs: 0.0, youngs_modulus: 0.0, thickness: 0.0, places_mm: 0.0 };
 
 fn plate() -> Scene {
-    Scene::parse("plate", EXAMPLE_PLATE).unwrap()
+    Scene::parse("plate", STARTING_PLATE).unwrap()
 }
 
 fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
@@ -90,7 +90,7 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     let at_m = (0.083, 0.061);
     let (scene, plan) = planned(plate(), at_m);
     let by = |part: f64| {
-        let text = EXAMPLE_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {}", 2.0 * (1.0 + part)));
+        let text = STARTING_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {}", 2.0 * (1.0 + part)));
         peak(&Scene::parse("made", &text).unwrap(), &plan, at_m)
     };
     let meant = by(0.0);
@@ -111,7 +111,7 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
 fn everything() -> Scene {
     let more = "\n[[edge]]\nside = \"left\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 2e4\nrotational_stiffness_n_per_rad = 20\n\
                 [[edge]]\nside = \"right\"\nkind = \"pinned\"\n[[mass]]\nx_mm = 130\ny_mm = 0.2\nmass_g = 40\n";
-    Scene::parse("everything", &format!("{EXAMPLE_PLATE}{more}")).unwrap()
+    Scene::parse("everything", &format!("{STARTING_PLATE}{more}")).unwrap()
 }
 
 /// The scene that a told panel is, made from what is told alone.
@@ -206,7 +206,7 @@ fn what_the_scene_has_none_of_is_not_told() {
 fn what_would_be_in_a_cutout_is_on_its_border() {
     let hole = "\n[[cutout]]\nx_mm = 75.3\ny_mm = 80\nlength_mm = 40\nwidth_mm = 50\n";
     let at_m = (0.15, 0.15);
-    let (scene, plan) = planned(Scene::parse("hole", &format!("{EXAMPLE_PLATE}{hole}")).unwrap(), at_m);
+    let (scene, plan) = planned(Scene::parse("hole", &format!("{STARTING_PLATE}{hole}")).unwrap(), at_m);
     let off = compute_target_peak_spread_under_tolerances(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING })
         .unwrap();
     for range in [&off.range, find_range_of_one_change(&off, ToleranceKind::Places)] {

@@ -1,6 +1,6 @@
 //! What is written of a study, read back: the table by Parquet's reader and by its bytes, the report as a page.
 
-use era_model::scene::EXAMPLE_PLATE;
+use era_model::scene::STARTING_PLATE;
 use era_study::evaluate::{Figures, VerifiedFigures};
 use era_study::report::write_report_html;
 use era_study::result::{DesignTable, Finalist, VerifiedFinalists, write_parquet};
@@ -16,7 +16,7 @@ const STUDY: &str = "version = 1\nname = \"a <b> & c\"\nscene = \"plate.toml\"\n
                      [[uncertain]]\nkey = \"surface.thickness_mm\"\npart = 0.1\n[method]\nway = \"sobol\"\ndesigns = 5\n";
 
 fn study() -> Study {
-    Study::parse_texts("s.toml", STUDY, "plate.toml", EXAMPLE_PLATE).unwrap()
+    Study::parse_texts("s.toml", STUDY, "plate.toml", STARTING_PLATE).unwrap()
 }
 
 fn row(study: &Study, point: [f64; 3], outcome: DesignOutcome) -> DesignRow {
@@ -99,7 +99,7 @@ fn the_table_is_read_back() {
 fn the_report_stands_alone() {
     let study = study();
     let table = table(&study);
-    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let base = Finalist { design: 0, text: STARTING_PLATE.into(), verified: Err("not looked at".into()) };
     let best = Finalist { design: 2, ..base.clone() };
     let html = write_report_html(&study, &table, &VerifiedFinalists { base, best: vec![best], tolerance: 1e-3 });
     assert_eq!(html.matches("</script>").count(), 2, "the data's, and the script's");
@@ -127,8 +127,8 @@ fn the_report_stands_alone() {
 #[test]
 fn a_study_without_figures_of_settings_has_no_map() {
     let text = STUDY.replace("weakest_g", "sag_um");
-    let study = Study::parse_texts("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
-    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let study = Study::parse_texts("s.toml", &text, "plate.toml", STARTING_PLATE).unwrap();
+    let base = Finalist { design: 0, text: STARTING_PLATE.into(), verified: Err("not looked at".into()) };
     let best = Finalist { design: 2, ..base.clone() };
     let html =
         write_report_html(&study, &table(&study), &VerifiedFinalists { base, best: vec![best], tolerance: 1e-3 });
@@ -140,7 +140,7 @@ fn a_study_without_figures_of_settings_has_no_map() {
 fn what_does_not_meet_a_limit_is_marked_in_the_report() {
     let limited =
         STUDY.replace("[[uncertain]]", "[[limit]]\nfigure = \"mass_g\"\nleast = 301\nmost = 349\n[[uncertain]]");
-    let limited = Study::parse_texts("s.toml", &limited, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let limited = Study::parse_texts("s.toml", &limited, "plate.toml", STARTING_PLATE).unwrap();
     let verified = |mass: f64| VerifiedFigures {
         figures: Figures { values: vec![0.5, mass], weakest_mm: None },
         bound: None,
@@ -149,7 +149,7 @@ fn what_does_not_meet_a_limit_is_marked_in_the_report() {
         x_mm: Vec::new(),
         y_mm: Vec::new(),
     };
-    let own = |design: usize, mass: f64| Finalist { design, text: EXAMPLE_PLATE.into(), verified: Ok(verified(mass)) };
+    let own = |design: usize, mass: f64| Finalist { design, text: STARTING_PLATE.into(), verified: Ok(verified(mass)) };
     let finals = VerifiedFinalists { base: own(0, 350.0), best: vec![own(2, 300.0), own(1, 310.0)], tolerance: 1e-3 };
     let table = table(&limited);
     let html = write_report_html(&limited, &table, &finals);
@@ -171,13 +171,13 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
         "[[uncertain]]",
         "[[limit]]\nfigure = \"weakest_g\"\nleast = 0.7\n[[limit]]\nfigure = \"mass_g\"\nmost = 250\n[[uncertain]]",
     );
-    let strict = Study::parse_texts("s.toml", &strict, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let strict = Study::parse_texts("s.toml", &strict, "plate.toml", STARTING_PLATE).unwrap();
     let mut strictly = table(&strict);
     // Of 0.7 g there are 0.3, 0.5 and 0.4 g, and 250 g are exceeded by 150, 50 and 250 g.
     assert_eq!(strictly.find_one_based_least_violating_design_if_none_kept().map(|(design, _)| design), Some(2));
     let reason = strictly.entries[1].reason.clone().unwrap();
     assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
-    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let base = Finalist { design: 0, text: STARTING_PLATE.into(), verified: Err("not looked at".into()) };
     let finals = VerifiedFinalists { base, best: Vec::new(), tolerance: 1e-3 };
     let page = write_report_html(&strict, &strictly, &finals);
     assert!(page.contains(&format!("Design 2 comes nearest to the limits: {reason}")), "it is in the report");

@@ -5,7 +5,7 @@ use crate::support::served::Served;
 use crate::{Said, make_command, run_command, run_era, run_openssl, write_secret};
 use era::daemon::listener::TlsFiles;
 use era::daemon::{Access, Listener};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio_rustls::rustls::crypto::ring::sign::any_supported_type;
@@ -40,7 +40,7 @@ fn files_named(folder: &Path, name: &str) -> TlsFiles {
 
 /// A daemon at a port for each of the certificates, and where those are.
 fn serve_over_tls(all: &[TlsFiles]) -> (Served, Vec<u16>) {
-    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let mut ports = Vec::new();
     let served = Served::on(&app, async {
         let mut listeners = Vec::new();

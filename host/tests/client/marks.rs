@@ -2,7 +2,7 @@
 
 use crate::support::Daemon;
 use crate::{run_era, run_openssl, write_recording, write_secret};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::path::Path;
 use tungstenite::Message;
@@ -27,8 +27,8 @@ fn text_files(folder: &Path) -> Vec<(&'static str, String, Vec<String>)> {
     let recording = std::fs::read_to_string(folder.join("day.jsonl")).unwrap();
     vec![
         ("era.toml", "version = 1\n\nlisten = \"127.0.0.1:9000\"\n".into(), line("config check DIR/era.toml")),
-        ("scene.toml", EXAMPLE_PLATE.into(), line("modes --max-hz 60 --accuracy fast --scene DIR/scene.toml")),
-        ("doctor.toml", EXAMPLE_PLATE.into(), line("doctor --device sim --scene DIR/doctor.toml")),
+        ("scene.toml", STARTING_PLATE.into(), line("modes --max-hz 60 --accuracy fast --scene DIR/scene.toml")),
+        ("doctor.toml", STARTING_PLATE.into(), line("doctor --device sim --scene DIR/doctor.toml")),
         ("day.jsonl", recording, line("replay DIR/day.jsonl")),
     ]
 }
@@ -68,7 +68,7 @@ fn a_study_with_marks_is_read() {
     let scene = text.lines().find_map(|line| line.strip_prefix("scene = ")).unwrap().trim().trim_matches('"');
     let own = folder.path().join("studies");
     std::fs::create_dir_all(own.join(scene).parent().unwrap()).unwrap();
-    std::fs::write(own.join(scene), as_windows_text(EXAMPLE_PLATE)).unwrap();
+    std::fs::write(own.join(scene), as_windows_text(STARTING_PLATE)).unwrap();
     std::fs::write(own.join("study.toml"), as_windows_text(&text)).unwrap();
     let study = era::study::run::Study::load(&own.join("study.toml"));
     assert!(study.is_ok(), "{}", study.unwrap_err());
@@ -103,20 +103,20 @@ fn pem_files_with_marks_are_read() {
 /// Bodies of JSON (RFC 8259, 8.1, lets a parser pass over a mark), and the files as texts in them.
 #[test]
 fn bodies_with_a_mark_are_read() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let study = "version = 1\nname = \"t\"\nscene = \"s\"\n[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 2.0\nto = 4.0\n\
                  [[wish]]\nfigure = \"sag_um\"\nforce_n = 10\n[method]\nway = \"grid\"\n";
     let place = json!({"x_px": 960, "y_px": 640, "intensity_g": 0.1});
     for (path, body) in [
         ("/v1/touch", place.to_string()),
         ("/v1/preview", place.to_string()),
-        ("/v1/preview", json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(EXAMPLE_PLATE)}).to_string()),
+        ("/v1/preview", json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(STARTING_PLATE)}).to_string()),
         (
             "/v1/preview",
-            json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(EXAMPLE_PLATE), "moves": {"support[1]": {"x_mm": 40}}})
+            json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(STARTING_PLATE), "moves": {"support[1]": {"x_mm": 40}}})
                 .to_string(),
         ),
-        ("/v1/study", json!({"study": as_windows_text(study), "scene": as_windows_text(EXAMPLE_PLATE)}).to_string()),
+        ("/v1/study", json!({"study": as_windows_text(study), "scene": as_windows_text(STARTING_PLATE)}).to_string()),
         ("/v1/study/stop", "{}".to_owned()),
         ("/v1/tolerances", place.to_string()),
         ("/v1/tolerances/stop", "{}".to_owned()),
@@ -138,7 +138,7 @@ fn bodies_with_a_mark_are_read() {
 /// Messages of the live socket, a stop above all.
 #[test]
 fn messages_with_a_mark_are_read() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (mut socket, _) =
         tungstenite::connect(format!("{}/v1/live?send=plan", daemon.url.replace("http", "ws"))).unwrap();
     let finger = json!({"type": "touch", "touches": [{"id": 1, "x_px": 960, "y_px": 640}], "intensity_g": 0.1});

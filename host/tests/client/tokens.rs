@@ -4,7 +4,7 @@ use crate::servers::Server;
 use crate::support::Daemon;
 use crate::{Said, asking_commands, make_command, run_command, write_recording, write_secret};
 use era::daemon::Access;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::os::unix::ffi::OsStrExt;
@@ -142,7 +142,7 @@ fn the_daemon_reads_tokens_with_marks_and_any_line_ends() {
 #[test]
 fn the_daemon_takes_tokens_with_what_is_around_them() {
     let access = Access { tokens: Access::parse_tokens(&format!("touch {SECRET}")).unwrap(), ..Access::default() };
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
+    let daemon = Daemon::start_guarded(STARTING_PLATE, access);
     let at = daemon.url.trim_start_matches("http://").to_owned();
     let status = |path: &str, headers: &str| {
         let mut stream = TcpStream::connect(&at).unwrap();

@@ -7,7 +7,7 @@ use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, Listener};
 use era::device::session::policy::SessionPolicy;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Command, Stdio};
@@ -40,7 +40,7 @@ fn request(
 fn other_pages_are_let_in_by_name_only() {
     let own = "https://kiosk.example:8443";
     let access = Access { origins: vec![Access::parse_origin(own).unwrap()], ..Access::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), access);
+    let daemon = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), access);
     let (status, headers, _) = request(&daemon, "POST", "/v1/stop", &[("Origin", own)]);
     assert_eq!((status, headers.get("access-control-allow-origin").unwrap().to_str().unwrap()), (200, own));
     // What a browser asks before it lets the page post JSON.
@@ -82,7 +82,7 @@ fn other_pages_are_let_in_by_name_only() {
 
 #[test]
 fn a_request_from_another_site_without_an_origin_is_refused() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for site in ["cross-site", "same-site"] {
         let (status, _, text) = request(&daemon, "POST", "/v1/stop", &[("Sec-Fetch-Site", site)]);
         assert_eq!(status, 403, "{text}");
@@ -95,7 +95,7 @@ fn a_request_from_another_site_without_an_origin_is_refused() {
 
 #[test]
 fn names_that_are_not_ascii_are_not_taken_for_absent() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for headers in ["Host: pan\u{e9}l.example\r\n", "Host: localhost\r\nOrigin: http://pan\u{e9}l.example\r\n"] {
         let request = format!("POST /v1/stop HTTP/1.1\r\n{headers}Content-Length: 0\r\n\r\n");
         let answer = send_and_listen(&daemon, &request);
@@ -107,7 +107,7 @@ fn names_that_are_not_ascii_are_not_taken_for_absent() {
 fn tokens_open_what_their_role_allows() {
     let [view, touch, arm] = ["V", "T", "A"].map(|letter| letter.repeat(32));
     let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\narm {arm}\n")).unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     let status = |method: &str, path: &str, token: Option<&String>| {
         let bearer = token.map(|token| format!("Bearer {token}")).unwrap_or_default();
         let headers: Vec<(&str, &str)> = if token.is_some() { vec![("Authorization", &bearer)] } else { Vec::new() };
@@ -132,7 +132,7 @@ fn tokens_open_what_their_role_allows() {
 fn a_socket_that_may_only_look_is_told_and_does_nothing() {
     let [view, touch] = ["V", "T"].map(|letter| letter.repeat(32));
     let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     let mut watching = live(&daemon, &format!("?send=plan&token={view}"));
     let mut touching = live(&daemon, &format!("?send=plan&token={touch}"));
     let finger = json!({"type": "touch", "touches": [{"id": 1, "x_px": 400, "y_px": 500}], "intensity_g": 0.1});
@@ -239,7 +239,7 @@ fn the_socket_in_the_file_system_is_for_its_owner() {
         Access { tokens: Access::parse_tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
     let runtime = tokio::runtime::Runtime::new().unwrap();
     for _ in 0..2 {
-        let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, access.clone()));
+        let app = std::sync::Arc::new(Daemon::app(STARTING_PLATE, access.clone()));
         let listener = runtime.block_on(async { Listener::bind_unix(&path) }).unwrap();
         let mode = std::fs::metadata(&path).unwrap().permissions().mode() & 0o777;
         assert_eq!(mode, 0o600);
@@ -270,7 +270,7 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
     use std::os::unix::net::UnixStream;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("era.sock");
-    let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = std::sync::Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let mut address = String::new();
     let _served = Served::on(&app, async {
         let port = Listener::bind_tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
@@ -294,7 +294,7 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
 fn a_token_is_asked_for_before_the_body_is_read() {
     let access =
         Access { tokens: Access::parse_tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
+    let daemon = Daemon::start_guarded(STARTING_PLATE, access);
     let mut stream = connect(&daemon);
     stream.write_all(b"POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n").unwrap();
     let mut first = [0; 12];
@@ -305,7 +305,7 @@ fn a_token_is_asked_for_before_the_body_is_read() {
 /// Every file of the page forbids other pages to show it in a frame; what a browser makes of that is in `page.rs`.
 #[test]
 fn no_file_of_the_page_may_be_framed() {
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access::default());
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access::default());
     for path in
         ["/", "/app.js", "/design.js", "/heat.js", "/link.js", "/panel.js", "/readout.js", "/style.css", "/icon.svg"]
     {

@@ -5,7 +5,7 @@ use era::device::session::policy::SessionPolicy;
 use era::device::sim::{SimBoard, SimDevice, SimKnobs};
 use era::device::{Client, LinkError};
 use era::planner::PlanTable;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
@@ -25,7 +25,7 @@ struct Socket {
 impl Socket {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        Self { link: folder.path().join("board"), table: table(EXAMPLE_PLATE), _folder: folder }
+        Self { link: folder.path().join("board"), table: table(STARTING_PLATE), _folder: folder }
     }
 
     fn path(&self) -> &str {
@@ -57,7 +57,7 @@ fn is_connected(state: &Value) -> bool {
 fn a_board_may_come_late_go_away_and_come_back() {
     let socket = Socket::new();
     let policy = SessionPolicy { arms_after_outage: true, ..SessionPolicy::default() };
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), policy);
+    let daemon = Daemon::at(STARTING_PLATE, socket.path(), policy);
     let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{problem}");
     let board = socket.plug(SimBoard::ID);
@@ -86,7 +86,7 @@ fn a_board_may_come_late_go_away_and_come_back() {
 #[test]
 fn after_an_outage_a_person_has_to_arm() {
     let socket = Socket::new();
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, socket.path(), SessionPolicy::default());
     let board = socket.plug(SimBoard::ID);
     daemon.wait_for(is_connected);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200, "nothing has happened yet");
@@ -120,7 +120,7 @@ fn after_an_outage_a_person_has_to_arm() {
 fn a_silence_of_the_host_may_be_cleared_by_the_next_touch() {
     for clears_silence in [false, true] {
         let daemon = Daemon::start_with(
-            EXAMPLE_PLATE,
+            STARTING_PLATE,
             SessionPolicy { clears_silence, ..SessionPolicy::default() },
             Default::default(),
         );
@@ -139,7 +139,7 @@ fn a_silence_of_the_host_may_be_cleared_by_the_next_touch() {
     }
     // Any other fault waits for a person.
     let policy = SessionPolicy { clears_silence: true, ..SessionPolicy::default() };
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, policy, Default::default());
+    let daemon = Daemon::start_with(STARTING_PLATE, policy, Default::default());
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     let mut knobs = SimKnobs::default();
     knobs.defects.interlock_open = true;
@@ -155,7 +155,7 @@ fn a_board_with_too_few_channels_is_not_driven() {
     let (panel, volts) = panel_of(&socket.table);
     let board = SimDevice::start(panel, volts[..1].to_vec()).unwrap();
     socket.lead_to(board.port_path());
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, socket.path(), SessionPolicy::default());
     let state = daemon.wait_for(is_connected);
     assert!(state["device"]["mismatch"].as_str().unwrap().contains("2 actuators"), "{state}");
     let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
@@ -168,7 +168,7 @@ fn a_board_with_too_few_channels_is_not_driven() {
 fn an_effect_does_not_end_the_link_to_an_old_board() {
     let socket = Socket::new();
     socket.lead_to(&old_board::behind_a_terminal(old_board::Board::speaking(1, 1)));
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, socket.path(), SessionPolicy::default());
     daemon.wait_for(is_connected);
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#);
     assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:device-refused")), "{problem}");
@@ -212,7 +212,7 @@ fn a_board_that_takes_no_bytes_is_given_up() {
 #[test]
 fn a_path_without_a_port_is_told_with_its_name() {
     let missing = Path::new("/nonexistent/era-board");
-    let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, missing.to_str().unwrap(), SessionPolicy::default());
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
     assert!(!is_connected(&state) && state["device"]["port"] == "/nonexistent/era-board", "{state}");
 }

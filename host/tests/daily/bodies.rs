@@ -2,13 +2,13 @@
 
 use crate::raw::connect;
 use crate::support::Daemon;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 
 #[test]
 fn only_json_objects_in_their_ranges_are_taken() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let refused: &[(&str, Option<&str>, &str)] = &[
         (r#"{"x_px": 1, "y_px": 1, "intensity_g": 1e9}"#, Some("intensity_g"), "0 to 1000"),
         (
@@ -42,7 +42,7 @@ fn only_json_objects_in_their_ranges_are_taken() {
 
 #[test]
 fn what_says_that_it_is_something_else_is_not_read_as_json() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let send = |kind: &str| {
         let mut answer = Daemon::agent()
             .post(format!("{}/v1/touch", daemon.url))
@@ -69,7 +69,7 @@ fn what_says_that_it_is_something_else_is_not_read_as_json() {
 /// Said beforehand or not, a body is read up to what its path takes, and the first byte over that ends it: here no other byte follows.
 #[test]
 fn no_body_is_read_beyond_its_paths_limit() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for (path, most) in [("/v1/touch", 16 << 10), ("/v1/preview", 144 << 10)] {
         let status = |head: &str, body: &[u8]| {
             let mut stream = connect(&daemon);
@@ -96,7 +96,7 @@ fn no_body_is_read_beyond_its_paths_limit() {
 /// What is wrong is told in the words of the interface, with its field.
 #[test]
 fn what_is_wrong_is_named_as_it_was_written() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for (body, field, words) in [
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "from_ms": 5}"#,

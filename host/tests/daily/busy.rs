@@ -3,7 +3,7 @@
 use crate::serving::Serving;
 use crate::support::{panel_of, table};
 use era::device::sim::SimDevice;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
 /// or the next touch where that is the policy, and everything goes on.
 #[test]
 fn a_host_that_was_busy_tells_why_and_goes_on() {
-    let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
+    let (panel, volts) = panel_of(&table(STARTING_PLATE));
     let board = SimDevice::start(panel, volts).unwrap();
     for (more, is_cleared) in [(&[][..], false), (&["--clear-silence"][..], true)] {
         let serving = Serving::start(&board, more);
@@ -62,7 +62,7 @@ fn a_host_that_was_busy_tells_why_and_goes_on() {
 #[cfg(target_os = "linux")]
 #[test]
 fn the_sessions_thread_is_preferred_where_that_is_allowed() {
-    let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
+    let (panel, volts) = panel_of(&table(STARTING_PLATE));
     let board = SimDevice::start(panel, volts).unwrap();
     let serving = Serving::start(&board, &[]);
     let allowed = Command::new("chrt").args(["--rr", "1", "true"]).stderr(Stdio::null()).status();

@@ -4,7 +4,7 @@ use crate::raw::connect;
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, Limits};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -98,7 +98,7 @@ impl Page {
 
 #[test]
 fn a_socket_that_breaks_the_protocol_is_closed_with_the_code_that_says_so() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     type Case = (&'static str, u16, fn(&mut Page));
     let cases: &[Case] = &[
         ("not masked", 1002, |page| page.0.write_all(&[TEXT, 2, b'{', b'}']).unwrap()),
@@ -166,7 +166,7 @@ fn a_socket_that_breaks_the_protocol_is_closed_with_the_code_that_says_so() {
 #[test]
 fn a_page_that_is_closed_has_lifted_its_fingers() {
     for _ in 0..5 {
-        let daemon = Daemon::start(EXAMPLE_PLATE);
+        let daemon = Daemon::start(STARTING_PLATE);
         let mut page = Page::open(connect(&daemon));
         page.send(TEXT, br#"{"type": "touch", "touches": [{"id": 1, "x_px": 900, "y_px": 500}], "intensity_g": 0.1}"#);
         std::thread::sleep(Duration::from_millis(500));
@@ -185,7 +185,7 @@ fn a_page_that_is_closed_has_lifted_its_fingers() {
 #[test]
 fn a_daemon_that_ends_says_so_to_every_page() {
     for _ in 0..5 {
-        let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+        let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
         let (mut served, url) = Served::at_a_port(&app, None);
         let address = url.trim_start_matches("http://");
         let pages: Vec<Page> = (0..20).map(|_| Page::open(TcpStream::connect(address).unwrap())).collect();
@@ -199,7 +199,7 @@ fn a_daemon_that_ends_says_so_to_every_page() {
 
 #[test]
 fn a_page_that_is_silent_is_told_so() {
-    let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
+    let mut app = Daemon::app(STARTING_PLATE, Access::default());
     app.limits = Limits { silence: Duration::from_millis(200), ping: Duration::from_secs(3600), ..Limits::default() };
     let (_served, url) = Served::at_a_port(&Arc::new(app), None);
     let page = Page::open(TcpStream::connect(url.trim_start_matches("http://")).unwrap());

@@ -4,7 +4,7 @@ use crate::raw::{connect, post, post_with};
 use crate::support::{Daemon, served::Served};
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ fn heavy_scene() -> String {
         let (x, y) = (15 + 10 * (i % 27), 20 + (37 * i) % 160);
         format!("[[mass]]\nx_mm = {x}\ny_mm = {y}\nmass_g = 1\n")
     });
-    format!("{EXAMPLE_PLATE}\n{}", masses.collect::<String>())
+    format!("{STARTING_PLATE}\n{}", masses.collect::<String>())
 }
 
 fn preview(scene: &str) -> String {
@@ -33,7 +33,7 @@ fn patches(count: usize, table: &str) -> String {
         let (x, y) = (i % 20 * 14, i / 20 * 9);
         format!("[[{table}]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 8\nwidth_mm = 5\n")
     };
-    format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
+    format!("{STARTING_PLATE}\n{}", (0..count).map(one).collect::<String>())
 }
 
 /// Asks, and how long the answer takes.
@@ -55,10 +55,10 @@ fn peak_mb() -> u64 {
 /// Every count that a scene or a study may have is looked at before anything is made of it.
 #[test]
 fn what_costs_too_much_is_refused_before_it_costs_anything() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let large = |text: &str, of: &str, to: &str| text.replacen(of, to, 1);
-    let long = large(EXAMPLE_PLATE, "length_mm = 300", "length_mm = 10000");
-    let foil = large(EXAMPLE_PLATE, "thickness_mm = 2.0", "thickness_mm = 0.02");
+    let long = large(STARTING_PLATE, "length_mm = 300", "length_mm = 10000");
+    let foil = large(STARTING_PLATE, "thickness_mm = 2.0", "thickness_mm = 0.02");
     let layers = "[[layer]]\nthickness_mm = 0.1\n".repeat(400);
     let scenes = [
         (patches(200, "patch"), "patches"),
@@ -66,8 +66,8 @@ fn what_costs_too_much_is_refused_before_it_costs_anything() {
         (patches(300, "cutout"), "cut-outs"),
         (long, "modes"),
         (foil, "unknowns"),
-        (format!("{EXAMPLE_PLATE}\n{layers}"), "layers"),
-        (format!("{EXAMPLE_PLATE}\n{}", "[[mass]]\nx_mm = 1\ny_mm = 1\nmass_g = 1\n".repeat(900)), "supports"),
+        (format!("{STARTING_PLATE}\n{layers}"), "layers"),
+        (format!("{STARTING_PLATE}\n{}", "[[mass]]\nx_mm = 1\ny_mm = 1\nmass_g = 1\n".repeat(900)), "supports"),
     ];
     for (scene, what) in &scenes {
         let whole = json!({"x_px": 9, "y_px": 9, "scene": scene});
@@ -113,7 +113,7 @@ fn what_costs_too_much_is_refused_before_it_costs_anything() {
 /// The longest time that this takes is bounded by the bytes that are read, not by the number of variables.
 #[test]
 fn variables_whose_values_are_all_refused_cost_little() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let wrong =
         |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
     let study = format!("{STUDY}{}", (0..60).map(wrong).collect::<String>());
@@ -124,7 +124,7 @@ fn variables_whose_values_are_all_refused_cost_little() {
 /// A design may be larger than the scene of its study.
 #[test]
 fn a_design_that_is_too_large_fails_and_costs_nothing() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let text =
         format!("{STUDY}[[variable]]\nkey = \"surface.length_mm\"\nvalues = [9000, 9500]\n[method]\nway = \"grid\"\n");
     assert_eq!(daemon.post("/v1/study", &json!({ "study": text }).to_string()).0, 200);
@@ -149,7 +149,7 @@ fn metric(daemon: &Daemon, name: &str) -> f64 {
 /// Whoever hangs up has no work left behind, and a slot is free as soon as what was begun can end.
 #[test]
 fn work_ends_with_its_sender() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let scene = heavy_scene();
     assert_eq!(daemon.post("/v1/preview", &preview(&scene)).0, 200, "it is taken");
     for round in 1..=4 {
@@ -164,7 +164,7 @@ fn work_ends_with_its_sender() {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
-    assert_eq!(daemon.post("/v1/preview", &preview(EXAMPLE_PLATE)).0, 200);
+    assert_eq!(daemon.post("/v1/preview", &preview(STARTING_PLATE)).0, 200);
     // A study whose sender has gone before it was begun is not.
     let mut stream = connect(&daemon);
     let study = format!("{STUDY}{}", "# a long file\n".repeat(3000));
@@ -181,7 +181,7 @@ fn work_ends_with_its_sender() {
 /// One client's previews, as many and as large as may be, do not keep another's from being computed.
 #[test]
 fn a_client_has_one_preview_at_a_time_and_others_have_theirs_beside_it() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let scene = heavy_scene();
     let mut greedy: Vec<_> = (0..6).map(|_| connect(&daemon)).collect();
     for stream in &mut greedy {
@@ -189,7 +189,7 @@ fn a_client_has_one_preview_at_a_time_and_others_have_theirs_beside_it() {
         stream.write_all(request.as_bytes()).unwrap();
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(daemon.post("/v1/preview", &preview(EXAMPLE_PLATE)).0, 200);
+    assert_eq!(daemon.post("/v1/preview", &preview(STARTING_PLATE)).0, 200);
     // Of the six the first is computed and the last waits; the others were superseded by it.
     let mut statuses: Vec<String> = Vec::new();
     for mut stream in greedy {
@@ -203,7 +203,7 @@ fn a_client_has_one_preview_at_a_time_and_others_have_theirs_beside_it() {
 /// A stop is carried out, and the daemon ends, whatever is computed.
 #[test]
 fn neither_a_stop_nor_the_end_waits_for_what_is_computed() {
-    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let (mut served, url) = Served::at_a_port(&app, None);
     let daemon = Daemon { url, sim: Default::default(), background: None };
     let scene = heavy_scene();
@@ -254,7 +254,7 @@ fn names_of_requests_are_their_clients_own() {
         tokens: Access::parse_tokens(&format!("touch {}\ntouch {}\n", secrets[0], secrets[1])).unwrap(),
         ..Access::default()
     };
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
+    let daemon = Daemon::start_guarded(STARTING_PLATE, access);
     let bearer: Vec<String> = secrets.iter().map(|secret| format!("Bearer {secret}")).collect();
     let with = |token: usize, agent: &'static str| [("Authorization", bearer[token].as_str()), ("User-Agent", agent)];
     // Whatever becomes of it: on a busy machine the device may be late.
@@ -270,7 +270,7 @@ fn names_of_requests_are_their_clients_own() {
     let (first, second) = (known(with(0, "two")), known(with(1, "one")));
     assert_eq!((first.0, second.0), (200, 200));
     assert!(first.1["id"].as_u64() < second.1["id"].as_u64(), "{first:?} {second:?}");
-    let open = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access::default());
+    let open = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), Access::default());
     let agents = [[("User-Agent", "one")], [("User-Agent", "two")]];
     let named_tap = [agents[0][0], ("X-Request-Id", "tap-1")];
     named(&open, &named_tap, "/v1/touch", Some(&touch(500)));

@@ -4,7 +4,7 @@ use crate::fingers::{live, say};
 use crate::support::Daemon;
 use crate::support::timed_board::TimedBoard;
 use era::device::session::policy::SessionPolicy;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use era_shared::protocol::{ChannelDrive, Reply, Request};
 use serde_json::{Value, json};
 use std::net::TcpStream;
@@ -64,7 +64,7 @@ fn drag(daemon: &Daemon, moves: bool) -> Vec<Value> {
 
 #[test]
 fn a_long_drag_is_interrupted_by_a_rest_and_not_by_the_board() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let said = drag(&daemon, true);
     let error = said.iter().find(|message| message["type"] != "plan");
     assert!(error.is_none(), "{error:?}");
@@ -73,7 +73,7 @@ fn a_long_drag_is_interrupted_by_a_rest_and_not_by_the_board() {
 
 #[test]
 fn a_finger_that_rests_is_felt_for_as_long_as_it_is_down() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let said = drag(&daemon, false);
     let kinds: Vec<bool> = said.iter().map(rests).collect();
     assert_eq!(kinds, [false, true, false], "{said:?}");
@@ -119,7 +119,7 @@ fn spend(board: &TimedBoard, leave_ms: u32) {
 fn a_strong_drag_on_little_credit_is_thinned_out_and_never_ends() {
     let board = TimedBoard::new();
     spend(&board, 3000);
-    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
     daemon.wait_for(|state| state["device"]["supply"]["credit_s"][0].as_f64().is_some());
     // Twice as long as the credit would last.
     let begun = Instant::now();

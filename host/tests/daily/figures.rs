@@ -4,7 +4,7 @@ use crate::line::{CALM, Ear};
 use crate::serving::Serving;
 use crate::support::{Daemon, panel_of, table};
 use era::device::sim::{SimDevice, SimKnobs};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ fn silent_for(sim: &era::device::sim::SimControl, time: Duration) {
 /// Answers that take now longer, now less long, are jitter; those that all take long are none.
 #[test]
 fn jitter_is_told() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let deadline = Instant::now() + Duration::from_secs(30);
     for turn in 0_u64.. {
         // Less than the 50 ms after which it would be in doubt.
@@ -61,7 +61,7 @@ fn jitter_is_told() {
 #[test]
 fn the_age_of_the_last_sign_of_life_grows_while_the_board_is_silent() {
     let age = |state: &Value| number(state, "/link/keep_alive_age_ms");
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.wait_for(|state| age(state) < 500.0);
     daemon.sim.set_knobs(SimKnobs { silent: true, ..SimKnobs::default() });
     daemon.wait_for(|state| age(state) > 500.0);
@@ -78,7 +78,7 @@ fn the_age_of_the_last_sign_of_life_grows_while_the_board_is_silent() {
 
 #[test]
 fn a_fault_tells_what_was_known_of_the_link() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     assert_eq!(daemon.state()["device"]["fault"], json!(null));
     let spoil = |at_least: f64| {
         daemon.sim.set_knobs(SimKnobs { corrupt_every: Some(2), ..SimKnobs::default() });
@@ -122,7 +122,7 @@ fn a_fault_tells_what_was_known_of_the_link() {
 /// The log has the same in one line.
 #[test]
 fn a_fault_is_logged_with_what_was_known_of_the_link() {
-    let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
+    let (panel, volts) = panel_of(&table(STARTING_PLATE));
     let board = SimDevice::start(panel, volts).unwrap();
     let serving = Serving::start(&board, &[]);
     assert_eq!(serving.daemon.post("/v1/touch", LONG_TOUCH).0, 200);
@@ -167,7 +167,7 @@ fn what_keeps_touches_quick_drives_nothing_and_is_counted_nowhere() {
 /// it counts, its help and its type before it, once (<https://prometheus.io/docs/practices/naming>).
 #[test]
 fn what_counts_is_a_counter_by_its_name() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     daemon.wait_for(|state| state["device"]["clock"]["samples"].as_u64() >= Some(2));
     let text = daemon.get_text("/metrics");
     let mut types = std::collections::BTreeMap::new();

@@ -4,7 +4,7 @@ use crate::line::{CALM, Ear};
 use crate::support::Daemon;
 use crate::support::described::described;
 use era::device::timing::REAL_TIME;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::net::TcpStream;
@@ -120,7 +120,7 @@ fn taps_that_follow_each_other_are_all_felt() {
 
 #[test]
 fn an_effect_begins_once_however_its_finger_moves() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     let at = |id: u32, x_px: f64| json!({"id": id, "x_px": x_px, "y_px": 500.0, "effect": "click"});
     say(&mut socket, &touch(&json!([at(1, 400.0)])));
@@ -149,7 +149,7 @@ fn an_effect_begins_once_however_its_finger_moves() {
 
 #[test]
 fn the_finger_that_is_wrong_is_named() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=");
     say(&mut socket, &touch(&json!([{"id": 1, "x_px": 10, "y_px": 10}, {"id": 2, "x_px": 5000, "y_px": 10}])));
     // Questions for a sign of life may come before it.
@@ -186,7 +186,7 @@ fn a_finger_in_a_cutout_is_named() {
 /// Lifted and back while another finger's click is on its way: it clicks anew.
 #[test]
 fn a_finger_that_comes_again_at_once_plays_its_effect_again() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     let at = |id: u32, x_px: f64| json!({"id": id, "x_px": x_px, "y_px": 500.0, "effect": "click"});
     say(&mut socket, &touch(&json!([at(1, 400.0), at(2, 1500.0)])));
@@ -208,7 +208,7 @@ fn a_finger_that_comes_again_at_once_plays_its_effect_again() {
 
 #[test]
 fn a_socket_tells_only_what_it_is_asked_for() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let error = tungstenite::connect(format!("{}/v1/live?send=map", daemon.url.replace("http", "ws"))).unwrap_err();
     let tungstenite::Error::Http(answer) = error else { panic!("{error}") };
     let problem: Value = serde_json::from_slice(answer.body().as_ref().unwrap()).unwrap();
@@ -235,7 +235,7 @@ fn a_socket_tells_only_what_it_is_asked_for() {
 /// A page that stops and touches again at once, in one write: the touch comes after the stop, is driven, and stays shown.
 #[test]
 fn a_touch_right_after_a_stop_is_driven() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     for i in 0..20 {
         let x_px = f64::from(200 + 20 * i);
@@ -252,7 +252,7 @@ fn a_touch_right_after_a_stop_is_driven() {
 /// Who is told of plans alone is told of their ends, too: by themselves, by a stop, by a finger that is lifted.
 #[test]
 fn a_page_is_told_that_a_plan_is_over() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     let mut other = live(&daemon, "?send=");
     let begun = Instant::now();
@@ -293,7 +293,7 @@ fn next_error(socket: &mut Socket) -> Value {
 /// Whatever a page says that cannot be done is answered, and it can go on.
 #[test]
 fn what_a_page_cannot_say_is_answered() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     let twice = json!([{"id": 3, "x_px": 400, "y_px": 500}, {"id": 4, "x_px": 1, "y_px": 1}, {"id": 3, "x_px": 900, "y_px": 500}]);
     let long = json!({"type": "touch", "touches": [], "padding": "x".repeat(17_000)}).to_string();
@@ -314,7 +314,7 @@ fn what_a_page_cannot_say_is_answered() {
 /// What cannot be used but says that it is a stop is one: what else is wrong with it is told besides.
 #[test]
 fn a_stop_that_says_too_much_is_one() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=plan");
     let padding = "x".repeat(17_000);
     for message in [

@@ -6,7 +6,7 @@ use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::Limits;
 use era::device::timing::REAL_TIME;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::io::{Read, Write};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
 
 #[test]
 fn a_stop_counts_though_its_sender_hangs_up() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for _ in 0..10 {
         assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "running");
@@ -32,7 +32,7 @@ fn a_stop_counts_though_its_sender_hangs_up() {
 /// Nothing of a stop is read but its head: it is carried out though its body never comes, or is longer than any may be.
 #[test]
 fn a_stop_counts_whatever_becomes_of_its_body() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for length in [9, 20_000_000] {
         assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "running");
@@ -49,7 +49,7 @@ fn a_stop_counts_whatever_becomes_of_its_body() {
 /// What is driven is shown, and what it leaves in the panel is counted, whoever listens.
 #[test]
 fn a_touch_counts_though_its_sender_hangs_up() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for wait_ms in [0, 1, 3, 10] {
         let mut stream = connect(&daemon);
         stream.write_all(post("/v1/touch", LONG_TOUCH).as_bytes()).unwrap();
@@ -63,7 +63,7 @@ fn a_touch_counts_though_its_sender_hangs_up() {
 
 #[test]
 fn a_page_that_reads_nothing_is_still_heard() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let (mut socket, _) =
         tungstenite::connect(format!("{}/v1/live?send=state,field", daemon.url.replace("http", "ws"))).unwrap();
     let touch = |x_px: f64| json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}]}).to_string();
@@ -113,7 +113,7 @@ fn a_half_sent_request_does_not_keep_the_daemon() {
 /// Where all places are taken there is still one for a stop.
 #[test]
 fn a_stop_gets_through_a_crowd() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     daemon.wait_for(|state| state["device"]["state"] == "running");
     let mut crowd: Vec<_> = (0..260).map(|_| connect(&daemon)).collect();

@@ -3,7 +3,7 @@
 use crate::raw::{address, connect, send_and_listen};
 use crate::support::Daemon;
 use era::daemon::Access;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use std::io::{Read, Write};
 
 /// Status of an answer, its head in lower case, and its body.
@@ -23,7 +23,7 @@ fn status(daemon: &Daemon, first: &str, headers: &[&str]) -> (u16, String) {
 
 #[test]
 fn a_request_names_exactly_one_host() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for target in ["GET /v1/state", "POST /v1/stop", "GET /", "GET /nothing", "PUT /v1/touch"] {
         let refused: &[&[&str]] = &[
             &[],
@@ -63,7 +63,7 @@ fn a_request_names_exactly_one_host() {
 /// What stands once only, and says who asks, is not there twice: two readers could take two different ones.
 #[test]
 fn who_asks_is_said_once() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for line in
         ["Origin: http://localhost", "Authorization: Bearer x", "Sec-Fetch-Site: none", "Sec-Fetch-Mode: navigate"]
     {
@@ -78,7 +78,7 @@ fn who_asks_is_said_once() {
 /// RFC 9112, 3.2.2: the target's own authority counts, and Host does not.
 #[test]
 fn an_absolute_target_names_the_host() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let own = address(&daemon);
     let own_page = format!("Origin: http://{own}");
     let cases: &[(&str, &[&str], u16)] = &[
@@ -104,7 +104,7 @@ fn an_absolute_target_names_the_host() {
 
 #[test]
 fn a_body_comes_as_it_is_or_in_chunks() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let body = r#"{"x_px": 300, "y_px": 900, "duration_ms": 20}"#;
     let chunks = format!("{:x}\r\n{body}\r\n0\r\n\r\n", body.len());
     let send = |path: &str, lines: &str| {
@@ -146,7 +146,7 @@ fn a_body_comes_as_it_is_or_in_chunks() {
 
 #[test]
 fn no_body_is_taken_compressed() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let body = r#"{"x_px": 300, "y_px": 900, "duration_ms": 20}"#;
     let send = |path: &str, lines: &str| {
         let length = body.len();
@@ -177,7 +177,7 @@ fn no_body_is_taken_compressed() {
 #[test]
 fn nobody_is_told_to_go_on_with_what_is_refused() {
     let tokens = Access::parse_tokens(&format!("arm {}", "T".repeat(32))).unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     let token = format!("Authorization: Bearer {}\r\n", "T".repeat(32));
     let first = |path: &str, lines: &str, length: u64| {
         let mut stream = connect(&daemon);
@@ -209,7 +209,7 @@ fn nobody_is_told_to_go_on_with_what_is_refused() {
 /// Whoever sends a body that is too long to its end has the answer all the same, as does who reads only after that.
 #[test]
 fn the_refusal_of_a_long_body_is_read_after_it() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for length in [20_000, 3_000_000] {
         let mut stream = connect(&daemon);
         let head = format!("POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n");
@@ -225,7 +225,7 @@ fn the_refusal_of_a_long_body_is_read_after_it() {
 fn the_scheme_of_a_token_has_no_case() {
     let [view, touch] = ["V", "T"].map(|letter| letter.repeat(32));
     let tokens = Access::parse_tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
-    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let daemon = Daemon::start_guarded(STARTING_PLATE, Access { tokens, ..Access::default() });
     let ask = |line: &str| {
         let answer = send_and_listen(&daemon, &format!("POST /v1/stop HTTP/1.1\r\nHost: localhost\r\n{line}\r\n\r\n"));
         let (found, head, _) = parts(&answer);
@@ -258,7 +258,7 @@ fn the_scheme_of_a_token_has_no_case() {
 
 #[test]
 fn the_live_socket_names_the_version_that_it_speaks() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     const KEY: &str = "dGhlIHNhbXBsZSBub25jZQ==";
     let ask = |lines: &str| {
         let upgrade = "Host: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n";

@@ -3,12 +3,12 @@
 use crate::support::Daemon;
 use crate::support::timed_board::TimedBoard;
 use era::device::session::policy::SessionPolicy;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
 fn daemon_with(board: &TimedBoard) -> Daemon {
-    let daemon = Daemon::at(EXAMPLE_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
+    let daemon = Daemon::at(STARTING_PLATE, &board.behind_a_terminal(), SessionPolicy::default());
     daemon.wait_for(|state| state["device"]["connected"] == true);
     daemon
 }

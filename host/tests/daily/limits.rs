@@ -6,7 +6,7 @@ use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::listener::{TlsFiles, find_or_make_certificate};
 use era::daemon::{Access, Limits};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -41,7 +41,7 @@ struct Limited {
 
 impl Limited {
     fn start(limits: Limits, tls: Option<&TlsFiles>) -> Self {
-        let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
+        let mut app = Daemon::app(STARTING_PLATE, Access::default());
         app.limits = limits;
         let mut device = app.driver.subscribe_device_snapshots();
         let (served, url) = Served::at_a_port(&Arc::new(app), tls);

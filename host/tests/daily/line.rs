@@ -9,7 +9,7 @@ use era::device::port::{PortError, SerialPort};
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::{SimControl, SimDevice};
 use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use era_shared::link::{Decoder, FrameKind};
 use era_shared::protocol::Request;
 use std::io::{ErrorKind, Read, Write};
@@ -141,11 +141,11 @@ pub fn plate(timing: LinkTiming) -> (App, Line) {
 }
 
 fn plate_with(timing: LinkTiming, policy: SessionPolicy) -> (App, Line) {
-    let table = table(EXAMPLE_PLATE);
+    let table = table(STARTING_PLATE);
     let (panel, volts) = panel_of(&table);
     let line = Line::to(SimDevice::start(panel, volts).unwrap());
     let device = line.device(timing);
-    let app = App::with_policy(table, device, EXAMPLE_PLATE.to_owned(), policy, Access::default()).unwrap();
+    let app = App::with_policy(table, device, STARTING_PLATE.to_owned(), policy, Access::default()).unwrap();
     (app, line)
 }
 

@@ -1,7 +1,7 @@
 //! How long touches take: `era latency`, which touches that are held back or refused do not end, and what keeps the link from them.
 
 use crate::support::Daemon;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
 use std::time::Instant;
@@ -78,7 +78,7 @@ fn touches_that_follow_each_other_are_not_held_up_by_looks() {
     /// Less than from one look for a drive to the next, between two signs of life and two samples of the clock after connecting.
     const LOOK_MS: u32 = 15;
     const OTHERS_MS: u32 = 15;
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = |k: u32| json!({"x_px": 300 + k, "y_px": 640, "intensity_g": 0.1, "duration_ms": 500}).to_string();
     assert_eq!(daemon.post("/v1/touch", &touch(0)).0, 200);
     // Repeats are the busy machine's.

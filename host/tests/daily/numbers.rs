@@ -3,7 +3,7 @@
 use crate::fingers::live;
 use crate::support::Daemon;
 use crate::support::described::described;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use tungstenite::Message;
 
@@ -28,7 +28,7 @@ const NOT: [&str; 10] = ["3.5", "1e-1", "-1", "-1.0", "0.5", "1e10", "4294967299
 /// The description's own word for what an integer is, by a validator of JSON Schema, is the daemon's.
 #[test]
 fn a_whole_number_may_be_written_with_a_point() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let asked = described().schema("/paths/~1v1~1touch/post/requestBody/content/application~1json/schema");
     let body = |count: &str| {
         let rest = r#""x_px": 900, "y_px": 600, "intensity_g": 0.1, "effect": "pulse_train", "period_ms": 10"#;
@@ -61,7 +61,7 @@ fn a_whole_number_may_be_written_with_a_point() {
 /// Numbers of fingers and of pulses on the live socket: a finger beside the screen is told by its number.
 #[test]
 fn fingers_are_numbered_by_any_whole_number() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut socket = live(&daemon, "?send=");
     let mut told = |message: String| loop {
         let message = Message::text(message.clone());
@@ -106,7 +106,7 @@ fn fingers_are_numbered_by_any_whole_number() {
 /// JSON's own numbers (RFC 8259, 6), and no others, whatever else is asked for.
 #[test]
 fn numbers_of_queries_are_those_of_json() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for text in ["0", "0.5", "5e-1", "1000", "1E2", "-0", "1e%2B1"] {
         for rest in ["", "&x_px=900&y_px=600"] {
             let (status, field) = daemon.get(&format!("/v1/field?intensity_g={text}{rest}"));
@@ -165,7 +165,7 @@ fn numbers_of_queries_are_those_of_json() {
 
 #[test]
 fn a_request_has_one_number() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for _ in 0..3 {
         daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 20}"#);
     }

@@ -4,7 +4,7 @@ use crate::raw::{connect, post_with, send_and_go};
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::Access;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// A touch that came later is never replaced by one that came before it, however long each of them was planned.
 #[test]
 fn an_older_touch_never_overrides_a_newer_one() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut both = 0;
     for round in 0..20_u32 {
         // Planned longer: many targets, and what could be had instead.
@@ -49,7 +49,7 @@ fn an_older_touch_never_overrides_a_newer_one() {
 
 #[test]
 fn what_became_of_a_request_can_be_asked_afterwards() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = r#"{"x_px": 300, "y_px": 900, "duration_ms": 3000}"#;
     // Its sender never sees the answer, and asks by the same name: names are a client's own.
     send_and_go(&daemon, &post_with("/v1/touch", "X-Request-Id: tap-17\r\nUser-Agent: sender\r\n", touch));
@@ -84,7 +84,7 @@ fn what_became_of_a_request_can_be_asked_afterwards() {
 
 #[test]
 fn the_answer_says_how_its_request_is_called() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let mut stream = BufReader::new(connect(&daemon));
     for (header, wanted) in [("", "x-request-id: 1"), ("X-Request-Id: my.tap_2\r\n", "x-request-id: my.tap_2")] {
         let request = post_with("/v1/touch", header, r#"{"x_px": 300, "y_px": 900}"#);
@@ -112,7 +112,7 @@ fn the_answer_says_how_its_request_is_called() {
 
 #[test]
 fn arming_ahead_is_harmless_and_lasts_for_the_idle_time() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for _ in 0..2 {
         let (status, _, state) = daemon.post("/v1/arm", "");
         assert_eq!((status, &state["device"]["state"]), (200, &json!("armed")), "{state}");
@@ -126,7 +126,7 @@ fn arming_ahead_is_harmless_and_lasts_for_the_idle_time() {
 /// The first click after arming waits for no soft start: its rails are up before it comes, and no channel has driven for that.
 #[test]
 fn arming_ahead_brings_the_rails_up() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let before = daemon.state();
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
     let rails = |state: &Value| -> Vec<f64> {
@@ -155,7 +155,7 @@ fn arming_ahead_brings_the_rails_up() {
 /// as what is measured asks for.
 #[test]
 fn a_weak_touch_on_high_rails_is_weak() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let touch = |intensity_g: f64| {
         let body = json!({"x_px": 960, "y_px": 640, "intensity_g": intensity_g, "duration_ms": 250}).to_string();
         assert_eq!(daemon.post("/v1/touch", &body).0, 200);
@@ -195,7 +195,7 @@ fn field_for(address: &str, program: &str) -> TcpStream {
 #[test]
 fn turns_go_round_between_clients() {
     const CROWD: usize = 40;
-    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let (served, url) = Served::at_a_port(&app, None);
     let address = url.trim_start_matches("http://");
     let wait_for = |waiting: usize| {
@@ -246,7 +246,7 @@ fn turns_go_round_between_clients() {
 #[test]
 fn what_can_be_had_instead_is_not_worked_out_for_a_crowd() {
     const MOST: usize = 4;
-    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let (served, url) = Served::at_a_port(&app, None);
     let mut device = app.driver.subscribe_device_snapshots();
     served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();

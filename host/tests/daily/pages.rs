@@ -5,7 +5,7 @@ use crate::raw::{address, send_and_listen};
 use crate::support::Daemon;
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 
 /// What is allowed, and the `Origin` that is sent for it (as the platforms document them, or as <https://url.spec.whatwg.org> has it).
 const LET_IN: &[(&str, &str)] = &[
@@ -109,7 +109,7 @@ fn a_page_whose_origin_is_allowed_is_let_in_however_it_was_written() {
         assert_eq!(Access::parse_origin(allowed).as_deref(), Ok(sent.to_lowercase().as_str()), "{allowed}");
     }
     let origins = LET_IN.iter().map(|(allowed, _)| Access::parse_origin(allowed).unwrap()).collect();
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access { origins, ..Access::default() });
+    let daemon = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), Access { origins, ..Access::default() });
     let ask = |origin: &str| {
         let lines = format!("Host: {}\r\nOrigin: {origin}\r\nSec-Fetch-Site: cross-site", address(&daemon));
         send_and_listen(&daemon, &format!("POST /v1/stop HTTP/1.1\r\n{lines}\r\n\r\n"))
@@ -157,7 +157,7 @@ fn a_name_that_is_allowed_is_known_however_it_is_written() {
         ("fe80:0::2", "[fe80::2]", "fe80::2"),
     ];
     let hosts = names.iter().map(|(allowed, ..)| Access::parse_host(allowed).unwrap()).collect();
-    let daemon = Daemon::start_with(EXAMPLE_PLATE, SessionPolicy::default(), Access { hosts, ..Access::default() });
+    let daemon = Daemon::start_with(STARTING_PLATE, SessionPolicy::default(), Access { hosts, ..Access::default() });
     let ask = |host: &str| send_and_listen(&daemon, &format!("GET /v1/state HTTP/1.1\r\nHost: {host}\r\n\r\n"));
     for (allowed, taken, kept) in names {
         assert_eq!(Access::parse_host(allowed).as_deref(), Ok(kept));
@@ -196,7 +196,7 @@ fn a_name_that_is_allowed_is_known_however_it_is_written() {
 /// The daemon's own page, by each way to write where it is.
 #[test]
 fn the_own_page_is_known_with_and_without_the_usual_port() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     for (host, origin, is_own) in [
         ("localhost", "http://localhost", true),
         ("localhost:80", "http://localhost", true),

@@ -3,7 +3,7 @@
 use crate::fingers::live;
 use crate::support::Daemon;
 use era::daemon::Recorder;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use tungstenite::Message;
@@ -36,7 +36,7 @@ fn every_client_has_the_peak_of_its_own_touch() {
     let file = folder.path().join("day.jsonl");
     let mut touched = Vec::new();
     {
-        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let daemon = Daemon::recording(STARTING_PLATE, Recorder::start(&file, "example plate").unwrap());
         let mut socket = live(&daemon, "?send=state");
         for (x_px, y_px, intensity_g) in [(512, 640, 0.3), (960, 384, 0.4), (1600, 64, 0.1), (512, 640, 0.15)] {
             assert_eq!(daemon.post("/v1/arm", "").0, 200);
@@ -91,7 +91,7 @@ fn every_client_has_the_peak_of_its_own_touch() {
 /// A weak click after a strong one elsewhere, as soon as that is over: each has its own peak, and a touch that is refused takes nobody's.
 #[test]
 fn a_weak_touch_does_not_have_the_peak_of_the_strong_one_before() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let daemon = Daemon::start(STARTING_PLATE);
     let click = |x_px: i32, intensity_g: f64| {
         let body = json!({"x_px": x_px, "y_px": 640, "intensity_g": intensity_g, "effect": "click"}).to_string();
         let (status, _, answer) = daemon.post("/v1/touch", &body);

@@ -7,7 +7,7 @@ use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, BackgroundDaemon, Limits, Recorder, listener};
 use era::device::sim::SimKnobs;
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
 use std::sync::Arc;
@@ -102,7 +102,7 @@ fn what_the_board_measures_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("day.jsonl");
     {
-        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let daemon = Daemon::recording(STARTING_PLATE, Recorder::start(&file, "example plate").unwrap());
         let touch = r#"{"x_px": 900, "y_px": 600, "intensity_g": 0.1, "duration_ms": 600}"#;
         daemon.wait_for(|state| state["device"]["state"] == "safe");
         assert_eq!(daemon.post("/v1/arm", "").0, 200);
@@ -143,7 +143,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     let path = |name: &str| folder.path().join(name);
     let file = path("day.jsonl");
     {
-        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let daemon = Daemon::recording(STARTING_PLATE, Recorder::start(&file, "example plate").unwrap());
         let mut socket = live(&daemon, "?send=plan");
         for x_px in [400.0, 450.0] {
             let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}], "intensity_g": 0.1});
@@ -156,7 +156,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     }
     let secret = "T".repeat(32);
     let access = Access { tokens: Access::parse_tokens(&format!("touch {secret}")).unwrap(), ..Access::default() };
-    let mut app = Daemon::app(EXAMPLE_PLATE, access);
+    let mut app = Daemon::app(STARTING_PLATE, access);
     app.record = Some(Recorder::start(&path("again.jsonl"), "example plate").unwrap());
     let tls = listener::find_or_make_certificate(&path("tls"), &[]).unwrap();
     let (served, url) = Served::at_a_port(&Arc::new(app), Some(&tls));

@@ -3,7 +3,7 @@
 use crate::access::era;
 use crate::support::Daemon;
 use era::daemon::{Access, BackgroundDaemon, Recorder};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::json;
 use std::path::Path;
 use tungstenite::Message;
@@ -130,7 +130,7 @@ fn a_recording_has_no_token_in_it() {
     let file = folder.path().join("day.jsonl");
     let [right, wrong] = ["RIGHT", "WRONG"].map(|word| word.repeat(6));
     let access = Access { tokens: Access::parse_tokens(&format!("arm {right}")).unwrap(), ..Access::default() };
-    let mut app = Daemon::app(EXAMPLE_PLATE, access);
+    let mut app = Daemon::app(STARTING_PLATE, access);
     app.record = Some(Recorder::start(&file, "example plate").unwrap());
     let background = BackgroundDaemon::start(app).unwrap();
     let at = background.address();

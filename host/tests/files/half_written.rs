@@ -13,7 +13,7 @@ const STUDY: &str = "version = 1\nname = \"two\"\nscene = \"plate.toml\"\n[[vari
 /// A folder with what the commands read.
 fn folder_with_inputs() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("plate.toml"), era::scene::EXAMPLE_PLATE).unwrap();
+    fs::write(folder.path().join("plate.toml"), era::scene::STARTING_PLATE).unwrap();
     fs::write(folder.path().join("bar.toml"), era::scene::EXAMPLE_BAR).unwrap();
     fs::write(folder.path().join("two.toml"), STUDY).unwrap();
     folder

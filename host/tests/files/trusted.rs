@@ -51,7 +51,7 @@ fn only_table(folder: &Path) -> PathBuf {
 
 /// The example plate without the stops that let its gaps hold more, and one that is held so stiffly that a press does not move it.
 fn scenes(folder: &Path) -> [PathBuf; 2] {
-    let bare: String = era::scene::EXAMPLE_PLATE
+    let bare: String = era::scene::STARTING_PLATE
         .lines()
         .filter(|line| !line.starts_with("stop_um"))
         .map(|line| format!("{line}\n"))

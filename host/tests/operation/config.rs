@@ -7,7 +7,7 @@ use serde_json::Value;
 fn what_would_be_used_is_told_with_where_it_comes_from() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("era.toml");
-    std::fs::write(folder.path().join("panel.toml"), era::scene::EXAMPLE_PLATE).unwrap();
+    std::fs::write(folder.path().join("panel.toml"), era::scene::STARTING_PLATE).unwrap();
     std::fs::write(&file, "version = 1\n\nscene = \"panel.toml\"\nlisten = \"127.0.0.1:9000\"\n").unwrap();
     let name = file.to_str().unwrap();
     let output = run(&["config", "check", name]);

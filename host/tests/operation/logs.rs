@@ -20,7 +20,7 @@ fn lines(error: &[u8]) -> Vec<Value> {
 #[test]
 fn warnings_news_and_errors_are_lines_of_json() {
     let folder = tempfile::tempdir().unwrap();
-    let thick = era::scene::EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 15.0");
+    let thick = era::scene::STARTING_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 15.0");
     let scene = folder.path().join("thick.toml");
     std::fs::write(&scene, thick).unwrap();
     let output = run(&["-v", "modes", "--log-format", "json", "--scene", scene.to_str().unwrap()]);

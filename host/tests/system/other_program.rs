@@ -83,7 +83,7 @@ fn a_port_in_use_is_told_as_one() {
     let Err(error) = Board::open(&Target::Serial(path.clone())) else { panic!("it is open twice") };
     is_told(&error.to_string());
     let daemon = crate::support::Daemon::at(
-        era::scene::EXAMPLE_PLATE,
+        era::scene::STARTING_PLATE,
         &path,
         era::device::session::policy::SessionPolicy::default(),
     );

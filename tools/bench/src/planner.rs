@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::table::{Table, relative, seconds};
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
-use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_model::scene::{STARTING_PLATE, Scene};
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
 use era_planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, SearchEffort, TableOptions, Target};
@@ -29,7 +29,7 @@ const MORE_MM: [(f64, f64); 2] = [(150.0, 60.0), (150.0, 150.0)];
 
 /// The example plate with its first one or two actuators, or with more of the same kind.
 fn scene(actuators: usize) -> Result<Scene, Error> {
-    let mut text = EXAMPLE_PLATE.to_owned();
+    let mut text = STARTING_PLATE.to_owned();
     if actuators == 1 {
         let last = text.rfind("[[actuator]]").unwrap_or(text.len());
         text.truncate(last);

@@ -5,7 +5,7 @@ use crate::error::Error;
 use era_model::model::Fineness;
 use era_model::model::PanelModel;
 use era_model::response::CoordinateSolver;
-use era_model::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, equidistant_numbers};
+use era_model::scene::{STARTING_PLATE, Scene, SurfaceDamping, equidistant_numbers};
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 use serde_json::json;
@@ -36,10 +36,10 @@ pub struct Problem {
 /// # Errors
 /// [`Error::Scene`] if the example has another damping than is replaced here.
 pub fn scene_text() -> Result<String, Error> {
-    if !EXAMPLE_PLATE.contains(DAMPING.0) {
+    if !STARTING_PLATE.contains(DAMPING.0) {
         return Err(Error::Scene(DAMPING.0));
     }
-    Ok(EXAMPLE_PLATE.replace(DAMPING.0, DAMPING.1))
+    Ok(STARTING_PLATE.replace(DAMPING.0, DAMPING.1))
 }
 
 impl Problem {

@@ -8,7 +8,7 @@ use crate::problem::Problem;
 use crate::process::json;
 use crate::table::{Table, relative, seconds, times};
 use era_model::model::{Accuracy, PanelModel};
-use era_model::scene::{EXAMPLE_PLATE, Scene, equidistant_numbers};
+use era_model::scene::{STARTING_PLATE, Scene, equidistant_numbers};
 use era_planner::maps::weakest;
 use era_planner::quick::{QuickPanel, WeakestPlace};
 use era_planner::reach::Measure;
@@ -44,7 +44,7 @@ const EXAMPLE: Case = Case {
 
 /// The example plate, of the case's size, with ERAs anywhere on it, a tenth of its sides from the edges, by a low-discrepancy sequence.
 fn designs(case: Case, count: u32) -> Result<Vec<Scene>, Error> {
-    let plate = Scene::parse("examples/scenes/plate.toml", EXAMPLE_PLATE)?;
+    let plate = Scene::parse("examples/scenes/plate.toml", STARTING_PLATE)?;
     let design = |number: u32| {
         let mut scene = plate.clone();
         for support in &mut scene.supports {

@@ -4,7 +4,7 @@ use crate::error::Error;
 use era::device::sim::{SimBoard, SimControl, SimDevice, SimPanel};
 use era::model::{Accuracy, PanelModel};
 use era::planner::{PlanTable, TableOptions};
-use era::scene::{EXAMPLE_PLATE, Scene};
+use era::scene::{STARTING_PLATE, Scene};
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::path::PathBuf;
@@ -144,7 +144,7 @@ fn start_device() -> Result<SimDevice, Error> {
 /// [`Error::Scene`].
 pub fn build_plan_table() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
-    let scene = Scene::parse("example plate", EXAMPLE_PLATE).map_err(|error| wrong(&error))?;
+    let scene = Scene::parse("example plate", STARTING_PLATE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
     let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
         .map_err(|error| wrong(&error))?

@@ -38,6 +38,8 @@ use std::path::Path;
 
 /// The example plate, as in `examples/scenes/plate.toml`.
 pub const EXAMPLE_PLATE: &str = include_str!("../../../../examples/scenes/plate.toml");
+/// The same plate with its actuators where one would put them first, from which studies begin, as in `examples/scenes/starting_plate.toml`.
+pub const STARTING_PLATE: &str = include_str!("../../../../examples/scenes/starting_plate.toml");
 /// The example bar, as in `examples/scenes/bar.toml`.
 pub const EXAMPLE_BAR: &str = include_str!("../../../../examples/scenes/bar.toml");
 /// The hardest press in N where a scene names none: fingers touch with 0.5 to 1 N, and press a button with up to 5.

@@ -147,7 +147,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::EXAMPLE_PLATE;
+    use crate::scene::STARTING_PLATE;
 
     /// Sides of every whole millimetre, as a scene file has them.
     fn sides() -> impl Iterator<Item = f64> {
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn places_within_rounding_of_an_edge_are_on_it_and_others_stay() {
-        let mut surface = Scene::parse("plate", EXAMPLE_PLATE).unwrap().surface;
+        let mut surface = Scene::parse("plate", STARTING_PLATE).unwrap().surface;
         for side in sides() {
             (surface.length_m, surface.width_m) = (side, side / 3.0);
             let width = surface.width_m;
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_bars_places_are_on_its_axis() {
-        let mut surface = Scene::parse("plate", EXAMPLE_PLATE).unwrap().surface;
+        let mut surface = Scene::parse("plate", STARTING_PLATE).unwrap().surface;
         surface.kind = SurfaceKind::Bar;
         assert_eq!(
             surface.surface_point_on_rectangle_even_in_cutout(0.1, 0.0).unwrap().coordinates_m(),
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn pixels_at_the_end_of_the_screen_are_on_the_edge() {
         for side_mm in (40..=1000).step_by(7) {
-            let text = EXAMPLE_PLATE.replace("length_mm = 300.0", &format!("length_mm = {side_mm}"));
+            let text = STARTING_PLATE.replace("length_mm = 300.0", &format!("length_mm = {side_mm}"));
             assert!(text.contains(&format!("length_mm = {side_mm}\n")), "{text}");
             let mut scene = Scene::parse("plate", text.split("[[").next().unwrap()).unwrap();
             for x_mm in [1.0, 7.7, 19.3, 33.3] {

@@ -233,12 +233,12 @@ mod tests {
     use super::*;
     use crate::model::{Accuracy, PanelModel};
     use crate::response;
-    use crate::scene::{EXAMPLE_PLATE, Scene};
+    use crate::scene::{STARTING_PLATE, Scene};
 
     /// After long enough the motion is the response's, which is computed in another way and with hysteretic damping.
     #[test]
     fn motion_settles_to_the_response() {
-        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 150.0).unwrap().reduce(150.0, &[]).unwrap();
         let shape = model.shape_deflections_at(0.1, 0.06);
         let hz = 126.0;

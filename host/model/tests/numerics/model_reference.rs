@@ -181,7 +181,7 @@ fn static_deflection_under_a_point_load() {
 fn example_scenes() {
     for (text, expected) in [
         (era_model::scene::EXAMPLE_BAR, &[67.8, 86.1, 147.4, 444.6][..]),
-        (era_model::scene::EXAMPLE_PLATE, &[35.0, 40.96, 47.37, 123.8, 125.9, 259.8]),
+        (era_model::scene::STARTING_PLATE, &[35.0, 40.96, 47.37, 123.8, 125.9, 259.8]),
     ] {
         let scene = era_model::scene::Scene::parse("example", text).unwrap();
         let modes = PanelModel::build(&scene, Accuracy::BALANCED, 450.0)

@@ -6,7 +6,7 @@ use era_model::response::sweep::{Arithmetic, SurfaceShapes};
 use era_model::response::{
     CoordinateSolver, multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency,
 };
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use num_complex::Complex64;
 use proptest::prelude::*;
 
@@ -101,7 +101,7 @@ fn against_points<T: Arithmetic + Into<f64>>(scene: &Scene, nx: u32, ny: u32) ->
 /// Twice symmetric, with both ERAs on the centre line: a quarter of the points, and half of the coordinates stay at rest.
 #[test]
 fn symmetric_plate_by_a_quarter() {
-    let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
     for (nx, ny) in [(13, 9), (12, 8), (7, 2)] {
         let (difference, part) = against_points::<f32>(&scene, nx, ny);
         assert!(difference < 2e-6, "{nx} x {ny}: {difference:e}");

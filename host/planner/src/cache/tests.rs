@@ -2,7 +2,7 @@ use super::{Cache, Key, Origin, UnusableFile, directory, file, prepare_table};
 use crate::model::{Accuracy, Bound};
 use crate::physics::limits::Limit;
 use crate::plan::bound::bound_field_error_relative_to_largest_peak;
-use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, MAX_ACTUATORS, Scene};
+use crate::scene::{EXAMPLE_BAR, MAX_ACTUATORS, STARTING_PLATE, Scene};
 use crate::{PlanTable, TableOptions, Target};
 use proptest::prelude::*;
 use std::path::PathBuf;
@@ -79,7 +79,7 @@ fn plans(table: &PlanTable) -> Vec<String> {
 
 #[test]
 fn a_kept_table_plans_as_the_computed_one_to_the_last_bit() {
-    for text in [EXAMPLE_PLATE, EXAMPLE_BAR] {
+    for text in [STARTING_PLATE, EXAMPLE_BAR] {
         let scene = Scene::parse("example", text).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let cache = Cache::in_directory(directory.path().join("made/when needed"));

@@ -34,7 +34,8 @@ pub fn find_best_possible_peak(residues: &PointResidues, forces_n: &[f64], crisp
         forces_n.iter().enumerate().filter(|(_, force_n)| **force_n > 0.0).flat_map(free).collect();
     let peak = |peak_sample: usize| {
         let bounds = MotionBounds { peak_sample, quiet_sample, before: [1.0, ANYTHING], after: [QUIET, ANYTHING] };
-        let program = ForceProgram { panels: &panels, forces: forces.clone(), bounds, asked: 1.0, besides: &[] };
+        let program =
+            ForceProgram { panels: &panels, forces: forces.clone(), bounds, asked: 1.0, besides: &[], first: &[] };
         program.find_largest_peak().map(|solved| solved.goal)
     };
     let peaks = PEAKS.into_iter().filter(|sample| *sample < quiet_sample).map(peak).collect::<Option<Vec<f64>>>()?;

@@ -4,7 +4,7 @@ use super::felt::{SAMPLE_S, felt_motion_from_means};
 use super::measures::measure_click;
 use super::motion::{WindowMotion, simulate_windows};
 use super::options::{ClickOptions, Preference};
-use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SlotForce};
+use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SampleBound, SlotForce, SolvedForces};
 use super::realise::{
     SLOT_S, TICK_S, WIDEST_S, find_window_width_s, integrate_squared_voltage_of_window_s, narrowest_window_s,
     place_window_in_slot_s,
@@ -51,6 +51,8 @@ const SPARE_S: f64 = 1.5e-3;
 const LATEST_PEAK_S: f64 = 15.0e-3;
 /// Rounds of correction by what windows really do.
 const CORRECTIONS: usize = 3;
+/// Part by which windows may miss the bounds without another correction: what is left counts from a tenth on, and is chosen below 0.085.
+const GOOD_ENOUGH: f64 = 0.03;
 /// Room that windows keep for corrections, as a part of their force.
 const ROOM: f64 = 0.06;
 /// Part of the travel that may be used: a rail that is 5 % above its set-point makes a tenth more force.
@@ -131,11 +133,19 @@ pub struct BuiltClick {
     pub lacks_current: bool,
 }
 
-/// Forces of slots, the peak in m/s^2 that they are for, and the part of it that they make.
+/// Forces of slots.
 struct ChosenPushes {
     pushes: Vec<SlotPush>,
+    /// The bounds that they keep, and those of them that keep them from less.
+    bounds: MotionBounds,
+    tight: Vec<SampleBound>,
+    /// The largest force that they may have, as a part of the full one.
+    scale: f64,
+    /// The peak in m/s^2 that they are for, and the part of it that they make.
     reachable: f64,
     peak: f64,
+    /// Their peak as a part of what is asked for.
+    reached: f64,
 }
 
 /// A click, and what it is.
@@ -174,33 +184,42 @@ pub struct ClickDesigner<'a> {
 }
 
 impl ClickDesigner<'_> {
-    /// The first click of those tried that is what was asked for, or the best of them.
+    /// The first click of those tried that is what was asked for, or the best of them. Of most of them the linear programme says that they
+    /// are too weak, and only the best of those is worked out.
     pub fn design_for_peak(&self, asked: f64) -> Option<BuiltClick> {
         if asked <= 0.0 {
             return Some(self.build(&[], &[0.0; RAILS], (Vec::new(), false)));
         }
-        let crisp_s = self.options.crisp_s;
-        let soon_s = SOON_QUIET_S.min(crisp_s - SPARE_S);
-        let crisp_rungs = [(soon_s, &PEAKS_S[..1]), (crisp_s - SPARE_S, &PEAKS_S[..])];
-        let mut best: Option<JudgedClick> = None;
-        for (quiet_s, peaks_s) in crisp_rungs {
-            for peak_s in peaks_s {
-                let Some(found) = self.design_for_times(asked, *peak_s, quiet_s, CRISP) else { continue };
-                if found.is_crisp && found.peak >= NEARLY_WHOLE {
-                    return Some(found.built);
-                }
-                best = Some(best.map_or_else(|| found.clone(), |best| best.or_better(&found)));
-            }
-            if best.as_ref().is_some_and(|best| best.is_crisp && best.peak >= STRONG_ENOUGH) {
-                return best.map(|best| best.built);
-            }
+        let crisp_s = self.options.crisp_s - SPARE_S;
+        let soon = self.choose_pushes(asked, choose_bounds(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP));
+        let soon = soon.filter(|chosen| chosen.reached >= STRONG_ENOUGH).and_then(|chosen| self.realise(asked, chosen));
+        if let Some(found) = soon.filter(|found| found.is_crisp && found.peak >= STRONG_ENOUGH) {
+            return Some(found.built);
         }
-        if self.options.preference == Preference::Crispness && best.as_ref().is_some_and(|best| best.is_crisp) {
-            return best.map(|best| best.built);
+        let chosen = |peak_s: f64| self.choose_pushes(asked, choose_bounds(peak_s, crisp_s, CRISP));
+        let mut crisp: Vec<ChosenPushes> = PEAKS_S.into_iter().filter_map(chosen).collect();
+        // The earlier peak is preferred to one that is hardly stronger.
+        crisp.sort_by(|a, b| b.reached.min(NEARLY_WHOLE).total_cmp(&a.reached.min(NEARLY_WHOLE)));
+        let mut best: Option<JudgedClick> = None;
+        for chosen in crisp {
+            if best.as_ref().is_some_and(|best| best.is_crisp && best.peak >= chosen.reached.min(STRONG_ENOUGH)) {
+                break;
+            }
+            let Some(found) = self.realise(asked, chosen) else { continue };
+            best = Some(best.map_or_else(|| found.clone(), |best| best.or_better(&found)));
+        }
+        if let Some(best) = &best
+            && best.is_crisp
+            && (best.peak >= STRONG_ENOUGH || self.options.preference == Preference::Crispness)
+        {
+            return Some(best.built.clone());
         }
         for after in LESS_CRISP {
-            let found = self.design_for_times(asked, PEAKS_S[0], crisp_s - SPARE_S, after);
-            if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.peak > best.peak)) {
+            let Some(chosen) = self.choose_pushes(asked, choose_bounds(PEAKS_S[0], crisp_s, after)) else { continue };
+            let is_stronger = |peak: f64| best.as_ref().is_none_or(|best| peak > best.peak);
+            if is_stronger(chosen.reached)
+                && let Some(found) = self.realise(asked, chosen).filter(|found| is_stronger(found.peak))
+            {
                 best = Some(found);
             }
             if best.as_ref().is_some_and(|best| best.peak >= STRONG_ENOUGH) {
@@ -210,20 +229,10 @@ impl ClickDesigner<'_> {
         best.map(|best| best.built)
     }
 
-    /// A click with these times, or the strongest that there is with them.
-    fn design_for_times(&self, asked: f64, peak_s: f64, quiet_s: f64, after: [f64; 2]) -> Option<JudgedClick> {
-        if peak_s >= quiet_s {
-            return None;
-        }
-        let bounds = MotionBounds {
-            peak_sample: time_to_sample(peak_s),
-            quiet_sample: time_to_sample(quiet_s),
-            before: BEFORE,
-            after,
-        };
-        let ChosenPushes { pushes, reachable, peak } = self.choose_pushes(asked, bounds)?;
-        let rails = self.choose_rail_voltages(&pushes);
-        let chosen = pushes;
+    /// The click of chosen pushes.
+    fn realise(&self, asked: f64, chosen: ChosenPushes) -> Option<JudgedClick> {
+        let ChosenPushes { pushes: chosen, bounds, reachable, peak, mut tight, .. } = self.choose_fewer_pushes(chosen);
+        let rails = self.choose_rail_voltages(&chosen);
         let mut pushes = self.express_at_rail_voltages(&chosen, &rails);
         let lacks_current = self.drop_pushes_beyond_board(&mut pushes, &rails);
         let is_short = reachable < asked || peak < WHOLE;
@@ -245,45 +254,54 @@ impl ClickDesigner<'_> {
                 let is_crisp = is_quiet && is_in_time && measures.peak >= LEAST_CLICK * asked;
                 best = Some((excess, JudgedClick { built, is_crisp, peak: measures.peak / wished }));
             }
-            if excess <= 0.0 || round == CORRECTIONS {
+            if excess <= GOOD_ENOUGH || round == CORRECTIONS {
                 break;
             }
-            let Some(corrected) = self.correct_pushes(&pushes, &rails, &coarse, bounds, (asked, peak)) else { break };
-            pushes = corrected;
+            let corrected = self.correct_pushes(&pushes, &rails, &coarse, bounds, (asked, peak), &tight);
+            let Some(corrected) = corrected else { break };
+            (pushes, tight) = corrected;
         }
         best.map(|(_, judged)| judged)
     }
 
     /// Forces of slots in parts of each actuator's full one, and the peak as a part of what is asked for. They come from forces that are not
-    /// much larger than needed, so that windows are wide, and from few slots, so that none is too weak for a window.
-    fn choose_pushes(&self, asked: f64, bounds: MotionBounds) -> Option<ChosenPushes> {
+    /// much larger than needed, so that windows are wide.
+    fn choose_pushes(&self, asked: f64, bounds: Option<MotionBounds>) -> Option<ChosenPushes> {
+        let bounds = bounds?;
         // In m/s^2: a programme whose peak is small beside what is asked for has no digits left.
-        let strongest = self.solve_for_bounds(1.0, bounds, 1.0, |_, _| 1.0, true)?.1;
-        if strongest < MOVED {
-            return Some(ChosenPushes { pushes: Vec::new(), reachable: asked, peak: 0.0 });
+        let (_, strongest) = self.solve_for_bounds(1.0, bounds, 1.0, |_, _| 1.0, &[], true)?;
+        let strongest_peak = strongest.goal;
+        if strongest_peak < MOVED {
+            let (pushes, tight) = (Vec::new(), Vec::new());
+            return Some(ChosenPushes { pushes, tight, bounds, scale: 1.0, reachable: asked, peak: 0.0, reached: 0.0 });
         }
-        let asked = asked.min(strongest);
-        let scale = (SPARE_FORCE * asked / strongest).min(1.0);
-        let (mut pushes, mut peak) = self.solve_for_bounds(asked, bounds, scale, |_, _| 1.0, false)?;
+        let reachable = asked.min(strongest_peak);
+        let scale = (SPARE_FORCE * reachable / strongest_peak).min(1.0);
+        let (pushes, solved) = self.solve_for_bounds(reachable, bounds, scale, |_, _| 1.0, &strongest.tight, false)?;
+        let (tight, peak) = (solved.tight, solved.goal);
+        Some(ChosenPushes { pushes, tight, bounds, scale, reachable, peak, reached: peak * reachable / asked })
+    }
+
+    /// The same peak from few slots, so that none is too weak for a window.
+    fn choose_fewer_pushes(&self, mut chosen: ChosenPushes) -> ChosenPushes {
         for _ in 0..REWEIGHTED {
+            let ChosenPushes { pushes, tight, bounds, scale, reachable, peak, .. } = &chosen;
             let is_weak = |push: &SlotPush| {
                 self.actuators.get(push.actuator).is_some_and(|own| push.part < own.least_part * scale)
             };
             // Where all force is needed there is none to move to other slots.
-            if peak < WHOLE || pushes.len() <= MAX_WINDOWS && !pushes.iter().any(is_weak) {
+            if *peak < WHOLE || pushes.len() <= MAX_WINDOWS && !pushes.iter().any(is_weak) {
                 break;
             }
             let cost = |actuator: usize, slot: usize| {
                 let own = pushes.iter().find(|push| push.actuator == actuator && push.slot == slot);
                 1.0 / (own.map_or(0.0, |own| own.part) / scale + 0.1)
             };
-            let again = self.solve_for_bounds(asked, bounds, scale, cost, false)?;
-            if again.1 < peak * WHOLE {
-                break;
-            }
-            (pushes, peak) = again;
+            let again = self.solve_for_bounds(*reachable, *bounds, *scale, cost, tight, false);
+            let Some((pushes, solved)) = again.filter(|(_, solved)| solved.goal >= peak * WHOLE) else { break };
+            chosen = ChosenPushes { pushes, tight: solved.tight, peak: solved.goal, ..chosen };
         }
-        Some(ChosenPushes { pushes, reachable: asked, peak })
+        chosen
     }
 
     /// Actuators that a click uses in full, with what keeps them from more; all of those that have a force if none is.
@@ -304,8 +322,9 @@ impl ClickDesigner<'_> {
         bounds: MotionBounds,
         scale: f64,
         cost: impl Fn(usize, usize) -> f64,
+        first: &[SampleBound],
         largest: bool,
-    ) -> Option<(Vec<SlotPush>, f64)> {
+    ) -> Option<(Vec<SlotPush>, SolvedForces)> {
         let slots = (bounds.quiet_sample / SLOT_SAMPLES).saturating_sub(2);
         let mut forces = Vec::with_capacity(2 * slots * self.actuators.len());
         for (actuator, own) in self.actuators.iter().enumerate() {
@@ -317,7 +336,7 @@ impl ClickDesigner<'_> {
             }
         }
         let panels = if largest { self.panels.get(..1)? } else { self.panels };
-        let program = ForceProgram { panels, forces, bounds, asked, besides: &[] };
+        let program = ForceProgram { panels, forces, bounds, asked, besides: &[], first };
         let solved = if largest { program.find_largest_peak()? } else { program.find_least_forces_for_peak()? };
         let pushes = program.forces.iter().zip(&solved.values).filter(|(_, value)| **value > 1e-6);
         let pushes = pushes.map(|(force, value)| SlotPush {
@@ -326,7 +345,7 @@ impl ClickDesigner<'_> {
             is_positive: force.force_n > 0.0,
             part: *value * scale,
         });
-        Some((pushes.collect(), solved.goal))
+        Some((pushes.collect(), solved))
     }
 
     /// The least voltages at which the pushes fit their slots, with some room.
@@ -450,7 +469,8 @@ impl ClickDesigner<'_> {
         felt: &[f64],
         bounds: MotionBounds,
         (asked, peak): (f64, f64),
-    ) -> Option<Vec<SlotPush>> {
+        first: &[SampleBound],
+    ) -> Option<(Vec<SlotPush>, Vec<SampleBound>)> {
         let force = |push: &SlotPush| {
             let own = self.actuators.get(push.actuator)?;
             let scale = (rails.get(rail_index_of_channel(push.actuator))? / own.highest_v).powi(2);
@@ -465,7 +485,7 @@ impl ClickDesigner<'_> {
         };
         let forces = pushes.iter().map(force).collect::<Option<Vec<_>>>()?;
         let values: Vec<f64> = pushes.iter().map(|push| push.part).collect();
-        let linear = ForceProgram { panels: self.panels, forces, bounds, asked, besides: &[] };
+        let linear = ForceProgram { panels: self.panels, forces, bounds, asked, besides: &[], first };
         let besides: Vec<f64> = linear
             .motion_of_panel(0, &values)
             .into_iter()
@@ -474,13 +494,9 @@ impl ClickDesigner<'_> {
             .collect();
         let program = ForceProgram { besides: &besides, ..linear };
         let solved = program.find_forces_with_least_excess(peak)?;
-        Some(
-            pushes
-                .iter()
-                .zip(solved.values)
-                .map(|(push, part)| SlotPush { part: part.clamp(0.0, 1.0), ..*push })
-                .collect(),
-        )
+        let corrected =
+            pushes.iter().zip(solved.values).map(|(push, part)| SlotPush { part: part.clamp(0.0, 1.0), ..*push });
+        Some((corrected.collect(), solved.tight))
     }
 
     /// The actuator whose mass goes furthest beyond its limit, and by which factor, if any does.
@@ -501,6 +517,12 @@ fn worst_excess(felt: &[f64], bounds: MotionBounds, peak: f64) -> f64 {
     let reached = felt.get(bounds.peak_sample).copied().unwrap_or(0.0) / peak;
     let counted = felt.iter().enumerate().take(LOOKED_AT).map(missed).fold(0.0, f64::max);
     counted.max(5.0 * (1.0 - reached))
+}
+
+/// The bounds of a peak at a time that is quiet from another one on; `None` if it would have to be quiet before.
+fn choose_bounds(peak_s: f64, quiet_s: f64, after: [f64; 2]) -> Option<MotionBounds> {
+    let (peak_sample, quiet_sample) = (time_to_sample(peak_s), time_to_sample(quiet_s));
+    (peak_s < quiet_s).then_some(MotionBounds { peak_sample, quiet_sample, before: BEFORE, after })
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]

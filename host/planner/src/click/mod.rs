@@ -14,6 +14,7 @@
 pub mod bound;
 pub mod design;
 mod designer;
+mod dual_simplex;
 pub mod felt;
 pub mod measures;
 mod motion;

@@ -1,11 +1,10 @@
 //! Linear programmes over forces in slots, with the bounds on the motion added where they are broken.
 //!
-//! The motion is bounded at each of some thousand samples on several panels, of which a few dozen matter: a programme begins with a few,
-//! is solved, and gets those bounds that its solution breaks most, until none is broken by more than [`BROKEN`].
+//! The motion is bounded at each of some thousand samples on several panels, of which a few dozen matter: a programme begins with those that
+//! mattered before, is solved, and gets those bounds that its solution breaks most, until none is broken by more than [`BROKEN`].
 
+use super::dual_simplex::{BoundedVariable, DualSimplex};
 use super::slots::SlotResponses;
-use microlp::{ComparisonOp, LinearExpr, OptimizationDirection, Problem, Variable};
-use std::time::Duration;
 
 /// Part of a bound by which it may be broken.
 const BROKEN: f64 = 0.01;
@@ -13,12 +12,10 @@ const BROKEN: f64 = 0.01;
 const MOST_ADDED: usize = 16;
 /// Most times that bounds are added.
 const MOST_ROUNDS: usize = 40;
-/// Longest time for one solution; some ms are usual.
-const LONGEST: Duration = Duration::from_secs(2);
 /// Samples at which the motion is bounded: 300 ms.
 pub const LOOKED_AT: usize = 1200;
-/// Samples between those bounds that a programme begins with.
-const FIRST_STRIDE: usize = 8;
+/// What a force costs at least, as a part of the largest cost: forces that cost nothing would be exchanged for each other without end.
+const LEAST_COST: f64 = 1e-5;
 
 /// A force that a programme chooses: its value times `force_n` over a slot of an actuator.
 #[derive(Clone, Copy, Debug)]
@@ -64,9 +61,19 @@ enum Goal {
     Excess { peak: f64 },
 }
 
+/// A bound on the motion at a sample, from above (`sign` 1) or below (-1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleBound {
+    panel: usize,
+    sample: usize,
+    sign: f64,
+}
+
 /// A solution.
 #[derive(Clone, Debug)]
 pub struct SolvedForces {
+    /// The bounds that keep it from less cost.
+    pub tight: Vec<SampleBound>,
     /// Of each force.
     pub values: Vec<f64>,
     /// The peak as a part of what is asked for, or the part by which bounds are missed.
@@ -86,6 +93,8 @@ pub struct ForceProgram<'a> {
     pub asked: f64,
     /// Acceleration in m/s^2, sample by sample on every panel, that is there besides; may be empty.
     pub besides: &'a [f64],
+    /// Bounds to begin with.
+    pub first: &'a [SampleBound],
 }
 
 impl ForceProgram<'_> {
@@ -117,86 +126,103 @@ impl ForceProgram<'_> {
             (0..LOOKED_AT).map(|sample| self.besides.get(sample).copied().unwrap_or(0.0) / self.asked).collect();
         for (force, value) in self.forces.iter().zip(values).filter(|(_, value)| **value != 0.0) {
             let part = force.force_n * value / self.asked;
-            for (sample, motion) in motion.iter_mut().enumerate() {
-                *motion += part * responses.acceleration_per_n(force.actuator, force.slot, sample);
-            }
+            let per_n = responses.acceleration_per_n(force.actuator, force.slot);
+            motion.iter_mut().zip(per_n).for_each(|(motion, per_n)| *motion += part * per_n);
         }
         motion
     }
 
     fn solve(&self, goal: Goal) -> Option<SolvedForces> {
-        let mut problem = Problem::new(OptimizationDirection::Minimize);
-        problem.set_time_limit(LONGEST);
-        let variables: Vec<Variable> =
-            self.forces.iter().map(|force| problem.add_var(force.cost, force.bounds)).collect();
-        let goal_variable = match goal {
-            Goal::Peak { cost, largest } => problem.add_var(cost, (0.0, largest)),
-            Goal::Excess { .. } => problem.add_var(1.0, (0.0, f64::INFINITY)),
-        };
-        let row = |panel: usize, sample: usize, sign: f64, goal_part: f64| {
-            let mut row = LinearExpr::empty();
-            if let Some(responses) = self.panels.get(panel) {
-                for (force, variable) in self.forces.iter().zip(&variables) {
-                    let per_n = responses.acceleration_per_n(force.actuator, force.slot, sample);
-                    let part = sign * force.force_n * per_n / self.asked;
-                    if part.abs() > 1e-12 {
-                        row.add(*variable, part);
-                    }
-                }
-            }
-            row.add(goal_variable, goal_part);
-            row
-        };
-        let besides = |sample: usize| self.besides.get(sample).copied().unwrap_or(0.0) / self.asked;
-        // sign (motion + besides) <= allowed (peak or 1 + excess).
-        let bound = |panel: usize, sample: usize, sign: f64| {
-            let allowed = self.bounds.allowed_fraction(panel, sample);
-            match goal {
-                Goal::Peak { .. } => (row(panel, sample, sign, -allowed), -sign * besides(sample)),
-                Goal::Excess { peak } => {
-                    (row(panel, sample, sign, -allowed * peak), allowed * peak - sign * besides(sample))
-                }
-            }
-        };
         let peak_sample = self.bounds.peak_sample;
+        let of_peak = self.list_coefficients(0, peak_sample, 1.0);
+        // No forces within their bounds make more.
+        let reachable: f64 = self
+            .forces
+            .iter()
+            .zip(&of_peak)
+            .map(|(force, part)| (part * force.bounds.0).max(part * force.bounds.1).max(0.0))
+            .sum();
+        let goal_variable = match goal {
+            Goal::Peak { cost, largest } => {
+                let besides = self.besides_at(peak_sample).max(0.0);
+                BoundedVariable { lower: 0.0, upper: largest.min(reachable + besides), cost }
+            }
+            Goal::Excess { .. } => BoundedVariable { lower: 0.0, upper: f64::INFINITY, cost: 1.0 },
+        };
+        let least_cost = LEAST_COST * self.forces.iter().fold(goal_variable.cost.abs(), |most, own| most.max(own.cost));
+        let choose = |(place, force): (usize, &SlotForce)| {
+            #[expect(clippy::cast_precision_loss, reason = "some hundred forces")]
+            let own = 1.0 + place as f64 / self.forces.len() as f64;
+            BoundedVariable { lower: force.bounds.0, upper: force.bounds.1, cost: force.cost + least_cost * own }
+        };
+        let mut variables: Vec<BoundedVariable> = self.forces.iter().enumerate().map(choose).collect();
+        variables.push(goal_variable);
+        let mut simplex = DualSimplex::new(variables);
+        let besides = self.besides_at(peak_sample);
         match goal {
             Goal::Peak { .. } => {
-                problem.add_constraint(row(0, peak_sample, 1.0, -1.0), ComparisonOp::Eq, -besides(peak_sample));
+                let row: Vec<f64> = of_peak.into_iter().chain([-1.0]).collect();
+                simplex.add_row(&row, -besides, true);
             }
             Goal::Excess { peak } => {
-                let missed = row(0, peak_sample, 1.0, 0.2 * peak);
-                problem.add_constraint(missed, ComparisonOp::Ge, peak - besides(peak_sample));
+                let row: Vec<f64> = of_peak.into_iter().map(|part| -part).chain([-0.2 * peak]).collect();
+                simplex.add_row(&row, besides - peak, false);
             }
         }
-        for sample in (0..self.bounds.quiet_sample + 200).step_by(FIRST_STRIDE) {
-            for sign in [1.0, -1.0] {
-                let (row, limit) = bound(0, sample, sign);
-                problem.add_constraint(row, ComparisonOp::Le, limit);
-            }
-        }
-        let mut solution = problem.solve().ok()?.into_solution().ok()?;
+        let mut added = self.first.to_vec();
+        added.iter().for_each(|bound| self.add_bound(&mut simplex, *bound, goal));
         for _ in 0..MOST_ROUNDS {
-            let values: Vec<f64> = variables.iter().map(|variable| solution.var_value(*variable)).collect();
-            let reached = solution.var_value(goal_variable);
+            if !simplex.minimise() {
+                return None;
+            }
+            let (reached, values) = simplex.values().split_last()?;
             let scale = match goal {
-                Goal::Peak { .. } => reached,
+                Goal::Peak { .. } => *reached,
                 Goal::Excess { peak } => peak * (1.0 + reached),
             };
-            let mut broken = self.list_broken_bounds(&values, scale);
+            let mut broken = self.list_broken_bounds(values, scale);
             if broken.is_empty() {
-                return Some(SolvedForces { values, goal: reached });
+                let is_tight = |(row, _): &(usize, &SampleBound)| simplex.is_row_tight(row + 1);
+                let tight = added.iter().enumerate().filter(is_tight).map(|(_, bound)| *bound).collect();
+                return Some(SolvedForces { values: values.to_vec(), goal: *reached, tight });
             }
-            broken.sort_by(|a, b| b.excess.total_cmp(&a.excess));
-            for BrokenBound { panel, sample, sign, .. } in broken.into_iter().take(MOST_ADDED) {
-                let (row, limit) = bound(panel, sample, sign);
-                solution = solution.add_constraint(row, ComparisonOp::Le, limit).ok()?.into_solution().ok()?;
+            broken.sort_by(|a, b| b.0.total_cmp(&a.0));
+            for (_, bound) in broken.into_iter().take(MOST_ADDED) {
+                self.add_bound(&mut simplex, bound, goal);
+                added.push(bound);
             }
         }
         None
     }
 
-    /// The bounds that are broken most in their neighbourhood, if the peak is `scale`.
-    fn list_broken_bounds(&self, values: &[f64], scale: f64) -> Vec<BrokenBound> {
+    fn besides_at(&self, sample: usize) -> f64 {
+        self.besides.get(sample).copied().unwrap_or(0.0) / self.asked
+    }
+
+    /// What each force adds to the motion at a sample, times `sign`.
+    fn list_coefficients(&self, panel: usize, sample: usize, sign: f64) -> Vec<f64> {
+        let Some(responses) = self.panels.get(panel) else { return Vec::new() };
+        let add = |force: &SlotForce| {
+            let per_n = responses.acceleration_per_n(force.actuator, force.slot).get(sample);
+            sign * force.force_n * per_n.copied().unwrap_or(0.0) / self.asked
+        };
+        self.forces.iter().map(add).collect()
+    }
+
+    /// sign (motion + besides) <= allowed (peak or 1 + excess).
+    fn add_bound(&self, simplex: &mut DualSimplex, bound: SampleBound, goal: Goal) {
+        let SampleBound { panel, sample, sign } = bound;
+        let allowed = self.bounds.allowed_fraction(panel, sample);
+        let (of_goal, limit) = match goal {
+            Goal::Peak { .. } => (-allowed, 0.0),
+            Goal::Excess { peak } => (-allowed * peak, allowed * peak),
+        };
+        let row: Vec<f64> = self.list_coefficients(panel, sample, sign).into_iter().chain([of_goal]).collect();
+        simplex.add_row(&row, limit - sign * self.besides_at(sample), false);
+    }
+
+    /// The bounds that are broken most in their neighbourhood, if the peak is `scale`, and by how much.
+    fn list_broken_bounds(&self, values: &[f64], scale: f64) -> Vec<(f64, SampleBound)> {
         let mut broken = Vec::new();
         for panel in 0..self.panels.len() {
             let motion = self.motion_of_panel(panel, values);
@@ -209,20 +235,11 @@ impl ForceProgram<'_> {
                 let own = excess(*sample);
                 own > slack && own >= excess(sample.wrapping_sub(1)) && own >= excess(sample + 1)
             };
-            broken.extend((0..LOOKED_AT).filter(is_crest).map(|sample| BrokenBound {
-                panel,
-                sample,
-                sign: motion.get(sample).map_or(1.0, |motion| motion.signum()),
-                excess: excess(sample),
+            broken.extend((0..LOOKED_AT).filter(is_crest).map(|sample| {
+                let sign = motion.get(sample).map_or(1.0, |motion| motion.signum());
+                (excess(sample), SampleBound { panel, sample, sign })
             }));
         }
         broken
     }
-}
-
-struct BrokenBound {
-    panel: usize,
-    sample: usize,
-    sign: f64,
-    excess: f64,
 }

@@ -15,30 +15,32 @@ const ON_SPRINGS: usize = 7;
 pub struct SlotResponses {
     /// Samples of a slot.
     slot_samples: usize,
-    /// Actuators x samples, in m/s^2 per N.
+    /// Actuators x samples, in m/s^2 per N; every record twice, so that each of its samples can be the first.
     records: Vec<Vec<f64>>,
 }
 
 impl SlotResponses {
-    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::acceleration_per_n`].
+    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n`].
     fn new(residues: &PointResidues, slot_samples: usize, pole_factor: impl Fn(f64) -> f64) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "some samples")]
         let slot_s = slot_samples as f64 * SAMPLE_S;
-        let record = |actuator: usize| {
-            let spectrum = (1..=u32::try_from(LAST_LINE).unwrap_or(u32::MAX)).map(|hz| {
+        let last_hz = u32::try_from(LAST_LINE).unwrap_or(u32::MAX);
+        let record = |accelerations: Vec<Complex64>| {
+            let spectrum = accelerations.into_iter().zip(1_u32..).map(|(acceleration, hz)| {
                 let jw = Complex64::new(0.0, TAU * f64::from(hz));
-                residues.acceleration_per_n(actuator, f64::from(hz), &pole_factor) * (1.0 - (-jw * slot_s).exp()) / jw
+                acceleration * (1.0 - (-jw * slot_s).exp()) / jw
             });
-            record_from_spectrum(spectrum)
+            record_from_spectrum(spectrum).repeat(2)
         };
-        Self { slot_samples, records: (0..residues.count_actuators()).map(record).collect() }
+        let records = residues.accelerations_per_n(last_hz, pole_factor).into_iter().map(record).collect();
+        Self { slot_samples, records }
     }
 
-    /// Acceleration in m/s^2 at a sample for 1 N of an actuator over the slot with this number, from 0.
+    /// Acceleration in m/s^2, sample by sample, for 1 N of an actuator over the slot with this number, from 0.
     #[must_use]
-    pub fn acceleration_per_n(&self, actuator: usize, slot: usize, sample: usize) -> f64 {
-        let at = (RECORD + sample - slot * self.slot_samples) % RECORD;
-        self.records.get(actuator).and_then(|record| record.get(at)).copied().unwrap_or(0.0)
+    pub fn acceleration_per_n(&self, actuator: usize, slot: usize) -> &[f64] {
+        let first = RECORD - slot * self.slot_samples % RECORD;
+        self.records.get(actuator).and_then(|record| record.get(first..first + RECORD)).unwrap_or(&[])
     }
 }
 

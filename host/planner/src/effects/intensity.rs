@@ -158,12 +158,12 @@ pub fn set_missing_target_peaks_from_level_if_given(
 mod tests {
     use super::*;
     use crate::model::{Accuracy, PanelModel};
-    use crate::scene::{EXAMPLE_PLATE, Scene};
+    use crate::scene::{STARTING_PLATE, Scene};
     use crate::{TableOptions, Target};
 
     #[test]
     fn a_level_is_met() {
-        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
         let table = PlanTable::build(&scene, model, TableOptions::default()).unwrap();
         let rise = PanelPoles::find_poles_if_converged(&table.model);

@@ -57,12 +57,12 @@ mod tests {
     use super::*;
     use crate::effects::effect_drive::build_effect_drives;
     use crate::model::{Accuracy, PanelModel};
-    use crate::scene::{EXAMPLE_PLATE, Scene};
+    use crate::scene::{STARTING_PLATE, Scene};
     use crate::{TableOptions, Target};
 
     /// The drives of a touch on the example plate, with their table.
     fn touch() -> (PlanTable, Vec<EffectDrive>) {
-        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
         let table = PlanTable::build(&scene, model, options).unwrap();

@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn the_legend_names_what_is_there_once() {
-        let scene = Scene::parse("plate", crate::scene::EXAMPLE_PLATE).unwrap();
+        let scene = Scene::parse("plate", crate::scene::STARTING_PLATE).unwrap();
         let names: Vec<String> = list_legend_entries(&scene).into_iter().map(|(_, words)| words).collect();
         assert!(names.contains(&"support".into()) && names.contains(&"actuator".into()), "{names:?}");
         assert_eq!(names.len(), names.iter().collect::<std::collections::BTreeSet<_>>().len());

@@ -7,12 +7,12 @@ use crate::maps::weakest::{
 use crate::scene::random::random_scene_text;
 use era_model::model::PanelModel;
 use era_model::response::compute_acceleration_curves_per_newton;
-use era_model::scene::{Actuator, EXAMPLE_BAR, EXAMPLE_PLATE};
+use era_model::scene::{Actuator, EXAMPLE_BAR, STARTING_PLATE};
 
 const OPTIONS: TableOptions = TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 };
 
 fn plate() -> Scene {
-    Scene::parse("plate", EXAMPLE_PLATE).unwrap()
+    Scene::parse("plate", STARTING_PLATE).unwrap()
 }
 
 /// Of no round size, its ERAs anywhere.

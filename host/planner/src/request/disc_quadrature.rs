@@ -198,21 +198,21 @@ fn points_along_bar_around_target(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
+    use crate::scene::{EXAMPLE_BAR, STARTING_PLATE};
 
     /// Area and moments of what lies within 10 mm of any target, against many midpoints: discs that edges, a corner, a cut-out and
     /// other discs cut.
     #[test]
     fn what_is_near_any_target_is_integrated_once() {
-        let cut = format!("{EXAMPLE_PLATE}\n[[cutout]]\nx_mm = 31.7\ny_mm = 0.0\nlength_mm = 40.3\nwidth_mm = 33.3\n");
+        let cut = format!("{STARTING_PLATE}\n[[cutout]]\nx_mm = 31.7\ny_mm = 0.0\nlength_mm = 40.3\nwidth_mm = 33.3\n");
         let r = TARGET_RADIUS_M;
         let cases: [(&str, &[(f64, f64)]); 8] = [
-            (EXAMPLE_PLATE, &[(0.1, 0.1)]),
-            (EXAMPLE_PLATE, &[(0.0, 0.0)]),
-            (EXAMPLE_PLATE, &[(0.3 * r, 0.7 * r)]),
-            (EXAMPLE_PLATE, &[(0.1, 0.04 * r)]),
-            (EXAMPLE_PLATE, &[(0.1, 0.1), (0.1 + 1.1 * r, 0.1 - 0.4 * r), (0.1 + 0.3 * r, 0.1)]),
-            (EXAMPLE_PLATE, &[(0.1, 0.002), (0.1, 0.002), (0.1 - r, 0.5 * r)]),
+            (STARTING_PLATE, &[(0.1, 0.1)]),
+            (STARTING_PLATE, &[(0.0, 0.0)]),
+            (STARTING_PLATE, &[(0.3 * r, 0.7 * r)]),
+            (STARTING_PLATE, &[(0.1, 0.04 * r)]),
+            (STARTING_PLATE, &[(0.1, 0.1), (0.1 + 1.1 * r, 0.1 - 0.4 * r), (0.1 + 0.3 * r, 0.1)]),
+            (STARTING_PLATE, &[(0.1, 0.002), (0.1, 0.002), (0.1 - r, 0.5 * r)]),
             (&cut, &[(29.0e-3, 30.0e-3)]),
             (&cut, &[(73.0e-3, 35.0e-3), (75.0e-3, 31.0e-3)]),
         ];

@@ -228,7 +228,7 @@ fn integrate_hat_functions(points: &[f64], from: f64, to: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::EXAMPLE_PLATE;
+    use crate::scene::STARTING_PLATE;
 
     /// Means of 1, x, x^2 and sin x along a line, which ends with a slope.
     #[test]
@@ -249,7 +249,7 @@ mod tests {
     /// Every point of the grid of a panel of any whole millimetres is a place on it, and the outer ones are on its edges.
     #[test]
     fn grids_end_at_the_edges_of_any_panel() {
-        let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
         for side_mm in (20..=1500_u32).chain((1500..=10_000).step_by(37)) {
             let side = f64::from(side_mm) / 1e3;
             for (kind, length, width) in
@@ -276,7 +276,7 @@ mod tests {
         let cutout =
             |x: f64, y: f64| format!("\n[[cutout]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 40.3\nwidth_mm = 33.3\n");
         let scene =
-            Scene::parse("plate", &format!("{EXAMPLE_PLATE}{}{}", cutout(31.7, 0.0), cutout(131.7, 71.3))).unwrap();
+            Scene::parse("plate", &format!("{STARTING_PLATE}{}{}", cutout(31.7, 0.0), cutout(131.7, 71.3))).unwrap();
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let grid = SurfaceGrid::points_without_shapes(&scene, 400.0);
         let (hole, boxes) = ((40.3e-3, 33.3e-3), [31.7e-3, 131.7e-3]);

@@ -64,7 +64,7 @@ mod tests {
     use super::*;
     use crate::model::{Accuracy, PanelModel};
     use crate::response::CoordinateSolver;
-    use crate::scene::EXAMPLE_PLATE;
+    use crate::scene::STARTING_PLATE;
     use crate::table::build::mean_square_over_surface;
     use nalgebra::DVector;
     use num_complex::Complex64;
@@ -98,8 +98,8 @@ mod tests {
     /// Many midpoints, what is left of their error taken away (Richardson): what Gauss' rule has to agree with.
     #[test]
     fn mean_squares_are_those_of_many_points() {
-        let cut = format!("{EXAMPLE_PLATE}\n[[cutout]]\nx_mm = 31.7\ny_mm = 0.0\nlength_mm = 40.3\nwidth_mm = 33.3\n");
-        for text in [EXAMPLE_PLATE, &cut] {
+        let cut = format!("{STARTING_PLATE}\n[[cutout]]\nx_mm = 31.7\ny_mm = 0.0\nlength_mm = 40.3\nwidth_mm = 33.3\n");
+        for text in [STARTING_PLATE, &cut] {
             let scene = Scene::parse("plate", text).unwrap();
             let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
             let products = compute_mean_shape_products_over_surface(&scene, &model);

@@ -2,7 +2,7 @@
 
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use era_planner::maps::{ReachMaps, SchemeReach, rigid, schemes};
 use era_planner::reach::setting::{build_setting_with_strongest_pulse, derate_setting_to_safe_fraction_if_any};
 use era_planner::reach::{Measure, max_min_setting_and_relative_gap_if_spacing_can_be_kept};
@@ -125,7 +125,7 @@ fn rigid_motion_is_told_from_bending() {
 /// Frequencies left out of a table, and a table that never had them: the same entries, limits and plans.
 #[test]
 fn a_part_of_a_band_is_that_band() {
-    for text in [EXAMPLE_BAR, EXAMPLE_PLATE] {
+    for text in [EXAMPLE_BAR, STARTING_PLATE] {
         let whole = TableOptions { from_hz: 40.0, to_hz: 240.0, step_hz: 4.0 };
         let cut = table(text, whole).keep_frequencies_between_if_any(119.0, 240.0).unwrap();
         let built = table(text, TableOptions { from_hz: 120.0, ..whole });

@@ -6,7 +6,7 @@ use super::scenes::SceneText;
 use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel, PanelModel};
 use era_model::response::compute_curves_with_error_bounds;
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use era_planner::maps::ReachMaps;
 use era_planner::table::touched::TouchedPanel;
 use era_planner::{PlanTable, TableOptions, Target};
@@ -83,7 +83,7 @@ fn a_finger_is_a_rank_one_change_of_the_receptance() {
 /// The example plate and bar with a press of nothing, which the support would bear as well.
 fn examples() -> [(Scene, (f64, f64)); 2] {
     let pressless = |text: &str| scene(&format!("{text}\n[press]\nforce_n = 0.0\n{FINGER}"));
-    [(pressless(EXAMPLE_PLATE), (0.21, 0.07)), (pressless(EXAMPLE_BAR), (0.17, 0.01))]
+    [(pressless(STARTING_PLATE), (0.21, 0.07)), (pressless(EXAMPLE_BAR), (0.17, 0.01))]
 }
 
 /// Few enough frequencies that tests are done in seconds.

@@ -4,7 +4,7 @@
 use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::random_scene_text;
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
+use era_model::scene::{EXAMPLE_BAR, EdgeKind, Finger, Mass, ModalRatio, Mount, STARTING_PLATE, Scene, SurfaceDamping};
 use era_planner::press_bounds::{bound_relative_press_travel_error, bound_relative_sag_error};
 use era_planner::softening::static_receptance_magnitude_or_infinity_m_per_n;
 use era_planner::{PlanTable, TableOptions};
@@ -284,7 +284,7 @@ fn table_at(scene: &Scene, tolerance: f64) -> PlanTable {
 /// mass to its electrode. Before, there was none beyond it.
 #[test]
 fn the_bound_of_a_press_does_not_depend_on_the_force() {
-    for name in [EXAMPLE_PLATE, EXAMPLE_BAR] {
+    for name in [STARTING_PLATE, EXAMPLE_BAR] {
         let mut scene = Scene::parse("example", name).unwrap();
         let mut per_n = Vec::new();
         for force_n in [1e-3, 1.0, 4.7, 4.8, 50.0, 1000.0] {

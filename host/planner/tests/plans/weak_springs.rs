@@ -96,7 +96,7 @@ fn contrast_maps_are_of_peaks_that_no_limit_changes() {
 /// For the same force the widest pulse takes the least voltage, and so the least power, whatever limits the force.
 #[test]
 fn least_power_takes_the_widest_pulses() {
-    for text in [soft_bar(), era_model::scene::EXAMPLE_PLATE.to_owned()] {
+    for text in [soft_bar(), era_model::scene::STARTING_PLATE.to_owned()] {
         let table = super::build_table(&text);
         for x_m in [0.05, 0.11, 0.2] {
             let targets = [Target { x_m, y_m: 0.02, intensity_g: Some(0.05) }];

@@ -1,7 +1,7 @@
 //! Designs against what the scene reads back.
 
 use super::*;
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind};
+use era_model::scene::{EXAMPLE_BAR, EdgeKind, STARTING_PLATE};
 
 fn space_of(study: &str, scene: &str) -> Result<DesignSpace, SceneError> {
     let text = format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{study}\n[[wish]]\nfigure = \"weakest_g\"\n");
@@ -9,7 +9,7 @@ fn space_of(study: &str, scene: &str) -> Result<DesignSpace, SceneError> {
 }
 
 fn space(study: &str) -> DesignSpace {
-    space_of(study, EXAMPLE_PLATE).unwrap()
+    space_of(study, STARTING_PLATE).unwrap()
 }
 
 fn scene(space: &DesignSpace, point: &[f64]) -> Scene {
@@ -57,7 +57,7 @@ fn choices_take_tables_and_words() {
                  { youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 2700.0 }, # light\n\
                  { youngs_modulus_pa = 72e9, poisson_ratio = 0.22, density_kg_m3 = 2500.0 },\n]\n\
                  [[variable]]\nkey = \"edge[1].kind\"\nvalues = [\"pinned\", \"clamped\"]\n";
-    let plate = format!("{EXAMPLE_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
+    let plate = format!("{STARTING_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
     let space = space_of(study, &plate).unwrap();
     let found = scene(&space, &[0.9, 0.9]);
     assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2500.0, EdgeKind::Clamped));
@@ -77,7 +77,7 @@ fn choices_take_tables_of_lists() {
                  { x_mm = 10.0, y_mm = 0.0, stiffness_n_per_m = 50000.0, damping_n_s_per_m = 2.0 },\n]\n\
                  [[variable]]\nkey = \"edge[1]\"\nvalues = [\n\
                  { side = \"left\", kind = \"clamped\" },\n{ side = \"right\", kind = \"pinned\" },\n]\n";
-    let plate = format!("{EXAMPLE_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
+    let plate = format!("{STARTING_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
     let space = space_of(study, &plate).unwrap();
     let found = scene(&space, &[0.9, 0.9]);
     let support = |scene: &Scene, k: usize| {
@@ -97,7 +97,7 @@ fn choices_take_tables_of_lists() {
 fn tables_of_lists_take_nothing_but_tables() {
     let study = "[[variable]]\nkey = \"support[1]\"\nfrom = 1\nto = 2\n\
                  [[variable]]\nkey = \"actuator.*\"\nvalues = [1, { x_mm = 0.0 }]\n";
-    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    let error = space_of(study, STARTING_PLATE).unwrap_err();
     hold(&error, &[(4, "support[1] leads to a table: its values must be tables"), (8, "actuator.* leads to a table")]);
 }
 
@@ -138,7 +138,7 @@ fn sides_are_those_of_the_design() {
                  [[variable]]\nkey = [\"surface.width_mm\", \"support[3].y_mm\", \"support[4].y_mm\"]\nfrom = 140\nto = 260\n";
     let varied = space(&format!("{places}{sides}"));
     for (part, length, width) in [(0.0, "240.0", "140.0"), (1.0, "400.0", "260.0")] {
-        let plate = EXAMPLE_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
+        let plate = STARTING_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
         let own = space_of(places, &plate).unwrap();
         for off in [vec![], vec![1.0, 1.0], vec![-1.0, 0.5]] {
             let found = varied.design_as_scene(&varied.design_at_point(&[0.25, 0.5, part, part]), &off).unwrap();
@@ -184,7 +184,7 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
                  [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"x\"\n\
                  [[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 3\n\
                  [[variable]]\nkey = \"surface.tickness_mm\"\nfrom = 1\nto = 3\n";
-    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (4, "the scene has no support[7]"),
         (
@@ -203,7 +203,7 @@ fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
     for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists here: support, actuator")] {
         let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 2\n");
         let expected = format!("the scene has no [[{list}]]; {hint}");
-        hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(4, expected.as_str())]);
+        hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(4, expected.as_str())]);
     }
 }
 
@@ -212,14 +212,14 @@ fn a_count_is_called_by_the_plural_of_its_list() {
     let mass = "[[mass]]\nx_mm = 30\ny_mm = 40\nmass_g = 5\n";
     for (list, name) in [("actuator", "number of actuators"), ("mass", "number of masses")] {
         let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 1\n");
-        let space = space_of(&study, &format!("{EXAMPLE_PLATE}{mass}")).unwrap();
+        let space = space_of(&study, &format!("{STARTING_PLATE}{mass}")).unwrap();
         assert_eq!(space.table_columns()[0].name, name);
     }
 }
 
 #[test]
 fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
-    let shorter = EXAMPLE_PLATE.replace("300.0", "240.0");
+    let shorter = STARTING_PLATE.replace("300.0", "240.0");
     let longer = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 400\nto = 500\n\
                   [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [260, 10, 380, 100]\n";
     let space = space_of(longer, &shorter).unwrap();
@@ -261,11 +261,11 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
         ),
         (32, "two variables change actuator[1].x_mm, this one and variable[5] (a) in line 24"),
     ];
-    hold(&space_of(study, EXAMPLE_PLATE).unwrap_err(), &expected);
+    hold(&space_of(study, STARTING_PLATE).unwrap_err(), &expected);
     // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
     let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
     let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
-    let error = space_of(&format!("{key}{table}"), EXAMPLE_PLATE).unwrap_err();
+    let error = space_of(&format!("{key}{table}"), STARTING_PLATE).unwrap_err();
     hold(&error, &[(8, "two variables change surface.material.density_kg_m3, this one and variable[1]")]);
     let space = space(&format!("{table}{key}"));
     assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
@@ -277,7 +277,7 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
                  [[apart]]\ndistance_mm = 30\nplaces = [\"actuator.*\", \"actuator.middle\"]\n\
                  [[uncertain]]\npart = 0.1\nkey = \"surface.kind\"\n\
                  [[uncertain]]\npart = 0.1\nkey = \"support[9].x_mm\"\n";
-    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
         (13, "uncertain[1] (surface.kind): the scene's file has no number there"),
@@ -292,7 +292,7 @@ fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
     let study = "[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [100, 100, 200, 100]\n\
                  [[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 160\n";
     let space = space(study);
-    assert_eq!(space.scene_of_file_with_deviations(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
+    assert_eq!(space.scene_of_file_with_deviations(&[]).unwrap(), Scene::parse("plate", STARTING_PLATE).unwrap());
     assert!(
         space.design_as_scene(&space.design_of_scene_file(), &[]).is_err()
             && space.design_as_scene(&space.design_at_point(&[0.5, 0.5]), &[]).is_err()
@@ -343,7 +343,7 @@ fn what_is_held_apart_has_places() {
     let table = "[[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 10, 140, 190]\n";
     let told = |places: &str, expected: &str| {
         let study = format!("{table}[[apart]]\nplaces = {places}\ndistance_mm = 50\n");
-        hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(8, expected)]);
+        hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(8, expected)]);
     };
     told("[\"surface\"]", "apart[1]: surface is not a place, because the path leads to no table with an x_mm");
     told("[\"actuator\"]", "apart[1]: actuator is not a place");
@@ -353,7 +353,7 @@ fn what_is_held_apart_has_places() {
         "apart[1]: the number of places that the paths lead to is 1, but must be at least 2",
     );
     assert!(
-        space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), EXAMPLE_PLATE).is_ok()
+        space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), STARTING_PLATE).is_ok()
     );
 }
 
@@ -376,5 +376,5 @@ fn a_value_is_off_in_one_way() {
     let off = |key: &str| format!("[[uncertain]]\nkey = \"{key}\"\npart = 0.1\n");
     let study = format!("{table}{}{}", off("support.*.stiffness_n_per_m"), off("support[1].stiffness_n_per_m"));
     let expected = "two entries make support[1].stiffness_n_per_m uncertain, this one and uncertain[1] (support.*.stiffness_n_per_m) in line";
-    hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(12, expected)]);
+    hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(12, expected)]);
 }

@@ -1,6 +1,6 @@
 //! Every route of the daemon, with the dearest that it takes and the dearest that it refuses.
 
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 
 /// How a request is sent.
@@ -55,7 +55,7 @@ fn make_scene_with_masses(count: usize) -> String {
         let (x, y) = (15 + 10 * (i % 27), 20 + (37 * i) % 160);
         format!("[[mass]]\nx_mm = {x}\ny_mm = {y}\nmass_g = 1\n")
     };
-    format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
+    format!("{STARTING_PLATE}\n{}", (0..count).map(one).collect::<String>())
 }
 
 fn make_scene_with_thickness_patches(patch_count: usize) -> String {
@@ -63,11 +63,11 @@ fn make_scene_with_thickness_patches(patch_count: usize) -> String {
         let (x, y) = (i % 20 * 14, i / 20 * 9);
         format!("[[patch]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 8\nwidth_mm = 5\nthickness_mm = 2.5\n")
     };
-    format!("{EXAMPLE_PLATE}\n{}", (0..patch_count).map(one).collect::<String>())
+    format!("{STARTING_PLATE}\n{}", (0..patch_count).map(one).collect::<String>())
 }
 
 fn make_scene_of_length(length_mm: u32) -> String {
-    EXAMPLE_PLATE.replacen("length_mm = 300", &format!("length_mm = {length_mm}"), 1)
+    STARTING_PLATE.replacen("length_mm = 300", &format!("length_mm = {length_mm}"), 1)
 }
 
 fn make_preview_body(scene_toml: &str) -> String {

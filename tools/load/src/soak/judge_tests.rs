@@ -15,7 +15,7 @@ use era::daemon::{Access, App, BackgroundDaemon};
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::{Mistakes, SimKnobs};
 use era::device::{OpenDevice, Target};
-use era::scene::EXAMPLE_PLATE;
+use era::scene::STARTING_PLATE;
 use fastrand::Rng;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -59,8 +59,8 @@ fn verdict_on_board(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Op
     let device =
         OpenDevice::new_unconnected_for_serial_or_auto(&Target::Serial(path.to_str().unwrap().into())).unwrap();
     let policy = SessionPolicy { clears_silence: true, arms_after_outage: true, ..SessionPolicy::default() };
-    let app =
-        App::with_policy(build_plan_table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
+    let app = App::with_policy(build_plan_table().unwrap(), device, STARTING_PLATE.into(), policy, Access::default())
+        .unwrap();
     let background = BackgroundDaemon::start(app).unwrap();
     run_and_find_failures(folder.path(), bench, background.address(), |faults| {
         faults.daemon.await_device().unwrap();

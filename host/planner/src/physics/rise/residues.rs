@@ -36,24 +36,42 @@ impl PointResidues {
         self.residues.len()
     }
 
-    /// Acceleration at the point in m/s^2 per N of an actuator, at a frequency above 0. Each pole is moved by the factor that `pole_factor`
-    /// gives for its modulus in Hz, as a panel has it whose stiffness is off, and decays at 0.5 1/s or faster.
+    /// Accelerations at the point in m/s^2 per N at 1, 2, ... `to_hz` Hz, actuators x frequencies. Each pole is moved by the factor that
+    /// `pole_factor` gives for its modulus in Hz, as a panel has it whose stiffness is off, and decays at 0.5 1/s or faster.
     #[must_use]
-    pub fn acceleration_per_n(
-        &self,
-        actuator: usize,
-        frequency_hz: f64,
-        pole_factor: impl Fn(f64) -> f64,
-    ) -> Complex64 {
-        let jw = Complex64::new(0.0, TAU * frequency_hz);
-        let add = |sum: Complex64, (s, g): (&Complex64, &Complex64)| {
+    pub fn accelerations_per_n(&self, to_hz: u32, pole_factor: impl Fn(f64) -> f64) -> Vec<Vec<Complex64>> {
+        let frequencies_rad_s: Vec<f64> = (1..=to_hz).map(|hz| TAU * f64::from(hz)).collect();
+        let mut sums = vec![vec![Complex64::ZERO; frequencies_rad_s.len()]; self.residues.len()];
+        let mut inverse = vec![Complex64::ZERO; frequencies_rad_s.len()];
+        for (k, s) in self.poles.iter().enumerate() {
             let s = s * pole_factor(s.norm() / TAU);
-            let s = if s.im > 0.0 { Complex64::new(s.re.min(-LEAST_DECAY_PER_S), s.im) } else { s };
-            let pair = if s.im > 0.0 { g.conj() / (jw - s.conj()) } else { Complex64::ZERO };
-            sum + g / (jw - s) + pair
-        };
-        let residues = self.residues.get(actuator).map_or(&[][..], Vec::as_slice);
-        jw * self.poles.iter().zip(residues).fold(Complex64::ZERO, add)
+            let is_pair = s.im > 0.0;
+            let s = if is_pair { Complex64::new(s.re.min(-LEAST_DECAY_PER_S), s.im) } else { s };
+            // g / (jw - s) and, of a pair, its conjugate's: (2 Re(g) jw - 2 Re(g s*)) / (|s|^2 - w^2 - 2 Re(s) jw).
+            for (inverse, w) in inverse.iter_mut().zip(&frequencies_rad_s) {
+                let divisor = if is_pair {
+                    Complex64::new(s.norm_sqr() - w * w, -2.0 * s.re * w)
+                } else {
+                    Complex64::new(-s.re, w - s.im)
+                };
+                *inverse = divisor.inv();
+            }
+            for (sums, residues) in sums.iter_mut().zip(&self.residues) {
+                let Some(g) = residues.get(k) else { continue };
+                let (real, per_w) = if is_pair {
+                    (Complex64::from(-2.0 * (g * s.conj()).re), Complex64::new(0.0, 2.0 * g.re))
+                } else {
+                    (*g, Complex64::ZERO)
+                };
+                for ((sum, inverse), w) in sums.iter_mut().zip(&inverse).zip(&frequencies_rad_s) {
+                    *sum += (real + per_w * w) * inverse;
+                }
+            }
+        }
+        for sums in &mut sums {
+            sums.iter_mut().zip(&frequencies_rad_s).for_each(|(sum, w)| *sum *= Complex64::new(0.0, *w));
+        }
+        sums
     }
 
     /// Moduli in Hz of the poles that vibrate, ascending.

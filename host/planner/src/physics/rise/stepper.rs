@@ -121,11 +121,15 @@ impl Stepper {
         let outputs = self.output.chunks_exact(self.rows.max(1));
         for ((z, s), output) in self.state.iter().zip(&self.poles).zip(outputs) {
             let Some(per_z) = output.get(row) else { continue };
+            // Four samples at a time, which do not wait for each other.
             let turn = (s * step_s).exp();
-            let mut motion = per_z * z;
-            for sample in &mut samples {
-                motion *= turn;
-                *sample += motion.re;
+            let mut motion = [1, 2, 3, 4].map(|steps| per_z * z * turn.powi(steps));
+            let turn_four = turn.powi(4);
+            for samples in samples.chunks_mut(4) {
+                for (sample, motion) in samples.iter_mut().zip(&mut motion) {
+                    *sample += motion.re;
+                    *motion *= turn_four;
+                }
             }
         }
         samples

@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::{Accuracy, PanelModel};
-use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use crate::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use crate::transient::TimeGrid;
 use crate::transient::panel::compute_point_motion;
 use std::f64::consts::FRAC_PI_2;
@@ -16,7 +16,7 @@ fn sine(actuator: usize, frequency_hz: f64, force_n: f64) -> SwitchedForce {
 
 /// The examples, and the bar with other springs and losses.
 fn bars() -> Vec<String> {
-    let mut out = vec![EXAMPLE_BAR.to_owned(), EXAMPLE_PLATE.to_owned()];
+    let mut out = vec![EXAMPLE_BAR.to_owned(), STARTING_PLATE.to_owned()];
     for (damping, stiffness, loss) in [("0.2", "3000.0", "0.03"), ("8.0", "9000.0", "0.0"), ("40.0", "20000.0", "0.1")]
     {
         out.push(
@@ -207,7 +207,7 @@ fn switching_on_goes_as_far_as_is_told() {
     let (mut beyond, mut largest) = (0, 0.0_f64);
     for (text, frequencies_hz) in [
         (EXAMPLE_BAR, [60.0, 97.0, 143.0, 260.0]),
-        (EXAMPLE_PLATE, [45.0, 90.0, 131.0, 222.0]),
+        (STARTING_PLATE, [45.0, 90.0, 131.0, 222.0]),
         (&absorbed, [60.0, 190.0, 223.0, 260.0]),
     ] {
         let model = model(text);
