@@ -181,6 +181,7 @@ fn instead_of_base(command: &str, option: &str) -> Option<&'static str> {
         // Of these effects.
         ("touch", "--count") | ("touch", "--period-ms") => "--effect pulse_train",
         ("effect", "--count" | "--period-ms") => "=--scene bar.toml --accuracy fast --at 480,80 --effect pulse_train",
+        ("touch", "--crisp-ms" | "--prefer") => "--effect click",
         ("effect", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --at 480,80 --effect click",
         ("plan", "--zone") => "--objective reach",
         ("field", "--reach" | "--schemes") => "=--scene bar.toml --accuracy fast",

@@ -107,6 +107,10 @@ impl Effect {
 ///     How many pulses: pulse_train.
 /// period_ms : float, optional
 ///     From one to the next, in ms: double_click, pulse_train, texture.
+/// crisp_ms : float, optional
+///     Longest time in ms until a click is below a tenth of its peak: 20 to 100, 45 unless given.
+/// prefer : {"strength", "crispness"}, optional
+///     What a click is where it cannot be both: as strong as was asked for, unless given.
 /// tolerance : float or {"fast", "balanced", "reference"}, optional
 ///     What the mesh is chosen for, relative: 1e-8 to 0.1, 1e-3 unless given.
 ///
@@ -129,7 +133,7 @@ impl Effect {
 /// ('click', None, True)
 #[pyfunction]
 #[pyo3(name = "effect", signature = (scene, at_m, effect, intensity_g=None, *, intensity_db=None, duration_ms=None, count=None, period_ms=None,
-    tolerance=None))]
+    crisp_ms=None, prefer=None, tolerance=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords, each with a default")]
 pub fn design_effect_for_place(
     py: Python<'_>,
@@ -141,6 +145,8 @@ pub fn design_effect_for_place(
     duration_ms: Option<f64>,
     count: Option<u32>,
     period_ms: Option<f64>,
+    crisp_ms: Option<f64>,
+    prefer: Option<&str>,
     tolerance: Option<GivenTolerance>,
 ) -> PyResult<Effect> {
     let scene = scene.shared_scene();
@@ -153,7 +159,12 @@ pub fn design_effect_for_place(
     if let (Some(_), Some(intensity_db)) = (intensity_g, intensity_db) {
         return Err(Raised::wrong_argument("intensity_db", intensity_db, "None where there is intensity_g").into());
     }
-    let request = EffectRequest { effect: named, duration_ms, count, period_ms };
+    let prefer = prefer.map(|prefer| {
+        serde_json::from_value(prefer.into())
+            .map_err(|_| Raised::wrong_argument("prefer", prefer, "\"strength\" or \"crispness\""))
+    });
+    let prefer = prefer.transpose()?;
+    let request = EffectRequest { effect: named, duration_ms, count, period_ms, crisp_ms, prefer };
     request.build_envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
     let intensity = intensity_g.map(Intensity::G).or(intensity_db.map(Intensity::AboveThresholdDb));
     let target = Target { x_m, y_m, intensity_g };
@@ -165,7 +176,7 @@ pub fn design_effect_for_place(
             &Request::for_touch(&[target]),
             intensity,
         )?;
-        let click = ClickOptions { with_bound: true, ..ClickOptions::default() };
+        let click = ClickOptions { with_bound: true, ..request.click_options() };
         let designed = design_effect_with_windows(table, &rise, &plan, request, click)?;
         Ok(Effect {
             name: named.name().to_owned(),

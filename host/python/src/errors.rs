@@ -91,6 +91,14 @@ impl From<&str> for ArgumentValue {
     }
 }
 
+/// A number, or the word for anything else.
+impl From<serde_json::Value> for ArgumentValue {
+    fn from(value: serde_json::Value) -> Self {
+        let word = || value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        value.as_f64().map_or_else(|| ArgumentValue::Word(word()), ArgumentValue::Number)
+    }
+}
+
 impl From<(f64, f64)> for ArgumentValue {
     fn from((x_m, y_m): (f64, f64)) -> Self {
         ArgumentValue::Place(x_m, y_m)

@@ -240,6 +240,7 @@ EFFECTS: list[tuple[str, tuple[object, ...], dict[str, Any]]] = [
     ("click", (), {}),
     ("click", ("--intensity-g", 0.3), {"intensity_g": 0.3}),
     ("click", ("--intensity-g", 50), {"intensity_g": 50.0}),
+    ("click", ("--crisp-ms", 30, "--prefer", "crispness"), {"crisp_ms": 30.0, "prefer": "crispness"}),
     ("double_click", ("--period-ms", 200), {"period_ms": 200.0}),
     ("buzz", ("--duration-ms", 100, "--intensity-db", 15), {"duration_ms": 100.0, "intensity_db": 15.0}),
     ("swell", (), {}),

@@ -5,6 +5,7 @@ use crate::device::Target;
 use crate::effects::NamedEffect;
 use crate::model::Accuracy;
 use crate::planner::cache::{Cache, DIRECTORY_VARIABLE};
+use crate::planner::click::Preference;
 use crate::scene::Scene;
 use clap::Args;
 use std::path::PathBuf;
@@ -229,6 +230,8 @@ pub struct Touch {
     #[command(flatten)]
     pub rhythm: Rhythm,
     #[command(flatten)]
+    pub crispness: Crispness,
+    #[command(flatten)]
     pub wishes: PlanWishes,
     /// Show alternatives if not all wishes can be met
     #[arg(long)]
@@ -246,6 +249,17 @@ pub struct Rhythm {
     /// From one click, pulse or crest to the next, in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub period_ms: Option<f64>,
+}
+
+/// How crisp a click is.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Crispness {
+    /// Longest time in ms until a click is quiet, 20 to 100 [default: 45]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
+    pub crisp_ms: Option<f64>,
+    /// What counts more for a click that cannot be both [default: strength]
+    #[arg(long, value_enum)]
+    pub prefer: Option<Preference>,
 }
 
 #[derive(Clone, Debug, Args)]

@@ -34,6 +34,8 @@ fn make_touch_body(options: &Touch) -> Value {
     add("intensity_db", options.intensity_db.map(Value::from));
     add("count", options.rhythm.count.map(Value::from));
     add("period_ms", options.rhythm.period_ms.map(Value::from));
+    add("crisp_ms", options.crispness.crisp_ms.map(Value::from));
+    add("prefer", options.crispness.prefer.map(|prefer| prefer.name().into()));
     add("effect", options.effect.map(|effect| json!(effect)));
     add("from_ms", wishes.window.map(|window| window.from_ms.into()));
     add("to_ms", wishes.window.map(|window| window.to_ms.into()));

@@ -1,6 +1,6 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, CacheOptions, PanelOptions, Rhythm};
+use super::args::{At, CacheOptions, Crispness, PanelOptions, Rhythm};
 use super::headings::TOUCH;
 use super::panel::{
     collect_plan_bounds, make_target_from_at_option, prepare_table_with_fingers_at_places, tell_plan_bounds,
@@ -12,7 +12,7 @@ use crate::effects::{
 };
 use crate::model::Bound;
 use crate::planner::Request;
-use crate::planner::click::{CRISP_RANGE_S, ClickOptions, Preference};
+use crate::planner::click::ClickOptions;
 use crate::planner::rise::PanelPoles;
 use clap::Args;
 use serde_json::json;
@@ -42,28 +42,11 @@ pub struct EffectOptions {
     pub duration_ms: Option<f64>,
     #[command(flatten)]
     pub rhythm: Rhythm,
-    /// Longest time in ms until a click is quiet, 20 to 100 [default: 45]
-    #[arg(long, value_name = "T", value_parser = parse_crisp_ms)]
-    pub crisp_ms: Option<f64>,
-    /// What counts more for a click that cannot be both [default: strength]
-    #[arg(long, value_enum)]
-    pub prefer: Option<Preference>,
+    #[command(flatten)]
+    pub crispness: Crispness,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-}
-
-impl EffectOptions {
-    fn option_of_clicks_only_if_given(&self) -> Option<&'static str> {
-        let crisp = self.crisp_ms.is_some().then_some("--crisp-ms");
-        crisp.or(self.prefer.is_some().then_some("--prefer"))
-    }
-}
-
-fn parse_crisp_ms(text: &str) -> Result<f64, String> {
-    let (min_ms, max_ms) = (1e3 * CRISP_RANGE_S.0, 1e3 * CRISP_RANGE_S.1);
-    let found = text.parse::<f64>().ok().filter(|ms| (min_ms..=max_ms).contains(ms));
-    found.ok_or_else(|| format!("must be a number of ms from {min_ms} to {max_ms}"))
 }
 
 pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
@@ -74,14 +57,10 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         duration_ms: options.duration_ms,
         count: options.rhythm.count,
         period_ms: options.rhythm.period_ms,
+        crisp_ms: options.crispness.crisp_ms,
+        prefer: options.crispness.prefer,
     };
     request.build_envelope().map_err(Failure::usage_error)?;
-    if let Some(option) = options.option_of_clicks_only_if_given().filter(|_| effect != NamedEffect::Click) {
-        return Err(Failure::usage_error(format!(
-            "{option} is given, but only the effect click takes it, not {}",
-            effect.name()
-        )));
-    }
     let target = make_target_from_at_option(&scene, &options.at)?;
     let table =
         prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
@@ -96,12 +75,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         wanted,
     )?;
     let started = Instant::now();
-    let click = ClickOptions {
-        crisp_s: options.crisp_ms.map_or(ClickOptions::default().crisp_s, |ms| 1e-3 * ms),
-        preference: options.prefer.unwrap_or_default(),
-        with_bound: true,
-        force_fraction: 1.0,
-    };
+    let click = ClickOptions { with_bound: true, ..request.click_options() };
     let design = design_effect_with_windows(&table, &rise, &plan, request, click).map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);

@@ -2,6 +2,7 @@
 
 /// What a click is to be where it cannot be both strong and crisp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Preference {
@@ -10,6 +11,17 @@ pub enum Preference {
     Strength,
     /// Quiet at the time asked for, even if it is weaker
     Crispness,
+}
+
+impl Preference {
+    /// As in requests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Strength => "strength",
+            Self::Crispness => "crispness",
+        }
+    }
 }
 
 /// How a click is to be.

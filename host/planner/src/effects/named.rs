@@ -1,7 +1,9 @@
 //! The effects that have names, and their parameters.
 
+use crate::click::{CRISP_RANGE_S, ClickOptions, Preference};
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// Longest effect in ms; nobody needs more from one request.
 const LONGEST_MS: f64 = 10_000.0;
@@ -49,6 +51,10 @@ pub struct EffectRequest {
     pub count: Option<u32>,
     /// From one to the next, in ms: double click, pulse train, texture.
     pub period_ms: Option<f64>,
+    /// Longest time until it is quiet, in ms: click.
+    pub crisp_ms: Option<f64>,
+    /// What counts more if it cannot be both: click.
+    pub prefer: Option<Preference>,
 }
 
 /// Parameters that cannot be used.
@@ -78,17 +84,25 @@ pub enum EffectError {
         /// Name of the effect.
         effect: &'static str,
     },
+    /// A preference for an effect that is always as strong as was asked for.
+    #[error("prefer is {}, but the effect {effect} has no prefer", prefer.name())]
+    PreferNotTaken {
+        /// As given.
+        prefer: Preference,
+        /// Name of the effect.
+        effect: &'static str,
+    },
 }
 
 impl EffectError {
     /// Field, value and allowed range as text.
     #[must_use]
-    pub fn field_value_and_allowed_range(&self) -> (&'static str, f64, String) {
+    pub fn field_value_and_allowed_range(&self) -> (&'static str, Value, String) {
+        let absent = |field: &str, effect: &str| format!("absent, because the effect {effect} has no {field}");
         match self {
-            Self::Range { field, value, min, max, .. } => (field, *value, format!("{min} to {max}")),
-            Self::NotTaken { field, value, effect } => {
-                (field, *value, format!("absent, because the effect {effect} has no {field}"))
-            }
+            Self::Range { field, value, min, max, .. } => (field, (*value).into(), format!("{min} to {max}")),
+            Self::NotTaken { field, value, effect } => (field, (*value).into(), absent(field, effect)),
+            Self::PreferNotTaken { prefer, effect } => ("prefer", prefer.name().into(), absent("prefer", effect)),
         }
     }
 }
@@ -137,13 +151,19 @@ impl NamedEffect {
             Self::Texture => (Some((50.0, LONGEST_MS, 1000.0)), None, Some((25.0, 125.0, 50.0))),
         }
     }
+
+    /// Least, most and default of the time until quiet in ms.
+    fn crisp_limits_ms(self) -> Limits {
+        let (least_s, most_s) = CRISP_RANGE_S;
+        (self == Self::Click).then_some((1e3 * least_s, 1e3 * most_s, 1e3 * ClickOptions::default().crisp_s))
+    }
 }
 
 impl EffectRequest {
     /// An effect with its defaults.
     #[must_use]
     pub const fn with_defaults(effect: NamedEffect) -> Self {
-        Self { effect, duration_ms: None, count: None, period_ms: None }
+        Self { effect, duration_ms: None, count: None, period_ms: None, crisp_ms: None, prefer: None }
     }
 
     /// Duration in ms, count and period in ms; 0 where the effect has none.
@@ -159,11 +179,26 @@ impl EffectRequest {
         let duration_ms = one("duration_ms", self.duration_ms, duration)?;
         let count = one("count", self.count.map(f64::from), count)?;
         let period_ms = one("period_ms", self.period_ms, period)?;
+        one("crisp_ms", self.crisp_ms, self.effect.crisp_limits_ms())?;
+        if let Some(prefer) = self.prefer.filter(|_| self.effect != NamedEffect::Click) {
+            return Err(EffectError::PreferNotTaken { prefer, effect: name });
+        }
         if count * period_ms > LONGEST_MS {
             let max = (LONGEST_MS / period_ms).floor();
             return Err(EffectError::Range { field: "count", value: count, effect: name, min: 1.0, max });
         }
         Ok((duration_ms, count, period_ms))
+    }
+
+    /// How a click is to be.
+    #[must_use]
+    pub fn click_options(&self) -> ClickOptions {
+        let usual = ClickOptions::default();
+        ClickOptions {
+            crisp_s: self.crisp_ms.map_or(usual.crisp_s, |crisp_ms| 1e-3 * crisp_ms),
+            preference: self.prefer.unwrap_or_default(),
+            ..usual
+        }
     }
 
     /// What is to be designed, after a look at the parameters.
@@ -277,6 +312,18 @@ mod tests {
             (
                 EffectRequest { period_ms: Some(f64::NAN), ..of(NamedEffect::Texture) },
                 "period_ms is NaN, but the effect texture allows 25 to 125",
+            ),
+            (
+                EffectRequest { crisp_ms: Some(19.0), ..of(NamedEffect::Click) },
+                "crisp_ms is 19, but the effect click allows 20 to 100",
+            ),
+            (
+                EffectRequest { crisp_ms: Some(45.0), ..of(NamedEffect::DoubleClick) },
+                "crisp_ms is 45, but the effect double_click has no crisp_ms",
+            ),
+            (
+                EffectRequest { prefer: Some(Preference::Crispness), ..of(NamedEffect::Swell) },
+                "prefer is crispness, but the effect swell has no prefer",
             ),
             (
                 EffectRequest { count: Some(50), period_ms: Some(400.0), ..of(NamedEffect::PulseTrain) },

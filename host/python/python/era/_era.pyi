@@ -479,6 +479,8 @@ def effect(
     duration_ms: Optional[float] = None,
     count: Optional[int] = None,
     period_ms: Optional[float] = None,
+    crisp_ms: Optional[float] = None,
+    prefer: Optional[Literal["strength", "crispness"]] = None,
     tolerance: Optional[_Tolerance] = None,
 ) -> Effect: ...
 def modes(

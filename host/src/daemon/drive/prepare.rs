@@ -90,7 +90,7 @@ impl DriveEquipment {
                 let is_burst = self.plays_windows() && is_click_of_windows(&plan, request);
                 let mut design = if is_burst {
                     // A weaker wish may have another click: the same one is weakened.
-                    let options = ClickOptions { force_fraction, ..ClickOptions::default() };
+                    let options = ClickOptions { force_fraction, ..request.click_options() };
                     design_effect_with_windows(&self.table, rise, &wished, request, options)?
                 } else {
                     wished.targets.iter_mut().for_each(|target| target.wanted_g *= force_fraction);

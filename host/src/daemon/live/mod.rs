@@ -18,6 +18,7 @@ use crate::daemon::touch::Touch;
 use crate::daemon::touch::request::Feel;
 use crate::daemon::touch::request::Finger;
 use crate::effects::NamedEffect;
+use crate::planner::click::Preference;
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::Extension;
 use axum::extract::State;
@@ -73,6 +74,10 @@ pub struct PageMessage {
     count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
+    /// Longest time in ms until a click is below a tenth of its peak.
+    crisp_ms: Option<f64>,
+    /// What a click is where it cannot be both strong and crisp.
+    prefer: Option<Preference>,
 }
 
 /// What a page's message is about.
@@ -331,9 +336,7 @@ fn queue_touch_of_message_reporting_wrong_fingers(
     fingers: &PageFingers,
     replies: &mpsc::Sender<Value>,
 ) -> Option<Problem> {
-    let Ok(PageMessage { intensity_g, intensity_db, duration_ms, effect, count, period_ms, .. }) = &message.rest else {
-        return None;
-    };
+    let Ok(rest) = &message.rest else { return None };
     app.record_line("fingers", || {
         // What is no JSON is kept as it came.
         let message = serde_json::from_str::<Value>(text).unwrap_or_else(|_| text.into());
@@ -344,9 +347,16 @@ fn queue_touch_of_message_reporting_wrong_fingers(
     for problem in &problems {
         let _ = replies.try_send(build_error_message(problem));
     }
-    let effect = effect.or_else(|| down.iter().find_map(|checked| checked.finger.effect));
-    let (intensity_g, intensity_db, duration_ms) = (*intensity_g, *intensity_db, *duration_ms);
-    let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count: *count, period_ms: *period_ms };
+    let feel = Feel {
+        intensity_g: rest.intensity_g,
+        intensity_db: rest.intensity_db,
+        duration_ms: rest.duration_ms,
+        effect: rest.effect.or_else(|| down.iter().find_map(|checked| checked.finger.effect)),
+        count: rest.count,
+        period_ms: rest.period_ms,
+        crisp_ms: rest.crisp_ms,
+        prefer: rest.prefer,
+    };
     match Touch::from_fingers(&down, feel) {
         Ok(touch) => fingers.queue_fingers_down_dropping_oldest_if_full(touch, app.driver.stop_count()).err(),
         Err(problem) => {

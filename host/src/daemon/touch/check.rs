@@ -8,6 +8,7 @@ use crate::planner::request::MAX_QUIET_RADIUS_M;
 use crate::planner::schedule::{Span, Window, cut_windows_into_spans};
 use crate::planner::{QuietZone as PlannerQuietZone, Request, Target};
 use crate::scene::Scene;
+use serde_json::Value;
 use std::time::Duration;
 
 /// How long a touch over HTTP vibrates if it does not say, in ms.
@@ -177,13 +178,18 @@ impl Feel {
             (None, db) => db.map(Intensity::AboveThresholdDb),
         };
         let Some(effect) = self.effect else {
-            let alone = [("count", self.count.map(f64::from)), ("period_ms", self.period_ms)];
+            let alone = [
+                ("count", self.count.map(Value::from)),
+                ("period_ms", self.period_ms.map(Value::from)),
+                ("crisp_ms", self.crisp_ms.map(Value::from)),
+                ("prefer", self.prefer.map(|prefer| prefer.name().into())),
+            ];
             if let Some((field, value)) = alone.into_iter().find_map(|(field, value)| Some((field, value?))) {
                 let detail =
                     format!("{field} is {value}, but is allowed only together with effect, which is not given");
                 return Err(Problem::bad_body(detail).with_field_and_value(
                     field,
-                    value.into(),
+                    value,
                     "absent without an effect".into(),
                     None,
                 ));
@@ -194,8 +200,8 @@ impl Feel {
             }
             return Ok((intensity, DriveMode::Hold(Duration::from_secs_f64(duration_ms / 1e3))));
         };
-        let Feel { duration_ms, count, period_ms, .. } = *self;
-        let request = EffectRequest { effect, duration_ms, count, period_ms };
+        let Feel { duration_ms, count, period_ms, crisp_ms, prefer, .. } = *self;
+        let request = EffectRequest { effect, duration_ms, count, period_ms, crisp_ms, prefer };
         // Before anything is planned.
         request.build_envelope()?;
         Ok((intensity, DriveMode::Effect(request)))
@@ -276,7 +282,7 @@ fn check_and_cut_windows_into_spans(
 impl From<EffectError> for Problem {
     fn from(error: EffectError) -> Self {
         let (field, value, allowed) = error.field_value_and_allowed_range();
-        Self::new(ProblemKind::OutOfRange, error.to_string()).with_field_and_value(field, value.into(), allowed, None)
+        Self::new(ProblemKind::OutOfRange, error.to_string()).with_field_and_value(field, value, allowed, None)
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is asked for as it comes, over HTTP and over the live socket; nothing of it is checked.
 
 use crate::effects::NamedEffect;
+use crate::planner::click::Preference;
 use crate::planner::{Grouping, Objective, Weigh};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -45,6 +46,10 @@ pub struct TouchRequest {
     /// From one click, pulse or crest to the next, in ms: `double_click` 50 to 500 (120 if not given), `pulse_train` 10 to 1000 (60),
     /// `texture` 25 to 125 (50).
     pub period_ms: Option<f64>,
+    /// Longest time in ms until a `click` is below a tenth of its peak; 45 if not given. A double click keeps its own times.
+    pub crisp_ms: Option<f64>,
+    /// What a `click` is where it cannot be both: as strong as was asked for (`strength`, if not given), or quiet in time (`crispness`).
+    pub prefer: Option<Preference>,
     /// When the target begins to be wanted, in ms from now; 0 if only `to_ms` is given. Not with an effect.
     pub from_ms: Option<f64>,
     /// When that ends, in ms from now, at least 1 later; `duration_ms`, or the latest of all, if only `from_ms` is given. Not with an
@@ -111,6 +116,8 @@ impl TouchRequest {
             effect: self.effect,
             count: self.count,
             period_ms: self.period_ms,
+            crisp_ms: self.crisp_ms,
+            prefer: self.prefer,
         }
     }
 }
@@ -125,6 +132,8 @@ pub struct Feel {
     pub effect: Option<NamedEffect>,
     pub count: Option<u32>,
     pub period_ms: Option<f64>,
+    pub crisp_ms: Option<f64>,
+    pub prefer: Option<Preference>,
 }
 
 /// One finger.

@@ -8,6 +8,7 @@ use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATI
 use crate::effects::intensity::{MAX_DB, MIN_DB};
 use crate::effects::named::{COUNTS, PERIODS_MS};
 use crate::planner::MAX_QUIET_ZONES;
+use crate::planner::click::CRISP_RANGE_S;
 use crate::planner::request::{MAX_QUIET_RADIUS_M, MAX_TARGETS};
 use crate::planner::schedule::{MAX_WINDOW_MS, MIN_WINDOW_MS};
 use crate::study::tolerances::MOST;
@@ -23,6 +24,7 @@ fn list_field_ranges() -> Vec<(&'static str, f64, f64)> {
         ("duration_ms", least_ms, most_ms),
         ("count", COUNTS.0, COUNTS.1),
         ("period_ms", PERIODS_MS.0, PERIODS_MS.1),
+        ("crisp_ms", 1e3 * CRISP_RANGE_S.0, 1e3 * CRISP_RANGE_S.1),
         ("from_ms", 0.0, MAX_WINDOW_MS - MIN_WINDOW_MS),
         ("to_ms", MIN_WINDOW_MS, MAX_WINDOW_MS),
         ("x_px", 0.0, no_most),
