@@ -45,7 +45,7 @@ pub enum Error {
     #[error(transparent)]
     Python(#[from] python_environment::Error),
     /// The scene that measurements start from is not what they take it to be.
-    #[error("the example plate has no line {0:?}")]
+    #[error("the starting plate has no line {0:?}")]
     Scene(&'static str),
     /// Brute force found a better combination, or a worse one.
     #[error("with {actuators} actuators the search differs from brute force by {difference:e}")]

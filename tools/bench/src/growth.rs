@@ -27,7 +27,7 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
     let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
     let mut table = Table::new("(b) Growth: unknowns", &columns);
     table.above.push(String::from(
-        "The scene is the example plate with a loss factor of 0.005. The mesh has regular cells, and the modes and \
+        "The scene is the starting plate with a loss factor of 0.005. The mesh has regular cells, and the modes and \
          residual shapes are for 50 to 1000 Hz. Each size runs in a process of its own. Below the table, the growth of \
          time and memory is given as a power of the number of unknowns. This power follows from the two largest sizes.",
     ));
@@ -88,7 +88,7 @@ pub fn others(environment: &Environment) -> Result<Table, Error> {
     let columns = ["varied", "value", "unknowns", "coordinates", "mesh and factors", "modes", "sweep", "per frequency"];
     let mut table = Table::new("(b) Growth: modes, actuators, frequencies", &columns);
     table.above.push(format!(
-        "The scene is the example plate with a loss factor of 0.005, elements of order 7 and cells of {} mm. Each row \
+        "The scene is the starting plate with a loss factor of 0.005, elements of order 7 and cells of {} mm. Each row \
          varies one property. \"Coordinates\" is the number of modes and residual shapes. \"Sweep\" is the time for \
          the coordinates of all actuators at all frequencies. Times are medians.",
         CELL_M * 1e3
@@ -156,7 +156,7 @@ fn mesh(
     Ok(Outcome { mesh_s, modes_s, sweep_s, ..all.swap_remove(0) })
 }
 
-/// The example plate with 1 to 4 actuators: its own two, and two more placed off its centre lines.
+/// The starting plate with 1 to 4 actuators: its own two, and two more placed off its centre lines.
 fn write_scene(environment: &Environment, actuators: usize) -> Result<std::path::PathBuf, Error> {
     const BLOCK: &str = "[[actuator]]";
     let text = scene_text()?;

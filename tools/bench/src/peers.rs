@@ -88,7 +88,7 @@ pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
     let columns = ["method", "mesh", "unknowns", "set-up", "sweep", "timed at", "total", "error"];
     let mut table = Table::new("(c) Side by side: every measurement", &columns);
     table.above.push(format!(
-        "The problem is the example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads \
+        "The problem is the starting plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads \
          and {} points. Each method has one thread. The error is the largest difference from the most accurate answer \
          on any curve, relative to the peak of the curve. \"Set-up\" is the time from the scene to the matrices and \
          modes. \"Timed at\" is the number of frequencies at which the sweep was timed. If this number is below that \

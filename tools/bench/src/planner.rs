@@ -24,10 +24,10 @@ const CHECKED: [u32; 4] = [40, 3, 6, 6];
 const STEPS_HZ: [f64; 4] = [FINE_HZ, FINE_HZ, 7.2, 16.0];
 /// Relative difference from brute force that rounding may make.
 const SAME: f64 = 1e-9;
-/// Where actuators three and four are put on the example plate, in mm.
+/// Where actuators three and four are put on the starting plate, in mm.
 const MORE_MM: [(f64, f64); 2] = [(150.0, 60.0), (150.0, 150.0)];
 
-/// The example plate with its first one or two actuators, or with more of the same kind.
+/// The starting plate with its first one or two actuators, or with more of the same kind.
 fn scene(actuators: usize) -> Result<Scene, Error> {
     let mut text = STARTING_PLATE.to_owned();
     if actuators == 1 {
@@ -42,7 +42,7 @@ fn scene(actuators: usize) -> Result<Scene, Error> {
              max_voltage_v = 2000.0\n"
         );
     }
-    Ok(Scene::parse("example plate", &text)?)
+    Ok(Scene::parse("starting plate", &text)?)
 }
 
 fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
@@ -77,7 +77,7 @@ pub fn tables() -> Result<Vec<Table>, Error> {
         ],
     );
     times.above.push(
-        "These plans are for the example plate at the accuracy `balanced`, with 1001 frequencies and one \
+        "These plans are for the starting plate at the accuracy `balanced`, with 1001 frequencies and one \
          thread. The time is for the complete plan: the best combination, its proof, the refinement between the \
          frequencies of the grid, the safety check with moving masses, the prediction and the error bound. Touches ask \
          for 0.05 to 0.5 g, and for 20 g, which no place reaches."

@@ -33,7 +33,7 @@ fn draw(path: &Path, responses: &[Point], modes: &[Point]) -> Result<(), Box<dyn
         .light_line_style(WHITE)
         .draw()?;
     let series = [
-        ("951 responses of the example plate", responses, RGBColor(31, 90, 160)),
+        ("951 responses of the starting plate", responses, RGBColor(31, 90, 160)),
         ("modes of nine reference panels", modes, RGBColor(190, 80, 20)),
     ];
     for (name, points, colour) in series {

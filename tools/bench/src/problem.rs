@@ -1,4 +1,4 @@
-//! The problem that is solved side by side: the example plate with a loss factor of 0.005, 1000 frequencies from 50 to
+//! The problem that is solved side by side: the starting plate with a loss factor of 0.005, 1000 frequencies from 50 to
 //! 1000 Hz, 1 N at each actuator alone, acceleration at all points of a 49 x 33 grid.
 
 use crate::error::Error;

@@ -28,7 +28,7 @@ const NOTHING: f64 = 1e-6;
 /// How much tighter the solution is that stands for the exact one.
 const EXACT: f64 = 1e-2;
 
-/// The price: the sweep of the example plate with and without its bound.
+/// The price: the sweep of the starting plate with and without its bound.
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Curves`], [`Error::Response`].
@@ -36,7 +36,7 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
     let runs = if environment.quick { 3 } else { 15 };
     let columns =
         ["tolerance", "answer alone", "with its bound", "ratio", "levels as they were", "ratio", "bound", "bound then"];
-    let mut table = Table::new("(f) The price of proof: sweep of the example plate", &columns);
+    let mut table = Table::new("(f) The price of proof: sweep of the starting plate", &columns);
     let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
     for tolerance in [1e-2, 1e-3] {
         let accuracy = Accuracy::from_tolerance(tolerance)?;

@@ -42,7 +42,7 @@ const EXAMPLE: Case = Case {
     options: TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 },
 };
 
-/// The example plate, of the case's size, with ERAs anywhere on it, a tenth of its sides from the edges, by a low-discrepancy sequence.
+/// The starting plate, of the case's size, with ERAs anywhere on it, a tenth of its sides from the edges, by a low-discrepancy sequence.
 fn designs(case: Case, count: u32) -> Result<Vec<Scene>, Error> {
     let plate = Scene::parse("examples/scenes/plate.toml", STARTING_PLATE)?;
     let design = |number: u32| {
@@ -133,7 +133,7 @@ fn side_by_side(environment: &Environment) -> Result<Table, Error> {
     let peer_s = median(peer.collect::<Result<_, _>>()?);
     off.sort_by(f64::total_cmp);
     let columns = ["way", "designs", "each", "designs a second", "times the thorough look"];
-    let mut table = Table::new("Designs of the example plate: its weakest place", &columns);
+    let mut table = Table::new("Designs of the starting plate: its weakest place", &columns);
     let mut row = |name: &str, designs: usize, s: f64| {
         let speed = format!("{:.1}", 1.0 / s);
         table.row([name.to_owned(), designs.to_string(), seconds(s), speed, times(thorough_s / s)]);

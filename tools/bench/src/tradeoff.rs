@@ -58,7 +58,7 @@ fn largest(bounds: &[Option<f64>]) -> f64 {
         .fold(0.0, |a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) })
 }
 
-/// Responses of the example plate at a point.
+/// Responses of the starting plate at a point.
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
@@ -106,7 +106,7 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
         points.push(Point { time_s: outcome.elapsed_s, error, bound });
     }
     table.above.push(format!(
-        "The scene is the example plate with a loss factor of 0.005. The program computes the acceleration at {}, {} \
+        "The scene is the starting plate with a loss factor of 0.005. The program computes the acceleration at {}, {} \
          mm for 1 N at each of two actuators, and the bound, at {} frequencies from 50 to 1000 Hz. \"Time\" is for all \
          meshes of the sequence, from the scene to the answer, in a separate process. The error is the difference from \
          the most accurate answer, relative to the peak of the curve. The most accurate answer has elements of order \

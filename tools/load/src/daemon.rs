@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
-/// Longest time from its start until it serves: a model of the example plate takes a second or two.
+/// Longest time from its start until it serves: a model of the starting plate takes a second or two.
 const START: Duration = Duration::from_secs(60);
 /// Lines of its log that are kept for people.
 const KEPT_LINES: usize = 40;

@@ -118,7 +118,7 @@ pub fn list_cases() -> Vec<Case> {
         make_case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
         make_get_case("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
         make_case(
-            "`POST /v1/preview`, the example plate",
+            "`POST /v1/preview`, the starting plate",
             "2 at a time, one of each client, 16 wait, 10 s, ends with its sender",
             "POST",
             "/v1/preview",

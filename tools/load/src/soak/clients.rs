@@ -24,7 +24,7 @@ const MOST_MOVES: u64 = 6;
 const STRONGEST_G: f64 = 1000.0;
 /// How long a drag of which a place was refused may still be shown.
 const STILL: Duration = Duration::from_secs(1);
-/// The example plate's screen in pixels.
+/// The starting plate's screen in pixels.
 const SCREEN_PX: [u32; 2] = [1920, 1280];
 
 fn pause_randomly(random: &mut Rng) {

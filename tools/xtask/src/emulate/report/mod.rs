@@ -23,26 +23,49 @@ mod windows;
 use crate::error::Error;
 use board::EmulatedBoard;
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use table::ReportTable;
 
-/// Runs it all and prints the table as it grows.
+/// The parts of the report, each of which powers its board up itself, the longest first.
+const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
+    session::check_session,
+    trips::check_trips,
+    failures::check_failures,
+    electrodes::check_electrode_currents,
+    permit::check_permit,
+    settings::check_settings_adding_row_on_error,
+    load::check_processor_load,
+];
+
+/// Runs all parts, as many at a time as there are processors, each on a board of its own, and prints the rows of each when it is done.
 ///
 /// # Errors
 /// [`Error::Report`] with the number of rows that are not as expected, or what kept the report from being made.
 pub fn run_board_checks_printing_report(image: &Path) -> Result<(), Error> {
-    let mut board = EmulatedBoard::start(image)?;
-    let mut table = ReportTable::new();
-    session::check_session(&mut board, &mut table);
-    trips::check_trips(&mut board, &mut table);
-    permit::check_permit(&mut board, &mut table);
-    electrodes::check_electrode_currents(&mut board, &mut table);
-    table.run_part_adding_row_on_error("settings", |table| {
-        settings::check_register_settings_and_trip_thresholds(&mut board, table)
-    });
-    failures::check_failures(&mut board, &mut table);
-    load::check_processor_load(&mut board, &mut table);
-    table.print_figures_and_wrong_rows();
-    match table.count_wrong_rows() {
+    ReportTable::print_head();
+    let (next, whole) = (AtomicUsize::new(0), Mutex::new(ReportTable::default()));
+    let run_parts = || -> Result<(), Error> {
+        while let Some(check) = PARTS.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let mut table = ReportTable::default();
+            check(&mut EmulatedBoard::start(image)?, &mut table);
+            if let Ok(mut whole) = whole.lock() {
+                table.print_rows();
+                whole.append(table);
+            }
+        }
+        Ok(())
+    };
+    let boards = thread::available_parallelism().map_or(1, usize::from).min(PARTS.len());
+    thread::scope(|scope| {
+        let threads: Vec<_> = (0..boards).map(|_| scope.spawn(run_parts)).collect();
+        let ends = threads.into_iter().map(|thread| thread.join().unwrap_or(Err(Error::Report(1))));
+        ends.collect::<Result<(), Error>>()
+    })?;
+    let whole = whole.into_inner().map_err(|_| Error::Report(1))?;
+    whole.print_figures_and_wrong_rows();
+    match whole.count_wrong_rows() {
         0 => Ok(()),
         wrong => Err(Error::Report(wrong)),
     }

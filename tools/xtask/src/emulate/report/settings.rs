@@ -95,14 +95,17 @@ const SETTINGS: [Setting; 42] = [
     new_register_setting("DBGMCU CR", 0xE004_2004, 0b111, 0),
 ];
 
+/// The whole part of the report.
+pub fn check_settings_adding_row_on_error(board: &mut EmulatedBoard, table: &mut ReportTable) {
+    table.run_part_adding_row_on_error("settings", |table| check_register_settings_and_trip_thresholds(board, table));
+}
+
 /// Compares every setting, and tries thresholds from both sides.
-///
-/// # Errors
-/// If the board does not answer.
-pub fn check_register_settings_and_trip_thresholds(
+fn check_register_settings_and_trip_thresholds(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {
+    super::trips::power_up_and_drive(board)?;
     // Off, whatever came before: the main output enable of TIM16, which gives the permit, is set while the board is armed.
     board.send_request(&Request::Stop)?;
     for Setting { name, address, mask, expected } in SETTINGS {

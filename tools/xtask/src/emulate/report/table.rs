@@ -6,19 +6,30 @@ use crate::error::Error;
 const STEP: usize = 34;
 const EXPECTED: usize = 62;
 
-/// Rows so far, printed as they come, and figures for the end.
-#[derive(Debug)]
+/// Rows so far, and figures for the end.
+#[derive(Debug, Default)]
 pub struct ReportTable {
-    rows: usize,
+    lines: Vec<String>,
     wrong: Vec<String>,
     figures: Vec<(String, String)>,
 }
 
 impl ReportTable {
-    /// Prints the head.
-    pub fn new() -> Self {
+    /// Prints the names of the columns.
+    pub fn print_head() {
         println!("{:<STEP$} | {:<EXPECTED$} | seen | ", "step", "expected");
-        Self { rows: 0, wrong: Vec::new(), figures: Vec::new() }
+    }
+
+    /// Prints the rows.
+    pub fn print_rows(&self) {
+        println!("{}", self.lines.join("\n"));
+    }
+
+    /// Adds the rows and figures of another table.
+    pub fn append(&mut self, other: Self) {
+        self.lines.extend(other.lines);
+        self.wrong.extend(other.wrong);
+        self.figures.extend(other.figures);
     }
 
     /// One row that is right if both columns are the same.
@@ -28,9 +39,8 @@ impl ReportTable {
 
     /// One row.
     pub fn add_row(&mut self, step: &str, expected: &str, seen: &str, is_right: bool) {
-        self.rows += 1;
         let verdict = if is_right { "ok" } else { "WRONG" };
-        println!("{step:<STEP$} | {expected:<EXPECTED$} | {seen} | {verdict}");
+        self.lines.push(format!("{step:<STEP$} | {expected:<EXPECTED$} | {seen} | {verdict}"));
         if !is_right {
             self.wrong.push(step.to_owned());
         }
@@ -78,7 +88,7 @@ impl ReportTable {
         for (name, value) in &self.figures {
             println!("{name:<60} {value}");
         }
-        println!("{} rows, {} wrong", self.rows, self.wrong.len());
+        println!("{} rows, {} wrong", self.lines.len(), self.wrong.len());
         for step in &self.wrong {
             println!("wrong: {step}");
         }
