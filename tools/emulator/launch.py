@@ -67,7 +67,7 @@ def main():
             sys.exit(2)
         environment = {**os.environ, "ERA_ELF": os.path.abspath(elf)}
         os.chdir(HERE)
-        tests = ["test_board", "test_overlays", "test_first_stage", "test_pulses", "test_leash"]
+        tests = ["test_board", "test_overlays", "test_first_stage", "test_pulses", "test_registers", "test_pin_map", "test_leash"]
         os.execve(PYTHON, [str(PYTHON), "-m", "unittest", *tests], environment)
     if "--setup-only" not in arguments:
         os.execv(PYTHON, [str(PYTHON), str(HERE / "bridge.py"), *arguments])

@@ -28,6 +28,11 @@ REGISTERS = {
 CEN, UDIS, OPM, DIR, CMS, ARPE, DITHEN = 1 << 0, 1 << 1, 1 << 3, 1 << 4, 0b11 << 5, 1 << 7, 1 << 12
 OSSI, OSSR, BKE, AOE, MOE = 1 << 10, 1 << 11, 1 << 12, 1 << 14, 1 << 15
 UG = 1 << 0
+CCPC = 1 << 0
+# TIM3's CR2.MMS = 0001 tells of its CEN; SMCR: SMS = 0110 is trigger mode, TS = 00010 is ITR2, which is TIM3.
+SLAVE_MASK, SLAVE_OF_TIM3, MASTER_MASK, MASTER_TELLS_ENABLE = 0x31_0077, 0x26, 0x200_0070, 0x10
+# Where OCxPE and OCxM of a register's first channel are.
+OCPE_SHIFT, OCM_SHIFT, OCM_3_SHIFT = 3, 4, 16
 # OCxM; the combined modes join a channel's own reference, which is that of PWM mode 1 or 2, with that of its neighbour.
 FROZEN, FORCED, PWM_1, PWM_2, COMBINED = 0b0000, (0b0100, 0b0101), (0b0110, 0b1100), (0b0111, 0b1101), {0b1100: any, 0b1101: all}
 
@@ -49,7 +54,7 @@ class PulseTimer:
     def write_register(self, register, value):
         self.written[register] = value
         cr1 = self.written["cr1"]
-        if cr1 & (CMS | DITHEN) or self.written["cr2"] & 1:
+        if cr1 & (CMS | DITHEN) or self.written["cr2"] & CCPC:
             raise ValueError(f"{register} = {value:#x}: a mode that is not rebuilt")
         if register == "egr" and value & UG:
             self.part = 0
@@ -70,7 +75,7 @@ class PulseTimer:
     def read_compare_mode(self, channel):
         """OCxM, whose highest bit lies apart, and OCxPE."""
         bits = self.written["ccmr1" if channel < 2 else "ccmr2"] >> 8 * (channel % 2)
-        return bits >> 4 & 0b0111 | bits >> 13 & 0b1000, bits >> 3 & 1
+        return bits >> OCM_SHIFT & 0b111 | (bits >> OCM_3_SHIFT & 1) << 3, bits >> OCPE_SHIFT & 1
 
     def begin_period(self, is_due=True):
         """The counter begins anew, with an update event if it is due."""
@@ -160,8 +165,7 @@ def rebuild_levels(snapshots, until):
             for register in REGISTERS:
                 if snapshot[name][register] != last[name].get(register):
                     timer.write_register(register, snapshot[name][register])
-            # TIM3's CR2.MMS = 001 tells of its CEN; SMCR: SMS = 0110 is trigger mode, TS = 00010 is ITR2, which is TIM3.
-            is_slave = timer.written["smcr"] & 0x31_0077 == 0x26 and master["cr2"] & 0x200_0070 == 0x10
+            is_slave = timer.written["smcr"] & SLAVE_MASK == SLAVE_OF_TIM3 and master["cr2"] & MASTER_MASK == MASTER_TELLS_ENABLE
             if is_slave and master["cr1"] & CEN and not was_running:
                 timer.written["cr1"] |= CEN
             timer.note_levels()

@@ -1,9 +1,9 @@
 """Between the chip and the supply: what the chip's pins ask of the supply, and what its converter and comparators see."""
 
 from chip import (
-    ADC1, ADC2, ADC3, ADC4, ADSTART, CFGR, CFGR2, CLOCK_HZ, CONT, CONVERTER_CLOCKS, CONVERTING, CR, DAC1, DR, EOC_SET, FULL_SCALE_CODE, JDR1,
-    JSQR, JSQR_PLACES, ROVSE, SAMPLING, SMPR1, SQR1, SQR1_PLACES, STARTED, STARTED_INJECTED, STARTED_REGULAR, SUPPLY_V, VREFINT_V, dac_code,
-    dac_volts,
+    ADC1, ADC2, ADC3, ADC4, ADSTART, CFGR, CFGR2, CLOCK_HZ, CONT, CONVERTER_CLOCKS, CONVERTING, CR, DAC1, DR, EOC_SET, FULL_SCALE_CODE,
+    JDR1, JSQR, JSQR_PLACES, OVSR_SHIFT, OVSS_SHIFT, ROVSE, SAMPLING, SMP_BITS, SMPR1, SQR1, SQR1_PLACES, STARTED, STARTED_INJECTED,
+    STARTED_REGULAR, SUPPLY_V, VREFINT_V, dac_code, dac_volts,
 )
 from pins import DISCHARGE_OPEN, HIGH_VOLTAGE_ENABLE
 
@@ -11,6 +11,8 @@ from pins import DISCHARGE_OPEN, HIGH_VOLTAGE_ENABLE
 RAIL_FULL_SCALE_V = 2500.0
 AVERAGE_FULL_SCALE_A = 2e-3
 SHUNT_FULL_SCALE_A = 20e-3
+# Input of ADC2 that carries the average current.
+AVERAGE_INPUT = 7
 
 # After a pause of a ms the first conversion may be wrong (errata sheet ES0430). The pause is judged while nothing is converted, up to a tick of the
 # firmware's before the next conversion: half a ms is as long as one that may reach a ms by then.
@@ -105,13 +107,13 @@ class Sensing:
         if self.mean_began is None:
             self.mean_began = now
         control, channel = read(ADC2 + CFGR2), read(ADC2 + SQR1) >> SQR1_PLACES[0] & 0x1F
-        ratio, shift = (2 << (control >> 2 & 0b111), control >> 5 & 0b1111) if control & ROVSE else (1, 0)
-        sampling = SAMPLING[read(ADC2 + SMPR1) >> 3 * channel & 0b111]
+        ratio, shift = (2 << (control >> OVSR_SHIFT & 0b111), control >> OVSS_SHIFT & 0b1111) if control & ROVSE else (1, 0)
+        sampling = SAMPLING[read(ADC2 + SMPR1) >> SMP_BITS * channel & 0b111]
         began, before = self.mean_began
         if clock - began < ratio * (sampling + CONVERTING) * CONVERTER_CLOCKS:
             return
         self.mean_began = now
-        mean = self.supply.measured_current((now[1] - before) / ((clock - began) / CLOCK_HZ)) if channel == 7 else 0.0
+        mean = self.supply.measured_current((now[1] - before) / ((clock - began) / CLOCK_HZ)) if channel == AVERAGE_INPUT else 0.0
         code = self.convert(clamp(mean / AVERAGE_FULL_SCALE_A * SUPPLY_V), ratio * FULL_SCALE_CODE)
         self.sim.write_u32(ADC2 + DR, code >> shift)
         self.sim.write_u32(ADC2 + EOC_SET, 1)

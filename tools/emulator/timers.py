@@ -29,10 +29,12 @@ UIF = 1 << 0
 OSSI, OSSR, MOE = 1 << 10, 1 << 11, 1 << 15
 CCXE, CCXNE = 1 << 0, 1 << 2
 OIS1_SHIFT = 8
-# SMCR: SMS (its fourth bit lies apart) = 0110, trigger mode, and TS = ITR2, which is TIM3 for all four; CR2 of TIM3: MMS = 001,
-# TRGO tells CEN.
+# CCMR1: preload of the first channel.
+OC1PE_SHIFT = 3
+# SMCR: SMS (its fourth bit lies apart) = 0110, trigger mode, and TS = ITR2, which is TIM3 for all four; CR2 of TIM3: MMS
+# (its fourth bit lies apart) = 0001, TRGO tells CEN.
 SLAVE_MASK, SLAVE_OF_TIM3 = 1 << 16 | 0b11 << 20 | 0b111 << 4 | 0b111, 0b010 << 4 | 0b110
-MASTER_MASK, MASTER_TELLS_ENABLE = 0b111 << 4, 0b001 << 4
+MASTER_MASK, MASTER_TELLS_ENABLE = 1 << 25 | 0b111 << 4, 0b001 << 4
 
 # Which timer and pins make which ERA's windows, in the order of the channels.
 TIMERS = {"TIM1": 0x4001_2C00, "TIM8": 0x4001_3400, "TIM20": 0x4001_5000, "TIM4": 0x4000_0800}
@@ -91,8 +93,7 @@ class Timer:
         for pair, mode in enumerate(("ccmr1", "ccmr2")):
             modes = self.read(mode)
             for place in (0, 1):
-                # OCxPE.
-                if not modes >> (3 + 8 * place) & 1:
+                if not modes >> (OC1PE_SHIFT + 8 * place) & 1:
                     ccr[2 * pair + place] = self.read(f"ccr{2 * pair + place + 1}") & 0xFFFF
         self.shadow["ccr"] = tuple(ccr)
 

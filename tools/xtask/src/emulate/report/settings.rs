@@ -48,7 +48,7 @@ const SETTINGS: [Setting; 42] = [
     // TIM5 measures LSI (29.5): TI1SEL (3:0) = 0001; CC1S (1:0) = 01, no prescaler, no filter; CC1E; TS (21:20, 6:4) = 00101, SMS (16, 2:0) = 0100.
     new_register_setting("TIM5 TISEL", 0x4000_0C5C, 0xF, 1),
     new_register_setting("TIM5 CCMR1", 0x4000_0C18, 0xFF, 0x01),
-    new_register_setting("TIM5 CCER", 0x4000_0C20, 0xF, 0x1),
+    new_register_setting("TIM5 CCER", 0x4000_0C20, 0xB, 0x1),
     new_register_setting("TIM5 SMCR", 0x4000_0C08, 0x0031_0077, 0x54),
     // OCRSEL (18:16): 011, the output of comparator 4.
     new_register_setting("TIM4 AF2", 0x4000_0864, 0x0007_0000, 0x0003_0000),
