@@ -167,9 +167,9 @@ fn is_same(field: &str, a: f64, b: f64) -> bool {
 }
 
 #[test]
-fn the_example_plate() {
+fn the_starting_plate() {
     Places {
-        scene: "plate.toml",
+        scene: "starting_plate.toml",
         middle: "151.3,98.7",
         edge: "297.15,83.4",
         corner: "4.85,193.65",

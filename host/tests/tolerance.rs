@@ -69,6 +69,7 @@ fn bounds_hold_where_two_levels_agree_by_chance() {
 fn the_default_tolerance_is_met_at_any_frequency() {
     let scenes = [
         shipped("plate.toml"),
+        shipped("starting_plate.toml"),
         shipped("bar.toml"),
         shipped("stepped_bar.toml"),
         shipped("bezel.toml"),
@@ -100,7 +101,7 @@ fn the_default_tolerance_is_met_at_any_frequency() {
 #[test]
 fn plans_meet_the_default_tolerance() {
     let options = TableOptions::default();
-    for name in ["plate.toml", "bar.toml", "stepped_bar.toml", "bezel.toml", "camera.toml"] {
+    for name in ["plate.toml", "starting_plate.toml", "bar.toml", "stepped_bar.toml", "bezel.toml", "camera.toml"] {
         let scene = shipped(name);
         let levels = ReducedLevels::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap();
         let table = PlanTable::from_levels(&scene, levels, options).unwrap();
