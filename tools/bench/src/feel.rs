@@ -4,7 +4,7 @@ use crate::clock::median;
 use crate::error::Error;
 use crate::table::Table;
 use era_model::model::{Accuracy, levels::ReducedLevels};
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene, SurfaceKind};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene, SurfaceKind};
 use era_planner::click::measures::{ClickMeasures, QUIET, measure_click};
 use era_planner::click::{ClickDesign, ClickOptions, design_click_windows, simulate_felt_motion_of_windows};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
@@ -131,6 +131,7 @@ fn click_at(table: &PlanTable, off: &[PlanTable], (x_m, y_m): (f64, f64), others
 pub fn tables() -> Result<Vec<Table>, Error> {
     let scenes = [
         ("plate", EXAMPLE_PLATE.to_owned()),
+        ("starting plate", STARTING_PLATE.to_owned()),
         ("bar", EXAMPLE_BAR.to_owned()),
         ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned()),
         ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned()),
