@@ -1,6 +1,6 @@
 //! A device under test: a client on its link, and what can be done to it from outside.
 
-use era::device::emulated::CHANNEL_TIMERS;
+use crate::outputs::{ChannelOutputs, CheckRecord, OutputCheck, convert_simulated_outputs, read_emulated_outputs};
 use era::device::sim::{SimControl, SimKnobs, SimPanel};
 use era::device::{Client, LinkError, OpenDevice, Target};
 use era::planner::softening::Transducer;
@@ -13,9 +13,9 @@ use era_shared::protocol::{
     WelcomeReply,
 };
 use era_shared::safety::SafetyState;
-use era_shared::waveform::TimerRegisters;
 use nalgebra::{DMatrix, DVector};
 use serde_json::json;
+use std::cell::RefCell;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
@@ -29,34 +29,33 @@ pub const VOLTAGE_MILLIVOLTS: u32 = 50_000;
 #[derive(Debug)]
 pub struct Bench {
     pub(crate) device: OpenDevice,
+    pub(crate) checks: RefCell<CheckRecord>,
 }
 
 impl Bench {
     /// A simulated device over a panel of one mode.
-    pub(crate) fn start_simulated() -> Result<Self, String> {
-        // 100 Hz, 5 % damping, a force for each channel: the suite is about the device, not about the panel.
-        let omega = std::f64::consts::TAU * 100.0;
-        let system = ModalSystem {
-            lambda: DVector::from_element(1, omega * omega),
-            damping: DMatrix::from_element(1, 1, 0.1 * omega),
-            force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
-        };
-        let panel = || {
-            (SimPanel::new(&system, vec![Transducer::with_fixed_force(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS])
-        };
-        Self::open_target(&Target::Sim, panel)
+    ///
+    /// # Errors
+    /// If the system gives no pseudo-terminal.
+    pub fn start_simulated() -> Result<Self, String> {
+        Self::open_target(&Target::Sim, make_one_mode_panel)
     }
 
     pub(crate) fn start_emulated() -> Result<Self, String> {
         Self::open_target(&Target::Emulated, make_empty_panel)
     }
 
-    pub(crate) fn open_board(port: &str) -> Result<Self, String> {
+    /// A board at this serial port.
+    ///
+    /// # Errors
+    /// If the port cannot be opened.
+    pub fn open_board(port: &str) -> Result<Self, String> {
         Self::open_target(&Target::Serial(port.into()), make_empty_panel)
     }
 
     fn open_target(target: &Target, panel: impl FnOnce() -> (SimPanel, Vec<f64>)) -> Result<Self, String> {
-        Ok(Self { device: OpenDevice::open(target, panel).map_err(|error| error.to_string())? })
+        let device = OpenDevice::open(target, panel).map_err(|error| error.to_string())?;
+        Ok(Self { device, checks: RefCell::default() })
     }
 
     /// A fresh client, on a device that is safe, rested and without a fault.
@@ -78,6 +77,11 @@ impl Bench {
 
     fn open_client(&self) -> Result<Client, String> {
         self.device.open_client().map_err(|error| error.to_string())
+    }
+
+    /// The checks of outputs since the last call, and whether each was observed.
+    pub(crate) fn take_check_record(&self) -> CheckRecord {
+        self.checks.take()
     }
 
     /// The simulated device's knobs.
@@ -111,42 +115,17 @@ impl Bench {
             .map_err(|error| error.to_string())
     }
 
-    /// The timers' registers, where they can be seen: in the emulator.
+    /// The outputs of all channels, for this check. If they cannot be observed, this is `None`, and the check is recorded
+    /// as not observed.
     ///
     /// # Errors
     /// If the emulator fails.
-    pub fn read_timer_registers(&self) -> Result<Option<Vec<TimerRegisters>>, String> {
-        self.device
-            .emulated_board_if_emulated()
-            .map(|board| board.read_timer_registers().map_err(|error| error.to_string()))
-            .transpose()
-    }
-
-    /// Counter and ticks in a period of each channel's timer, all at one moment, where they can be seen: in the emulator.
-    ///
-    /// # Errors
-    /// If the emulator fails.
-    pub fn read_counters_and_periods(&self) -> Result<Option<Vec<(u32, u32)>>, String> {
-        let Some(board) = self.device.emulated_board_if_emulated() else { return Ok(None) };
-        let answer =
-            board.send_bridge_command_and_await_answer(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
-        let register = |timer: &str, key: &str| {
-            let value = answer["timers"][timer][key].as_u64().and_then(|value| u32::try_from(value).ok());
-            value.ok_or_else(|| format!("no register {key} of {timer}"))
-        };
-        let count = |timer: &&str| Ok((register(timer, "cnt")?, register(timer, "arr")? + 1));
-        CHANNEL_TIMERS.iter().map(count).collect::<Result<Vec<_>, String>>().map(Some)
-    }
-
-    /// How each electrode's pin is driven, where it can be seen.
-    ///
-    /// # Errors
-    /// If the emulator fails.
-    pub fn read_pins(&self) -> Result<Option<serde_json::Value>, String> {
-        let ask = |board: &era::device::emulated::EmulatedBoard| {
-            board.send_bridge_command_and_await_answer(&json!({"op": "pins"}))
-        };
-        self.device.emulated_board_if_emulated().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
+    pub fn observe_outputs_for(&self, check: OutputCheck) -> Result<Option<Vec<ChannelOutputs>>, String> {
+        let emulated = self.device.emulated_board_if_emulated().map(read_emulated_outputs).transpose();
+        let simulated = || self.sim_control().map(|control| convert_simulated_outputs(&control.last_outputs()));
+        let outputs = emulated.map_err(|error| error.to_string())?.or_else(simulated);
+        self.checks.borrow_mut().insert(check, outputs.is_some());
+        Ok(outputs)
     }
 
     /// Lets `time` pass on the device's own clock without a word to it.
@@ -160,18 +139,16 @@ impl Bench {
                 board.send_bridge_command_and_await_answer(&command).map(|_| ()).map_err(|error| error.to_string())
             }
             None => {
+                let sim_time_s = || self.sim_control().map(|control| control.last_outputs().time_s);
+                let (begun, end_s) = (Instant::now(), sim_time_s().map(|now_s| now_s + time.as_secs_f64()));
                 std::thread::sleep(time);
+                // The simulated device's clock stands still while the computer does.
+                while sim_time_s() < end_s && begun.elapsed() < time + Duration::from_secs(10) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
                 Ok(())
             }
         }
-    }
-
-    /// Lets `time` pass where the timers can be looked at, and where a slow drive would otherwise be looked at too early.
-    ///
-    /// # Errors
-    /// If the emulator fails.
-    pub fn wait_if_emulated(&self, time: Duration) -> CaseResult {
-        if self.device.emulated_board_if_emulated().is_some() { self.wait_silently(time) } else { Ok(()) }
     }
 
     /// Writes bytes to the device's port and returns the frames that come back until it is quiet.
@@ -210,6 +187,19 @@ impl Bench {
         }
         Ok(replies)
     }
+}
+
+/// A panel of one mode, and the voltage limits of its channels.
+#[must_use]
+pub fn make_one_mode_panel() -> (SimPanel, Vec<f64>) {
+    // 100 Hz, 5 % damping, a force for each channel: the suite is about the device, not about the panel.
+    let omega = std::f64::consts::TAU * 100.0;
+    let system = ModalSystem {
+        lambda: DVector::from_element(1, omega * omega),
+        damping: DMatrix::from_element(1, 1, 0.1 * omega),
+        force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
+    };
+    (SimPanel::new(&system, vec![Transducer::with_fixed_force(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS])
 }
 
 fn make_empty_panel() -> (SimPanel, Vec<f64>) {
@@ -363,7 +353,7 @@ impl TestSession<'_> {
         }
     }
 
-    /// The status, which must show this state and, in the emulator, outputs to match.
+    /// The status, which must show this state, and outputs to match.
     ///
     /// # Errors
     /// If it does not.
@@ -376,8 +366,8 @@ impl TestSession<'_> {
             // Drives that were taken off end with their periods; the electrodes are then disconnected.
             self.bench.wait_silently(Duration::from_millis(20))?;
         }
-        if let Some(timers) = self.bench.read_timer_registers()? {
-            let energised = timers.iter().any(TimerRegisters::is_counting_with_outputs_enabled);
+        if let Some(outputs) = self.bench.observe_outputs_for(OutputCheck::Energised)? {
+            let energised = outputs.iter().any(|channel| channel.energised);
             check_equal("some timer energises electrodes", energised, wanted == SafetyState::Running)?;
         }
         Ok(status)
@@ -426,19 +416,12 @@ pub fn check_equal<T: PartialEq + std::fmt::Debug>(quantity: &str, found: T, wan
     if found == wanted { Ok(()) } else { Err(format!("{quantity}: found {found:?}, wanted {wanted:?}")) }
 }
 
-/// In the emulator: no electrode's pin is left to a timer, and none is high.
+/// No electrode's pin is left to a timer, and none is high.
 ///
 /// # Errors
-/// With the pin.
+/// With the pins.
 pub fn check_pins_low(bench: &Bench) -> CaseResult {
-    let Some(pins) = bench.read_pins()? else { return Ok(()) };
-    for name in (1..=4).flat_map(|era| [format!("era{era}_a"), format!("era{era}_b")]) {
-        let pin = &pins["pins"][&name];
-        check_equal(
-            &format!("{name} is an output held low: {pin}"),
-            pin["mode"] == "output" && pin["high"] == false,
-            true,
-        )?;
-    }
-    Ok(())
+    let Some(outputs) = bench.observe_outputs_for(OutputCheck::PinsLow)? else { return Ok(()) };
+    let not_low: Vec<String> = outputs.into_iter().flat_map(|channel| channel.pins_not_low).collect();
+    check_equal("pins of electrodes that are not held low", not_low, Vec::new())
 }

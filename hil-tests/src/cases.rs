@@ -2,12 +2,13 @@
 //! `play_cases` effects and clocks, `safety_cases` self-test, faults and budgets, `version_cases` older hosts.
 
 use crate::bench::{Bench, CaseResult, TestSession, check_equal, check_pins_low, make_drive};
+use crate::outputs::OutputCheck::{self, Effects, Energised, Phase, PinsLow, Windows};
 use crate::{link_cases, play_cases, safety_cases, version_cases};
 use era_shared::protocol::{
     AchievedDrive, BoardKind, CURRENT_VERSION, ChannelDrive, FaultCode, Refusal, Reply, Request,
 };
 use era_shared::safety::{SafetyEvent, SafetyState};
-use era_shared::waveform::{DriveError, ElectrodeWindows};
+use era_shared::waveform::DriveError;
 use std::time::Duration;
 
 /// What a case needs of its target beyond a link.
@@ -34,46 +35,70 @@ pub struct Case {
     pub needs: CaseNeeds,
     /// What it does.
     pub run: fn(&Bench) -> CaseResult,
+    /// The checks of outputs that it makes.
+    pub output_checks: &'static [OutputCheck],
 }
 
-const fn make_case(name: &'static str, run: fn(&Bench) -> CaseResult) -> Case {
-    Case { name, needs: CaseNeeds::Nothing, run }
+impl Case {
+    /// Runs the case. Returns the checks that it did not make because the outputs of this target cannot be observed: if
+    /// there are any, the case has not passed.
+    ///
+    /// # Errors
+    /// What was wrong; also if the case has made other checks of outputs than [`Case::output_checks`].
+    pub fn run_and_list_unobserved_checks(&self, bench: &Bench) -> Result<Vec<OutputCheck>, String> {
+        bench.take_check_record();
+        (self.run)(bench)?;
+        let record = bench.take_check_record();
+        let mut listed = self.output_checks.to_vec();
+        listed.sort_unstable();
+        check_equal("checks of outputs", record.keys().copied().collect(), listed)?;
+        Ok(record.into_iter().filter_map(|(check, observed)| (!observed).then_some(check)).collect())
+    }
+}
+
+const fn make_case(name: &'static str, run: fn(&Bench) -> CaseResult, output_checks: &'static [OutputCheck]) -> Case {
+    Case { name, needs: CaseNeeds::Nothing, run, output_checks }
 }
 
 /// All cases, in the order in which a person would try them.
 pub const CASES: &[Case] = &[
-    make_case("hello", hello),
-    make_case("version_mismatch", link_cases::version_mismatch),
-    make_case("nothing_drives_unarmed", nothing_drives_unarmed),
-    make_case("arm_and_disarm", arm_and_disarm),
-    make_case("drive_two_frequencies", drive_two_frequencies),
-    make_case("change_drives", change_drives),
-    make_case("drives_to_the_timer_step", drives_to_the_timer_step),
-    make_case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase),
-    make_case("refused_drives_change_nothing", refused_drives_change_nothing),
-    make_case("stop", stop),
-    make_case("silence", silence),
-    make_case("keep_alive_holds", keep_alive_holds),
-    make_case("garbage", link_cases::garbage),
-    make_case("frames_in_pieces", link_cases::frames_in_pieces),
-    make_case("clock", play_cases::clock),
-    make_case("details", safety_cases::details),
-    make_case("effect_on_all_channels", play_cases::effect_on_all_channels),
-    make_case("effects_queue", play_cases::effects_queue),
-    make_case("late_and_early_effects", play_cases::late_and_early_effects),
-    make_case("drives_set_while_arming", safety_cases::drives_set_while_arming),
-    make_case("burst_limit", safety_cases::burst_limit),
-    Case { name: "version_1_session", needs: CaseNeeds::NothingConnected, run: version_cases::version_1_session },
-    Case { name: "arming_tests_every_loop", needs: CaseNeeds::Breaking, run: safety_cases::arming_tests_every_loop },
+    make_case("hello", hello, &[]),
+    make_case("version_mismatch", link_cases::version_mismatch, &[]),
+    make_case("nothing_drives_unarmed", nothing_drives_unarmed, &[Energised]),
+    make_case("arm_and_disarm", arm_and_disarm, &[Energised]),
+    make_case("drive_two_frequencies", drive_two_frequencies, &[Energised, Windows]),
+    make_case("change_drives", change_drives, &[Energised, Windows]),
+    make_case("drives_to_the_timer_step", drives_to_the_timer_step, &[Windows]),
+    make_case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase, &[Windows, Phase]),
+    make_case("refused_drives_change_nothing", refused_drives_change_nothing, &[Energised, Windows]),
+    make_case("stop", stop, &[Energised, PinsLow]),
+    make_case("silence", silence, &[Energised, PinsLow]),
+    make_case("keep_alive_holds", keep_alive_holds, &[Energised]),
+    make_case("garbage", link_cases::garbage, &[Energised]),
+    make_case("frames_in_pieces", link_cases::frames_in_pieces, &[]),
+    make_case("clock", play_cases::clock, &[]),
+    make_case("details", safety_cases::details, &[]),
+    make_case("effect_on_all_channels", play_cases::effect_on_all_channels, &[Energised, Effects]),
+    make_case("effects_queue", play_cases::effects_queue, &[]),
+    make_case("late_and_early_effects", play_cases::late_and_early_effects, &[]),
+    make_case("drives_set_while_arming", safety_cases::drives_set_while_arming, &[Energised]),
+    make_case("burst_limit", safety_cases::burst_limit, &[]),
     Case {
-        name: "live_board_sees_what_breaks",
-        needs: CaseNeeds::Breaking,
-        run: safety_cases::live_board_sees_what_breaks,
+        needs: CaseNeeds::NothingConnected,
+        ..make_case("version_1_session", version_cases::version_1_session, &[])
     },
-    Case { name: "restart", needs: CaseNeeds::Reset, run: restart },
-    Case { name: "silent_device", needs: CaseNeeds::Knobs, run: link_cases::silent_device },
-    Case { name: "slow_device", needs: CaseNeeds::Knobs, run: link_cases::slow_device },
-    Case { name: "corrupting_line", needs: CaseNeeds::Knobs, run: link_cases::corrupting_line },
+    Case {
+        needs: CaseNeeds::Breaking,
+        ..make_case("arming_tests_every_loop", safety_cases::arming_tests_every_loop, &[Energised, PinsLow])
+    },
+    Case {
+        needs: CaseNeeds::Breaking,
+        ..make_case("live_board_sees_what_breaks", safety_cases::live_board_sees_what_breaks, &[Energised, PinsLow])
+    },
+    Case { needs: CaseNeeds::Reset, ..make_case("restart", restart, &[Energised, PinsLow]) },
+    Case { needs: CaseNeeds::Knobs, ..make_case("silent_device", link_cases::silent_device, &[Energised]) },
+    Case { needs: CaseNeeds::Knobs, ..make_case("slow_device", link_cases::slow_device, &[Energised]) },
+    Case { needs: CaseNeeds::Knobs, ..make_case("corrupting_line", link_cases::corrupting_line, &[Energised]) },
 ];
 
 fn hello(bench: &Bench) -> CaseResult {
@@ -173,8 +198,9 @@ fn equal_frequencies_keep_their_phase(bench: &Bench) -> CaseResult {
         check_equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
         let off = (i64::from(achieved[1].phase_microturns) - i64::from(phase_microturns)).rem_euclid(1_000_000);
         check_equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
-        // What is read back is preloaded: the phase is reached after a blank period and two more at most.
-        bench.wait_if_emulated(Duration::from_millis(30))?;
+        // The drives before had the same frequency, so the timers may not have changed yet. The phase is reached after the
+        // active and the preloaded period, a blank one and two more, of 5.6 ms each, at most.
+        bench.wait_silently(Duration::from_millis(60))?;
         check_phase(bench, &achieved)?;
     }
     session.request(&Request::Stop)?;
@@ -291,14 +317,14 @@ fn restart(bench: &Bench) -> CaseResult {
     session.await_state(SafetyState::Safe)
 }
 
-/// In the emulator: the timers come to do what was achieved, to the last tick, and no two electrodes of one ERA are ever on
-/// together. A change waits for the end of a period, of 1 s at 1 Hz, and perhaps for its phase.
+/// The timers come to do what was achieved, to the last tick, and no two electrodes of one ERA are ever on together. A
+/// change waits for the end of a period, of 1 s at 1 Hz, and perhaps for its phase.
 fn await_achieved_timers(bench: &Bench, session: &mut TestSession<'_>, achieved: &[AchievedDrive]) -> CaseResult {
     for _ in 0..150 {
         match find_timer_mismatch(bench, achieved)? {
             None => return Ok(()),
             Some(_) => {
-                bench.wait_if_emulated(Duration::from_millis(20))?;
+                bench.wait_silently(Duration::from_millis(20))?;
                 session.request(&Request::KeepAlive)?;
             }
         }
@@ -308,10 +334,9 @@ fn await_achieved_timers(bench: &Bench, session: &mut TestSession<'_>, achieved:
 
 /// What the timers do that was not achieved, if anything; an error is what they must never do.
 fn find_timer_mismatch(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Option<String>, String> {
-    let Some(timers) = bench.read_timer_registers()? else { return Ok(None) };
-    for (channel, registers) in (0_u8..).zip(&timers) {
-        let windows =
-            ElectrodeWindows::from_registers(registers).map_err(|error| format!("channel {channel}: {error:?}"))?;
+    let Some(outputs) = bench.observe_outputs_for(Windows)? else { return Ok(None) };
+    for (channel, output) in (0_u8..).zip(outputs) {
+        let windows = output.windows.map_err(|error| format!("channel {channel}: {error}"))?;
         check_equal("ticks with both electrodes on", windows.overlap_ticks(), 0)?;
         let tick_s = windows.tick_length_s(170_000_000);
         if let Some(ticks) = windows.shortest_guard_ticks() {
@@ -336,13 +361,16 @@ fn find_timer_mismatch(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Opti
     Ok(None)
 }
 
-/// In the emulator: the counters of two drives of one frequency are as far apart as their phases, to a tick each for the
-/// two roundings and one for the phase's.
+/// The periods of two drives of one frequency begin as far apart as their phases, to a tick each for the two roundings and
+/// one for the phase's.
 fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> CaseResult {
-    let (Some(counts), [first, second, ..]) = (bench.read_counters_and_periods()?, achieved) else { return Ok(()) };
-    let [(first_count, ticks), (second_count, _), ..] = counts[..] else { return Err("two counters".into()) };
+    let Some(outputs) = bench.observe_outputs_for(Phase)? else { return Ok(()) };
+    let ([first, second, ..], [first_output, second_output, ..]) = (achieved, &outputs[..]) else {
+        return Err("two channels".into());
+    };
+    let ticks = f64::from(first_output.windows.clone()?.period);
     let turn = 1e-6 * (f64::from(second.phase_microturns) - f64::from(first.phase_microturns));
-    let off = (f64::from(second_count) - f64::from(first_count)) / f64::from(ticks) - turn;
-    let off_ticks = (off - off.round()).abs() * f64::from(ticks);
+    let off = (second_output.position_ticks - first_output.position_ticks) / ticks - turn;
+    let off_ticks = (off - off.round()).abs() * ticks;
     check_equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
 }

@@ -1,6 +1,7 @@
 //! Effects, and the clock that they are timed by.
 
 use crate::bench::{Bench, CaseResult, TestSession, check_equal, make_drive};
+use crate::outputs::OutputCheck;
 use era_shared::protocol::{Refusal, Reply, Request};
 use era_shared::safety::SafetyState;
 use era_shared::waveform::{Effect, Segment};
@@ -42,7 +43,7 @@ pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
     session.arm()?;
     prepare_drives(&mut session, channels)?;
     session.expect_state(SafetyState::Running)?;
-    check_equal("prepared drives are silent", count_driving_channels(bench)?.unwrap_or(0), 0)?;
+    check_driving_channel_count(bench, "channels that drive before the effect", 0)?;
     let start_us = session.request_clock_us()? + 50_000;
     // Longer than it takes to look at it.
     let pulse = Effect::new_pulse_train(600, 0, 1);
@@ -50,9 +51,9 @@ pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
         check_equal("play", session.request(&make_play_request(channel, start_us, pulse.clone()))?, Reply::Playing)?;
     }
     bench.wait_silently(Duration::from_millis(100))?;
-    check_equal("all play", count_driving_channels(bench)?.unwrap_or(usize::from(channels)), usize::from(channels))?;
+    check_driving_channel_count(bench, "channels that drive during the effect", channels.into())?;
     bench.wait_silently(Duration::from_millis(800))?;
-    check_equal("and then none", count_driving_channels(bench)?.unwrap_or(0), 0)?;
+    check_driving_channel_count(bench, "channels that drive after the effect", 0)?;
     // Braked clicks, from a start that the board chooses.
     for channel in 0..channels {
         check_equal(
@@ -65,17 +66,16 @@ pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
     session.disarm()
 }
 
-/// Channels whose timers have windows, where that can be seen.
-fn count_driving_channels(bench: &Bench) -> Result<Option<usize>, String> {
-    let Some(timers) = bench.read_timer_registers()? else { return Ok(None) };
-    let mut on = 0;
-    for registers in &timers {
-        let windows =
-            era_shared::waveform::ElectrodeWindows::from_registers(registers).map_err(|error| format!("{error:?}"))?;
+/// So many channels have windows, and none of them has both electrodes on together.
+fn check_driving_channel_count(bench: &Bench, quantity: &str, wanted: usize) -> CaseResult {
+    let Some(outputs) = bench.observe_outputs_for(OutputCheck::Effects)? else { return Ok(()) };
+    let mut driving = 0;
+    for channel in outputs {
+        let windows = channel.windows?;
         check_equal("ticks with both electrodes on", windows.overlap_ticks(), 0)?;
-        on += usize::from(windows.a.length > 0);
+        driving += usize::from(windows.a.length > 0);
     }
-    Ok(Some(on))
+    check_equal(quantity, driving, wanted)
 }
 
 pub(crate) fn effects_queue(bench: &Bench) -> CaseResult {

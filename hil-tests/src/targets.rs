@@ -63,6 +63,12 @@ impl TargetKind {
         }
     }
 
+    /// Whether the timers and pins at the electrodes can be observed. On a board, that would take a logic analyser.
+    #[must_use]
+    pub const fn can_observe_outputs(self) -> bool {
+        matches!(self, TargetKind::Sim | TargetKind::Emulated)
+    }
+
     /// Starts the target.
     ///
     /// # Errors

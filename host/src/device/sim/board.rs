@@ -59,6 +59,14 @@ pub struct Mistakes {
     pub deaf_to_silence: bool,
     /// A stop does not count: the board takes it for a sign of life.
     pub deaf_to_stops: bool,
+    /// Switching the outputs off leaves the timers running at the electrodes.
+    pub outputs_stay_on: bool,
+    /// The timer of this channel, counted from 0, takes no drive.
+    pub idle_channel: Option<usize>,
+    /// The periods of all drives that are set from now on are a tick too long.
+    pub long_periods: bool,
+    /// The periods of channel n, counted from 0, begin n times 10 us too late.
+    pub late_periods: bool,
     /// What stands at the electrodes, in percent of what the board measures; as it should be without.
     pub rails_percent: Option<u32>,
 }
@@ -291,9 +299,11 @@ impl Board for SimBoard {
         // The panel has felt the old drives up to now.
         self.advance_panel_to_now();
         self.started_us = None;
-        self.panel.set_electrodes_connected(false);
-        for channel in 0..era_shared::MAX_CHANNELS {
-            self.panel.set_channel_timer(channel, None);
+        if !self.mistakes.outputs_stay_on {
+            self.panel.set_electrodes_connected(false);
+            for channel in 0..era_shared::MAX_CHANNELS {
+                self.panel.set_channel_timer(channel, None);
+            }
         }
         self.apply_supply_command(&SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() });
     }
@@ -356,12 +366,19 @@ impl Board for SimBoard {
     fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         let started_us = self.started_us.ok_or(FaultCode::DriveFailed)?;
         let clocks_per_s = f64::from(ChannelLimits::BOARD.timer_clock_hz);
-        let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s;
+        let late_s = if self.mistakes.late_periods { 10e-6 * preload.channel as f64 } else { 0.0 };
+        let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s + late_s;
+        if self.mistakes.idle_channel == Some(preload.channel) {
+            return Ok(());
+        }
         let done_s = self.panel.time_s();
         let source = self.panel.channel_timer_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
         source.preload_period(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)?;
         if self.mistakes.both_electrodes {
             source.make_b_overlap_a();
+        }
+        if self.mistakes.long_periods {
+            source.lengthen_period_by_one_tick();
         }
         Ok(())
     }

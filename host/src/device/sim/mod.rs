@@ -9,6 +9,7 @@ mod accelerometer;
 mod board;
 mod drive_frames;
 mod electrodes;
+mod outputs;
 mod panel;
 mod peaks;
 mod rails;
@@ -19,6 +20,7 @@ pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, low_pass_gain, low_pass_res
 pub use board::{Clock, Defects, Mistakes, SimBoard};
 pub use drive_frames::DriveFrame;
 pub use electrodes::{BrokenElectrode, ElectrodeFault, SimElectrodes};
+pub use outputs::{ActivePeriod, SimOutputs};
 pub use panel::{LargestTravel, STEP_S, SimPanel};
 pub use peaks::TouchPeak;
 pub use rails::SimRail;

@@ -8,6 +8,7 @@
 
 use super::accelerometer::Accelerometer;
 use super::electrodes::SimElectrodes;
+use super::outputs::SimOutputs;
 use super::rails::SimRail;
 use super::timer::SimTimer;
 use crate::planner::PlanTable;
@@ -210,6 +211,20 @@ impl SimPanel {
     /// Lets the timers reach the electrodes, or keeps them from it.
     pub const fn set_electrodes_connected(&mut self, connected: bool) {
         self.connected = connected;
+    }
+
+    /// What the timers do at the electrodes now.
+    #[must_use]
+    pub fn outputs_now(&self) -> SimOutputs {
+        let (time_s, connected) = (self.time_s(), self.connected);
+        let active_periods = self.sources.each_ref().map(|source| {
+            let mut active = source.as_ref()?.active_period_at(time_s)?;
+            if !connected {
+                (active.windows.a.length, active.windows.b.length) = (0, 0);
+            }
+            Some(active)
+        });
+        SimOutputs { time_s, connected, active_periods }
     }
 
     /// Sets the voltage at the electrodes as a fraction of the rails': 1 is correct.

@@ -2,6 +2,7 @@
 
 use super::board::{Clock, Defects, Mistakes, SimBoard};
 use super::drive_frames::{DriveFrame, DriveFrameRecord};
+use super::outputs::SimOutputs;
 use super::panel::SimPanel;
 use super::peaks::{TouchPeak, TouchPeaks};
 use crate::device::port::{SerialPort as Line, open_pseudo_terminal};
@@ -70,6 +71,7 @@ struct SimRequests {
     stop_received: Option<Instant>,
     frames: DriveFrameRecord,
     watch: SimObservations,
+    outputs: SimOutputs,
     quit: bool,
 }
 
@@ -133,6 +135,12 @@ impl SimControl {
     #[must_use]
     pub fn observations_since_start(&self) -> SimObservations {
         self.lock_requests().watch
+    }
+
+    /// What the timers did at the electrodes when the device last ran: at most a ms ago, and after everything that it has answered.
+    #[must_use]
+    pub fn last_outputs(&self) -> SimOutputs {
+        self.lock_requests().outputs
     }
 
     fn lock_requests(&self) -> MutexGuard<'_, SimRequests> {
@@ -390,9 +398,10 @@ impl DeviceLoop {
             energised,
             silence: self.watch.silence,
         };
-        let here_m_per_s2 = panel.accelerometer.peak_since_placed_m_per_s2();
+        let (outputs, here_m_per_s2) = (panel.outputs_now(), panel.accelerometer.peak_since_placed_m_per_s2());
         let mut wishes = self.control.lock_requests();
         wishes.watch = self.watch;
+        wishes.outputs = outputs;
         wishes.peaks.raise_peak_of_newest_touch(here_m_per_s2);
     }
 

@@ -1,5 +1,6 @@
 //! One ERA's electrode windows in time, as its timer makes them.
 
+use super::outputs::ActivePeriod;
 use era_shared::protocol::ChannelLimits;
 use era_shared::waveform::{ElectrodeWindows, IDLE, OutputPair, TickWindow, TimerPeriod, TimerRegisters, WindowsError};
 use std::collections::VecDeque;
@@ -94,6 +95,22 @@ impl SimTimer {
         if let Some(last) = self.stretches.back_mut() {
             last.windows.b = last.windows.a;
         }
+    }
+
+    /// Makes a mistake: the period that was preloaded last is a tick too long.
+    pub fn lengthen_period_by_one_tick(&mut self) {
+        if let Some(last) = self.stretches.back_mut() {
+            last.windows.period += 1;
+        }
+    }
+
+    /// The period that the timer repeats at `time_s`; the first that is known if that begins later.
+    #[must_use]
+    pub fn active_period_at(&self, time_s: f64) -> Option<ActivePeriod> {
+        let begun = self.stretches.iter().rev().find(|stretch| stretch.from_s <= time_s);
+        let active = begun.or_else(|| self.stretches.front())?;
+        let ticks = (time_s - active.from_s) / active.tick_s;
+        Some(ActivePeriod { windows: active.windows, position_ticks: ticks.rem_euclid(active.windows.period.into()) })
     }
 
     /// Whether no electrode is on, now or after what is preloaded.
@@ -198,6 +215,12 @@ mod tests {
         assert_eq!(stretches(3.6e-3, 50e-6), [None, Some([25e3, 50e3])], "and B, in the next period");
         assert_eq!(stretches(1.975e-3, 200e-6), [Some([150e3, 200e3]), None], "over the boundary");
         assert!((source.absolute_force_peak_time_s_unless_blank().expect("it drives") - 2.25e-3).abs() < 1e-12);
+
+        // What is observed from outside: blank before the boundary, and a quarter of the third period after it.
+        let observed = |time_s| source.active_period_at(time_s).expect("a timer has a period");
+        assert_eq!(observed(1.9e-3).windows.a.length, 0);
+        assert_eq!(observed(4.25e-3).windows.a.length, 2_500);
+        assert!((observed(4.25e-3).position_ticks - 2_500.0).abs() < 1e-3);
 
         // Overwritten before it takes effect; then silent again.
         let mut changed = source.clone();
