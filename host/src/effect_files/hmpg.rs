@@ -200,8 +200,9 @@ impl Stream {
         for _ in 0..count {
             let effect = read_effect(bits, band.kind, time)?;
             // An effect that goes on has its further keyframes in later packets.
-            let goes_on = |own: &&mut MpegEffect| own.id == effect.id && effect.kind == EffectKind::Basis;
-            match band.effects.iter_mut().find(goes_on) {
+            let is_basis = effect.kind == EffectKind::Basis;
+            let known = if is_basis { band.effects.iter_mut().find(|own| own.id == effect.id) } else { None };
+            match known {
                 Some(known) => known.keyframes.extend(effect.keyframes),
                 None => band.effects.push(effect),
             }
@@ -284,7 +285,7 @@ fn read_library_effect(bits: &mut BitReader<'_>, depth: usize) -> Option<MpegEff
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect_files::events::HapticEvent;
+    use crate::effect_files::events::{EventKind, HapticEvent};
 
     /// Numbers with their counts of bits, filled up to whole bytes.
     fn pack(fields: &[(u64, usize)]) -> Vec<u8> {
@@ -370,6 +371,52 @@ mod tests {
                     && close(found.sharpness, expected.sharpness),
                 "{found:?} {expected:?}"
             );
+        }
+    }
+
+    /// What the reference software's writer (`IOStream::writeFile`, packets of 128 ms, commit 2de9ff19) makes of these effects of a channel with gain
+    /// 0.5: transients at 100 (1 at 182 Hz, and -0.5 at 65 Hz 50 later) and 700 (0.25 at 300 Hz), a wave at 1000 (0.4, 0.8 at 200, 0.8 at 400, all
+    /// at 100 Hz), and a curve at 2000 (0, 1 at 100, -1 at 300).
+    const REFERENCE: &str = "\
+        0000000000000009102c001e00000000000003e8000080000000000400400432303233044d61696e010a323032342d30352d303107627920\
+        68616e64010008001c00000170060000007e80000000800c0036000000000163ff8001a2ff00068db8010000000000000000000003100018\
+        00000000000008202580004010001801000000004000007d0000201000180200000000240000009000020400000800000001601400260000\
+        00000000800080000640000ff8000005b005000008000000016014002680000000000080009ffffe400009f8019002080c00001800000000\
+        000400000800000001601400260000000000008001000003c0000cf8000009600c000008000000000004000008000000019014002c000000\
+        00800080018000068000080000764000000c800d000008000000000005000008000000019014002c80000000800080019ffff68000080000\
+        7ca019000c8005000008000000019014002c80000000800080019fffee80000800007ca032000c800c000020000000000004000008000000\
+        0140140022000000010000800200000500000bf8000005000008000000014014002280000001000080021ffffd00000ff803200500000800\
+        0000014014002280000001000080021ffff5000008000960";
+
+    #[test]
+    fn a_file_of_the_reference_software_is_read_as_it_was_meant() {
+        let digit = |at: usize| REFERENCE.get(at..at + 2).map(|pair| u8::from_str_radix(pair, 16).unwrap());
+        let bytes: Vec<u8> = (0..REFERENCE.len()).step_by(2).map_while(digit).collect();
+        let list = read_hmpg_bytes(&bytes).unwrap();
+        // Amplitudes are coded in steps of 2/255, and cut off.
+        let expected = [
+            (0.1, 0.5, 117.0 / 235.0),
+            (0.15, 0.25, 0.0),
+            (0.7, 0.125, 1.0),
+            (1.0, 1.0, 35.0 / 235.0),
+            (2.0, 1.0, 0.0),
+        ];
+        assert_eq!(list.events.len(), expected.len());
+        for (event, (time_s, intensity, sharpness)) in list.events.iter().zip(expected) {
+            let close = |a: f64, b: f64| (a - b).abs() < 4e-3;
+            assert!(
+                close(event.time_s, time_s) && close(event.intensity, intensity) && close(event.sharpness, sharpness),
+                "{event:?}"
+            );
+        }
+        for (event, duration_s, levels) in [(3, 0.4, [0.2, 0.4, 0.4]), (4, 0.3, [0.0, 0.5, 0.5])] {
+            let EventKind::Continuous { duration_s: found_s, envelope } = &list.events[event].kind else {
+                panic!("{event}")
+            };
+            assert!((found_s - duration_s).abs() < 1e-9, "{found_s}");
+            for (point, level) in envelope.iter().zip(levels) {
+                assert!((point.level - level).abs() < 4e-3, "{envelope:?}");
+            }
         }
     }
 
