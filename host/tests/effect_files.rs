@@ -180,7 +180,7 @@ fn what_cannot_be_played_is_refused_with_the_field() {
             "effect",
             "events[0].intensity is 2",
         ),
-        (json!({"effect": event(json!({"primitive": "click", "dx_mm": 1999}))}), 400, "x_m", ""),
+        (json!({"effect": event(json!({"primitive": "click", "dx_mm": 1999}))}), 400, "dx_mm", "is not on the surface"),
         (json!({"effect": event(json!({"primitive": "click"})), "intensity_g": -1}), 400, "intensity_g", "-1"),
         (json!({"effect": many}), 422, "", "has 200 parts"),
     ] {

@@ -48,6 +48,7 @@ impl From<PanelEffectError> for Failure {
     fn from(error: PanelEffectError) -> Self {
         match error {
             PanelEffectError::Plan(error) => error.into(),
+            PanelEffectError::Offset { .. } => Failure::usage_error(error),
             PanelEffectError::Design(error) => Failure::runtime_error(error),
         }
     }

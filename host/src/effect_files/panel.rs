@@ -10,6 +10,7 @@ use crate::effects::{
 use crate::planner::click::{ClickOptions, Preference};
 use crate::planner::rise::PanelPoles;
 use crate::planner::{Plan, PlanError, PlanTable, Target};
+use crate::scene::PlaceError;
 use era_shared::waveform::Effect;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -96,6 +97,14 @@ pub enum PanelEffectError {
     /// A place without a plan.
     #[error(transparent)]
     Plan(#[from] PlanError),
+    /// A place beside the touched one that is not on the surface.
+    #[error("the place at dx_mm {}, dy_mm {} from the touched one is not on the surface: {error}", .offset_mm.0, .offset_mm.1)]
+    Offset {
+        /// To the right of the touched place, and below it, in mm.
+        offset_mm: (f64, f64),
+        /// Why not.
+        error: PlaceError,
+    },
     /// A part without a design.
     #[error(transparent)]
     Design(#[from] DesignError),
@@ -139,6 +148,10 @@ pub fn design_parts_for_panel(
         let place = match known {
             Some(place) => place,
             None => {
+                if part.offset_mm != (0.0, 0.0) {
+                    let place = table.scene.surface_point_at(x_m, y_m);
+                    place.map_err(|error| PanelEffectError::Offset { offset_mm: part.offset_mm, error })?;
+                }
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(asked_g) }])?;
                 effect.places.push(PanelPlace { x_m, y_m, plan });
                 effect.places.len() - 1

@@ -4,7 +4,7 @@ use super::active::AskedAt;
 use super::driver::TouchDriver;
 use super::order::TouchOrder;
 use crate::daemon::access::client::Asker;
-use crate::daemon::api::problem::Problem;
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::effect_file::{CheckedEffectFile, PlayedEffectFileView};
 use crate::device::SessionError;
@@ -82,6 +82,11 @@ impl From<PanelEffectError> for Problem {
     fn from(error: PanelEffectError) -> Self {
         match error {
             PanelEffectError::Plan(error) => error.into(),
+            PanelEffectError::Offset { offset_mm: (dx_mm, _), .. } => Self::new(
+                ProblemKind::OutOfRange,
+                error.to_string(),
+            )
+            .with_field_and_value("dx_mm", dx_mm.into(), "a place on the surface".into(), None),
             PanelEffectError::Design(error) => error.into(),
         }
     }
