@@ -107,6 +107,9 @@ fn value(command: &str, option: &str) -> &'static str {
     match (command, option) {
         ("touch" | "plan" | "effect", "--window") => "0-100",
         ("effect", "--count") => "3",
+        (_, "--file") => "click.toml",
+        (_, "--format") => "toml",
+        (_, "--export") => "out.csv",
         ("transient", "--step") => "1e-3",
         ("doctor", "--device") | ("serve", "--device") => "sim",
         ("modes" | "sweep", "--npy") => "out.npy",
@@ -183,6 +186,8 @@ fn instead_of_base(command: &str, option: &str) -> Option<&'static str> {
         ("effect", "--count" | "--period-ms") => "=--scene bar.toml --accuracy fast --at 480,80 --effect pulse_train",
         ("touch", "--crisp-ms" | "--prefer") => "--effect click",
         ("effect", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --at 480,80 --effect click",
+        ("effect", "--file") => "=--scene bar.toml --accuracy fast --at 480,80",
+        ("effect", "--format" | "--export") => "=--scene bar.toml --accuracy fast --at 480,80 --file click.toml",
         ("plan", "--zone") => "--objective reach",
         ("field", "--reach" | "--schemes") => "=--scene bar.toml --accuracy fast",
         ("field", "--zone" | "--from" | "--to") => "=--scene bar.toml --accuracy fast --reach",
@@ -230,6 +235,7 @@ fn scratch() -> (tempfile::TempDir, PathBuf) {
     let path = folder.path().to_owned();
     let write = |name: &str, text: &str| std::fs::write(path.join(name), text).unwrap();
     write("bar.toml", era::scene::EXAMPLE_BAR);
+    write("click.toml", "version = 1\n[[events]]\nprimitive = \"click\"\n");
     write("day.jsonl", "{\"at_ms\":0.0,\"kind\":\"begin\",\"format\":1,\"scene\":\"bar\"}\n");
     write("study.toml", "version = 1\nscene = \"bar.toml\"\n");
     write("era.toml", "version = 1\n");

@@ -1,6 +1,7 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args::{At, CacheOptions, Crispness, PanelOptions, Rhythm};
+use super::effect_file::{EffectFileOptions, read_and_print_effect_file};
 use super::headings::TOUCH;
 use super::panel::{
     collect_plan_bounds, make_target_from_at_option, prepare_table_with_fingers_at_places, tell_plan_bounds,
@@ -32,7 +33,7 @@ pub struct EffectOptions {
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     /// Which effect
-    #[arg(value_name = "NAME", required_unless_present = "effect", conflicts_with = "effect")]
+    #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect")]
     pub name: Option<NamedEffect>,
     /// The effect, given as an option
     #[arg(long, value_name = "NAME", hide_possible_values = true)]
@@ -44,12 +45,17 @@ pub struct EffectOptions {
     pub rhythm: Rhythm,
     #[command(flatten)]
     pub crispness: Crispness,
+    #[command(flatten)]
+    pub from_file: EffectFileOptions,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
 
 pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
+    if let Some(path) = &options.from_file.file {
+        return read_and_print_effect_file(options, path);
+    }
     let scene = options.panel.load_scene()?;
     let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage_error("no effect is named"))?;
     let request = EffectRequest {

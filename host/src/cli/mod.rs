@@ -15,6 +15,7 @@ mod config_keys;
 mod cost;
 mod doctor;
 mod effect;
+mod effect_file;
 mod explain;
 mod field;
 mod flash;

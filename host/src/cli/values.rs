@@ -58,6 +58,14 @@ pub fn parse_png_path(text: &str) -> Result<PathBuf, String> {
     parse_path_with_extension(text, "png", "pictures are PNG files: the name must end in .png")
 }
 
+/// The extension says what is written.
+pub fn parse_export_path(text: &str) -> Result<PathBuf, String> {
+    ["csv", "wav"]
+        .into_iter()
+        .find_map(|extension| parse_path_with_extension(text, extension, "").ok())
+        .map_or_else(|| parse_path_with_extension(text, "png", "the name must end in .csv, .wav or .png"), Ok)
+}
+
 fn parse_path_with_extension(text: &str, extension: &str, refusal: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));

@@ -70,7 +70,7 @@ fn what_says_that_it_is_something_else_is_not_read_as_json() {
 #[test]
 fn no_body_is_read_beyond_its_paths_limit() {
     let daemon = Daemon::start(STARTING_PLATE);
-    for (path, most) in [("/v1/touch", 16 << 10), ("/v1/preview", 144 << 10)] {
+    for (path, most) in [("/v1/touch", 16 << 10), ("/v1/preview", 144 << 10), ("/v1/effects", 528 << 10)] {
         let status = |head: &str, body: &[u8]| {
             let mut stream = connect(&daemon);
             write!(stream, "POST {path} HTTP/1.1\r\nHost: localhost\r\n{head}\r\n\r\n").unwrap();

@@ -16,12 +16,16 @@ fn folder_with_inputs() -> tempfile::TempDir {
     fs::write(folder.path().join("plate.toml"), era::scene::STARTING_PLATE).unwrap();
     fs::write(folder.path().join("bar.toml"), era::scene::EXAMPLE_BAR).unwrap();
     fs::write(folder.path().join("two.toml"), STUDY).unwrap();
+    fs::write(folder.path().join("buzz.toml"), "version = 1\n[[events]]\nprimitive = \"buzz\"\n").unwrap();
     folder
 }
 
 /// What writes files below `out`, all of it.
 fn writers() -> Vec<Vec<&'static str>> {
     [
+        "effect --accuracy fast --at 480,640 --file buzz.toml --export out/a.csv",
+        "effect --accuracy fast --at 480,640 --file buzz.toml --export out/a.wav",
+        "effect --accuracy fast --at 480,640 --file buzz.toml --export out/a.png",
         "field --accuracy fast --at 480,640 --csv out/a.csv",
         "field --accuracy fast --at 480,640 --png out/a.png",
         "field --scene bar.toml --accuracy fast --reach --from 100 --to 121 --csv out/a.csv",

@@ -17,6 +17,7 @@ use super::envelope::{ShortenedEffect, effect_duration_s, level_in_each_period};
 use super::error::DesignError;
 use super::motion::Channel;
 use super::named::{EffectRequest, NamedEffect, Shape};
+use super::quiet::{QUIET_FOR_S, quiet_start_index_unless_always_or_never_quiet};
 use super::supply::{derate_drives_to_supply_current_if_exceeded, highest_voltage_needed_on_rail_of_actuator_v};
 use super::travel::{TravelOutcome, derate_drives_to_travel_limits};
 use crate::drive::{Drive, SiDrive, assign_channels};
@@ -35,9 +36,6 @@ use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 const MOST_PUSH: u16 = 8;
 /// How long after an effect's end motion is looked at, in s.
 const AFTER_S: f64 = 0.3;
-/// How much longer it has to stay below what counts as quiet, in s: a period of 20 Hz, half the lowest frequency of a drive. Between
-/// two crests anything is quiet.
-const QUIET_FOR_S: f64 = 0.05;
 /// How long after an effect's end its peak may come, in s: some periods of the lowest drives.
 const AFTER_PEAK_S: f64 = 0.05;
 /// Fraction of the peak below which a target is quiet.
@@ -160,6 +158,28 @@ pub fn design_effect(
     request: EffectRequest,
 ) -> Result<EffectDesign, DesignError> {
     let (shape, fixed) = (request.check_and_choose_shape()?, request.build_envelope()?);
+    design_shape(table, rise, plan, (request.effect, shape, fixed))
+}
+
+/// Designs an envelope of its own for `plan`. Its design has the name [`NamedEffect::Buzz`]: a drive that is held, at levels of its own.
+///
+/// # Errors
+/// [`DesignError`].
+pub fn design_envelope(
+    table: &PlanTable,
+    rise: &PanelPoles,
+    plan: &Plan,
+    envelope: Effect,
+) -> Result<EffectDesign, DesignError> {
+    design_shape(table, rise, plan, (NamedEffect::Buzz, Shape::Fixed, envelope))
+}
+
+fn design_shape(
+    table: &PlanTable,
+    rise: &PanelPoles,
+    plan: &Plan,
+    (effect, shape, fixed): (NamedEffect, Shape, Effect),
+) -> Result<EffectDesign, DesignError> {
     let mut effect_drives = build_effect_drives(table, rise, plan)?;
     let wanted: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g * STANDARD_GRAVITY).collect();
     let mut limits = plan.limits.clone();
@@ -256,7 +276,7 @@ pub fn design_effect(
         .collect();
     let limited_by = limitation::join_limitations_as_text_if_any(&limits);
     Ok(EffectDesign {
-        effect: request.effect,
+        effect,
         drives,
         predicted,
         limited_by,
@@ -270,7 +290,7 @@ pub fn design_effect(
 }
 
 /// A drive as its effect plays it.
-fn channel_of_drive(actuator: usize, drive: &Drive, electrodes: &Electrodes) -> Channel {
+pub(super) fn channel_of_drive(actuator: usize, drive: &Drive, electrodes: &Electrodes) -> Channel {
     let Drive { frequency_hz, pulse_width, .. } = *drive;
     Channel { actuator, frequency_hz, pulse_width, charging: electrodes.charging_at(frequency_hz) }
 }
@@ -474,38 +494,5 @@ fn predict_peak_and_quiet_time_at_first_target(
         pulse_ms: None,
         pulse_to_ring_db: None,
         sharpness_db_per_ms: None,
-    }
-}
-
-/// The index of the sample from which on a motion stays below a limit, if it does so for the last [`QUIET_FOR_S`];
-/// `None` also if it always did.
-fn quiet_start_index_unless_always_or_never_quiet(motion: &[f64], limit: f64, step_s: f64) -> Option<usize> {
-    let last = motion.iter().rposition(|x| x.abs() > limit)?;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
-    let least = (QUIET_FOR_S / step_s).round() as usize;
-    (motion.len() - (last + 1) >= least).then_some(last + 1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A motion that goes on is not quiet after its record's last crest.
-    #[test]
-    fn between_crests_nothing_is_quiet() {
-        let step_s = 1e-4;
-        let ringing = |rate_per_s: f64| -> Vec<f64> {
-            let times = (0..4000).map(|i| f64::from(i) * step_s);
-            times.map(|t| (-rate_per_s * t).exp() * (std::f64::consts::TAU * 43.0 * t).cos()).collect()
-        };
-        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(0.0), 0.1, step_s), None);
-        // Below a tenth from ln 10 / 20 s on, within half a period, and before the record is shown to be over.
-        let quiet_s = f64::from(
-            u32::try_from(quiet_start_index_unless_always_or_never_quiet(&ringing(20.0), 0.1, step_s).unwrap())
-                .unwrap(),
-        ) * step_s;
-        assert!((10_f64.ln() / 20.0 - 0.012..10_f64.ln() / 20.0).contains(&quiet_s), "{quiet_s}");
-        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(6.0), 0.1, step_s), None);
-        assert_eq!(quiet_start_index_unless_always_or_never_quiet(&ringing(20.0), 2.0, step_s), None);
     }
 }

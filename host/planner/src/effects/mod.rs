@@ -14,16 +14,20 @@ pub mod intensity;
 pub mod motion;
 pub mod named;
 mod plan_view;
+mod quiet;
+mod sampled;
 mod supply;
 mod travel;
 pub mod view;
+mod weaker;
 pub mod windows;
 
-pub use design::{EffectDesign, design_effect};
+pub use design::{EffectDesign, design_effect, design_envelope};
 pub use effect_window::EffectWindow;
 pub use error::DesignError;
 pub use intensity::{
     Intensity, plan_request_with_intensity_for_targets_without_one, set_missing_target_peaks_from_level_if_given,
 };
 pub use named::{EffectError, EffectRequest, NamedEffect};
+pub use sampled::sample_acceleration_of_design;
 pub use windows::{design_effect_with_windows, is_click_of_windows};

@@ -61,23 +61,23 @@ pub(super) fn choose_round_ticks_and_decimals(from: f64, to: f64, max_count: u32
     ((first..=last).map(|k| k as f64 * step).collect(), digits)
 }
 
-/// The axes of a map or plot: x in mm below, and at the left what `side` names.
+/// The axes of a map or plot: from 0 to `length` below, which is in what `below` names, and at the left what `side` names.
 pub(super) fn draw_axes<DB: DrawingBackend>(
     area: &DrawingArea<DB, Shift>,
     frame: Frame,
-    length_mm: f64,
+    (length, below): (f64, &str),
     (from, to, side): (f64, f64, &str),
 ) -> Drawn<DB> {
     let (left, top, right, bottom) = (frame.left - 1, frame.top - 1, frame.right_px(), frame.bottom_px());
     area.draw(&Rectangle::new([(left, top), (right, bottom)], BLACK))?;
     let spread = (Anchor::Middle, TextDirection::Along);
-    let (values, digits) = choose_round_ticks_and_decimals(0.0, length_mm, 6);
+    let (values, digits) = choose_round_ticks_and_decimals(0.0, length, 6);
     for value in values {
-        let x = frame.pixel_x(value / length_mm);
+        let x = frame.pixel_x(value / length);
         area.draw(&PathElement::new([(x, bottom), (x, bottom + TICK)], BLACK))?;
         text::draw_text(area, (x, bottom + TICK + 3), &format!("{value:.digits$}"), spread, BLACK)?;
     }
-    text::draw_text(area, (frame.pixel_x(0.5), bottom + TICK + HEIGHT + 9), "x in mm", spread, BLACK)?;
+    text::draw_text(area, (frame.pixel_x(0.5), bottom + TICK + HEIGHT + 9), below, spread, BLACK)?;
     let (values, digits) =
         choose_round_ticks_and_decimals(from.min(to), from.max(to), if frame.h < 100 { 2 } else { 5 });
     for value in values {

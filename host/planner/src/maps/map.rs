@@ -23,7 +23,7 @@ pub(super) fn draw_map<DB: DrawingBackend>(
     let (length_mm, width_mm) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
     paint_field(area, frame, scene, field, &color)?;
     draw_actuators(area, frame, scene, WHITE)?;
-    axes::draw_axes(area, frame, length_mm, (0.0, width_mm, "y in mm"))?;
+    axes::draw_axes(area, frame, (length_mm, "x in mm"), (0.0, width_mm, "y in mm"))?;
     axes::draw_color_scale_right_of_frame(area, frame, range, unit, color)
 }
 

@@ -6,6 +6,7 @@ mod axes;
 mod map;
 pub mod mode_sheet;
 pub mod npy;
+pub mod over_time;
 pub mod reach;
 pub mod rigid;
 pub mod sag;

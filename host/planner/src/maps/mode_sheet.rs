@@ -68,7 +68,7 @@ pub fn write_mode_sheet_png(path: &Path, scene: &Scene, modes: &ModeShapes) -> R
                 axes::draw_axes(
                     area,
                     frame,
-                    scene.surface.length_m * 1e3,
+                    (scene.surface.length_m * 1e3, "x in mm"),
                     (0.0, scene.surface.width_m * 1e3, "y in mm"),
                 )?;
                 if mode + 1 == columns {
@@ -147,7 +147,7 @@ fn draw_mode_curve<DB: DrawingBackend>(
     area.draw(&PathElement::new([at(0.0, 0.0), at(length_mm, 0.0)], PINNED))?;
     let points = field.x_mm.iter().zip(&field.peak_g).filter_map(|(x, value)| Some(at(*x, (*value)?)));
     area.draw(&PathElement::new(points.collect::<Vec<_>>(), RGBColor(0, 90, 200).stroke_width(3)))?;
-    axes::draw_axes(area, frame, length_mm, (1.1, -1.1, "of largest"))
+    axes::draw_axes(area, frame, (length_mm, "x in mm"), (1.1, -1.1, "of largest"))
 }
 
 /// What is drawn of something attached.

@@ -199,5 +199,5 @@ fn draw_curves<DB: DrawingBackend>(
         text::draw_text(area, (left, frame.top - 22), name, (Anchor::Start, TextDirection::Along), color)?;
         left += text::text_width_px(name) + 30;
     }
-    axes::draw_axes(area, frame, length_mm, (to, from, sheet.unit))
+    axes::draw_axes(area, frame, (length_mm, "x in mm"), (to, from, sheet.unit))
 }

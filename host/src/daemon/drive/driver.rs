@@ -28,7 +28,7 @@ pub struct TouchDriver {
     pub admission: Admission,
     /// Counters.
     pub metrics: Arc<Metrics>,
-    equipment: Arc<DriveEquipment>,
+    pub(super) equipment: Arc<DriveEquipment>,
     pub(super) controller: DriveController,
     closing: watch::Sender<bool>,
 }
@@ -89,7 +89,8 @@ impl TouchDriver {
         let plan = tokio::task::block_in_place(|| self.plan_touch_request(touch, &touch.request))?;
         drop(place);
         let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: None };
-        let driven = self.drive_plan(request_id, asked_at, plan.clone(), touch.fingers.clone(), touch.mode).await?;
+        let driven =
+            self.drive_plan(request_id, asked_at, plan.clone(), touch.fingers.clone(), touch.mode.clone()).await?;
         let trade = self.compute_trade_off_if_wanted_and_needed(asker, request_id, touch, &touch.request, &plan).await;
         Ok(TouchedView { trade, ..driven })
     }

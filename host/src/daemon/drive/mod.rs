@@ -1,6 +1,6 @@
 //! What the board drives: one task owns it, takes commands, and publishes what is driven.
 //!
-//! `driver` is the one way from a touch to the board; it plans (`plan`; `stretches` for time windows), and hands what is to be driven to
+//! `driver` is the one way from a touch to the board; it plans (`plan`; `stretches` for time windows, `sequence` for effect files), and hands what is to be driven to
 //! the `controller`. `prepare` turns a plan into an `order` that the session takes, `equipment` is what that needs: table, session,
 //! simulated sensor. `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task`
 //! changes it, and looks after a drive that goes on (`sustained`); the `controller` is how others talk to it, by `command`s. `active` is
@@ -18,6 +18,7 @@ mod equipment;
 mod order;
 mod plan;
 mod prepare;
+mod sequence;
 mod state;
 mod stretches;
 mod sustained;

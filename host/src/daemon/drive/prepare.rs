@@ -35,7 +35,7 @@ impl DriveEquipment {
         } else {
             1.0
         };
-        let first = self.prepare_scaled_plan(&whole_plan, credit_fraction, 1.0, drive_mode)?;
+        let first = self.prepare_scaled_plan(&whole_plan, credit_fraction, 1.0, &drive_mode)?;
         Ok(TouchOrder { id, asked_at, touches, drive_mode, whole_plan, credit_fraction, first })
     }
 
@@ -51,7 +51,8 @@ impl DriveEquipment {
     }
 
     /// Whether the device plays single windows, as those of protocol version 4 on do; if none is known, it is taken for one that does.
-    fn plays_windows(&self) -> bool {
+    #[must_use]
+    pub fn plays_windows(&self) -> bool {
         self.session.subscribe_snapshots().borrow().protocol.is_none_or(|version| version >= WINDOWS_VERSION)
     }
 
@@ -64,7 +65,7 @@ impl DriveEquipment {
         whole_plan: &Plan,
         credit_fraction: f64,
         force_fraction: f64,
-        drive_mode: DriveMode,
+        drive_mode: &DriveMode,
     ) -> Result<PreparedPlan, Problem> {
         let mut plan = if credit_fraction * force_fraction < 1.0 {
             crate::planner::plan::derate_plan(&self.table, whole_plan, credit_fraction * force_fraction)?
@@ -79,12 +80,23 @@ impl DriveEquipment {
     }
 
     /// Works out what it takes to drive a plan that has the fraction `force_fraction` of the forces first planned.
-    fn prepare_plan(&self, plan: Plan, force_fraction: f64, drive_mode: DriveMode) -> Result<PreparedPlan, Problem> {
+    fn prepare_plan(&self, plan: Plan, force_fraction: f64, drive_mode: &DriveMode) -> Result<PreparedPlan, Problem> {
         let (motion, mode) = match drive_mode {
             DriveMode::Hold(hold) => {
-                (self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan), PreparedMode::Hold(hold))
+                (self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan), PreparedMode::Hold(*hold))
+            }
+            DriveMode::Designed(design) => {
+                let mut design = design.weaken(force_fraction);
+                if force_fraction < 1.0 {
+                    design.add_limitation_if_new(Limitation::StillMoving);
+                }
+                (
+                    design.predict_travel_and_free_motion_of_effect_if_poles_known(&self.table),
+                    PreparedMode::Effect(Box::new(design)),
+                )
             }
             DriveMode::Effect(request) => {
+                let request = *request;
                 let rise = self.table.panel_poles().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();
                 let is_burst = self.plays_windows() && is_click_of_windows(&plan, request);

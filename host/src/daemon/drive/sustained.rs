@@ -79,7 +79,12 @@ impl DriveTask {
     ) {
         let Some(hold) = self.find_remaining_hold_time_if_still_driven(equipment, &held) else { return };
         let of_part = |force_fraction: f64| {
-            equipment.prepare_scaled_plan(&held.whole_plan, held.credit_fraction, force_fraction, DriveMode::Hold(hold))
+            equipment.prepare_scaled_plan(
+                &held.whole_plan,
+                held.credit_fraction,
+                force_fraction,
+                &DriveMode::Hold(hold),
+            )
         };
         let room = |prepared: &PreparedPlan| {
             self.state.max_force_fraction_beside_earlier_touches(&prepared.motion, prepared.steady_drives(), board, now)
@@ -150,7 +155,7 @@ impl DriveTask {
     ) {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
         let Some(hold) = self.find_remaining_hold_time_if_still_driven(equipment, &held) else { return };
-        let drive_mode = DriveMode::Hold(hold);
+        let drive_mode = &DriveMode::Hold(hold);
         let id = held.active.id;
         let first = compute_catching_panics(|| {
             equipment.prepare_scaled_plan(&held.whole_plan, held.credit_fraction, 1.0, drive_mode)

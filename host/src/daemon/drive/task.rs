@@ -326,7 +326,7 @@ impl DriveTask {
         since: Option<Instant>,
     ) {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
-        let TouchOrder { id, credit_fraction, drive_mode, ref whole_plan, ref first, .. } = request.order;
+        let TouchOrder { id, credit_fraction, ref drive_mode, ref whole_plan, ref first, .. } = request.order;
         match self.scale_plan_to_room_beside_earlier_touches(
             equipment,
             (id, first.clone()),
@@ -359,7 +359,7 @@ impl DriveTask {
         (id, first): (u64, PreparedPlan),
         whole_plan: &Plan,
         credit_fraction: f64,
-        drive_mode: DriveMode,
+        drive_mode: &DriveMode,
         (board, now): (RailState, Instant),
     ) -> Result<(f64, PreparedPlan), Problem> {
         let weaker = |force_fraction: f64| {

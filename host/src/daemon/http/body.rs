@@ -1,14 +1,16 @@
 //! Bodies, read whole and in time, and the headers that say what they are.
 
 use crate::daemon::access::head::check_content_coding;
+use crate::daemon::api::json::{ExpectedForm, parse_json_object};
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::text_file::BYTE_ORDER_MARK;
-use axum::body::{Body, HttpBody};
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use serde::de::DeserializeOwned;
 use std::time::Duration;
 
 /// Content types that say nothing against JSON: what `curl -d`, plain sockets and HTTP libraries say of any text.
@@ -110,4 +112,13 @@ fn unreadable_body_problem(error: &axum::Error, max_bytes: usize) -> Problem {
     }
     let detail = format!("the body cannot be read: {error}; it may have at most {max_bytes} bytes");
     Problem::new(kind, detail)
+}
+
+/// The request in a JSON body; `expected` says in a message what it should look like.
+///
+/// # Errors
+/// [`Problem`]: another type of content, or what is wrong in the body.
+pub fn parse_json_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, expected: &str) -> Result<T, Problem> {
+    check_content_type(headers)?;
+    parse_json_object(body, ExpectedForm { subject: "The whole body", form: expected })
 }

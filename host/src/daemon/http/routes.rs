@@ -1,13 +1,13 @@
 //! The HTTP interface.
 
 use super::authorize::authorize_request;
-use super::body::{BodyLimit, read_body_within_limit};
+use super::body::{BodyLimit, parse_json_body, read_body_within_limit};
+use super::effect_routes::{__path_get_effects, __path_post_effects, get_effects, post_effects};
 use super::{description, page_files};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::access::limits::Limits;
 use crate::daemon::access::pace::delay_requests_except_stop_above_rate;
 use crate::daemon::access::sender::RequestSender;
-use crate::daemon::api::json::{ExpectedForm, parse_json_object};
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::App;
 use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
@@ -22,6 +22,7 @@ use crate::daemon::touch::answer::TouchedView;
 use crate::daemon::touch::outcome::RequestOutcome;
 use crate::daemon::touch::plan_view::FieldView;
 use crate::daemon::touch::request::TouchRequest;
+use crate::effect_files::MAX_TEXT_BYTES;
 use crate::planner::STANDARD_GRAVITY;
 use axum::body::Bytes;
 use axum::extract::rejection::PathRejection;
@@ -32,7 +33,6 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
@@ -52,6 +52,8 @@ const MAX_BODY: usize = 16 * 1024;
 const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
 /// The same for a study, with its own file.
 const MAX_STUDY_BODY: usize = 4 * MAX_SCENE + MAX_BODY;
+/// The same for an effect file, every byte of which is escaped.
+const MAX_EFFECT_BODY: usize = 2 * MAX_TEXT_BYTES + MAX_BODY;
 /// What a client calls its request, and how the answer calls it.
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The description of this interface.
@@ -73,6 +75,7 @@ struct CommonSchemas;
 fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
     let mut router = OpenApiRouter::with_openapi(CommonSchemas::openapi())
         .routes(routes!(post_touch))
+        .routes(routes!(get_effects))
         .routes(routes!(get_request))
         .routes(routes!(post_arm))
         .routes(routes!(post_clear_faults))
@@ -94,12 +97,16 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(post_preview))
         .routes(routes!(begin_tolerance_study))
         .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), read_body_within_limit));
+    let files = OpenApiRouter::new()
+        .routes(routes!(post_effects))
+        .layer(middleware::from_fn_with_state(most(MAX_EFFECT_BODY), read_body_within_limit));
     let larger = OpenApiRouter::new()
         .routes(routes!(begin_study))
         .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), read_body_within_limit));
     router
         .layer(middleware::from_fn_with_state(most(MAX_BODY), read_body_within_limit))
         .merge(large)
+        .merge(files)
         .merge(larger)
         // Of a stop nothing is read: it counts though its body never comes.
         .routes(routes!(post_stop))
@@ -156,12 +163,6 @@ async fn close_connection_after_failure(mut response: Response) -> Response {
 async fn answer_too_many_connections() -> Problem {
     let detail = "the maximum number of connections is open; this connection accepts POST /v1/stop only";
     Problem::new(ProblemKind::ConnectionsFull, detail).with_retry(1000, None)
-}
-
-/// The request in a JSON body; `expected` says in a message what it should look like.
-fn parse_json_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, expected: &str) -> Result<T, Problem> {
-    super::body::check_content_type(headers)?;
-    parse_json_object(body, ExpectedForm { subject: "The whole body", form: expected })
 }
 
 /// Plan for a touch and drive it

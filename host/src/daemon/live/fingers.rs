@@ -328,7 +328,7 @@ impl HeldFingers {
                 }
                 self.held = match touch.mode {
                     // An effect ends by itself, whatever the fingers do meanwhile.
-                    DriveMode::Effect(_) => None,
+                    DriveMode::Effect(_) | DriveMode::Designed(_) => None,
                     DriveMode::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.plan_id)),
                 };
                 Ok(())

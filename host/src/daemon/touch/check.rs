@@ -3,12 +3,13 @@
 use super::request::{Feel, Finger, MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS, QuietZone, TouchRequest};
 use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
-use crate::effects::{DesignError, EffectError, EffectRequest, Intensity};
+use crate::effects::{DesignError, EffectDesign, EffectError, EffectRequest, Intensity};
 use crate::planner::request::MAX_QUIET_RADIUS_M;
 use crate::planner::schedule::{Span, Window, cut_windows_into_spans};
 use crate::planner::{QuietZone as PlannerQuietZone, Request, Target};
 use crate::scene::Scene;
 use serde_json::Value;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a touch over HTTP vibrates if it does not say, in ms.
@@ -34,12 +35,14 @@ pub struct Touch {
 }
 
 /// For how long, and how, a plan is driven.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum DriveMode {
     /// Evenly, for as long.
     Hold(Duration),
     /// As the board plays an effect.
     Effect(EffectRequest),
+    /// As the board plays a part of an effect file, which has been designed.
+    Designed(Arc<EffectDesign>),
 }
 
 /// A finger whose place and strength have been checked.
@@ -88,7 +91,7 @@ impl Touch {
         let ends: Vec<(Option<f64>, Option<f64>)> = std::iter::once((asked.from_ms, asked.to_ms))
             .chain(also.map(|other| (other.from_ms, other.to_ms)))
             .collect();
-        let spans = check_and_cut_windows_into_spans(&ends, feel.duration_ms, mode, name)?;
+        let spans = check_and_cut_windows_into_spans(&ends, feel.duration_ms, &mode, name)?;
         Ok(Self { fingers, request, intensity, mode, feel, spans, wants_trade: asked.trade.unwrap_or(false) })
     }
 
@@ -240,10 +243,10 @@ fn build_window_if_any_end_given(
 fn check_and_cut_windows_into_spans(
     window_ends: &[(Option<f64>, Option<f64>)],
     duration_ms: Option<f64>,
-    mode: DriveMode,
+    mode: &DriveMode,
     name_of_target: impl Fn(usize) -> Option<String>,
 ) -> Result<Option<Vec<Span>>, Problem> {
-    if matches!(mode, DriveMode::Effect(_)) {
+    if !matches!(mode, DriveMode::Hold(_)) {
         // Before their values are looked at: an effect has no end that could stand for one that is not given.
         let given = |(t, (from_ms, to_ms)): (usize, &(Option<f64>, Option<f64>))| {
             Some((t, from_ms.map(|ms| ("from_ms", ms)).or(to_ms.map(|ms| ("to_ms", ms)))?))

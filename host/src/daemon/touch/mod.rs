@@ -9,6 +9,7 @@
 pub mod admission;
 pub mod answer;
 pub mod check;
+pub mod effect_file;
 pub mod outcome;
 pub mod plan_view;
 pub mod request;

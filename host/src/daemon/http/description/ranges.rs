@@ -5,6 +5,7 @@ use crate::daemon::design::attachments::TABLES;
 use crate::daemon::design::preview::MAX_SCENE;
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
+use crate::effect_files::MAX_TEXT_BYTES;
 use crate::effects::intensity::{MAX_DB, MIN_DB};
 use crate::effects::named::{COUNTS, PERIODS_MS};
 use crate::planner::MAX_QUIET_ZONES;
@@ -38,8 +39,17 @@ fn list_field_ranges() -> Vec<(&'static str, f64, f64)> {
 
 /// Puts the ranges into the schemas of requests.
 pub fn insert_field_ranges(document: &mut Value) {
-    let requests =
-        ["Touch", "Also", "QuietZone", "PreviewRequest", "TolerancesRequest", "WantedTolerances", "LiveIn", "Finger"];
+    let requests = [
+        "Touch",
+        "Also",
+        "QuietZone",
+        "PreviewRequest",
+        "TolerancesRequest",
+        "WantedTolerances",
+        "LiveIn",
+        "Finger",
+        "EffectFileRequest",
+    ];
     for name in requests {
         let properties = find_component_schema(document, name).and_then(|schema| schema.get_mut("properties"));
         let Some(properties) = properties.and_then(Value::as_object_mut) else { continue };
@@ -60,6 +70,9 @@ pub fn insert_field_ranges(document: &mut Value) {
         if let Some(scene) = properties.get_mut("scene") {
             // Bytes in fact, of which a character takes one or more.
             scene["maxLength"] = MAX_SCENE.into();
+        }
+        if let Some(file) = properties.get_mut("file") {
+            file["maxLength"] = MAX_TEXT_BYTES.into();
         }
         if let Some(moves) = properties.get_mut("moves") {
             moves["propertyNames"] = json!({"pattern": format!("^({})\\[[1-9][0-9]*\\]$", TABLES.join("|"))});

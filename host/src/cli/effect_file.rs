@@ -1,0 +1,183 @@
+//! `era effect --file`: what is read of an effect file, and what a panel makes of it.
+
+use super::effect::EffectOptions;
+use super::panel::{make_target_from_at_option, prepare_table_with_fingers_at_places};
+use super::values::parse_export_path;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
+use crate::effect_files::panel::{
+    PanelEffect, PanelEffectError, PartKind, ScaleView, design_parts_for_panel, place_of_part_m,
+};
+use crate::effect_files::parts::cut_events_into_parts;
+use crate::effect_files::view::{PartView, ReadingView};
+use crate::effect_files::{FileFormat, ReadError, read_effect_bytes};
+use crate::effects::DesignError;
+use crate::maps::over_time::write_accelerations_png;
+use crate::planner::rise::PanelPoles;
+use crate::planner::{DEFAULT_INTENSITY_G, PlanTable};
+use clap::Args;
+use era_files::{Readers, replace_file};
+use serde_json::json;
+use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Parts that are printed as text.
+const PRINTED_PARTS: usize = 40;
+
+/// An effect from a file.
+#[derive(Clone, Debug, Args)]
+pub struct EffectFileOptions {
+    /// Effect file to read in place of a named effect: TOML, JSON, AHAP, HJIF, HMPG, Lofelt .haptic or WAV
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["name", "effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db"]
+    )]
+    pub file: Option<PathBuf>,
+    /// Format of the file [default: the one that the file shows]
+    #[arg(long, value_enum, requires = "file")]
+    pub format: Option<FileFormat>,
+    /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png
+    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path)]
+    pub export: Option<PathBuf>,
+}
+
+impl From<PanelEffectError> for Failure {
+    fn from(error: PanelEffectError) -> Self {
+        match error {
+            PanelEffectError::Plan(error) => error.into(),
+            PanelEffectError::Offset { .. } => Failure::usage_error(error),
+            PanelEffectError::Design(error) => Failure::runtime_error(error),
+        }
+    }
+}
+
+impl From<ReadError> for Failure {
+    fn from(error: ReadError) -> Self {
+        Failure::usage_error(error)
+    }
+}
+
+pub fn read_and_print_effect_file(options: &EffectOptions, path: &Path) -> Outcome {
+    let scene = options.panel.load_scene()?;
+    let list = read_effect_bytes(&read_file_up_to_limit(path)?, options.from_file.format)?;
+    let (parts, warnings) = cut_events_into_parts(&list)?;
+    let target = make_target_from_at_option(&scene, &options.at)?;
+    let touched_m = (target.x_m, target.y_m);
+    let mut places_m: Vec<(f64, f64)> = parts.iter().map(|part| place_of_part_m(part, touched_m)).collect();
+    places_m.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    places_m.dedup();
+    let table = prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &places_m)?;
+    let poles = PanelPoles::find_poles_if_converged(&table.model)
+        .ok_or(DesignError::Unbounded)
+        .map_err(Failure::runtime_error)?;
+    let asked_g = options.at.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
+    let effect = design_parts_for_panel(&table, &poles, &parts, (touched_m, asked_g), true)?;
+    if let Some(export) = &options.from_file.export {
+        export_acceleration(export, path, (&table, &poles), &effect)?;
+    }
+    let view = ReadingView::new(&list, &warnings, &effect);
+    if options.json {
+        let mut answer = json!(view);
+        answer["events"] = json!(list.events);
+        return print_json(&answer);
+    }
+    print_text(&describe_reading(path, &view))
+}
+
+/// A file, unless it is larger than any format allows.
+fn read_file_up_to_limit(path: &Path) -> Result<Vec<u8>, Failure> {
+    let failed = |error: std::io::Error| Failure::runtime_error(format!("cannot read {}: {error}", path.display()));
+    let mut bytes = Vec::new();
+    // One byte more shows that it is too large.
+    let most = FileFormat::MOST_BYTES as u64 + 1;
+    File::open(path).map_err(failed)?.take(most).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+fn export_acceleration(
+    export: &Path,
+    file: &Path,
+    (table, poles): (&PlanTable, &PanelPoles),
+    effect: &PanelEffect,
+) -> Outcome {
+    let samples =
+        sample_acceleration_g(table, poles, effect).ok_or(DesignError::Unbounded).map_err(Failure::runtime_error)?;
+    let places_mm: Vec<(f64, f64)> = effect.places.iter().map(|place| (1e3 * place.x_m, 1e3 * place.y_m)).collect();
+    let extension = export.extension().map(|own| own.to_ascii_lowercase()).unwrap_or_default();
+    if extension == "png" {
+        let names = places_mm.iter().map(|(x_mm, y_mm)| format!("{x_mm:.1} mm, {y_mm:.1} mm"));
+        let curves: Vec<(String, &[f64])> = names.zip(samples.iter().map(Vec::as_slice)).collect();
+        let title = format!("{}: {}", table.scene.name, file.display());
+        let rate_hz = f64::from(RATE_HZ);
+        return write_accelerations_png(export, &title, rate_hz, &curves).map(|_| ()).map_err(Failure::runtime_error);
+    }
+    let bytes = if extension == "csv" {
+        format_csv(&places_mm, &samples).into_bytes()
+    } else {
+        format_wav(&samples).map_err(Failure::runtime_error)?
+    };
+    replace_file(export, Readers::ByUmask, &bytes)
+        .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", export.display())))
+}
+
+fn describe_reading(path: &Path, view: &ReadingView) -> String {
+    let mut text = format!(
+        "{}: {} events within {:.0} ms, read as {}",
+        view.name.clone().unwrap_or_else(|| path.display().to_string()),
+        view.event_count,
+        view.duration_ms,
+        view.format
+    );
+    for (i, place) in view.places.iter().enumerate() {
+        let _ = write!(text, "\nplace {i}: {:.1} mm, {:.1} mm", place.x_mm, place.y_mm);
+    }
+    for scale in &view.scales {
+        let _ = write!(text, "\n  {}", describe_scale(scale));
+    }
+    let _ = write!(
+        text,
+        "\n{:>10} {:>9} {:>6}  {:9} {:>9} {:>9} {:>8}",
+        "from ms", "for ms", "place", "kind", "intensity", "sharpness", "peak g"
+    );
+    for part in view.parts.iter().take(PRINTED_PARTS) {
+        let PartView { begin_ms, duration_ms, place, kind, intensity, sharpness, peak_g, limited_by, .. } = part;
+        let limit = limited_by.as_ref().map(|limit| format!("  limited by {limit}")).unwrap_or_default();
+        let _ = write!(
+            text,
+            "\n{begin_ms:>10} {duration_ms:>9.1} {place:>6}  {:9} {intensity:>9.2} {sharpness:>9.2} {peak_g:>8.3}{limit}",
+            kind.name()
+        );
+    }
+    if view.parts.len() > PRINTED_PARTS {
+        let _ = write!(text, "\n{} more parts; --json has all", view.parts.len() - PRINTED_PARTS);
+    }
+    for warning in &view.warnings {
+        let _ = write!(text, "\nwarning: {warning}");
+    }
+    text
+}
+
+fn describe_scale(scale: &ScaleView) -> String {
+    let ScaleView { kind, asked_g, peak_g, limited_by, quiet_ms, frequencies_hz, .. } = scale;
+    let sharpness = match kind {
+        PartKind::Tick => "sharpness 0.67 to 1",
+        PartKind::Click => "sharpness 0.33 to 0.67",
+        PartKind::Thud => "sharpness 0 to 0.33",
+        PartKind::Envelope => "any sharpness",
+    };
+    let mut text = format!("{:9} ({sharpness}): intensity 1 is {peak_g:.3} g of {asked_g} g", kind.name());
+    if let Some(quiet_ms) = quiet_ms {
+        let _ = write!(text, ", quiet after {quiet_ms:.1} ms");
+    }
+    let frequencies: Vec<String> = frequencies_hz.iter().map(|hz| format!("{hz:.0}")).collect();
+    if !frequencies.is_empty() {
+        let _ = write!(text, ", at {} Hz", frequencies.join(" and "));
+    }
+    if let Some(limit) = limited_by {
+        let _ = write!(text, ", limited by {limit}");
+    }
+    text
+}
