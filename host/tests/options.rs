@@ -107,6 +107,7 @@ fn value(command: &str, option: &str) -> &'static str {
     match (command, option) {
         ("touch" | "plan" | "effect", "--window") => "0-100",
         ("effect", "--count") => "3",
+        ("field", "--effect") => "click",
         ("transient", "--step") => "1e-3",
         ("doctor", "--device") | ("serve", "--device") => "sim",
         ("modes" | "sweep", "--npy") => "out.npy",
@@ -184,7 +185,8 @@ fn instead_of_base(command: &str, option: &str) -> Option<&'static str> {
         ("touch", "--crisp-ms" | "--prefer") => "--effect click",
         ("effect", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --at 480,80 --effect click",
         ("plan", "--zone") => "--objective reach",
-        ("field", "--reach" | "--schemes") => "=--scene bar.toml --accuracy fast",
+        ("field", "--effect" | "--reach" | "--schemes") => "=--scene bar.toml --accuracy fast",
+        ("field", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --effect click",
         ("field", "--zone" | "--from" | "--to") => "=--scene bar.toml --accuracy fast --reach",
         ("field", "--felt") => "=--scene bar.toml --accuracy fast --schemes",
         ("field", "--csv") => "",

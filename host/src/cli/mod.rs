@@ -17,6 +17,7 @@ mod doctor;
 mod effect;
 mod explain;
 mod field;
+mod field_click;
 mod flash;
 mod headings;
 mod install;
