@@ -94,6 +94,20 @@ fn a_sweep_is_written_for_numpy() {
     }
 }
 
+/// The sound of a click is a figure of clicks alone.
+#[test]
+fn a_click_has_a_sound() {
+    let effect = |name: &str| json(&["effect", name, "--at", "100,60", "--unit", "mm", "--accuracy", "fast", "--json"]);
+    let click = effect("click");
+    let sound_db = click["predicted"]["sound_db"].as_f64().unwrap();
+    assert!((-60.0..60.0).contains(&sound_db), "{sound_db}");
+    let buzz = effect("buzz");
+    assert!(buzz["predicted"]["sound_db"].is_null() && buzz["predicted"]["peak_g"].is_f64(), "{}", buzz["predicted"]);
+    let output = era(&["effect", "click", "--at", "100,60", "--unit", "mm", "--accuracy", "fast"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains(&format!("sound: {sound_db:.1} dB")), "{text}");
+}
+
 #[test]
 fn sweeps_that_make_no_sense_are_refused() {
     for (arguments, words) in [

@@ -1,5 +1,6 @@
-//! `era field --reach` and `--schemes` as they are called: the bar's table, what is refused, and the pictures.
+//! `era field --reach`, `--schemes` and `--effect click` as they are called: the bar's table, what is refused, and the pictures.
 
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -68,4 +69,67 @@ fn reach_is_told_and_drawn() {
         let picture = std::fs::read(&png).unwrap();
         assert!(picture.starts_with(b"\x89PNG") && picture.len() < 100_000, "{} bytes", picture.len());
     }
+}
+
+#[test]
+fn clicks_that_make_no_sense_are_refused() {
+    let bar = bar();
+    for (arguments, words) in [
+        (&["--effect", "buzz"][..], &["--effect is buzz", "must be click"][..]),
+        (&["--effect", "knock"], &["--effect", "knock"]),
+        (&["--effect", "click", "--crisp-ms", "10"], &["crisp_ms is 10", "20 to 100"]),
+        (&["--effect", "click", "--intensity-g", "-1"], &["intensity_g is -1"]),
+        (&["--effect", "click", "--at", "60,10"], &["--effect", "--at"]),
+        (&["--effect", "click", "--reach"], &["--effect", "--reach"]),
+        (&["--at", "480,80", "--crisp-ms", "40"], &["--crisp-ms is 40", "--effect click"]),
+        (&["--reach", "--prefer", "crispness"], &["--prefer is crispness", "--effect click"]),
+    ] {
+        let output = era(&[&["field", "--accuracy", "fast", "--scene", &bar], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", told(&output));
+        assert!(words.iter().all(|word| told(&output).contains(word)), "{arguments:?}: {}", told(&output));
+        assert!(output.stdout.is_empty());
+    }
+}
+
+/// The map of a click has at every place what `era effect click` predicts there, in all its forms.
+#[test]
+fn clicks_are_mapped() {
+    let file = scratch("clicks-bar.toml");
+    let finger = "\n[finger]\nmass_g = 5.0\ndamping_n_s_per_m = 5.0\nstiffness_n_per_m = 3000.0\n";
+    std::fs::write(&file, format!("{}{finger}", era::scene::EXAMPLE_BAR)).unwrap();
+    let (with_finger, bar) = (file.display().to_string(), bar());
+    let (png, csv) = (scratch("clicks.png").display().to_string(), scratch("clicks.csv").display().to_string());
+    let wish = ["--accuracy", "fast", "--intensity-g", "0.4", "--crisp-ms", "40"];
+    let map = ["field", "--effect", "click", "--prefer", "strength", "--json", "--png", &png, "--csv", &csv, "--scene"];
+    let output = era(&[&map[..], &[with_finger.as_str()], &wish].concat());
+    assert!(output.status.success() && told(&output).contains("[finger] is not used"), "{}", told(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let places = found["places"].as_array().unwrap();
+    assert_eq!((places.len(), &found["intensity_g"], &found["scene"]), (12, &Value::from(0.4), &Value::from("bar")));
+    let number = |value: &Value| value.as_f64().unwrap();
+    let is_crisp = |place: &&Value| {
+        let is_quiet = place["quiet_ms"].as_f64().is_some_and(|quiet_ms| quiet_ms <= 40.0);
+        assert_eq!(place["crisp"], number(&place["peak_at_ms"]) <= 15.0 && is_quiet, "{place}");
+        place["crisp"] == true
+    };
+    let share = places.iter().filter(is_crisp).count() as f64 / 12.0;
+    assert!((number(&found["crisp_share"]) - share).abs() < 1e-12, "{found}");
+    let least_g = places.iter().map(|place| number(&place["peak_g"])).fold(f64::INFINITY, f64::min);
+    assert_eq!(number(&found["least_peak_g"]), least_g);
+    // The third of twelve cells of 250 mm.
+    let at = format!("{},10", 250.0 * 2.5 / 12.0);
+    let one = era(&[&["effect", "click", "--json", "--unit", "mm", "--at", &at, "--scene", &bar], &wish[..]].concat());
+    let one: Value = serde_json::from_slice(&one.stdout).unwrap();
+    for key in ["peak_g", "peak_at_ms", "quiet_ms"] {
+        let difference = number(&one["predicted"][key]) - number(&places[2][key]);
+        assert!(difference.abs() < 1e-6, "{key}: {} {}", one["predicted"], places[2]);
+    }
+    let text = std::fs::read_to_string(&csv).unwrap();
+    assert!(text.starts_with("x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp\n") && text.lines().count() == 13, "{text}");
+    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+    let output = era(&["field", "--effect", "click", "--accuracy", "fast", "--scene", &bar]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let words =
+        ["clicks of 0.5 g", "crisp (peak within 15 ms, quiet within 45 ms)", "least peak", "quiet time (median)"];
+    assert!(words.iter().all(|word| text.contains(word)) && text.lines().count() <= 15, "{text}");
 }

@@ -44,7 +44,7 @@ impl Effect {
 #[pymethods]
 impl Effect {
     /// What it should do at the target, as `era effect --json` prints it: a dict with `peak_g`, `peak_least_g`, `peak_most_g`, `peak_at_ms`,
-    /// `quiet_ms` and so on.
+    /// `quiet_ms`, `sound_db` and so on.
     #[getter(predicted)]
     fn prediction_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.json_value_of_key(py, "predicted")
@@ -176,7 +176,7 @@ pub fn design_effect_for_place(
             &Request::for_touch(&[target]),
             intensity,
         )?;
-        let click = ClickOptions { with_bound: true, ..request.click_options() };
+        let click = ClickOptions { with_figures_for_comparison: true, ..request.click_options() };
         let designed = design_effect_with_windows(table, &rise, &plan, request, click)?;
         Ok(Effect {
             name: named.name().to_owned(),

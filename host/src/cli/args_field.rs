@@ -1,7 +1,8 @@
 //! Arguments of `era field`.
 
-use super::args::{CacheOptions, PanelOptions, Unit};
+use super::args::{CacheOptions, Crispness, PanelOptions, Unit};
 use super::values::{Point, parse_finite_number, parse_png_path, parse_tolerances, parse_unitless_point};
+use crate::effects::NamedEffect;
 use crate::study::tolerances::Tolerances;
 use clap::Args;
 use std::path::PathBuf;
@@ -15,7 +16,7 @@ pub struct Field {
     /// The touched point
     #[arg(
         long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true,
-        required_unless_present_any = ["reach", "schemes"]
+        required_unless_present_any = ["effect", "reach", "schemes"]
     )]
     pub at: Option<Point>,
     /// Unit of --at
@@ -32,6 +33,13 @@ pub struct Field {
     /// frequency in phase, one frequency with chosen phases, distinct frequencies
     #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
     pub schemes: bool,
+    /// Instead of the field of one touch: design this effect, a `click`, at the middles of 12 x 8 cells (12 of a bar), and map
+    /// when it is quiet
+    #[arg(long, value_name = "NAME", hide_possible_values = true,
+        conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
+    pub effect: Option<NamedEffect>,
+    #[command(flatten)]
+    pub crispness: Crispness,
     /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar only x counts
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true)]
     pub zone: Option<Corners>,

@@ -97,11 +97,12 @@ Examples:
     /// Design an effect at a point and predict the motion of the panel, without driving anything
     #[command(after_help = "Example:\n  era effect click --at 100,60 --unit mm --intensity-g 0.5")]
     Effect(EffectOptions),
-    /// Compute the peak acceleration at every point of the surface, of one touch or the largest possible; write CSV or PNG
+    /// Compute the peak acceleration at every point of the surface, of one touch or the largest possible, or how crisp clicks are; write CSV or PNG
     #[command(after_help = "\
 Examples:
   era field --at 480,640 --png map.png --csv map.csv
   era field --reach --png reach.png       the strongest and the most contrasted at every point
+  era field --effect click --png clicks.png    where clicks are crisp
   era field --schemes                     dead zones: one frequency, phases, distinct frequencies
   era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
     Field(Field),

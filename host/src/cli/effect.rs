@@ -81,7 +81,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         wanted,
     )?;
     let started = Instant::now();
-    let click = ClickOptions { with_bound: true, ..request.click_options() };
+    let click = ClickOptions { with_figures_for_comparison: true, ..request.click_options() };
     let design = design_effect_with_windows(&table, &rise, &plan, request, click).map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
@@ -142,6 +142,9 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     }
     if let (Some(pulse_ms), Some(ratio)) = (predicted.pulse_ms, predicted.pulse_to_ring_db) {
         let _ = write!(text, "\npulse of {pulse_ms:.1} ms, {ratio:.1} dB above what rings after it");
+    }
+    if let Some(sound_db) = predicted.sound_db {
+        let _ = write!(text, "\nsound: {sound_db:.1} dB (A-weighted mean-square velocity of the surface, re 1 mm/s)");
     }
     let ms = |time: Option<f64>| {
         let after_start = |ms: f64| format!("{ms:.1} ms after the start");

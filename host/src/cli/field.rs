@@ -1,4 +1,4 @@
-//! The command `field`: a touch over the surface.
+//! The command `field`: a touch over the surface, or what else is mapped.
 
 use super::args::At;
 use super::args_field::Field;
@@ -8,7 +8,7 @@ use super::panel::{
 };
 use super::progress::run_with_progress;
 use super::told::tell;
-use super::{Failure, Outcome, print_json, print_text, reach};
+use super::{Failure, Outcome, field_click, print_json, print_text, reach};
 use crate::maps;
 use crate::model::Bound;
 use crate::study::tolerances;
@@ -16,11 +16,20 @@ use serde_json::json;
 
 /// Runs it.
 pub fn run_field(options: &Field) -> Outcome {
+    if let Some(effect) = options.effect {
+        return field_click::compute_and_write_click_map(options, effect);
+    }
+    if let Some(crisp_ms) = options.crispness.crisp_ms {
+        return Err(Failure::usage_error(format!("--crisp-ms is {crisp_ms}, but only --effect click takes it")));
+    }
+    if let Some(prefer) = options.crispness.prefer {
+        return Err(Failure::usage_error(format!("--prefer is {}, but only --effect click takes it", prefer.name())));
+    }
     let at = match options.at {
         _ if options.reach => return reach::compute_and_write_reach_maps(options),
         _ if options.schemes => return reach::compare_schemes(options),
         Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
-        None => return Err(Failure::usage_error("--at X,Y, --reach or --schemes is needed")),
+        None => return Err(Failure::usage_error("--at X,Y, --effect click, --reach or --schemes is needed")),
     };
     let scene = options.panel.load_scene()?;
     let target = make_target_from_at_option(&scene, &at)?;

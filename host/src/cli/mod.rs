@@ -18,6 +18,7 @@ mod effect;
 mod effect_file;
 mod explain;
 mod field;
+mod field_click;
 mod flash;
 mod headings;
 mod install;

@@ -261,7 +261,7 @@ fn format_scheme_row(
     )
 }
 
-fn format_place([x_mm, y_mm]: [f64; 2]) -> String {
+pub(super) fn format_place([x_mm, y_mm]: [f64; 2]) -> String {
     format!("{x_mm:.0} mm, {y_mm:.0} mm")
 }
 
@@ -317,7 +317,7 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
 }
 
 /// Writes what `--csv` asks for; whether it went to standard output.
-fn write_csv_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
+pub(super) fn write_csv_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
     let Some(path) = &options.csv else { return Ok(false) };
     if path.as_os_str() == "-" {
         return print_text(text.trim_end()).map(|()| true);

@@ -101,8 +101,8 @@ fn click_at(table: &PlanTable, off: &[PlanTable], (x_m, y_m): (f64, f64), others
     let begun = Instant::now();
     let click = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, ClickOptions::default())?;
     let took_ms = 1e3 * begun.elapsed().as_secs_f64();
-    let with_bound = ClickOptions { with_bound: true, ..ClickOptions::default() };
-    let best = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, with_bound)?.best_possible;
+    let compared = ClickOptions { with_figures_for_comparison: true, ..ClickOptions::default() };
+    let best = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, compared)?.best_possible;
     let click = ClickDesign { best_possible: best, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;

@@ -7,6 +7,7 @@ use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
 use super::options::ClickOptions;
 use super::slots::compute_slot_responses_of_five_panels;
+use super::sound::compute_sound_if_anything_moves_db;
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::Limit;
@@ -41,6 +42,8 @@ pub struct ClickDesign {
     pub amplitudes: Vec<(Complex64, f64, f64)>,
     /// The strongest crisp click that these actuators can make here in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
+    /// How loud it is in dB, if it was asked for and anything moves ([`super::sound`]).
+    pub sound_db: Option<f64>,
 }
 
 impl ClickDesign {
@@ -109,7 +112,7 @@ pub fn design_click_windows(
     if let Some(actuator) = travel_limit.filter(|_| measures.peak < REACHED * asked) {
         add_limitation_if_new(&mut limits, Limitation::for_actuator(table, Limit::Travel, actuator));
     }
-    let best_possible = options.with_bound.then(|| {
+    let best_possible = options.with_figures_for_comparison.then(|| {
         let forces: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
         find_best_possible_peak(&residues, &forces, options.crisp_s)
     });
@@ -117,6 +120,7 @@ pub fn design_click_windows(
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
+    let sound = options.with_figures_for_comparison.then(|| compute_sound_if_anything_moves_db(table, poles, &windows));
     Some(ClickDesign {
         windows,
         measures,
@@ -127,6 +131,7 @@ pub fn design_click_windows(
         travel_m: built.motion.travel_m,
         amplitudes: built.motion.amplitudes,
         best_possible,
+        sound_db: sound.flatten(),
     })
 }
 

@@ -16,7 +16,7 @@ const NOTHING_FROM_HZ: f64 = 500.0;
 /// Highest line that counts.
 pub const LAST_LINE: usize = 499;
 /// Highest line that an accelerometer of 1 kHz shows.
-const LAST_SHOWN_LINE: usize = 1000;
+pub const LAST_SHOWN_LINE: usize = 1000;
 /// Samples of a record of 1 s.
 pub const RECORD: usize = 4000;
 /// Time between two samples in s.
@@ -71,20 +71,30 @@ pub fn shown_motion_from_means(means: &[f64]) -> Vec<f64> {
 }
 
 fn motion_from_means(means: &[f64], last_line: usize, weigh: impl Fn(f64) -> f64) -> Vec<f64> {
+    let mut fine = vec![Complex64::ZERO; FINE_RECORD / 2 + 1];
+    let lines = list_lines_from_means(means, last_line);
+    for ((place, line), hz) in fine.iter_mut().skip(1).zip(lines).zip(1_u32..) {
+        *place = line * weigh(f64::from(hz));
+    }
+    run_inverse(&*TRANSFORMS.to_fine_record, &mut fine, FINE_RECORD)
+}
+
+/// The lines of a motion whose mean over each [`SAMPLE_S`] is given, at 1, 2, ... Hz up to `last_line`: half the amplitude of each frequency.
+#[must_use]
+pub fn list_lines_from_means(means: &[f64], last_line: usize) -> Vec<Complex64> {
     let mut record = vec![0.0; RECORD];
     record.iter_mut().zip(means).for_each(|(place, mean)| *place = *mean);
     let mut lines = TRANSFORMS.to_lines.make_output_vec();
-    let mut fine = vec![Complex64::ZERO; FINE_RECORD / 2 + 1];
     if TRANSFORMS.to_lines.process(&mut record, &mut lines).is_err() {
         // Lengths are those of the plan.
-        return vec![0.0; FINE_RECORD];
+        return Vec::new();
     }
-    for ((place, line), hz) in fine.iter_mut().zip(lines).zip(0_u32..).take(last_line + 1).skip(1) {
+    let correct = |(line, hz): (Complex64, u32)| {
         // A mean belongs to the middle of its time, and takes sin(x) / x off.
         let x = std::f64::consts::PI * f64::from(hz) * SAMPLE_S;
-        *place = line * Complex64::cis(-x) * (weigh(f64::from(hz)) * SAMPLE_S * x / x.sin());
-    }
-    run_inverse(&*TRANSFORMS.to_fine_record, &mut fine, FINE_RECORD)
+        line * Complex64::cis(-x) * (SAMPLE_S * x / x.sin())
+    };
+    lines.into_iter().zip(0_u32..).take(last_line + 1).skip(1).map(correct).collect()
 }
 
 fn run_inverse(transform: &dyn ComplexToReal<f64>, lines: &mut [Complex64], samples: usize) -> Vec<f64> {

@@ -6,7 +6,7 @@
 //! solutions are sparse: most slots have no force, and most others nearly the full one. Each force becomes one window of an electrode
 //! (`realise`), whose motion is then computed with the electrodes' charging and the moving gaps (`motion`); what that differs by is
 //! given back to the programme. [`measures`] has the figures of a click, [`bound`] the strongest crisp click that no drive of these
-//! actuators can exceed, and [`design`] the whole.
+//! actuators can exceed, [`sound`] how loud a click is, and [`design`] the whole.
 //!
 //! What counts is the felt band ([`felt`]): full up to 300 Hz and nothing from 500 Hz on. Method: minimum-effort input shaping
 //! (Singhose, Command shaping for flexible systems, 2009), with the constraints as Chebyshev bounds in time.
@@ -19,9 +19,11 @@ pub mod felt;
 pub mod measures;
 mod motion;
 mod options;
+pub mod places;
 mod program;
 mod realise;
 mod slots;
+pub mod sound;
 mod window;
 
 pub use design::{ClickDesign, design_click_windows, simulate_felt_motion_of_windows};

@@ -31,8 +31,8 @@ pub struct ClickOptions {
     pub crisp_s: f64,
     /// What counts more.
     pub preference: Preference,
-    /// Whether to compute the strongest click that is possible.
-    pub with_bound: bool,
+    /// Whether to compute the figures that clicks are compared by: the strongest click that is possible, and the sound.
+    pub with_figures_for_comparison: bool,
     /// The part of its forces that the click gets in the end, 0 to 1: for what is left of earlier touches.
     pub force_fraction: f64,
 }
@@ -42,6 +42,11 @@ pub const CRISP_RANGE_S: (f64, f64) = (0.020, 0.100);
 
 impl Default for ClickOptions {
     fn default() -> Self {
-        Self { crisp_s: 0.045, preference: Preference::Strength, with_bound: false, force_fraction: 1.0 }
+        Self {
+            crisp_s: 0.045,
+            preference: Preference::Strength,
+            with_figures_for_comparison: false,
+            force_fraction: 1.0,
+        }
     }
 }

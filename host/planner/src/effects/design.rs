@@ -85,6 +85,9 @@ pub struct EffectPrediction {
     pub pulse_to_ring_db: Option<f64>,
     /// That ratio over the pulse's length, in dB/ms: the figure of merit for sharpness.
     pub sharpness_db_per_ms: Option<f64>,
+    /// Of a click of single windows, its sound, if it was asked for: the mean-square velocity of the surface up to 1 kHz, A-weighted, over 1 s and
+    /// all of the surface, in dB relative to 1 mm/s.
+    pub sound_db: Option<f64>,
 }
 
 /// An effect designed for a plan.
@@ -494,5 +497,6 @@ fn predict_peak_and_quiet_time_at_first_target(
         pulse_ms: None,
         pulse_to_ring_db: None,
         sharpness_db_per_ms: None,
+        sound_db: None,
     }
 }

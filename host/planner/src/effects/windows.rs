@@ -66,6 +66,7 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
         pulse_ms: Some(1e3 * measures.pulse_s),
         pulse_to_ring_db: measures.pulse_to_ring_db,
         sharpness_db_per_ms: measures.sharpness_db_per_ms(),
+        sound_db: click.sound_db,
     };
     EffectDesign {
         effect: request.effect,

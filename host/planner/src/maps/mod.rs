@@ -1,8 +1,9 @@
 //! What a panel does over its surface, as numbers and pictures: fields, reach maps ([`surface_maps`]), drive schemes side by side ([`schemes`]:
 //! the thesis' removal of dead zones in numbers; `shared` is what one frequency for all actuators can do), how much of a motion leaves
-//! the panel unbent ([`rigid`]).
+//! the panel unbent ([`rigid`]), clicks at every place ([`clicks`]).
 
 mod axes;
+pub mod clicks;
 mod map;
 pub mod mode_sheet;
 pub mod npy;
@@ -22,6 +23,7 @@ pub mod weakest;
 
 use crate::scene::Scene;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+pub use clicks::ClickMap;
 use era_files::{Readers, replace_file};
 pub use schemes::{Scheme, SchemeReach};
 pub use spread::Spread;
@@ -122,8 +124,25 @@ fn find_cell_index_and_fraction(lines: &[f64], at: f64) -> (usize, f64) {
 ///
 /// # Errors
 /// [`PictureError`] if the file cannot be written.
-#[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
 pub fn write_field_png(path: &Path, scene: &Scene, plan: &Plan, field: &PeakField) -> Result<(u32, u32), PictureError> {
+    let places: Vec<String> =
+        plan.targets.iter().map(|target| format!("{:.0}, {:.0} mm", target.x_m * 1e3, target.y_m * 1e3)).collect();
+    let title = format!("{}: touch at {}", scene.name, places.join(" and "));
+    let range = map::color_range_including_zero(field.peak_g.iter().flatten());
+    let targets: Vec<(f64, f64)> = plan.targets.iter().map(|target| (target.x_m * 1e3, target.y_m * 1e3)).collect();
+    write_map_png(path, scene, field, &title, (range, "peak in g"), &targets)
+}
+
+/// Draws one map to scale under its title, with a scale of this range and unit, and crosses at places in mm.
+#[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
+fn write_map_png(
+    path: &Path,
+    scene: &Scene,
+    field: &PeakField,
+    title: &str,
+    (range, unit): ((f64, f64), &str),
+    crosses_mm: &[(f64, f64)],
+) -> Result<(u32, u32), PictureError> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let scale = PICTURE / length.max(width);
     let frame = Frame {
@@ -132,17 +151,14 @@ pub fn write_field_png(path: &Path, scene: &Scene, plan: &Plan, field: &PeakFiel
         w: (length * scale).round().max(1.0) as i32,
         h: (width * scale).max(LEAST_HEIGHT).round() as i32,
     };
-    let range = map::color_range_including_zero(field.peak_g.iter().flatten());
-    let places: Vec<String> =
-        plan.targets.iter().map(|target| format!("{:.0}, {:.0} mm", target.x_m * 1e3, target.y_m * 1e3)).collect();
-    let title = format!("{}: touch at {}", scene.name, places.join(" and "));
-    let size = (frame.right_px() + axes::SCALE, frame.bottom_px() + axes::BESIDE.1);
+    let title_end = frame.left + text::text_width_px(title) + 10;
+    let size = ((frame.right_px() + axes::SCALE).max(title_end), frame.bottom_px() + axes::BESIDE.1);
     write_png_picture(path, size, |area| {
-        text::draw_text(area, (frame.left, 10), &title, (Anchor::Start, TextDirection::Along), BLACK)?;
+        text::draw_text(area, (frame.left, 10), title, (Anchor::Start, TextDirection::Along), BLACK)?;
         let color = |value: f64| axes::scale_color_at_fraction((value - range.0) / (range.1 - range.0));
-        map::draw_map(area, frame, scene, field, (range, "peak in g"), color)?;
-        for target in &plan.targets {
-            let at = map::pixel_of_place(frame, scene, target.x_m * 1e3, target.y_m * 1e3);
+        map::draw_map(area, frame, scene, field, (range, unit), color)?;
+        for (x_mm, y_mm) in crosses_mm {
+            let at = map::pixel_of_place(frame, scene, *x_mm, *y_mm);
             area.draw(&Cross::new(at, 12, RED.stroke_width(3)))?;
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::{EvaluateError, Figures};
 use crate::spec::{Figure, FrequencyGrouping, SettingScope, WantedFigure};
-use era_planner::maps::rigid;
+use era_planner::effects::{EffectRequest, NamedEffect};
 use era_planner::maps::single_frequency::Phases;
 use era_planner::maps::touched::TouchedReach;
 use era_planner::maps::weakest::{
@@ -12,6 +12,7 @@ use era_planner::maps::weakest::{
     weakest_place_with_setting_per_place_if_frequencies_usable,
     weakest_touched_place_with_one_frequency_per_place_if_frequencies_usable,
 };
+use era_planner::maps::{ClickMap, rigid};
 use era_planner::perception::threshold_multiple_to_db_unless_at_rest;
 use era_planner::reach::Measure;
 use era_planner::table::touched::TouchedPanel;
@@ -88,6 +89,10 @@ impl FigureCache<'_> {
                 let rise =
                     era_planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion does not settle, or it cannot be computed"))?
+            }
+            Figure::CrispShare => {
+                let click = EffectRequest::with_defaults(NamedEffect::Click);
+                ClickMap::compute(self.table, click, None)?.crisp_share()
             }
             Figure::RigidModeHz => rigid::last_driven_rigid_mode_if_any_hz(self.table).unwrap_or(0.0),
             Figure::BendingModeHz => rigid::first_driven_bending_mode_if_any_hz(self.table)

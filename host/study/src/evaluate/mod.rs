@@ -17,6 +17,7 @@ use crate::spec::WantedFigure;
 use era_model::model::ModelError;
 use era_model::scene::Scene;
 use era_planner::PlanError;
+use era_planner::maps::clicks::ClickMapError;
 use era_planner::table::touched::TouchedError;
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,9 @@ pub enum EvaluateError {
     /// It cannot be planned for.
     #[error(transparent)]
     Plan(#[from] PlanError),
+    /// Its clicks cannot be designed.
+    #[error(transparent)]
+    Clicks(#[from] ClickMapError),
     /// Whoever asked does not want it, or not any more.
     #[error("{0}")]
     Refused(String),

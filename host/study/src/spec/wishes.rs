@@ -11,6 +11,8 @@ pub enum Figure {
     ContrastDb,
     /// Time in ms in which a touch at a place rises to 90 %: how crisp a click can be.
     RiseMs,
+    /// Part of 12 x 8 places (12 of a bar) at which a click of 0.5 g is crisp.
+    CrispShare,
     /// Electrical power in W at full safe force.
     PowerW,
     /// Mass of the panel with all that rides on it, in g.
@@ -93,11 +95,12 @@ impl FrequencyGrouping {
 
 impl Figure {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::WeakestG,
         Self::WeakestDb,
         Self::ContrastDb,
         Self::RiseMs,
+        Self::CrispShare,
         Self::PowerW,
         Self::MassG,
         Self::Cost,
@@ -115,6 +118,7 @@ impl Figure {
             Self::WeakestDb => "weakest_db",
             Self::ContrastDb => "contrast_db",
             Self::RiseMs => "rise_ms",
+            Self::CrispShare => "crisp_share",
             Self::PowerW => "power_w",
             Self::MassG => "mass_g",
             Self::Cost => "cost",
@@ -129,7 +133,9 @@ impl Figure {
     #[must_use]
     pub const fn default_goal(self) -> WishGoal {
         match self {
-            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::BendingModeHz => WishGoal::Most,
+            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::CrispShare | Self::BendingModeHz => {
+                WishGoal::Most
+            }
             Self::RiseMs
             | Self::PowerW
             | Self::MassG
