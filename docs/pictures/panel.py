@@ -121,7 +121,7 @@ def find_rigid_fraction(shape):
 def draw_node_lines(era):
     """Peak over the plate: each of two drives alone, and both, at distinct frequencies."""
     scene = read_scene("plate")
-    schemes = era.json("field", "--schemes", "--from", 124)
+    schemes = era.json("field", "--schemes", "--from", 122)
     distinct = next(entry for entry in schemes["schemes"] if entry["scheme"] == "distinct_frequencies")
     fields = []
     for index, drive in enumerate(distinct["setting"]):
@@ -143,7 +143,7 @@ def draw_node_lines(era):
     )
     scale, tops = 0.755, 56
     map_width, map_height = scale * scene["surface"]["length_mm"], scale * scene["surface"]["width_mm"]
-    bottom_log, top_log = math.log10(0.03), math.log10(3.0)
+    bottom_log, top_log = math.log10(0.03), math.log10(10.0)
     for x, field, name in zip((18, 267, 516), (*fields, both), names, strict=True):
         logs = [[math.log10(max(value, 1e-6)) for value in row] for row in field]
         weakest = min(min(row) for row in field)
@@ -156,7 +156,7 @@ def draw_node_lines(era):
     # The scale.
     chart = Chart(267, 238, 267 + map_width, 250, (bottom_log, top_log), (0, 1))
     canvas.image(chart.left, chart.top, map_width, 12, [list(range(STEPS))], RISING)
-    for tick in (0.03, 0.1, 0.3, 1.0, 3.0):
+    for tick in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
         x = chart.x(math.log10(tick))
         canvas.line([(x, 250), (x, 254)], color=GREY)
         canvas.text(x, 267, f"{tick:g}", anchor="middle", size=12, color=GREY)

@@ -6,6 +6,8 @@
 
 /// Part by which a value may be beyond its bound, or a limit exceeded.
 const BROKEN: f64 = 1e-7;
+/// Part of what a row misses that is rounding.
+const ROUNDING: f64 = 1e-9;
 /// Least coefficient that a variable is exchanged by, as a part of the largest of its row.
 const LEAST_PIVOT: f64 = 1e-7;
 /// Most exchanges between two added rows.
@@ -145,7 +147,8 @@ impl DualSimplex {
         for (_, column) in candidates {
             let bounds = self.variables[self.columns[column]];
             let gained = own[column].abs() * (bounds.upper - bounds.lower);
-            if gained < left {
+            // What is reached but for rounding is reached.
+            if gained < left - ROUNDING * missing.abs() {
                 left -= gained;
                 passed.push(column);
             } else {
@@ -259,6 +262,19 @@ mod tests {
     fn make_variable() -> impl Strategy<Value = BoundedVariable> {
         ((-3i32..=1).prop_map(f64::from), (0i32..=4).prop_map(f64::from), (-3i32..=3).prop_map(f64::from))
             .prop_map(|(lower, range, cost)| BoundedVariable { lower, upper: lower + range, cost })
+    }
+
+    /// Its rows leave one solution.
+    #[test]
+    fn a_solution_without_room_is_found() {
+        let make = |upper: f64, cost: f64| BoundedVariable { lower: 0.0, upper, cost };
+        let mut simplex = DualSimplex::new(vec![make(2.0, 0.0), make(0.0, 0.0), make(2.0, -1.0)]);
+        for (row, limit) in [([-3.0, 0.0, 1.0], -3.0), ([4.0, 0.0, 0.0], 4.0)] {
+            simplex.add_row(&row, limit, false);
+            assert!(simplex.minimise());
+        }
+        let expected = [1.0, 0.0, 0.0];
+        assert!(simplex.values().iter().zip(expected).all(|(x, y)| (x - y).abs() < 1e-6), "{:?}", simplex.values());
     }
 
     proptest! {
