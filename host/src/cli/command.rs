@@ -2,12 +2,12 @@
 
 use super::args::{DaemonOptions, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
+use super::args_effect::EffectOptions;
 use super::args_field::Field;
 use super::args_study::Study;
 use super::completions::{Completions, Man};
 use super::config::Config;
 use super::doctor::Doctor;
-use super::effect::EffectOptions;
 use super::install::Install;
 use super::plan::PlanOptions;
 use super::told::LogFormat;

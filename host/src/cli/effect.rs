@@ -1,8 +1,7 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, CacheOptions, Crispness, PanelOptions, Rhythm};
-use super::effect_file::{EffectFileOptions, read_and_print_effect_file};
-use super::headings::TOUCH;
+use super::args_effect::EffectOptions;
+use super::effect_file::read_and_print_effect_file;
 use super::panel::{
     collect_plan_bounds, make_target_from_at_option, prepare_table_with_fingers_at_places, tell_plan_bounds,
 };
@@ -15,42 +14,9 @@ use crate::model::Bound;
 use crate::planner::Request;
 use crate::planner::click::ClickOptions;
 use crate::planner::rise::PanelPoles;
-use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
-
-/// An effect to design.
-#[derive(Clone, Debug, Args)]
-pub struct EffectOptions {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    #[command(flatten)]
-    pub keep: CacheOptions,
-    #[command(flatten)]
-    pub at: At,
-    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
-    pub intensity_db: Option<f64>,
-    /// Which effect
-    #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect")]
-    pub name: Option<NamedEffect>,
-    /// The effect, given as an option
-    #[arg(long, value_name = "NAME", hide_possible_values = true)]
-    pub effect: Option<NamedEffect>,
-    /// Duration in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
-    pub duration_ms: Option<f64>,
-    #[command(flatten)]
-    pub rhythm: Rhythm,
-    #[command(flatten)]
-    pub crispness: Crispness,
-    #[command(flatten)]
-    pub from_file: EffectFileOptions,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
 
 pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(path) = &options.from_file.file {

@@ -1,8 +1,7 @@
 //! `era effect --file`: what is read of an effect file, and what a panel makes of it.
 
-use super::effect::EffectOptions;
+use super::args_effect::EffectOptions;
 use super::panel::{make_target_from_at_option, prepare_table_with_fingers_at_places};
-use super::values::parse_export_path;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
 use crate::effect_files::panel::{
@@ -10,39 +9,20 @@ use crate::effect_files::panel::{
 };
 use crate::effect_files::parts::cut_events_into_parts;
 use crate::effect_files::view::{PartView, ReadingView};
-use crate::effect_files::{FileFormat, ReadError, read_effect_bytes};
+use crate::effect_files::{ReadError, read_effect_bytes};
 use crate::effects::DesignError;
 use crate::maps::over_time::write_accelerations_png;
 use crate::planner::rise::PanelPoles;
 use crate::planner::{DEFAULT_INTENSITY_G, PlanTable};
-use clap::Args;
 use era_files::{Readers, replace_file};
 use serde_json::json;
 use std::fmt::Write;
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Parts that are printed as text.
 const PRINTED_PARTS: usize = 40;
-
-/// An effect from a file.
-#[derive(Clone, Debug, Args)]
-pub struct EffectFileOptions {
-    /// Effect file to read in place of a named effect: TOML, JSON, AHAP, HJIF, HMPG, Lofelt .haptic or WAV
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with_all = ["name", "effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db"]
-    )]
-    pub file: Option<PathBuf>,
-    /// Format of the file [default: the one that the file shows]
-    #[arg(long, value_enum, requires = "file")]
-    pub format: Option<FileFormat>,
-    /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png
-    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path)]
-    pub export: Option<PathBuf>,
-}
 
 impl From<PanelEffectError> for Failure {
     fn from(error: PanelEffectError) -> Self {

@@ -5,6 +5,7 @@
 
 mod args;
 mod args_board;
+mod args_effect;
 mod args_field;
 mod args_study;
 mod client;

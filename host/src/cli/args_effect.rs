@@ -1,0 +1,59 @@
+//! Options of `era effect`.
+
+use super::args::{At, CacheOptions, Crispness, PanelOptions, Rhythm};
+use super::headings::TOUCH;
+use super::values::parse_export_path;
+use crate::effect_files::FileFormat;
+use crate::effects::NamedEffect;
+use clap::Args;
+use std::path::PathBuf;
+
+/// An effect to design.
+#[derive(Clone, Debug, Args)]
+pub struct EffectOptions {
+    #[command(flatten)]
+    pub panel: PanelOptions,
+    #[command(flatten)]
+    pub keep: CacheOptions,
+    #[command(flatten)]
+    pub at: At,
+    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
+    pub intensity_db: Option<f64>,
+    /// Which effect
+    #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect")]
+    pub name: Option<NamedEffect>,
+    /// The effect, given as an option
+    #[arg(long, value_name = "NAME", hide_possible_values = true)]
+    pub effect: Option<NamedEffect>,
+    /// Duration in ms
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub duration_ms: Option<f64>,
+    #[command(flatten)]
+    pub rhythm: Rhythm,
+    #[command(flatten)]
+    pub crispness: Crispness,
+    #[command(flatten)]
+    pub from_file: EffectFileOptions,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// An effect from a file.
+#[derive(Clone, Debug, Args)]
+pub struct EffectFileOptions {
+    /// Effect file to read in place of a named effect: TOML, JSON, AHAP, HJIF, HMPG, Lofelt .haptic or WAV
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["name", "effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db"]
+    )]
+    pub file: Option<PathBuf>,
+    /// Format of the file [default: the one that the file shows]
+    #[arg(long, value_enum, requires = "file")]
+    pub format: Option<FileFormat>,
+    /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png
+    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path)]
+    pub export: Option<PathBuf>,
+}
