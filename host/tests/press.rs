@@ -50,7 +50,7 @@ fn the_example_scenes_bear_a_press() {
 #[test]
 fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
     let folder = tempfile::tempdir().unwrap();
-    let text = std::fs::read_to_string(example("plate")).unwrap();
+    let text = std::fs::read_to_string(example("starting_plate")).unwrap();
     let without: String =
         text.lines().filter(|line| !line.starts_with("stop_um")).map(|line| format!("{line}\n")).collect();
     let told = |name: &str, text: &str| {

@@ -105,7 +105,10 @@ fn clicks_are_mapped() {
     assert!(output.status.success() && told(&output).contains("[finger] is not used"), "{}", told(&output));
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     let places = found["places"].as_array().unwrap();
-    assert_eq!((places.len(), &found["intensity_g"], &found["scene"]), (12, &Value::from(0.4), &Value::from("bar")));
+    assert_eq!(
+        (places.len(), &found["intensity_g"], &found["scene"]),
+        (12, &Value::from(0.4), &Value::from("example bar"))
+    );
     let number = |value: &Value| value.as_f64().unwrap();
     let is_crisp = |place: &&Value| {
         let is_quiet = place["quiet_ms"].as_f64().is_some_and(|quiet_ms| quiet_ms <= 40.0);

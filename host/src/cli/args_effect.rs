@@ -57,3 +57,11 @@ pub struct EffectFileOptions {
     #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path)]
     pub export: Option<PathBuf>,
 }
+
+impl EffectFileOptions {
+    /// The option that is given without a file, though it is about one. Of an option that another one excludes, clap asks for nothing.
+    pub fn find_option_without_file(&self) -> Option<&'static str> {
+        let export = self.export.is_some().then_some("--export");
+        export.or(self.format.is_some().then_some("--format")).filter(|_| self.file.is_none())
+    }
+}

@@ -22,6 +22,9 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(path) = &options.from_file.file {
         return read_and_print_effect_file(options, path);
     }
+    if let Some(option) = options.from_file.find_option_without_file() {
+        return Err(Failure::usage_error(format!("{option} is given, but --file is not, and only --file takes it")));
+    }
     let scene = options.panel.load_scene()?;
     let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage_error("no effect is named"))?;
     let request = EffectRequest {
