@@ -7,7 +7,7 @@ use super::panel::{
 };
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{
-    self, DesignError, EffectRequest, Intensity, NamedEffect, design_effect_with_windows, intensity,
+    self, DesignError, EffectRequest, Intensity, design_effect_with_windows, intensity,
     plan_request_with_intensity_for_targets_without_one,
 };
 use crate::model::Bound;

@@ -9,7 +9,7 @@ use crate::effect_files::panel::{
 };
 use crate::effect_files::parts::cut_events_into_parts;
 use crate::effect_files::view::{PartView, ReadingView};
-use crate::effect_files::{ReadError, read_effect_bytes};
+use crate::effect_files::{FileFormat, ReadError, read_effect_bytes};
 use crate::effects::DesignError;
 use crate::maps::over_time::write_accelerations_png;
 use crate::planner::rise::PanelPoles;
