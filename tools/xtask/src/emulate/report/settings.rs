@@ -108,6 +108,8 @@ fn check_register_settings_and_trip_thresholds(
     super::trips::power_up_and_drive(board)?;
     // Off, whatever came before: the main output enable of TIM16, which gives the permit, is set while the board is armed.
     board.send_request(&Request::Stop)?;
+    let safe = board.await_state_and_measure_ms(SafetyState::Safe, 1000)?;
+    table.add_time_limit_row("settings: stopped, safe", 1000.0, safe.ok());
     for Setting { name, address, mask, expected } in SETTINGS {
         let seen = board.read_memory_word(address)? & mask;
         table.add_comparison_row(&format!("setting: {name}"), &format!("{expected:#010x}"), &format!("{seen:#010x}"));
