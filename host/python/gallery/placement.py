@@ -1,7 +1,7 @@
 # %% [markdown]
 # # A placement study
 #
-# Where should the two ERAs of the example plate be, so that its weakest place is as strong as can be? A study's text says what may
+# Where should two ERAs of a plate be, so that its weakest place is as strong as can be? They begin on its axis. A study's text says what may
 # change and what is wanted (`docs/src/studies.md`); `era.study.run` looks at all designs quickly, and computes the best ones anew.
 
 # %%
@@ -12,7 +12,8 @@ import era.study
 import matplotlib.pyplot as plt
 import numpy as np
 
-plate = era.Scene.example("plate")
+on_axis = {"left": {"x_mm": 75.0, "y_mm": 100.0}, "right": {"x_mm": 225.0, "y_mm": 100.0}}
+plate = era.Scene.example("plate").with_(actuator=on_axis)
 text = """
 version = 1
 name = "two ERAs across from each other"
