@@ -20,7 +20,7 @@ const AHAP: &str = r#"{"Version": 1, "Metadata": {"Project": "two"}, "Pattern": 
         {"ParameterID": "HapticIntensity", "ParameterValue": 1.0}, {"ParameterID": "HapticSharpness", "ParameterValue": 0.5}]}},
     {"Event": {"Time": 0.6, "EventType": "AudioCustom"}}]}"#;
 
-fn largest(samples: &[f64]) -> f64 {
+fn find_largest_magnitude(samples: &[f64]) -> f64 {
     samples.iter().fold(0.0, |most, x| most.max(x.abs()))
 }
 
@@ -39,7 +39,8 @@ fn the_acceleration_is_what_is_predicted() {
     let kinds: Vec<PartKind> = effect.parts.iter().map(|part| part.kind).collect();
     assert_eq!(kinds, [PartKind::Tick, PartKind::Click, PartKind::Click, PartKind::Thud, PartKind::Envelope]);
     let all = sample_acceleration_g(&table, poles, &effect).unwrap();
-    let second = |from_s: usize| largest(&all[0][from_s * RATE_HZ as usize..(from_s + 1) * RATE_HZ as usize]);
+    let second =
+        |from_s: usize| find_largest_magnitude(&all[0][from_s * RATE_HZ as usize..(from_s + 1) * RATE_HZ as usize]);
     for (k, part) in effect.parts.iter().enumerate() {
         let (found_g, predicted) = (second(k), part.design.predicted);
         // Of windows the motion is known; of drives it is one of those that their phases may make.
@@ -58,7 +59,7 @@ fn the_acceleration_is_what_is_predicted() {
     assert!((0.12..0.25).contains(&second(4)), "{}", second(4));
 }
 
-fn era(folder: &Path, arguments: &[&str]) -> Output {
+fn run_era_effect(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
     command.current_dir(folder).env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
     command.args(["effect", "--accuracy", "fast", "--at", "256,640"]).args(arguments).output().unwrap()
@@ -69,7 +70,7 @@ fn the_command_line_reads_prints_and_exports() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     std::fs::write(path.join("two.ahap"), AHAP).unwrap();
-    let output = era(path, &["--file", "two.ahap", "--json", "--export", "two.csv"]);
+    let output = run_era_effect(path, &["--file", "two.ahap", "--json", "--export", "two.csv"]);
     let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
     assert_eq!((&told["name"], &told["format"], &told["event_count"]), (&json!("two"), &json!("ahap"), &json!(2)));
     assert_eq!(told["warnings"], json!(["Pattern[2].Event is left out: AudioCustom is a sound"]));
@@ -83,17 +84,18 @@ fn the_command_line_reads_prints_and_exports() {
     let column: Vec<f64> = csv.lines().skip(1).map(|line| line.split_once(',').unwrap().1.parse().unwrap()).collect();
     let (first, second) = column.split_at(4 * RATE_HZ as usize / 10);
     assert!(
-        (largest(first) / peak(&parts[0]) - 1.0).abs() < 0.02 && (largest(second) / peak(&parts[1]) - 1.0).abs() < 0.02
+        (find_largest_magnitude(first) / peak(&parts[0]) - 1.0).abs() < 0.02
+            && (find_largest_magnitude(second) / peak(&parts[1]) - 1.0).abs() < 0.02
     );
 
-    let output = era(path, &["--file", "two.ahap", "--export", "two.wav"]);
+    let output = run_era_effect(path, &["--file", "two.ahap", "--export", "two.wav"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(
         text.contains("two: 2 events within 400 ms, read as AHAP") && text.contains("warning: Pattern[2]"),
         "{text}"
     );
     // What was written is read again, as an intensity over time.
-    let output = era(path, &["--file", "two.wav", "--export", "two.png"]);
+    let output = run_era_effect(path, &["--file", "two.wav", "--export", "two.png"]);
     assert!(String::from_utf8(output.stdout).unwrap().contains("read as WAV"));
     assert!(std::fs::read(path.join("two.png")).unwrap().starts_with(b"\x89PNG"));
 
@@ -104,12 +106,12 @@ fn the_command_line_reads_prints_and_exports() {
         (&["--file", "two.ahap", "click"], "cannot be used with"),
         (&["--export", "two.csv", "click"], "--file"),
     ] {
-        let output = era(path, arguments);
+        let output = run_era_effect(path, arguments);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && told.contains(message), "{arguments:?}: {told}");
     }
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/effects/confirm.toml");
-    let output = era(path, &["--file", example.to_str().unwrap()]);
+    let output = run_era_effect(path, &["--file", example.to_str().unwrap()]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("confirm: 4 events") && !text.contains("warning"), "{text}");
 }

@@ -13,7 +13,7 @@ use std::sync::{Mutex, OnceLock};
 /// A port on which nobody listens: what asks a daemon fails there at once, after its options have been taken.
 const NOBODY: &str = "http://127.0.0.1:9";
 
-fn era(folder: &Path, words: &[String]) -> Output {
+fn run_era(folder: &Path, words: &[String]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
     command.current_dir(folder).env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("XDG_RUNTIME_DIR");
     command.args(words).stdin(Stdio::null()).output().unwrap()
@@ -34,7 +34,7 @@ struct Help {
 }
 
 fn help(folder: &Path, command: &[String]) -> Help {
-    let output = era(folder, &[command, &["--help".to_owned()]].concat());
+    let output = run_era(folder, &[command, &["--help".to_owned()]].concat());
     assert!(output.status.success(), "{command:?}: {}", told(&output));
     let text = String::from_utf8(output.stdout).unwrap();
     let (mut options, mut commands, mut section) = (BTreeMap::new(), Vec::new(), "");
@@ -281,7 +281,7 @@ fn every_option_of_the_help_is_taken() {
         .collect();
     assert!(calls.len() > 150, "{}", calls.len());
     each(&calls, |(command, option, takes_value)| {
-        let output = era(&path, &[words(command), call(command, option, *takes_value)].concat());
+        let output = run_era(&path, &[words(command), call(command, option, *takes_value)].concat());
         let told = told(&output);
         let is_refused = output.status.code() == Some(2) && told.contains(option.as_str());
         let has_ended = output.status.code().is_some_and(|code| (0..=2).contains(&code));
@@ -308,7 +308,7 @@ fn options_of_other_commands_are_refused() {
         .collect();
     assert!(calls.len() > 500, "{}", calls.len());
     each(&calls, |(command, option)| {
-        let output = era(&path, &[words(command), vec![(*option).clone()], filled(&base(command))].concat());
+        let output = run_era(&path, &[words(command), vec![(*option).clone()], filled(&base(command))].concat());
         let told = told(&output);
         let is_refused =
             output.status.code() == Some(2) && told.contains("unexpected argument") && told.contains(option.as_str());

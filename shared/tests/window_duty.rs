@@ -21,7 +21,7 @@ fn sequence(number: u32, start_us: u64, volts: u32, windows: &[SequenceWindow]) 
     Request::PlayWindows(WindowSequence { number, start_us, rail_millivolts: [volts * 1_000; 2], windows })
 }
 
-fn drives(all: &[ChannelDrive]) -> Request {
+fn make_set_drives_request(all: &[ChannelDrive]) -> Request {
     Request::SetDrives { drives: Short::from_slice(all).unwrap() }
 }
 
@@ -49,7 +49,7 @@ fn wait_alive(bench: &mut Bench, mut ms: u64) {
     }
 }
 
-fn fault(bench: &mut Bench) -> Option<(FaultCode, u32)> {
+fn read_latched_fault_code_and_detail(bench: &mut Bench) -> Option<(FaultCode, u32)> {
     let Reply::Faults { latched } = bench.ask(&Request::Faults) else { panic!() };
     latched.map(|fault| (fault.code, fault.detail))
 }
@@ -64,7 +64,7 @@ fn count_played(bench: &Bench, channel: usize) -> usize {
 #[test]
 fn a_sequence_that_exceeds_the_burst_left_is_refused_beforehand() {
     let mut bench = arm_bench(500, 60_000);
-    bench.ask(&drives(&[drive(0)]));
+    bench.ask(&make_set_drives_request(&[drive(0)]));
     wait_alive(&mut bench, 420);
     // 20 windows of 5 ms: 100 ms and more, of which less than 80 are left.
     let windows = make_windows(0, 20, 3_000, 50_000);
@@ -82,22 +82,22 @@ fn a_sequence_that_exceeds_the_burst_left_is_refused_beforehand() {
     assert!(matches!(accepted, Reply::WindowsPlaying { .. }), "{accepted:?}");
     bench.board.preloads.clear();
     wait_alive(&mut bench, 200);
-    assert_eq!((fault(&mut bench), count_played(&bench, 0)), (None, 20));
+    assert_eq!((read_latched_fault_code_and_detail(&mut bench), count_played(&bench, 0)), (None, 20));
     // A rest before the beginning counts.
     let mut bench = arm_bench(500, 60_000);
-    bench.ask(&drives(&[drive(0)]));
+    bench.ask(&make_set_drives_request(&[drive(0)]));
     wait_alive(&mut bench, 420);
     let start_us = bench.board.now_us + 150_000;
     assert_eq!(bench.ask(&sequence(1, start_us, 1_000, &windows)), Reply::WindowsPlaying { start_us });
     wait_alive(&mut bench, 400);
-    assert_eq!((fault(&mut bench), count_played(&bench, 0)), (None, 20));
+    assert_eq!((read_latched_fault_code_and_detail(&mut bench), count_played(&bench, 0)), (None, 20));
 }
 
 /// A drive of 1 Hz goes on until its boundary, up to a second later, and is no rest.
 #[test]
 fn the_drive_that_ends_counts_until_its_boundary() {
     let mut bench = arm_bench(1_500, 60_000);
-    bench.ask(&drives(&[ChannelDrive { frequency_millihertz: 1_000, ..drive(0) }]));
+    bench.ask(&make_set_drives_request(&[ChannelDrive { frequency_millihertz: 1_000, ..drive(0) }]));
     wait_alive(&mut bench, 600);
     let refused = bench.ask(&sequence(1, 0, 1_000, &make_windows(0, 4, 3_000, 50_000)));
     let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = refused else { panic!("{refused:?}") };
@@ -117,7 +117,7 @@ fn a_sequence_that_no_burst_holds_is_too_long() {
         Reply::WindowsPlaying { .. }
     ));
     wait_alive(&mut bench, 200);
-    assert_eq!((fault(&mut bench), count_played(&bench, 0)), (None, 1));
+    assert_eq!((read_latched_fault_code_and_detail(&mut bench), count_played(&bench, 0)), (None, 1));
 }
 
 /// 24 windows of 5.5 ms and pauses of 0.3 ms cost 148 ms of credit at 2 kV, with the 9 ms that may count before them, and a sixteenth of
@@ -133,7 +133,7 @@ fn a_sequence_that_exceeds_the_credit_is_refused_beforehand() {
         if volts == 1_000 {
             assert!(matches!(reply, Reply::WindowsPlaying { .. }), "{reply:?}");
             wait_alive(&mut bench, 400);
-            assert_eq!((fault(&mut bench), count_played(&bench, 0)), (None, 24));
+            assert_eq!((read_latched_fault_code_and_detail(&mut bench), count_played(&bench, 0)), (None, 24));
             continue;
         }
         let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = reply else { panic!("{reply:?}") };
@@ -144,7 +144,7 @@ fn a_sequence_that_exceeds_the_credit_is_refused_beforehand() {
         let reply = bench.ask(&sequence(2, 0, volts, &windows));
         assert!(matches!(reply, Reply::WindowsPlaying { .. }), "{reply:?} after {wait_ms} ms");
         wait_alive(&mut bench, 400);
-        assert_eq!((fault(&mut bench), count_played(&bench, 0)), (None, 24));
+        assert_eq!((read_latched_fault_code_and_detail(&mut bench), count_played(&bench, 0)), (None, 24));
     }
 }
 
@@ -160,7 +160,7 @@ fn a_channel_that_must_stop_in_its_windows_is_a_fault() {
     // A shorter burst than the one that it was accepted with.
     bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(15) });
     bench.wait_ms(10);
-    assert_eq!(fault(&mut bench), Some((FaultCode::DriveFailed, 0)));
+    assert_eq!(read_latched_fault_code_and_detail(&mut bench), Some((FaultCode::DriveFailed, 0)));
     assert!(!bench.board.live());
 }
 
@@ -170,9 +170,9 @@ fn a_sequence_waits_for_rails_that_fall() {
     for (set_volts, waits) in [(1_000, true), (500, true), (1_000, false)] {
         let mut bench = Bench::new();
         bench.arm();
-        bench.ask(&drives(&[drive(0)]));
+        bench.ask(&make_set_drives_request(&[drive(0)]));
         wait_alive(&mut bench, 80);
-        bench.ask(&drives(&[ChannelDrive { voltage_millivolts: set_volts * 1_000, ..drive(0) }]));
+        bench.ask(&make_set_drives_request(&[ChannelDrive { voltage_millivolts: set_volts * 1_000, ..drive(0) }]));
         let now_us = bench.board.now_us;
         // Channel 2 has the same rail and is at rest, so that its timer is ready within 4 ms.
         let volts = if waits { 500 } else { 1_000 };
@@ -207,7 +207,7 @@ proptest! {
         let mut now_ms = 0;
         if let Some((frequency_millihertz, ms)) = before {
             let drive = ChannelDrive { frequency_millihertz, pulse_width_ppm: 300_000, voltage_millivolts: volts * 1_000, ..drive(0) };
-            bench.ask(&drives(&[drive]));
+            bench.ask(&make_set_drives_request(&[drive]));
             wait_alive(&mut bench, ms);
             now_ms = ms;
         }
@@ -217,13 +217,13 @@ proptest! {
         let start_us = if lead_us == 0 { 0 } else { bench.board.now_us + lead_us + 100_000 };
         bench.board.preloads.clear();
         let reply = bench.ask(&sequence(1, start_us, volts, &windows));
-        let told = fault(&mut bench);
+        let told = read_latched_fault_code_and_detail(&mut bench);
         prop_assert_eq!(told, None, "{:?} after {} ms", reply, now_ms);
         if let Reply::WindowsPlaying { start_us } = reply {
             // At most 24 windows of 40 ms and 5.6 ms.
             let ms = (start_us - bench.board.now_us) / 1_000 + 24 * 46;
             wait_alive(&mut bench, ms);
-            prop_assert_eq!(fault(&mut bench), None);
+            prop_assert_eq!(read_latched_fault_code_and_detail(&mut bench), None);
             for channel in 0..2 {
                 let asked = windows.iter().filter(|window| usize::from(window.channel) == channel).count();
                 prop_assert_eq!(count_played(&bench, channel), asked, "channel {}", channel);

@@ -307,7 +307,7 @@ mod tests {
     }
 
     /// A transient of amplitude 1 at 100 + 20 ticks and 182 Hz, and one of the library 200 ticks into the second unit.
-    fn file() -> Vec<u8> {
+    fn build_file_bytes() -> Vec<u8> {
         let timing = packet(11, &[(0, 32), (1000, 32), (0, 24), (0, 24), (0, 1)]);
         let perception = packet(2, &[(3, 8), (0, 8), (1, 8), (u64::from(b'x'), 8), (6, 8), (0, 8), (1, 16), (0, 1)]);
         // Gain 1: (1 + 10000) / 20000 of 2^32 - 1, rounded up.
@@ -358,7 +358,7 @@ mod tests {
 
     #[test]
     fn packets_are_read_as_the_reference_software_writes_them() {
-        let list = read_hmpg_bytes(&file()).unwrap();
+        let list = read_hmpg_bytes(&build_file_bytes()).unwrap();
         assert_eq!(list.warnings, Vec::<String>::new());
         let expected =
             [HapticEvent::new_transient(0.12, 1.0, 117.0 / 235.0), HapticEvent::new_transient(0.328, 1.0, 1.0)];
@@ -422,7 +422,7 @@ mod tests {
 
     #[test]
     fn whatever_is_cut_or_changed_does_not_panic() {
-        let whole = file();
+        let whole = build_file_bytes();
         for length in 0..whole.len() {
             let _ = read_hmpg_bytes(&whole[..length]);
         }

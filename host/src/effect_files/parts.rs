@@ -305,13 +305,13 @@ mod tests {
     use crate::effect_files::events::EnvelopePoint;
     use crate::effect_files::format::FileFormat;
 
-    fn list(events: Vec<HapticEvent>) -> EventList {
+    fn make_event_list(events: Vec<HapticEvent>) -> EventList {
         let mut list = EventList::new(FileFormat::Json, None);
         events.into_iter().for_each(|event| list.add_event_within_limits("event", event));
         list.finish().unwrap()
     }
 
-    fn held(begin_s: f64, duration_s: f64, intensity: f64, points: &[(f64, f64)]) -> HapticEvent {
+    fn make_vibration(begin_s: f64, duration_s: f64, intensity: f64, points: &[(f64, f64)]) -> HapticEvent {
         let envelope = points.iter().map(|(time_s, level)| EnvelopePoint { time_s: *time_s, level: *level }).collect();
         HapticEvent::new_continuous((begin_s, duration_s), intensity, 0.5, envelope)
     }
@@ -339,9 +339,13 @@ mod tests {
 
     #[test]
     fn a_ramp_and_a_hold_are_few_segments() {
-        let (parts, warnings) =
-            cut_events_into_parts(&list(vec![held(0.1, 0.6, 0.8, &[(0.0, 0.0), (0.2, 1.0), (0.5, 1.0), (0.5, 0.25)])]))
-                .unwrap();
+        let (parts, warnings) = cut_events_into_parts(&make_event_list(vec![make_vibration(
+            0.1,
+            0.6,
+            0.8,
+            &[(0.0, 0.0), (0.2, 1.0), (0.5, 1.0), (0.5, 0.25)],
+        )]))
+        .unwrap();
         assert_eq!((parts.len(), &warnings[..]), (1, &[][..]));
         let PartContent::Envelope(segments) = &parts[0].content else { panic!("an envelope") };
         assert!(segments.len() <= 5, "{segments:?}");
@@ -353,8 +357,9 @@ mod tests {
     #[test]
     fn pulses_interrupt_and_make_way() {
         let pulse = HapticEvent::new_transient;
-        let events = vec![pulse(0.0, 0.5, 0.9), pulse(0.02, 0.8, 0.5), pulse(0.2, 1.0, 0.0), held(0.1, 0.3, 1.0, &[])];
-        let (parts, warnings) = cut_events_into_parts(&list(events)).unwrap();
+        let events =
+            vec![pulse(0.0, 0.5, 0.9), pulse(0.02, 0.8, 0.5), pulse(0.2, 1.0, 0.0), make_vibration(0.1, 0.3, 1.0, &[])];
+        let (parts, warnings) = cut_events_into_parts(&make_event_list(events)).unwrap();
         let kinds: Vec<(usize, Option<PulseKind>)> = parts
             .iter()
             .map(|part| (part.begin_ms, if let PartContent::Pulse(kind, _) = part.content { Some(kind) } else { None }))
@@ -369,9 +374,13 @@ mod tests {
     fn places_do_not_play_at_the_same_time() {
         let beside = HapticEvent { dx_mm: 20.0, ..held(0.1, 0.3, 1.0, &[]) };
         let later = HapticEvent { dx_mm: 20.0, ..held(0.5, 0.1, 0.6, &[]) };
-        let (parts, warnings) =
-            cut_events_into_parts(&list(vec![held(0.0, 0.2, 0.7, &[]), held(0.1, 0.1, 0.7, &[]), beside, later]))
-                .unwrap();
+        let (parts, warnings) = cut_events_into_parts(&make_event_list(vec![
+            make_vibration(0.0, 0.2, 0.7, &[]),
+            make_vibration(0.1, 0.1, 0.7, &[]),
+            beside,
+            later,
+        ]))
+        .unwrap();
         let places: Vec<(usize, f64)> = parts.iter().map(|part| (part.begin_ms, part.offset_mm.0)).collect();
         assert_eq!(places, [(0, 0.0), (500, 20.0)]);
         assert!((played(&parts, 50) - 0.7).abs() < 1e-9 && played(&parts, 150) == 1.0);
@@ -380,7 +389,8 @@ mod tests {
 
     #[test]
     fn what_is_too_weak_is_refused() {
-        let error = cut_events_into_parts(&list(vec![held(0.0, 1.0, 0.01, &[])])).unwrap_err().to_string();
+        let error =
+            cut_events_into_parts(&make_event_list(vec![make_vibration(0.0, 1.0, 0.01, &[])])).unwrap_err().to_string();
         assert_eq!(error, "no event of the effect reaches the intensity 0.02, below which nothing is felt");
     }
 
@@ -388,7 +398,8 @@ mod tests {
     fn what_changes_all_the_time_is_coarser() {
         let points: Vec<(f64, f64)> =
             (0..3000).map(|k| (0.01 * f64::from(k), 0.1 + 0.4 * f64::from(k * 7919 % 100) / 99.0)).collect();
-        let (parts, warnings) = cut_events_into_parts(&list(vec![held(0.0, 30.0, 1.0, &points)])).unwrap();
+        let (parts, warnings) =
+            cut_events_into_parts(&make_event_list(vec![make_vibration(0.0, 30.0, 1.0, &points)])).unwrap();
         assert!(parts.len() <= MAX_ENVELOPES && !parts.is_empty(), "{}", parts.len());
         assert!(warnings.iter().any(|warning| warning.contains("finer ones need too many segments")), "{warnings:?}");
         assert!(parts.iter().all(|part| matches!(&part.content, PartContent::Envelope(own) if own.len() <= SEGMENTS)));

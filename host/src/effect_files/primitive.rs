@@ -146,7 +146,7 @@ impl Primitive {
         })
     }
 
-    const fn shape(self) -> Shape {
+    const fn describe_as_pulses_or_vibration(self) -> Shape {
         const LEVEL: &[(f64, f64)] = &[];
         const RISE: &[(f64, f64)] = &[(0.0, 0.0), (1.0, 1.0)];
         const FALL: &[(f64, f64)] = &[(0.0, 1.0), (1.0, 0.0)];
@@ -173,7 +173,7 @@ impl Primitive {
     /// How long it lasts if a file gives no duration, in s; `None` for pulses, which have none.
     #[must_use]
     pub const fn default_duration_s(self) -> Option<f64> {
-        match self.shape() {
+        match self.describe_as_pulses_or_vibration() {
             Shape::Pulses(_) => None,
             Shape::Vibration(duration_s, _, _) => Some(duration_s),
         }
@@ -182,7 +182,7 @@ impl Primitive {
     /// Its events, from time 0 on. The intensity multiplies its own; sharpness and duration stand in the place of its own.
     #[must_use]
     pub fn list_events(self, intensity: f64, sharpness: Option<f64>, duration_s: Option<f64>) -> Vec<HapticEvent> {
-        match self.shape() {
+        match self.describe_as_pulses_or_vibration() {
             Shape::Pulses(pulses) => pulses
                 .iter()
                 .map(|(time_s, own, sharp)| {

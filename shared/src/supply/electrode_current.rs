@@ -188,10 +188,10 @@ impl ElectrodeCurrentMonitor {
         let too_little = add_percent(measured, CURRENT_TOLERANCE_PERCENT) < least;
         let too_much = subtract_percent(measured, CURRENT_TOLERANCE_PERCENT) > most;
         if self.too_little.count_or_forgive_time_and_has_lasted(too_little, elapsed_us, ELECTRODE_FAULT_AFTER_MS) {
-            return Some((FaultCode::Electrode, DETAIL_TOO_LITTLE + self.detail()));
+            return Some((FaultCode::Electrode, DETAIL_TOO_LITTLE + self.encode_driven_era_and_mean_microamps()));
         }
         if self.too_much.count_or_forgive_time_and_has_lasted(too_much, elapsed_us, ELECTRODE_FAULT_AFTER_MS) {
-            return Some((FaultCode::Electrode, DETAIL_TOO_MUCH + self.detail()));
+            return Some((FaultCode::Electrode, DETAIL_TOO_MUCH + self.encode_driven_era_and_mean_microamps()));
         }
         None
     }
@@ -265,7 +265,7 @@ impl ElectrodeCurrentMonitor {
     }
 
     /// Who has driven lately, if it is one, and the measured mean.
-    fn detail(&self) -> u32 {
+    fn encode_driven_era_and_mean_microamps(&self) -> u32 {
         let mut driven = (1..).zip(&self.charged_us).filter(|(_, charged)| charged.is_some()).map(|(era, _)| era);
         let era: u32 = match (driven.next(), driven.next()) {
             (Some(era), None) => era,

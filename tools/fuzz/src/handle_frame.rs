@@ -123,7 +123,7 @@ impl Bench {
             order.heard || before.is_live() || !state.is_live(),
             "from {before:?} to {state:?} without being asked"
         );
-        let (number, fault) = self.latched();
+        let (number, fault) = self.read_fault_number_and_latched_fault();
         // The question is a poll too: silence after a late step may have come to light by it.
         let state = self.device.state();
         assert_eq!(state == SafetyState::Fault, fault.is_some(), "state {state:?} with {fault:?}");
@@ -146,7 +146,7 @@ impl Bench {
     }
 
     /// Asks for the latched fault and its number on the watcher's link, past the ports.
-    fn latched(&mut self) -> (u32, Option<Fault>) {
+    fn read_fault_number_and_latched_fault(&mut self) -> (u32, Option<Fault>) {
         let mut body = [0; 8];
         let body = postcard::to_slice(&Request::NumberedFault, &mut body).expect("one byte");
         let frame = Frame { version: CURRENT_VERSION, kind: FrameKind::Request as u8, sequence: 0, body };

@@ -93,7 +93,7 @@ impl DualSimplex {
         for _ in 0..MOST_EXCHANGES {
             let Some((row, target)) = self.find_most_broken_row() else { return true };
             let Some(column) = self.pass_bounds_and_choose_column(row, target) else { return false };
-            self.exchange(row, column, target);
+            self.exchange_variables_of_row_and_column(row, column, target);
         }
         false
     }
@@ -180,7 +180,7 @@ impl DualSimplex {
     }
 
     /// Exchanges the variables of a row and a column; that of the row goes to `target`.
-    fn exchange(&mut self, row: usize, column: usize, target: f64) {
+    fn exchange_variables_of_row_and_column(&mut self, row: usize, column: usize, target: f64) {
         let width = self.columns.len();
         let (leaving, entering) = (self.rows[row], self.columns[column]);
         let pivot = self.tableau[row * width + column];

@@ -6,7 +6,7 @@ use crate::request::SearchEffort;
 use proptest::prelude::*;
 
 /// All choices, the same linear program over all points for each.
-fn exhaustive(space: &ReachSpace, points: &[usize], spacing_hz: f64) -> Option<f64> {
+fn find_strongest_of_all_choices(space: &ReachSpace, points: &[usize], spacing_hz: f64) -> Option<f64> {
     let mut choices: Vec<Vec<usize>> = vec![Vec::new()];
     for actuator in 0..space.count_actuators() {
         choices = choices
@@ -88,7 +88,7 @@ proptest! {
         let space = random_space(actuators, frequencies, points, seed);
         let zone: Vec<usize> = (0..points).filter(|x| points < 5 || x % 5 != 3).collect();
         let found = search::max_min_combination_if_spacing_can_be_kept(&space, &zone, SearchEffort::Study, None);
-        let wanted = exhaustive(&space, &zone, 20.0);
+        let wanted = find_strongest_of_all_choices(&space, &zone, 20.0);
         prop_assert_eq!(found.is_some(), wanted.is_some());
         if let (Some(found), Some(wanted)) = (found, wanted) {
             prop_assert!((found.least - wanted).abs() <= 1e-9 * wanted.max(1e-9), "{} {}", found.least, wanted);

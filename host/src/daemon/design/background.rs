@@ -247,7 +247,7 @@ mod tests {
     use std::sync::mpsc::channel;
     use std::time::{Duration, Instant};
 
-    fn ended<F: Clone + Send + 'static>(newest: &NewestJob<F>) -> JobReport<F> {
+    fn await_end_of_job<F: Clone + Send + 'static>(newest: &NewestJob<F>) -> JobReport<F> {
         let deadline = Instant::now() + Duration::from_secs(10);
         while newest.report_progress().stage == Stage::Running {
             assert!(Instant::now() < deadline, "it goes on");
@@ -273,7 +273,7 @@ mod tests {
         assert!(place.occupy_for(BackgroundWork::Study).unwrap_err().is_kind("study-runs"));
         assert!(place.occupy_for(BackgroundWork::Tolerances).unwrap_err().is_kind("study-runs"));
         go.send(()).unwrap();
-        let told = ended(&newest);
+        let told = await_end_of_job(&newest);
         assert_eq!((told.stage, told.found, told.there, told.all), (Stage::Done, 7, 2, 3));
         let taken = place.occupy_for(BackgroundWork::Tolerances).unwrap();
         assert!(place.occupy_for(BackgroundWork::Study).unwrap_err().is_kind("tolerances-run"));
@@ -297,7 +297,7 @@ mod tests {
         newest.start_job(place.occupy_for(BackgroundWork::Tolerances).unwrap(), 1, 5, until_stopped).unwrap();
         has_begun.recv().unwrap();
         newest.cancel_current_job();
-        let told = ended(&newest);
+        let told = await_end_of_job(&newest);
         assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 5, None));
         // A model that was ended on its way says so, which is no mistake.
         let (began, has_begun) = channel();
@@ -311,15 +311,15 @@ mod tests {
         newest.start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 6, ended_on_its_way).unwrap();
         has_begun.recv().unwrap();
         newest.cancel_current_job();
-        let told = ended(&newest);
+        let told = await_end_of_job(&newest);
         assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 6, None));
         newest.start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 0, |_| Err("no room".into())).unwrap();
-        let told = ended(&newest);
+        let told = await_end_of_job(&newest);
         assert_eq!((told.stage, told.problem.as_deref()), (Stage::Failed, Some("no room")));
         newest
             .start_job(place.occupy_for(BackgroundWork::Study).unwrap(), 1, 0, |_| panic!("a mistake, on purpose"))
             .unwrap();
-        let told = ended(&newest);
+        let told = await_end_of_job(&newest);
         assert!(told.stage == Stage::Failed && told.problem.unwrap().contains("ended early"));
         place.occupy_for(BackgroundWork::Study).unwrap();
     }
