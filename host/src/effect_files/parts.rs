@@ -372,8 +372,8 @@ mod tests {
 
     #[test]
     fn places_do_not_play_at_the_same_time() {
-        let beside = HapticEvent { dx_mm: 20.0, ..held(0.1, 0.3, 1.0, &[]) };
-        let later = HapticEvent { dx_mm: 20.0, ..held(0.5, 0.1, 0.6, &[]) };
+        let beside = HapticEvent { dx_mm: 20.0, ..make_vibration(0.1, 0.3, 1.0, &[]) };
+        let later = HapticEvent { dx_mm: 20.0, ..make_vibration(0.5, 0.1, 0.6, &[]) };
         let (parts, warnings) = cut_events_into_parts(&make_event_list(vec![
             make_vibration(0.0, 0.2, 0.7, &[]),
             make_vibration(0.1, 0.1, 0.7, &[]),

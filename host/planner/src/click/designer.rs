@@ -3,7 +3,7 @@
 use super::felt::{SAMPLE_S, felt_motion_from_means};
 use super::measures::measure_click;
 use super::motion::{WindowMotion, simulate_windows};
-use super::options::{ClickOptions, Preference};
+use super::options::{ClickOptions, LATEST_PEAK_S, Preference};
 use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SampleBound, SlotForce, SolvedForces};
 use super::realise::{
     SLOT_S, TICK_S, WIDEST_S, find_window_width_s, integrate_squared_voltage_of_window_s, narrowest_window_s,
@@ -47,8 +47,6 @@ const SPARE_FORCE: f64 = 1.7;
 const REWEIGHTED: usize = 2;
 /// Before the time asked for, in s, a click is to be quiet: the burst's lead, and what the motion takes from one sample to the next.
 const SPARE_S: f64 = 1.5e-3;
-/// Latest peak of a crisp click in s.
-const LATEST_PEAK_S: f64 = 15.0e-3;
 /// Rounds of correction by what windows really do.
 const CORRECTIONS: usize = 3;
 /// Part by which windows may miss the bounds without another correction: what is left counts from a tenth on, and is chosen below 0.085.

@@ -27,5 +27,5 @@ pub mod sound;
 mod window;
 
 pub use design::{ClickDesign, design_click_windows, simulate_felt_motion_of_windows};
-pub use options::{CRISP_RANGE_S, ClickOptions, Preference};
+pub use options::{CRISP_RANGE_S, ClickOptions, LATEST_PEAK_S, Preference};
 pub use window::{ClickWindow, LEAD_S};

@@ -37,6 +37,8 @@ pub struct ClickOptions {
     pub force_fraction: f64,
 }
 
+/// Latest peak of a crisp click, in s after the start of the burst: a later one is felt as late.
+pub const LATEST_PEAK_S: f64 = 0.015;
 /// Least and most of [`ClickOptions::crisp_s`] in s.
 pub const CRISP_RANGE_S: (f64, f64) = (0.020, 0.100);
 

@@ -1,8 +1,8 @@
 //! Clicks over a surface: at every place of a grid one is designed, and its figures are mapped.
 
 use super::{PeakField, PictureError, write_map_png};
-use crate::click::ClickOptions;
 use crate::click::places::CellMiddles;
+use crate::click::{ClickOptions, LATEST_PEAK_S};
 use crate::effects::{DesignError, EffectRequest, design_effect_with_windows};
 use crate::scene::Scene;
 use crate::{DEFAULT_INTENSITY_G, PlanError, PlanTable, Target};
@@ -13,8 +13,6 @@ use std::path::Path;
 
 /// Columns and rows of the places on a plate; a bar has one row.
 const GRID: (u32, u32) = (12, 8);
-/// Latest peak of a crisp click in ms.
-const LATEST_PEAK_MS: f64 = 15.0;
 /// Where a picture's scale ends: so many times the longest time until a crisp click is quiet.
 const SCALE_END: f64 = 2.0;
 
@@ -92,7 +90,7 @@ impl ClickMap {
                 peak_g: predicted.peak_g,
                 peak_at_ms: predicted.peak_at_ms,
                 quiet_ms: predicted.quiet_ms,
-                crisp: is_quiet && predicted.peak_at_ms <= LATEST_PEAK_MS,
+                crisp: is_quiet && predicted.peak_at_ms <= 1e3 * LATEST_PEAK_S,
             }))
         };
         let clicks = grid.places_m.par_iter().map(design).collect::<Result<_, _>>()?;
