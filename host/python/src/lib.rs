@@ -23,6 +23,7 @@ mod results;
 mod run;
 mod scene;
 mod study;
+mod study_progress;
 mod sweep;
 mod tables;
 mod transient;

@@ -1,4 +1,7 @@
 //! `study`: what may change of a scene, and its work in tasks, for whoever computes them: threads here, or an engine's workers elsewhere.
+//!
+//! One Python class, whose methods Python needs in one block. Their order: what a study is made from; its names and counts; its tasks and
+//! their rows, for engines; one design for optimisers; a folder's missing designs and results, for threads here.
 
 use crate::arguments::UnitCubePoint;
 use crate::design::Design;
@@ -8,6 +11,7 @@ use crate::run::{
     run_in_own_thread_interruptibly, run_in_own_thread_interruptibly_with_progress, run_in_pool_interruptibly,
 };
 use crate::scene::PyScene;
+use crate::study_progress::ProgressObserver;
 use crate::tables::run_with_plan_table;
 use era_model::model::Accuracy;
 use era_model::text_file::read_text_file;
@@ -16,8 +20,8 @@ use era_study::result::{
     DesignTable, TableEntry, constraint_names_and_excesses_of_design, objective_names_and_losses_of_design,
 };
 use era_study::run::{
-    DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyObserver, StudyTask,
-    decode_task_rows_if_of_study_and_task, encode_task_rows,
+    DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyTask, decode_task_rows_if_of_study_and_task,
+    encode_task_rows,
 };
 use era_study::written::verify_and_write_results_unless_stopped;
 use pyo3::prelude::*;
@@ -25,7 +29,7 @@ use pyo3::types::{PyBytes, PyDict, PyType};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::channel;
 
 /// What messages call a study and a scene that are not files.
 const STUDY: &str = "study";
@@ -75,42 +79,6 @@ pub struct PyStudy {
 
 /// What one is made from.
 type ConstructorArguments<'py> = (String, Bound<'py, PyAny>);
-
-/// Who may stop work, and wants to know how much is done.
-struct ProgressObserver {
-    stop: era_model::stop::StopRequest,
-    done: AtomicUsize,
-    /// To whoever wants to know how many more are there.
-    more: Sender<usize>,
-}
-
-impl ProgressObserver {
-    fn send_count_of_further_designs(&self, further_designs: usize) {
-        // Nobody listens after a signal.
-        let _ = self.more.send(further_designs);
-    }
-}
-
-impl StudyObserver for ProgressObserver {
-    fn is_stop_wanted(&self) -> bool {
-        self.stop.is_stop_requested()
-    }
-
-    fn report_already_computed_of_all_at_start(&self, there: usize, _all: usize) {
-        if there > 0 {
-            self.send_count_of_further_designs(there);
-        }
-    }
-
-    fn report_further_designs_found_in_folder(&self, designs: usize) {
-        self.send_count_of_further_designs(designs);
-    }
-
-    fn report_newly_computed_designs(&self, designs: usize) {
-        self.done.fetch_add(designs, Ordering::Relaxed);
-        self.send_count_of_further_designs(designs);
-    }
-}
 
 impl PyStudy {
     fn from_study_and_texts(study: Study, text: String, scene_text: String) -> Self {
