@@ -3,6 +3,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
+use crate::release_build::build_programs;
 use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
@@ -40,6 +41,6 @@ pub fn run_benchmark(options: &Options) -> Result<(), Error> {
         return crate::against::compare_revisions(&revision.to_string_lossy());
     }
     let root = repository_root()?;
-    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-bench"]))?;
+    build_programs(&root, &[("era-bench", "era-bench")])?;
     run_command(Command::new(root.join("target/release/era-bench")).args(&options.arguments))
 }

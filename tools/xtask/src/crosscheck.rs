@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
+use crate::release_build::build_programs;
 use crate::{repository_root, setup};
 use clap::Args;
 use std::process::Command;
@@ -61,8 +62,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
     }
     let flags = [("--prove", options.prove), ("--verbose", options.verbose)];
     arguments.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
-    let build = ["build", "--release", "--quiet", "-p", "era-host", "--bin", "era"];
-    run_command(Command::new("cargo").current_dir(repository_root()?).args(build))?;
+    build_programs(&repository_root()?, &[("era-host", "era")])?;
     run_scene_comparison(&arguments)
 }
 
@@ -74,8 +74,7 @@ pub fn run_reference_tests() -> Result<(), Error> {
     run_command(ensure_environment_and_get_reference_python_command()?.args(OWN_TESTS))
 }
 
-/// The first random scenes, all comparisons, for `cargo xtask test`: with the program that its tests have built. To build it for itself would take
-/// minutes, as a few libraries have other features there.
+/// The first random scenes, all comparisons, for `cargo xtask test`: with the program that its tests have built.
 ///
 /// # Errors
 /// As [`run_crosscheck`].

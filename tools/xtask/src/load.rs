@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run_command;
+use crate::release_build::build_programs;
 use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
@@ -39,7 +40,6 @@ pub fn run_soak(options: &Options) -> Result<(), Error> {
 /// As [`run_soak`].
 pub fn run_load(arguments: &[OsString]) -> Result<(), Error> {
     let root = repository_root()?;
-    let build = ["build", "--release", "--quiet", "-p", "era-host", "-p", "era-load"];
-    run_command(Command::new("cargo").current_dir(&root).args(build))?;
+    build_programs(&root, &[("era-host", "era"), ("era-load", "era-load")])?;
     run_command(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))
 }

@@ -20,6 +20,7 @@ mod miri;
 mod mutate;
 mod process;
 mod python;
+mod release_build;
 mod setup;
 mod stack;
 mod start;

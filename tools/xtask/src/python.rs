@@ -4,6 +4,7 @@
 
 use crate::error::{Error, file_error};
 use crate::process::run_command;
+use crate::release_build::build_programs;
 use crate::{repository_root, setup};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,9 +19,7 @@ const PACKAGE: &str = "host/python";
 pub fn check_python_package() -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask python", setup::PYTHON)?;
     let root = repository_root()?;
-    // Both packages, so that what the wheel needs is compiled with the same features.
-    let packages = ["-p", "era-host", "-p", "era-python", "--bin", "era"];
-    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet"]).args(packages))?;
+    build_programs(&root, &[("era-host", "era")])?;
     run_package_tests()
 }
 
@@ -74,6 +73,8 @@ pub fn build_wheel(root: &Path) -> Result<PathBuf, Error> {
         "build",
         "--release",
         "--quiet",
+        "--features",
+        "as-tested",
         "--compatibility",
         "linux",
     ]);

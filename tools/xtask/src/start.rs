@@ -1,7 +1,8 @@
 //! `cargo xtask bench start`: how long `era serve` takes to its first plan, with an empty cache and with a warm one.
 
 use crate::error::Error;
-use crate::process::{format_command, run_command};
+use crate::process::format_command;
+use crate::release_build::build_programs;
 use crate::repository_root;
 use clap::Parser;
 use std::io::{BufRead, BufReader};
@@ -46,7 +47,7 @@ struct FirstPlanTimes {
 pub fn measure_daemon_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
     let options = Options::parse_from(arguments);
     let root = repository_root()?;
-    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-host"]))?;
+    build_programs(&root, &[("era-host", "era")])?;
     let scenes = if options.scenes.is_empty() { list_example_scenes(&root)? } else { options.scenes };
     let cache = root.join("target/bench-start");
     println!(
