@@ -56,14 +56,14 @@ const link = new Link({
 // The last plan that was driven, with its effect; nothing without one.
 function showDriven() {
   showEffect(driven?.effect);
-  showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null, null, driven?.plan_id);
+  showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null, null, driven?.plan_id, driven?.effect);
 }
 
-function showPlan(plan, touches, field, question = null, planId = null) {
+function showPlan(plan, touches, field, question = null, planId = null, effect = null) {
   heat.setField(field);
   show("max-g", field ? fixed(field.max_g, 3, " g") : "0 g");
   view.setPlan(plan, touches);
-  readout.showPlan(plan, planId);
+  readout.showPlan(plan, planId, effect);
   tolerances.setPlan(plan, question);
   showUnder();
 }

@@ -62,7 +62,7 @@ const IDLE_WORDS = { ...STATE_WORDS, safe: "device off", fault: "device off", ar
 export class Readout {
   constructor(clearFault, arm) {
     Object.assign(this, { clearFault, arm, scene: null, plan: null, planId: null, state: "unknown", rails: null, telemetry: null,
-      history: [], preview: false });
+      effect: null, history: [], preview: false });
   }
 
   setScene(scene, stretch) {
@@ -70,16 +70,17 @@ export class Readout {
     const { length_mm, width_mm, thickness_mm, kind } = scene;
     const size = [length_mm, width_mm, thickness_mm].map((mm) => Number(mm.toPrecision(4))).join(" × ");
     show("facts", `${kind}, ${size} mm${stretch > 1 ? ", height not to scale" : ""}`);
-    this.showPlan(this.plan, this.planId);
+    this.showPlan(this.plan, this.planId, this.effect);
   }
 
   // planId: the daemon's number for a plan that is or was driven; null for one that is only previewed.
-  showPlan(plan, planId = null) {
-    Object.assign(this, { plan, planId });
+  // effect: what is played of the plan; null if it is driven evenly.
+  showPlan(plan, planId = null, effect = null) {
+    Object.assign(this, { plan, planId, effect });
     document.body.dataset.plan = plan ? JSON.stringify(plan) : "";
     this.fillDrives();
     const predicted = plan?.predicted ?? {};
-    show("target-g", fixed(predicted.target_peak_g, 3, " g"));
+    show("target-g", fixed(predicted.target_peak_g, 3, " g") + this.sensorInWords());
     show("bound", plan ? boundInWords(plan) : "–");
     show("elsewhere-g", fixed(predicted.mean_elsewhere_g, 3, " g"));
     show("contrast", fixed(predicted.contrast_db, 1, " dB"));
@@ -95,6 +96,12 @@ export class Readout {
     this.showMode();
     this.showMeasured();
     if (plan) announce(this.planInWords(plan));
+  }
+
+  // Of a click of single windows: "measured" is of all motion below 1 kHz, of which the skin feels a part.
+  sensorInWords() {
+    const shown = this.effect?.windows?.length ? this.effect.predicted.peak_most_g : NaN;
+    return Number.isFinite(shown) ? ` felt, ${fixed(shown, 3, " g on a sensor")}` : "";
   }
 
   fillDrives() {

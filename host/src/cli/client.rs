@@ -87,7 +87,11 @@ fn format_touch_answer(answer: &Value) -> String {
                     read_number_or_nan(&played["peak_least_g"]),
                     read_number_or_nan(&played["peak_most_g"]),
                 ),
-                _ => write!(text, ", {windows} windows"),
+                _ => write!(
+                    text,
+                    " felt, {:.3} g on an accelerometer, {windows} windows",
+                    read_number_or_nan(&played["peak_most_g"]),
+                ),
             };
             if let Some(limit) = text_of(&effect["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");

@@ -28,5 +28,6 @@ mod raw;
 mod recorded;
 mod secrets;
 mod serving;
+mod sliders;
 mod stops;
 mod wrong_fingers;

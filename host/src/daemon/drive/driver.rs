@@ -176,6 +176,12 @@ impl TouchDriver {
         self.controller.find_current_plan().filter(|current| current.active.id >= id).map(|current| current.until)
     }
 
+    /// When plan `id` ends, if that is what is driven.
+    #[must_use]
+    pub fn find_end_of_plan_if_current(&self, id: u64) -> Option<Instant> {
+        self.controller.find_current_plan().filter(|current| current.active.id == id).map(|current| current.until)
+    }
+
     /// Ends the drive of plan `id` at `when`: its fingers have been lifted.
     pub fn end_touch_at(&self, id: u64, when: Instant) {
         self.controller.end_touch_at(id, when);

@@ -6,9 +6,9 @@ use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
 use crate::daemon::drive::superseded_problem;
 use crate::daemon::touch::Touch;
-use crate::daemon::touch::check::DriveMode;
-use crate::daemon::touch::request::Finger;
-use crate::daemon::touch::request::{Feel, MAX_DURATION_MS};
+use crate::daemon::touch::check::{CheckedFinger, DriveMode};
+use crate::daemon::touch::request::{Finger, MAX_DURATION_MS};
+use crate::effects::NamedEffect;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -37,6 +37,10 @@ struct FingerStep {
     newly_down: Vec<i64>,
     /// Whether it is driven though fingers have moved since: one that came in it has been lifted, others are still down.
     is_tap: bool,
+    /// Whether its effect begins with it; if not, it has been begun by an earlier message, of which this one only moves the fingers.
+    starts_effect: bool,
+    /// The fingers that its effect is for.
+    effect_fingers: Vec<i64>,
     /// [`TouchDriver::stop_count`](crate::daemon::drive::TouchDriver::stop_count) when it was said: a stop from then on means that it is not driven.
     stops: u64,
 }
@@ -50,9 +54,48 @@ pub struct PageFingers {
     down: Mutex<Option<Touch>>,
     changed: Notify,
     gone: Mutex<bool>,
+    /// Whether a tap that waits makes way for any newer one.
+    only_newest_tap: bool,
+}
+
+impl FingerStep {
+    /// Whether `newer` stands in its place. A tap is driven in any case. An effect is replaced by one that begins later, so that the detents of
+    /// a fast finger do not queue; fingers that only move do not replace it.
+    fn makes_way_for(&self, newer: &Self) -> bool {
+        let is_replaced = newer.starts_effect || newer.touch.feel == self.touch.feel;
+        !self.lifted && !self.is_tap && (!self.starts_effect || is_replaced)
+    }
+
+    /// Whether its fingers have only moved, or stayed.
+    fn is_only_move(&self) -> bool {
+        self.newly_down.is_empty() && !self.starts_effect
+    }
 }
 
 impl PageFingers {
+    /// Those of a new page. `only_newest_tap`: of taps that wait only the newest is driven, and not each.
+    #[must_use]
+    pub fn new(only_newest_tap: bool) -> Self {
+        Self { only_newest_tap, ..Self::default() }
+    }
+
+    /// Of fingers that have effects of their own, the effect that is played: that of the newest finger; if none is new, the one that began
+    /// last, or that of the first finger.
+    #[must_use]
+    pub fn choose_effect_of_newest_finger(&self, fingers: &[CheckedFinger]) -> Option<NamedEffect> {
+        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner);
+        let had = |checked: &CheckedFinger| {
+            let mut before = before.iter().flat_map(|touch| &touch.fingers);
+            before.any(|finger| (finger.id, finger.effect) == (checked.finger.id, checked.finger.effect))
+        };
+        let newest = fingers.iter().rfind(|checked| checked.finger.effect.is_some() && !had(checked));
+        let last = before.as_ref().and_then(|touch| touch.feel.effect);
+        let going_on =
+            || fingers.iter().find(|checked| checked.finger.effect.is_some() && checked.finger.effect == last);
+        let first = || fingers.iter().find(|checked| checked.finger.effect.is_some());
+        newest.or_else(going_on).or_else(first)?.finger.effect
+    }
+
     /// All fingers that are down now, none if they are lifted.
     ///
     /// # Errors
@@ -67,39 +110,45 @@ impl PageFingers {
         let mut steps = self.lock_steps();
         let before = self.down.lock().unwrap_or_else(PoisonError::into_inner).replace(touch.clone());
         let was_down = |id: &&i64| before.iter().flat_map(|touch| &touch.fingers).any(|finger| finger.id == **id);
-        let mut newly_down: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
-        if touch.fingers.is_empty() {
+        let newly_down: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
+        // A message without an effect in between, or another effect, and a held finger feels it again.
+        let feels_other = before.as_ref().is_none_or(|before| before.feel != touch.feel);
+        let is_own_effect = touch.fingers.iter().any(|finger| finger.effect == touch.feel.effect);
+        let plays = |finger: &&Finger| !is_own_effect || finger.effect == touch.feel.effect;
+        let effect_fingers: Vec<i64> = touch.fingers.iter().filter(plays).map(|finger| finger.id).collect();
+        let is_new_effect_finger = newly_down.iter().any(|id| effect_fingers.contains(id));
+        let starts_effect = touch.feel.effect.is_some() && (feels_other || is_new_effect_finger);
+        let mut step = FingerStep {
+            lifted: touch.fingers.is_empty(),
+            touch,
+            newly_down,
+            is_tap: false,
+            starts_effect,
+            effect_fingers,
+            stops: stop_count_at_arrival,
+        };
+        if step.touch.fingers.is_empty() {
             match steps.back_mut() {
                 Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(FingerStep {
-                    touch,
-                    lifted: true,
-                    newly_down,
-                    is_tap: false,
-                    stops: stop_count_at_arrival,
-                }),
+                None => steps.push_back(step),
             }
         } else {
             if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
                 last.is_tap |= last.newly_down.iter().any(|id| !ids.contains(id));
             }
             // A device slower than the page skips what came in between.
-            if steps.back().is_some_and(|last| !last.lifted && !last.is_tap)
-                && let Some(skipped) = steps.pop_back()
-            {
-                newly_down.extend(skipped.newly_down.into_iter().filter(|id| ids.contains(id)));
+            while let Some(skipped) = steps.pop_back_if(|last| self.only_newest_tap || last.makes_way_for(&step)) {
+                let come =
+                    skipped.newly_down.into_iter().filter(|id| ids.contains(id) && !step.newly_down.contains(id));
+                let come: Vec<i64> = come.collect();
+                step.newly_down.extend(come);
+                step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
             }
             if steps.len() >= MOST_STEPS {
                 dropped = steps.pop_front().filter(|step| !step.touch.fingers.is_empty());
             }
-            steps.push_back(FingerStep {
-                touch,
-                lifted: false,
-                newly_down,
-                is_tap: false,
-                stops: stop_count_at_arrival,
-            });
+            steps.push_back(step);
         }
         drop(steps);
         self.changed.notify_one();
@@ -183,9 +232,11 @@ impl PageFingers {
         }
     }
 
-    /// Whether fingers have moved or come that stand in place of those that are being driven: a tap is never replaced.
-    fn has_newer_step_with_fingers(&self) -> bool {
-        self.lock_steps().front().is_some_and(|step| !step.touch.fingers.is_empty())
+    /// Whether fingers have moved or come that stand in place of `driven`.
+    fn has_step_in_place_of(&self, driven: &FingerStep) -> bool {
+        let is_in_place =
+            |step: &FingerStep| driven.makes_way_for(step) && (step.starts_effect || !driven.starts_effect);
+        self.lock_steps().front().is_some_and(|step| !step.touch.fingers.is_empty() && is_in_place(step))
     }
 
     fn lock_steps(&self) -> MutexGuard<'_, VecDeque<FingerStep>> {
@@ -203,7 +254,7 @@ pub async fn drive_fingers_until_page_is_gone(
     let mut hand = HeldFingers { client, ..HeldFingers::default() };
     loop {
         let step = tokio::select! {
-            step = fingers.wait_for_oldest_due_step(|step| hand.find_earliest_drive_time(step)) => step,
+            step = fingers.wait_for_oldest_due_step(|step| hand.find_earliest_drive_time(&app, step)) => step,
             () = tokio::time::sleep(RENEW), if hand.still.is_some() => {
                 hand.extend_drive_of_resting_fingers_or_restart(&app, &fingers, &replies).await;
                 continue;
@@ -213,7 +264,7 @@ pub async fn drive_fingers_until_page_is_gone(
         let lifted = step.lifted;
         hand.forget_lifted_fingers(&step.touch.fingers);
         if !step.touch.fingers.is_empty()
-            && !hand.has_effect_played_for_all(&step)
+            && !hand.is_covered_by_effect(&app, &step)
             && let Err(problem) = hand.drive_step(&app, &fingers, step.clone()).await
         {
             // The page reads nothing: it has missed older news than this.
@@ -231,7 +282,8 @@ pub async fn drive_fingers_until_page_is_gone(
 struct HeldFingers {
     client: Client,
     down: Vec<i64>,
-    feel: Feel,
+    /// The plan of the effect that was played last, if nothing else has been driven for these fingers since.
+    effect_plan: Option<u64>,
     /// The even drive, and since when its fingers are down.
     held: Option<(Instant, u64)>,
     /// The fingers that it is for.
@@ -245,19 +297,32 @@ struct HeldFingers {
 }
 
 impl HeldFingers {
-    /// When a step may be driven: not before a finger that is lifted by then has been felt for a while.
-    fn find_earliest_drive_time(&self, step: &FingerStep) -> Option<Instant> {
+    /// When a step may be driven: not before a finger that is lifted by then, or an effect, has been felt for a while; fingers that only move not
+    /// before their effect has come to its end.
+    fn find_earliest_drive_time(&self, app: &App, step: &FingerStep) -> Option<Instant> {
+        if step.touch.fingers.is_empty() || self.is_covered_by_effect(app, step) {
+            return None;
+        }
+        if step.is_only_move()
+            && let Some(effect_end) = self.find_end_of_own_effect(app)
+        {
+            return Some(effect_end);
+        }
         let is_down =
             |id: &i64| step.touch.fingers.iter().any(|finger| finger.id == *id) && !step.newly_down.contains(id);
-        let goes_on = step.touch.fingers.is_empty() || (!self.down.is_empty() && self.down.iter().all(is_down));
+        let goes_on = !step.starts_effect && !self.down.is_empty() && self.down.iter().all(is_down);
         self.newly_down.filter(|_| !goes_on).map(|newly_down| newly_down + LEAST)
     }
 
-    /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
-    fn has_effect_played_for_all(&self, step: &FingerStep) -> bool {
-        let FingerStep { touch: Touch { fingers, feel, .. }, newly_down, .. } = step;
-        let is_known = |finger: &Finger| self.down.contains(&finger.id) && !newly_down.contains(&finger.id);
-        feel.effect.is_some() && self.feel == *feel && fingers.iter().all(is_known)
+    /// When the effect ends that plays for these fingers, if one does.
+    fn find_end_of_own_effect(&self, app: &App) -> Option<Instant> {
+        app.driver.find_end_of_plan_if_current(self.effect_plan?)
+    }
+
+    /// Whether there is nothing to drive for a step: its effect has begun before, or its fingers are lifted before their effect has ended.
+    fn is_covered_by_effect(&self, app: &App, step: &FingerStep) -> bool {
+        let is_effect = step.touch.feel.effect.is_some();
+        step.is_only_move() && (is_effect || step.lifted && self.find_end_of_own_effect(app).is_some())
     }
 
     /// Fingers that rest are felt for as long as they are down: their drive is given more time, and begun again where it was
@@ -296,20 +361,21 @@ impl HeldFingers {
         let is_even = step.touch.feel.effect.is_none() && step.touch.feel.duration_ms.is_none();
         let again =
             (is_even && !step.lifted).then(|| FingerStep { newly_down: Vec::new(), is_tap: false, ..step.clone() });
-        let FingerStep { touch, lifted, newly_down, is_tap, stops } = step;
-        let is_tap = lifted || is_tap;
-        let ids = touch.fingers.iter().map(|finger| finger.id).collect();
+        let ids = step.touch.fingers.iter().map(|finger| finger.id).collect();
+        let is_effect = step.touch.feel.effect.is_some();
+        let touch =
+            if is_effect { step.touch.clone().keep_only_fingers(&step.effect_fingers) } else { step.touch.clone() };
         let asker = Asker { client: self.client, ..Asker::default() };
         let (id, interruptions) =
             (app.driver.admission.allocate_request_number(), app.driver.count_unrequested_board_interruptions());
-        let mut driving = std::pin::pin!(app.driver.drive_touch(&asker, id, stops, &touch));
+        let mut driving = std::pin::pin!(app.driver.drive_touch(&asker, id, step.stops, &touch));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {
                 done = &mut driving => break done,
-                () = tokio::time::sleep(AGAIN), if !is_tap => {}
+                () = tokio::time::sleep(AGAIN), if !step.lifted && !step.is_tap => {}
             }
-            if fingers.has_newer_step_with_fingers() {
+            if fingers.has_step_in_place_of(&step) {
                 app.driver.drop_waiting_touch(id);
             }
         };
@@ -322,8 +388,9 @@ impl HeldFingers {
         match done {
             Ok(done) => {
                 self.held_for.clone_from(&ids);
-                (self.down, self.feel, self.still, self.interruptions) = (ids, touch.feel, again, interruptions);
-                if !newly_down.is_empty() {
+                (self.down, self.still, self.interruptions) = (ids, again, interruptions);
+                self.effect_plan = is_effect.then_some(done.plan_id);
+                if !step.is_only_move() {
                     self.newly_down = Some(Instant::now());
                 }
                 self.held = match touch.mode {
@@ -334,7 +401,7 @@ impl HeldFingers {
                 Ok(())
             }
             // The page itself has asked for something newer.
-            Err(problem) if problem.is_kind("superseded") && fingers.has_newer_step_with_fingers() => Ok(()),
+            Err(problem) if problem.is_kind("superseded") && fingers.has_step_in_place_of(&step) => Ok(()),
             Err(problem) => Err(problem),
         }
     }
@@ -363,8 +430,7 @@ impl HeldFingers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::daemon::touch::check::CheckedFinger;
-    use crate::effects::NamedEffect;
+    use crate::daemon::touch::request::Feel;
     use crate::planner::Target;
 
     fn make_touch_at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
@@ -429,18 +495,73 @@ mod tests {
         assert!(left.iter().all(|(_, is_tap, _)| *is_tap));
     }
 
+    /// Numbers of the fingers, whether an effect begins, and for which fingers, of each step that waits.
+    fn take_effects(fingers: &PageFingers) -> Vec<(f64, bool, Vec<i64>)> {
+        let of = |step: FingerStep| (step.touch.fingers[0].x_px, step.starts_effect, step.effect_fingers);
+        std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
+    }
+
     #[test]
-    fn an_effect_is_played_again_for_a_finger_that_comes_again() {
-        let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
-        let hand = HeldFingers { down: vec![1, 2], feel, ..HeldFingers::default() };
-        let step = |newly_down: &[i64]| FingerStep {
-            touch: make_touch_at(&[1, 2], 0.0, feel),
-            lifted: false,
-            newly_down: newly_down.to_vec(),
-            is_tap: false,
-            stops: 0,
+    fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
+        let fingers = PageFingers::default();
+        let click = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+        let say = |ids: &[i64], x_px, feel| {
+            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, feel), 0).unwrap()
         };
-        assert!(hand.has_effect_played_for_all(&step(&[])));
-        assert!(!hand.has_effect_played_for_all(&step(&[2])));
+        say(&[1], 0.0, click);
+        assert_eq!(take_effects(&fingers), [(0.0, true, vec![1])]);
+        say(&[1], 1.0, click);
+        assert_eq!(take_effects(&fingers), [(1.0, false, vec![1])], "its finger moves");
+        say(&[1, 2], 2.0, click);
+        say(&[1, 2], 3.0, click);
+        assert_eq!(take_effects(&fingers), [(3.0, true, vec![1, 2])], "another finger, at its newest place");
+        // A slider: the moves between two detents do not take their place, and of two detents that wait the newer one is played.
+        let still = Feel { intensity_g: Some(0.0), ..Feel::default() };
+        say(&[1], 4.0, still);
+        say(&[1], 5.0, click);
+        say(&[1], 6.0, still);
+        say(&[1], 7.0, still);
+        assert_eq!(take_effects(&fingers), [(5.0, true, vec![1]), (7.0, false, vec![1])]);
+        for x_px in [8.0, 9.0] {
+            say(&[1], x_px, click);
+            say(&[1], x_px, still);
+        }
+        assert_eq!(take_effects(&fingers), [(9.0, true, vec![1]), (9.0, false, vec![1])]);
+    }
+
+    #[test]
+    fn the_newest_finger_has_its_effect() {
+        let fingers = PageFingers::default();
+        let checked = |id: i64, effect: Option<NamedEffect>| {
+            let finger = Finger { id, x_px: 0.0, y_px: 0.0, intensity_g: None, effect };
+            CheckedFinger { finger, target: Target { x_m: 0.0, y_m: 0.0, intensity_g: None } }
+        };
+        let say = |down: &[CheckedFinger]| {
+            let effect = fingers.choose_effect_of_newest_finger(down);
+            let feel = Feel { effect, ..Feel::default() };
+            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::from_fingers(down, feel).unwrap(), 0).unwrap();
+            take_effects(&fingers).pop().map(|(_, starts, ids)| (effect, starts, ids)).unwrap()
+        };
+        let (click, buzz) = (Some(NamedEffect::Click), Some(NamedEffect::Buzz));
+        assert_eq!(say(&[checked(1, click)]), (click, true, vec![1]));
+        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, true, vec![2]));
+        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, false, vec![2]), "they move");
+        assert_eq!(
+            say(&[checked(1, click), checked(2, buzz), checked(3, click)]),
+            (click, true, vec![1, 3]),
+            "together"
+        );
+        assert_eq!(say(&[checked(4, None), checked(3, click)]), (click, false, vec![3]));
+    }
+
+    /// A page that asks for that: a tap that waits makes way for the next one.
+    #[test]
+    fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
+        let fingers = PageFingers::new(true);
+        for x_px in [0.0, 1.0, 2.0] {
+            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0).unwrap();
+            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
+        }
+        assert_eq!(take_steps(&fingers), [(vec![1], true, 2.0)]);
     }
 }

@@ -106,10 +106,23 @@ enum WriterCommand {
 struct LiveQuery {
     /// What to be told, with commas between: scene, state, plan, field; all but field, which brings plan with it, if not given.
     send: Option<String>,
+    /// Which taps are driven where they come faster than they can be felt: each of them, in order (`all`, if not given), or only the newest of those
+    /// that wait (`newest`).
+    taps: Option<TapQueue>,
     // `access` has asked for it.
     /// The token, which a page cannot send as a header.
     #[serde(rename = "token")]
     _token: Option<String>,
+}
+
+/// Which taps are driven where they come faster than they can be felt.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, ToSchema)]
+#[serde(rename_all = "lowercase")]
+enum TapQueue {
+    /// Each, in order.
+    All,
+    /// Only the newest of those that wait.
+    Newest,
 }
 
 /// WebSocket: touches in, state, plans and telemetry out
@@ -145,7 +158,9 @@ pub async fn upgrade_to_live_socket(
     })?;
     check_websocket_version_and_key_headers(&headers)?;
     let bad = |detail: String| Problem::new(ProblemKind::BadQuery, detail);
-    let query: LiveQuery = crate::daemon::api::query::parse_query(&uri, "send=NAMES, or is empty")?;
+    let query: LiveQuery =
+        crate::daemon::api::query::parse_query(&uri, "send=NAMES and taps=all or taps=newest, or is empty")?;
+    let only_newest_tap = query.taps == Some(TapQueue::Newest);
     let wants = match &query.send {
         None => PageTopics::DEFAULT,
         Some(text) => PageTopics::parse(text).map_err(|name| {
@@ -161,7 +176,7 @@ pub async fn upgrade_to_live_socket(
         Problem::new(ProblemKind::SocketsFull, detail).with_retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
-        serve_page_socket(app, client, role, socket, wants).await;
+        serve_page_socket(app, client, role, socket, wants, PageFingers::new(only_newest_tap)).await;
         drop(place);
     };
     // Of both: what is announced as longer is not waited for.
@@ -197,14 +212,21 @@ fn check_websocket_version_and_key_headers(headers: &HeaderMap) -> Result<(), Pr
     }
 }
 
-async fn serve_page_socket(app: Arc<App>, client: Client, role: Role, socket: WebSocket, topics: PageTopics) {
+async fn serve_page_socket(
+    app: Arc<App>,
+    client: Client,
+    role: Role,
+    socket: WebSocket,
+    topics: PageTopics,
+    fingers: PageFingers,
+) {
     // Names the page in recordings.
     static PAGES: AtomicU64 = AtomicU64::new(0);
     let page = PageIdentity { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role };
     let (sink, mut stream) = socket.split();
     let (letters, inbox) = mpsc::channel::<WriterCommand>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
-    let fingers = Arc::new(PageFingers::default());
+    let fingers = Arc::new(fingers);
     let mut writer = tokio::spawn(writer::write_messages_to_page(Arc::clone(&app), sink, inbox, outbox, topics));
     tokio::spawn(fingers::drive_fingers_until_page_is_gone(
         Arc::clone(&app),
@@ -351,7 +373,7 @@ fn queue_touch_of_message_reporting_wrong_fingers(
         intensity_g: rest.intensity_g,
         intensity_db: rest.intensity_db,
         duration_ms: rest.duration_ms,
-        effect: rest.effect.or_else(|| down.iter().find_map(|checked| checked.finger.effect)),
+        effect: rest.effect.or_else(|| fingers.choose_effect_of_newest_finger(&down)),
         count: rest.count,
         period_ms: rest.period_ms,
         crisp_ms: rest.crisp_ms,
