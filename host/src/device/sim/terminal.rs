@@ -258,6 +258,11 @@ impl DeviceLoop {
                     0
                 }
             };
+            // The board's time is this moment until the loop waits again: a computer that keeps the thread waiting in between delays the next round,
+            // which does at its time what was due then, and no time passes within what the board does at once.
+            let now_us = self.board.now_us();
+            self.poll_at_missed_due_times(due_us, now_us);
+            self.board.hold_time_at_us(Some(now_us));
             // After the wait for bytes: a knob that was turned before they were sent counts for them.
             let knobs = {
                 let mut wishes = self.control.lock_requests();
@@ -287,11 +292,11 @@ impl DeviceLoop {
             if knobs.mistakes.deaf_to_silence {
                 self.feed_uncounted_keep_alive();
             }
-            self.poll_at_missed_due_times(due_us);
             // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
                 due_us = self.device.poll_next_due_us(&mut self.board);
                 self.board.advance_panel_to_now();
+                self.board.hold_time_at_us(None);
                 self.update_observations(received_at);
                 continue;
             }
@@ -303,6 +308,7 @@ impl DeviceLoop {
             self.device.receive_bytes(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
             due_us = self.device.poll_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
+            self.board.hold_time_at_us(None);
             if self.board.has_entered_bootloader() {
                 self.restart_board();
             }
@@ -316,13 +322,11 @@ impl DeviceLoop {
 
     /// Does at its time what was due while the computer kept this thread waiting: a board would have, and windows that are given one by one
     /// need each of their periods prepared in time.
-    fn poll_at_missed_due_times(&mut self, mut due_us: u64) {
-        let now_us = self.board.now_us();
+    fn poll_at_missed_due_times(&mut self, mut due_us: u64, now_us: u64) {
         while due_us < now_us {
             self.board.hold_time_at_us(Some(due_us));
             due_us = self.device.poll_next_due_us(&mut self.board).max(due_us + 1);
         }
-        self.board.hold_time_at_us(None);
     }
 
     fn send_answer_delayed_or_corrupted_by_knobs(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: SimKnobs) {
@@ -407,6 +411,7 @@ impl DeviceLoop {
 
     /// The same panel under a board that has just started.
     fn restart_board(&mut self) {
+        self.board.hold_time_at_us(None);
         self.board.restart();
         self.device = Device::new();
         self.device.complete_boot_to_discharging_or_fault(&mut self.board);
