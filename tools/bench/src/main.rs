@@ -21,6 +21,7 @@ mod process;
 mod proof;
 mod references;
 mod study;
+mod swarm;
 mod table;
 mod table1;
 mod tradeoff;

@@ -1,6 +1,7 @@
 //! The planner: time per plan, and its optimum against all combinations.
 
 use crate::error::Error;
+use crate::swarm::compare_with_swarm_and_annealing;
 use crate::table::{Table, relative, seconds};
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
@@ -12,7 +13,7 @@ use std::fmt::Write;
 use std::time::Instant;
 
 /// A frequency grid of 1001 frequencies from 40 to 400 Hz.
-const FINE_HZ: f64 = 0.36;
+pub const FINE_HZ: f64 = 0.36;
 /// Highest frequency of tables in Hz.
 const HIGHEST_HZ: f64 = 400.0;
 /// Touches timed.
@@ -28,7 +29,7 @@ const SAME: f64 = 1e-9;
 const MORE_MM: [(f64, f64); 2] = [(150.0, 60.0), (150.0, 150.0)];
 
 /// The starting plate with its first one or two actuators, or with more of the same kind.
-fn scene(actuators: usize) -> Result<Scene, Error> {
+pub fn scene(actuators: usize) -> Result<Scene, Error> {
     let mut text = STARTING_PLATE.to_owned();
     if actuators == 1 {
         let last = text.rfind("[[actuator]]").unwrap_or(text.len());
@@ -45,14 +46,14 @@ fn scene(actuators: usize) -> Result<Scene, Error> {
     Ok(Scene::parse("starting plate", &text)?)
 }
 
-fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
+pub fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
     let levels = ReducedLevels::build(scene, Accuracy::BALANCED, HIGHEST_HZ)?;
     let options = TableOptions { step_hz, to_hz: HIGHEST_HZ, ..TableOptions::default() };
     Ok(PlanTable::from_levels(scene, levels, options)?)
 }
 
 /// A touch somewhere, by a low-discrepancy sequence.
-fn touch(scene: &Scene, number: u32, intensity_g: f64) -> Target {
+pub fn touch(scene: &Scene, number: u32, intensity_g: f64) -> Target {
     let at = |step: f64| (0.5 + step * f64::from(number + 1)).fract();
     Target {
         x_m: scene.surface.length_m * at(0.754_877_666),
@@ -142,7 +143,7 @@ pub fn tables() -> Result<Vec<Table>, Error> {
             phases.row(with_phases(&scene, &fine, actuators)?);
         }
     }
-    Ok(vec![times, checks, phases])
+    Ok(vec![times, checks, phases, compare_with_swarm_and_annealing()?])
 }
 
 #[expect(clippy::cast_precision_loss, reason = "megabytes")]
@@ -151,7 +152,7 @@ fn megabytes(bytes: usize) -> f64 {
 }
 
 /// Median, 99th percentile and the largest.
-fn quantiles(values: &mut [f64]) -> [f64; 3] {
+pub fn quantiles(values: &mut [f64]) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     [last / 2, last * 99 / 100, last].map(|at| values.get(at).copied().unwrap_or(f64::NAN))
@@ -212,7 +213,7 @@ fn difference(found: &Allocation, best: &Allocation) -> f64 {
     reach.max(cost)
 }
 
-fn nothing() -> Error {
+pub fn nothing() -> Error {
     era_planner::PlanError::NoFrequencies.into()
 }
 

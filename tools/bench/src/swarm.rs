@@ -1,0 +1,197 @@
+//! How other programs choose frequencies: a swarm of particles, as Jo, Yang and Shin localise vibration on a plate with ERAs (JICCE 22(2), 2024, 20
+//! particles), and simulated annealing, as Li (2024) finds phases. Both choose a frequency and a pulse width for each actuator, and have
+//! the best forces for their choice from the planner's own allocation, which their authors do not have.
+
+use crate::error::Error;
+use crate::planner::{FINE_HZ, quantiles, scene, table, touch};
+use crate::table::{Table, relative, seconds};
+use era_planner::allocate::Allocation;
+use era_planner::candidates::Formulation;
+use era_planner::search::CandidateSet;
+use era_planner::{PlanTable, Request, STANDARD_GRAVITY, SearchEffort};
+use std::time::Instant;
+
+/// Particles of the paper, and moves of each.
+const PARTICLES: usize = 20;
+const MOVES: usize = 100;
+/// Weights of Clerc and Kennedy (2002): what is left of a particle's speed, and its pull to its own best place and to that of all.
+const INERTIA: f64 = 0.7298;
+const PULL: f64 = 1.4962;
+/// Annealing looks at as many choices, from the first temperature to the last. One unit is a factor e of the cost.
+const FIRST_TEMPERATURE: f64 = 1.0;
+const LAST_TEMPERATURE: f64 = 1e-3;
+/// Largest step of annealing, as a part of all choices of an actuator.
+const STEP: f64 = 0.1;
+/// Touches for each number of actuators and each intensity.
+const TOUCHES: u32 = 40;
+/// What the wish counts that is not met, against the logarithm of the cost.
+const UNMET: f64 = 100.0;
+
+/// A place for each actuator among its candidates, from 0 to 1.
+type Choice = Vec<f64>;
+
+/// The forces for a choice; `None` where two frequencies are too near to each other.
+fn allocate(all: &CandidateSet, choice: &Choice) -> Option<Allocation> {
+    let mut indices = [0; 4];
+    for ((index, place), list) in indices.iter_mut().zip(choice).zip(&all.candidates) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        let at = (place * list.len() as f64) as usize;
+        *index = at.min(list.len() - 1);
+    }
+    let indices = &indices[..choice.len()];
+    let hertz = |(list, index): (&Vec<era_planner::search::Candidate>, &usize)| all.frequencies_hz[list[*index].node];
+    let mut hertz: Vec<f64> = all.candidates.iter().zip(indices).map(hertz).collect();
+    hertz.sort_by(f64::total_cmp);
+    let is_spaced = hertz.windows(2).all(|pair| pair[1] - pair[0] >= all.spacing_hz);
+    is_spaced.then(|| all.allocate_combination(indices))
+}
+
+/// What is made least: first of all that the wish is met, then the logarithm of the cost.
+fn badness(found: Option<&Allocation>) -> f64 {
+    found.map_or(f64::INFINITY, |found| UNMET * (1.0 - found.met) + found.cost.max(f64::MIN_POSITIVE).ln())
+}
+
+fn random_choice(random: &mut fastrand::Rng, actuators: usize) -> Choice {
+    (0..actuators).map(|_| random.f64()).collect()
+}
+
+/// The best choice of a swarm of particles.
+fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
+    let actuators = all.candidates.len();
+    let mut swarm: Vec<(Choice, Choice, f64, Choice)> = Vec::new();
+    let mut best: (f64, Choice, Option<Allocation>) = (f64::INFINITY, random_choice(random, actuators), None);
+    for _ in 0..PARTICLES {
+        let place = random_choice(random, actuators);
+        swarm.push((place.clone(), vec![0.0; actuators], f64::INFINITY, place));
+    }
+    for _ in 0..MOVES {
+        for (place, speed, own, own_place) in &mut swarm {
+            let found = allocate(all, place);
+            let bad = badness(found.as_ref());
+            if bad < *own {
+                (*own, *own_place) = (bad, place.clone());
+            }
+            if bad < best.0 {
+                best = (bad, place.clone(), found);
+            }
+            for (((x, v), own), all) in place.iter_mut().zip(speed).zip(own_place.iter()).zip(&best.1) {
+                *v = INERTIA * *v + PULL * (random.f64() * (own - *x) + random.f64() * (all - *x));
+                *x = (*x + *v).clamp(0.0, 1.0);
+            }
+        }
+    }
+    best.2
+}
+
+/// The best choice of simulated annealing.
+fn choose_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
+    let looks = PARTICLES * MOVES;
+    let mut place = random_choice(random, all.candidates.len());
+    let mut bad = badness(allocate(all, &place).as_ref());
+    let mut best = (f64::INFINITY, None);
+    for look in 0..looks {
+        let temperature = FIRST_TEMPERATURE * (LAST_TEMPERATURE / FIRST_TEMPERATURE).powf(look as f64 / looks as f64);
+        let other: Choice = place.iter().map(|x| (x + STEP * (2.0 * random.f64() - 1.0)).rem_euclid(1.0)).collect();
+        let found = allocate(all, &other);
+        let next = badness(found.as_ref());
+        if next < best.0 {
+            best = (next, found);
+        }
+        if next <= bad || random.f64() < ((bad - next) / temperature).exp() {
+            (place, bad) = (other, next);
+        }
+    }
+    best.1
+}
+
+/// How far a choice is from the best: of its cost, or of what it reaches.
+fn distance(found: Option<&Allocation>, best: &Allocation) -> f64 {
+    match found {
+        None => 1.0,
+        Some(found) if best.met < 1.0 || found.met < 1.0 - 1e-9 => 1.0 - found.met / best.met.min(1.0),
+        Some(found) => found.cost / best.cost - 1.0,
+    }
+}
+
+/// The comparison.
+///
+/// # Errors
+/// As the planner.
+pub fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
+    let mut rows = Table::new(
+        "Swarm and annealing",
+        &["actuators", "touches", "method", "within 1 %", "median distance", "largest distance", "median time"],
+    );
+    rows.above.push(format!(
+        "Frequencies and pulse widths by a swarm of {PARTICLES} particles (Jo, Yang and Shin 2024) and by simulated annealing (the method \
+         of Li 2024), {} choices each, against the search of the planner. All three use the planner's allocation of forces. The distance \
+         is that of the cost from the cost of the optimum; where the wanted peak is out of reach, that of the peak.",
+        PARTICLES * MOVES
+    ));
+    for actuators in 2..=4 {
+        let scene = scene(actuators)?;
+        let table = table(&scene, FINE_HZ)?;
+        for intensity_g in [0.1, 20.0] {
+            for row in compare(&scene, &table, actuators, intensity_g)? {
+                rows.row(row);
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn compare(
+    scene: &era_model::scene::Scene,
+    table: &PlanTable,
+    actuators: usize,
+    intensity_g: f64,
+) -> Result<[[String; 7]; 3], Error> {
+    let wanted = intensity_g * STANDARD_GRAVITY;
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut distances: [Vec<f64>; 3] = Default::default();
+    let mut times: [Vec<f64>; 3] = Default::default();
+    for number in 0..TOUCHES {
+        let target = touch(scene, number, intensity_g);
+        let search = |work: SearchEffort| {
+            let request = Request { work, ..Request::for_touch(&[target]) };
+            let formulation = Formulation::new(table, &request);
+            let found = formulation.find_best_combination_replacing_estimated_energies(
+                formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
+                &|_, _| true,
+            );
+            found.map(|(_, found)| found.allocation).ok_or_else(crate::planner::nothing)
+        };
+        let best = search(SearchEffort::Study)?;
+        let started = Instant::now();
+        let own = search(SearchEffort::Touch)?;
+        let own_s = started.elapsed().as_secs_f64();
+        let request = Request::for_touch(&[target]);
+        let all = Formulation::new(table, &request).list_candidates_at_all_table_frequencies(&[wanted]);
+        let started = Instant::now();
+        let swarm = choose_by_swarm(&all, &mut random);
+        let swarm_s = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let annealed = choose_by_annealing(&all, &mut random);
+        let annealed_s = started.elapsed().as_secs_f64();
+        let found = [(Some(&own), own_s), (swarm.as_ref(), swarm_s), (annealed.as_ref(), annealed_s)];
+        for ((found, s), (distances, times)) in found.into_iter().zip(distances.iter_mut().zip(&mut times)) {
+            distances.push(distance(found, &best));
+            times.push(s);
+        }
+    }
+    let mut methods = ["search", "swarm", "annealing"].into_iter().zip(distances.iter_mut().zip(&mut times));
+    Ok(std::array::from_fn(|_| {
+        let Some((name, (distances, times))) = methods.next() else { return Default::default() };
+        let near = distances.iter().filter(|distance| **distance < 0.01).count() as f64 / f64::from(TOUCHES);
+        let ([median, _, largest], [time, ..]) = (quantiles(distances), quantiles(times));
+        [
+            actuators.to_string(),
+            format!("{TOUCHES} of {intensity_g} g"),
+            name.to_owned(),
+            format!("{:.0} %", 100.0 * near),
+            relative(median),
+            relative(largest),
+            seconds(time),
+        ]
+    }))
+}
