@@ -9,7 +9,7 @@ use super::design::background::BackgroundPlace;
 use super::design::preview::{Preview, PreviewRequest, Previews};
 use super::design::studies::Studies;
 use super::design::tolerances::{ToleranceStudies, TolerancesRequest, TolerancesView};
-use super::drive::{DriveEquipment, TouchDriver};
+use super::drive::{DriveEquipment, KnownClicks, TouchDriver};
 use super::observe::metrics::Metrics;
 use super::observe::recording::Recorder;
 use super::observe::scene::{SceneTexts, SceneView};
@@ -83,7 +83,12 @@ impl App {
         let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
-        let equipment = DriveEquipment { table: Arc::clone(&table), session, sim };
+        let equipment = DriveEquipment {
+            table: Arc::clone(&table),
+            session,
+            sim,
+            clicks: KnownClicks::default(),
+        };
         let place = BackgroundPlace::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {

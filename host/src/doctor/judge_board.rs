@@ -114,7 +114,8 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
         );
     }
     if is_off {
-        return Finding::ok("supply", format!("{found}; the supply is tested when the board is armed"));
+        let cost = "the next touch arms the board, which tests the supply and takes some 0.1 s; `--idle-s` keeps the board armed for longer";
+        return Finding::ok("supply", format!("{found}; {cost}"));
     }
     Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in an unknown state")))
 }

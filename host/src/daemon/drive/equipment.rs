@@ -1,6 +1,7 @@
 //! What drives are worked out and carried out with: the panel's table, the session with the board, the simulated sensor.
 
 use super::active::AskedAt;
+use super::known_clicks::KnownClicks;
 use super::order::{PreparedMode, PreparedPlan};
 use crate::daemon::touch::answer::Achieved;
 use crate::device::convert::{drive_to_wire, windows_to_wire};
@@ -27,6 +28,8 @@ pub struct DriveEquipment {
     pub session: Session,
     /// Of a simulated device.
     pub sim: Option<SimControl>,
+    /// Clicks that have been designed.
+    pub clicks: KnownClicks,
 }
 
 /// What the board has begun.

@@ -2,7 +2,7 @@
 //!
 //! `driver` is the one way from a touch to the board; it plans (`plan`; `stretches` for time windows, `sequence` for effect files), and hands what is to be driven to
 //! the `controller`. `prepare` turns a plan into an `order` that the session takes, `equipment` is what that needs: table, session,
-//! simulated sensor. `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task`
+//! simulated sensor, and `known_clicks`, which are not designed twice. `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task`
 //! changes it, and looks after a drive that goes on (`sustained`); the `controller` is how others talk to it, by `command`s. `active` is
 //! what they are told, `burst` and `credit` are the board's limits on drives that go on.
 //!
@@ -15,6 +15,7 @@ mod controller;
 mod credit;
 mod driver;
 mod equipment;
+mod known_clicks;
 mod order;
 mod plan;
 mod prepare;
@@ -28,6 +29,7 @@ pub use command::superseded_problem;
 pub use controller::DriveController;
 pub use driver::TouchDriver;
 pub use equipment::DriveEquipment;
+pub use known_clicks::KnownClicks;
 
 use tokio::sync::watch;
 

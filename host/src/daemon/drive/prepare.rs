@@ -103,7 +103,9 @@ impl DriveEquipment {
                 let mut design = if is_burst {
                     // A weaker wish may have another click: the same one is weakened.
                     let options = ClickOptions { force_fraction, ..request.click_options() };
-                    design_effect_with_windows(&self.table, rise, &wished, request, options)?
+                    self.clicks.get_or_design(&wished, options, || {
+                        design_effect_with_windows(&self.table, rise, &wished, request, options)
+                    })?
                 } else {
                     wished.targets.iter_mut().for_each(|target| target.wanted_g *= force_fraction);
                     design_effect(&self.table, rise, &wished, request)?

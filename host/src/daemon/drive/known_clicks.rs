@@ -1,0 +1,115 @@
+//! Clicks that have been designed before: a key of a keypad is pressed again and again at the same place.
+
+use crate::effects::{DesignError, EffectDesign};
+use crate::planner::click::{ClickOptions, Preference};
+use crate::planner::{Plan, TargetResult};
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Most clicks that are kept, of some kB each; then all are forgotten.
+const MOST: usize = 512;
+
+/// What a click depends on besides the panel; numbers by their bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct ClickKey {
+    place_m: [u64; 2],
+    wanted_g: u64,
+    crisp_s: u64,
+    force_fraction: u64,
+    prefers_crispness: bool,
+}
+
+impl ClickKey {
+    fn new(target: &TargetResult, options: ClickOptions) -> Self {
+        Self {
+            place_m: [target.x_m.to_bits(), target.y_m.to_bits()],
+            wanted_g: target.wanted_g.to_bits(),
+            crisp_s: options.crisp_s.to_bits(),
+            force_fraction: options.force_fraction.to_bits(),
+            prefers_crispness: options.preference == Preference::Crispness,
+        }
+    }
+}
+
+/// Clicks by what they depend on.
+#[derive(Debug, Default)]
+pub struct KnownClicks {
+    clicks: Mutex<HashMap<ClickKey, EffectDesign>>,
+}
+
+impl KnownClicks {
+    /// The click of single windows for the only target of a plan: that of before, or what `design` makes.
+    ///
+    /// # Errors
+    /// As `design`.
+    pub fn get_or_design(
+        &self,
+        plan: &Plan,
+        options: ClickOptions,
+        design: impl FnOnce() -> Result<EffectDesign, DesignError>,
+    ) -> Result<EffectDesign, DesignError> {
+        let Some(key) = plan.targets.first().map(|target| ClickKey::new(target, options)) else { return design() };
+        if let Some(known) = self.lock_clicks().get(&key) {
+            return Ok(known.clone());
+        }
+        let made = design()?;
+        // What is no burst of windows depends on the plan's drives, too.
+        if !made.windows.is_empty() {
+            let mut clicks = self.lock_clicks();
+            if clicks.len() >= MOST {
+                clicks.clear();
+            }
+            clicks.insert(key, made.clone());
+        }
+        Ok(made)
+    }
+
+    fn lock_clicks(&self) -> MutexGuard<'_, HashMap<ClickKey, EffectDesign>> {
+        self.clicks.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{EffectRequest, NamedEffect, design_effect_with_windows};
+    use crate::model::{Accuracy, PanelModel};
+    use crate::planner::{PlanTable, TableOptions, Target};
+    use crate::scene::{EXAMPLE_BAR, Scene};
+
+    #[test]
+    fn a_click_is_designed_once_and_again_for_whatever_it_depends_on() {
+        let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
+        let options = TableOptions::default();
+        let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let table = PlanTable::build(&scene, model.reduce(options.to_hz, &[]).unwrap(), options).unwrap();
+        let plan = |x_m: f64, g: f64| table.plan(&[Target { x_m, y_m: 0.01, intensity_g: Some(g) }]).unwrap();
+        let clicks = KnownClicks::default();
+        let mut designs = 0;
+        let mut ask = |plan: &Plan, options: ClickOptions| {
+            let before = designs;
+            let request = EffectRequest::with_defaults(NamedEffect::Click);
+            let design = || {
+                designs += 1;
+                design_effect_with_windows(&table, table.panel_poles().unwrap(), plan, request, options)
+            };
+            let click = clicks.get_or_design(plan, options, design).unwrap();
+            (click, designs > before)
+        };
+        let standard = ClickOptions::default();
+        let (first, is_new) = ask(&plan(0.06, 0.5), standard);
+        assert!(is_new && !first.windows.is_empty());
+        let (again, is_new) = ask(&plan(0.06, 0.5), standard);
+        assert!(!is_new && again == first);
+        for (plan, options) in [
+            (plan(0.061, 0.5), standard),
+            (plan(0.06, 0.4), standard),
+            (plan(0.06, 0.5), ClickOptions { crisp_s: 0.05, ..standard }),
+            (plan(0.06, 0.5), ClickOptions { force_fraction: 0.5, ..standard }),
+            (plan(0.06, 0.5), ClickOptions { preference: Preference::Crispness, ..standard }),
+        ] {
+            assert!(ask(&plan, options).1);
+            assert!(!ask(&plan, options).1);
+        }
+    }
+}
