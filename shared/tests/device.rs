@@ -44,6 +44,23 @@ fn a_session_from_hello_to_disarm() {
     assert_eq!(bench.state(), SafetyState::Safe);
 }
 
+/// A slow drive goes on to the end of its period, and its electrodes with it: let go of before, a window would be cut short.
+#[test]
+fn electrodes_are_in_use_until_their_last_period_ends() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let slow = ChannelDrive { frequency_millihertz: 5_000, ..support::drive(0) };
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[slow]).unwrap() });
+    // Into the first of its periods of 200 ms.
+    bench.wait_ms(50);
+    bench.ask(&Request::SetDrives { drives: Short::new() });
+    assert_eq!(bench.state(), SafetyState::Armed);
+    bench.wait_ms(50);
+    assert!(bench.board.connected && bench.board.latest(0).is_blank(), "only what comes next is blank");
+    bench.wait_ms(200);
+    assert!(!bench.board.connected);
+}
+
 /// Four ERAs at 2 kV, by hand: 8 x 116 pF x 2 kV for each cycle and 80 uA of the bleeders are 488 uA at 220 Hz and 507 uA at 230 Hz.
 #[test]
 fn drives_beyond_the_supply_are_refused_before_they_begin() {

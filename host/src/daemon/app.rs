@@ -83,12 +83,7 @@ impl App {
         let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
-        let equipment = DriveEquipment {
-            table: Arc::clone(&table),
-            session,
-            sim,
-            clicks: KnownClicks::default(),
-        };
+        let equipment = DriveEquipment { table: Arc::clone(&table), session, sim, clicks: KnownClicks::default() };
         let place = BackgroundPlace::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
