@@ -115,6 +115,23 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     let mut bench = broken();
     assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
+    // Nor does the board leave for its bootloader, where nothing measures or discharges.
+    let mut bench = broken();
+    bench.wait_ms(200);
+    assert_eq!(bench.state(), SafetyState::Fault);
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)));
+    bench.wait_ms(800);
+    assert_eq!(bench.ask(&go), Reply::Bootloader);
+    // Stopped while the rail was still far above a new, low set-point.
+    let mut bench = broken();
+    bench.board.rails_show = [None; 2];
+    bench.wait_ms(5);
+    let low = [ChannelDrive { voltage_millivolts: 60_000, ..drive(0) }];
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
+    bench.board.rails_show = [Some(0), None];
+    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    is_safe_after_bleeding(&mut bench);
     // Armed again instead of waited for.
     let mut bench = broken();
     bench.ask(&Request::Stop);
@@ -288,4 +305,33 @@ fn a_late_look_does_not_make_a_rail_jump() {
     }
     bench.wait_ms(60);
     assert_eq!(bench.state(), SafetyState::Running);
+}
+
+/// A rail that is measured too low, within what is tolerated, is charged by its set-point: what drives cost does not depend on the divider.
+#[test]
+fn a_rail_that_shows_too_little_does_not_save_credit() {
+    let left_ms = |shown: Option<u32>| {
+        let mut bench = Bench::new();
+        bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+        bench.wait_ms(support::ARMING_MS);
+        let strong = [ChannelDrive { voltage_millivolts: 1_800_000, pulse_width_ppm: 900_000, ..drive(0) }];
+        bench.ask(&Request::SetDrives { drives: Short::from_slice(&strong).unwrap() });
+        bench.wait_ms(200);
+        bench.board.rails_show = [shown, None];
+        for _ in 0..20 {
+            bench.wait_ms(100);
+            bench.ask(&Request::KeepAlive);
+        }
+        assert_eq!(bench.state(), SafetyState::Running);
+        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+        credit.channels[0].left_ms
+    };
+    let sound = left_ms(None);
+    assert!(sound < left_ms_of_idle_board());
+    assert!(left_ms(Some(1_750_000)) <= sound);
+}
+
+fn left_ms_of_idle_board() -> u32 {
+    let Reply::Credit(credit) = Bench::new().ask(&Request::Credit) else { panic!() };
+    credit.channels[0].left_ms
 }

@@ -485,4 +485,16 @@ pub const MUTATIONS: &[Mutation] = &[
         "    \"    bmi 2f\",",
         "    \"    b 2f\",",
     ),
+    new_mutation(
+        "bootloader although a measurement is distrusted",
+        "shared/src/device/answers.rs",
+        "                    || self.is_rail_measurement_distrusted(now_us)\n",
+        "",
+    ),
+    new_mutation(
+        "credit counts the measured voltage alone",
+        "shared/src/device/live.rs",
+        "            let millivolts = number(measured_millivolts).max(number(&self.supply.set_point_millivolts));",
+        "            let millivolts = number(measured_millivolts);",
+    ),
 ];
