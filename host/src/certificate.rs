@@ -45,7 +45,7 @@ pub fn read_private_key(path: &Path) -> Result<PrivateKeyDer<'static>, String> {
     if has("BEGIN ENCRYPTED PRIVATE KEY") || has("Proc-Type: 4,ENCRYPTED") {
         return Err(format!(
             "the key is encrypted with a passphrase, and the daemon cannot ask for a passphrase at its start: \
-             `openssl pkey -in {} -out NEW` writes the key without one",
+             `openssl pkey -in {} -out NEW` writes the key without a passphrase",
             path.display()
         ));
     }
@@ -68,7 +68,7 @@ fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> Stri
     if DER.iter().any(|begin| bytes.starts_with(begin)) {
         let path = path.display();
         return format!(
-            "the file is in DER, but must be in PEM: `openssl {tool} -in {path} -inform der -out NEW` converts it"
+            "the file is in DER, but must be in PEM: `openssl {tool} -in {path} -inform der -out NEW` converts the file"
         );
     }
     let kinds = ["CERTIFICATE-----", "PUBLIC KEY-----", "OPENSSH PRIVATE KEY-----", "PRIVATE KEY-----"];
@@ -80,7 +80,7 @@ fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> Stri
         Some(_) => "a private key",
         None => return format!("the file has no {wanted} (a file in PEM begins with -----BEGIN)"),
     };
-    format!("the file has {there} in it, but no {wanted}")
+    format!("the file contains {there}, but no {wanted}")
 }
 
 /// What is wrong with a certificate's dates at a time, if something is.
@@ -101,12 +101,12 @@ pub fn describe_date_fault(fault: &CertificateError) -> Option<String> {
     let clock = |time: &UnixTime| format!("this computer's clock says {}", show_time(*time));
     Some(match fault {
         CertificateError::ExpiredContext { time, not_after } => {
-            format!("ran out on {} ({})", show_time(*not_after), clock(time))
+            format!("expired on {} ({})", show_time(*not_after), clock(time))
         }
         CertificateError::NotValidYetContext { time, not_before } => {
-            format!("is valid from {} on, and not yet ({})", show_time(*not_before), clock(time))
+            format!("is not valid before {} ({})", show_time(*not_before), clock(time))
         }
-        CertificateError::Expired => "has run out".into(),
+        CertificateError::Expired => "has expired".into(),
         CertificateError::NotValidYet => "is not valid yet".into(),
         _ => return None,
     })

@@ -73,7 +73,10 @@ fn the_command_line_reads_prints_and_exports() {
     let output = run_era_effect(path, &["--file", "two.ahap", "--json", "--export", "two.csv"]);
     let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
     assert_eq!((&told["name"], &told["format"], &told["event_count"]), (&json!("two"), &json!("ahap"), &json!(2)));
-    assert_eq!(told["warnings"], json!(["Pattern[2].Event is left out: AudioCustom is a sound"]));
+    assert_eq!(
+        told["warnings"],
+        json!(["Pattern[2].Event is left out: its EventType is AudioCustom, which is a sound"])
+    );
     let parts = told["parts"].as_array().unwrap();
     assert_eq!((&parts[0]["kind"], &parts[1]["begin_ms"]), (&json!("click"), &json!(400)));
     let peak = |part: &Value| part["peak_g"].as_f64().unwrap();
@@ -164,15 +167,15 @@ fn what_cannot_be_played_is_refused_with_the_field() {
     let event = |more: Value| json!({"version": 1, "events": [more]});
     let many = json!({"version": 1, "events": [{"primitive": "click", "repeat": {"count": 200, "period_ms": 60}}]});
     for (more, status, field, detail) in [
-        (json!({}), 400, "effect", "effect and file are both missing"),
+        (json!({}), 400, "effect", "`effect` and `file` are both missing"),
         (json!({"effect": event(json!({"primitive": "click"})), "file": AHAP}), 400, "file", "both given"),
         (
             json!({"effect": event(json!({"primitive": "click"})), "format": "json"}),
             400,
             "format",
-            "only together with file",
+            "only together with `file`",
         ),
-        (json!({"file": AHAP, "format": "wav"}), 400, "format", "which is no text"),
+        (json!({"file": AHAP, "format": "wav"}), 400, "format", "only files in a text format"),
         (json!({"file": AHAP, "format": "mp3"}), 400, "format", "mp3"),
         (json!({"file": "{}"}), 400, "file", "missing field `version`"),
         (json!({"effect": event(json!({"primitive": "bang"}))}), 400, "effect.events[0].primitive", "bang"),

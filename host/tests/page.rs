@@ -201,7 +201,7 @@ fn a_dragged_support_changes_the_map_and_nothing_is_driven() {
         browser.wait_for(READY);
         let original = browser.value(MAP);
         let status = browser.value("document.querySelector('#preview-status').textContent");
-        for piece in ["Preview, nothing is driven", "right to ±", " ms"] {
+        for piece in ["Preview, nothing is driven", "error at most ±", " ms"] {
             assert!(status.as_str().unwrap().contains(piece), "{status} lacks {piece}");
         }
         assert_eq!(browser.value("document.querySelectorAll('.handle').length"), 6);
@@ -296,7 +296,7 @@ fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
 
         // Something else drives: the page says so, and its stop stops it.
         daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
-        browser.wait_for("document.querySelector('#mode').textContent.includes('driven from elsewhere')");
+        browser.wait_for("document.querySelector('#mode').textContent.includes('another client drives the device')");
         let stop = browser.point("#stop", 0.5, 0.5);
         let hit = browser.value(&format!("document.elementFromPoint({}, {}).id", stop.0, stop.1));
         assert_eq!(hit, "stop", "nothing covers the button");
@@ -356,7 +356,7 @@ fn a_page_brings_its_token() {
     let mut without = Browser::start(program, 1280, 800);
     without.open(&daemon.url);
     // What is wrong is said, and not that the connection was lost.
-    without.wait_for("document.querySelector('#connection')?.textContent === 'this daemon asks for a token'");
+    without.wait_for("document.querySelector('#connection')?.textContent === 'this daemon requires a token'");
     without.wait_for("document.querySelector('#error-text').textContent.includes('#token=TOKEN')");
     assert_ne!(without.value("document.body.dataset.state ?? ''"), "safe");
     // A token put behind the address of the open page counts, also with what a file has around it.

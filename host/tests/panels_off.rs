@@ -191,7 +191,7 @@ fn the_page_shows_the_range_beside_the_bound() {
     assert_eq!(browser.value("document.querySelector('#tolerances').hidden"), true, "for what is previewed");
     browser.value("document.querySelector('#design').click()");
     browser.wait_for(READY);
-    assert_eq!(browser.value(RANGE), "not looked at");
+    assert_eq!(browser.value(RANGE), "not computed");
     browser.value(RUN);
     browser.wait_for(RUNS);
     ended(&daemon);
@@ -214,13 +214,13 @@ fn the_page_shows_the_range_beside_the_bound() {
     // Another plan: what was found was not of it.
     let elsewhere = browser.point("#panel", 0.6, 0.8);
     browser.click(elsewhere);
-    browser.wait_for(&format!("{RANGE} === 'not looked at' && {STATUS} === ''"));
+    browser.wait_for(&format!("{RANGE} === 'not computed' && {STATUS} === ''"));
     browser.wait_for(READY);
     browser.value(RUN);
     browser.wait_for(RUNS);
     let elsewhere = browser.point("#panel", 0.5, 0.25);
     browser.click(elsewhere);
-    browser.wait_for(&format!("{STATUS} === 'Stopped, as the plan has changed.'"));
+    browser.wait_for(&format!("{STATUS} === 'Stopped because the plan has changed.'"));
     assert_eq!(ended(&daemon)["stage"], "stopped");
     browser.wait_for(READY);
     browser.value(RUN);

@@ -102,7 +102,7 @@ fn a_study_that_is_killed_or_asked_to_stop_goes_on() {
     let ended = asked.wait_with_output().unwrap();
     let text = told(&ended);
     assert_eq!(ended.status.code(), Some(1), "{text}");
-    assert!(text.contains("designs are there already") && text.contains("of 4000 designs are in"), "{text}");
+    assert!(text.contains("designs are already computed") && text.contains("of 4000 designs are in"), "{text}");
     let left: Vec<String> = results(&out)
         .into_keys()
         .filter(|name| !name.ends_with(".rows") && !name.ends_with(".part") && name != "study.key")

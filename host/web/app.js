@@ -118,20 +118,20 @@ async function arm() {
 const isOf = (problem, kind) => problem.type?.endsWith(`:${kind}`);
 
 function refusedInWords(problem) {
-  if (isOf(problem, "token")) return TOKEN ? "this daemon does not know the page's token" : "this daemon asks for a token";
-  return isOf(problem, "role") ? "the page's token is not enough" : "this daemon refuses the page";
+  if (isOf(problem, "token")) return TOKEN ? "this daemon does not know the page's token" : "this daemon requires a token";
+  return isOf(problem, "role") ? "the role of the page's token is not sufficient" : "this daemon refuses the page";
 }
 
 // A problem with what to do in the page's terms, where it is about the page's token.
 function withAdvice(problem) {
   if (!isOf(problem, "token") && !isOf(problem, "role")) return problem;
-  const which = isOf(problem, "role") ? "one of that role" : "one";
+  const which = isOf(problem, "role") ? "a token of this role" : "a token";
   const address = `${location.origin}${location.pathname}#token=TOKEN`;
   const said = isOf(problem, "token") && !TOKEN ? "" : `${problem.detail}. `;
   return {
     ...problem,
     title: refusedInWords(problem),
-    detail: `${said}Open the page with ${which} behind its address, ${address}; tokens are in the daemon's --token-file.`,
+    detail: `${said}Open the page with ${which} at the end of its address: ${address}. The tokens are in the daemon's --token-file.`,
   };
 }
 

@@ -26,11 +26,11 @@ export async function request(method, path, content, answer_ms = ANSWER_MS) {
     answer = await fetch(path, options);
   } catch (error) {
     const late = error.name === "TimeoutError";
-    const detail = late ? `nothing came back within ${answer_ms / 1000} s` : "the request could not be delivered";
+    const detail = late ? `no answer came within ${answer_ms / 1000} s` : "the request could not be delivered";
     throw { title: "No answer from the daemon", detail };
   }
   if (answer.type === "opaqueredirect") {
-    const detail = "something in front of the daemon sends it elsewhere, where it was not sent: open the page at the daemon's own address";
+    const detail = "a server in front of the daemon redirects the request, but the page does not follow redirects: open the page at the daemon's own address";
     throw { title: "The request did not reach the daemon", detail };
   }
   const body = await answer.json().catch(() => null);

@@ -117,7 +117,7 @@ export class Readout {
         row.append(cell(id, `${degrees}° · ${fixed(drive.pulse_width, 2, "")}`), cell(fixed(drive.frequency_hz, 1, " Hz")),
           cell(fixed(drive.voltage_v, 0, " V"), `of ${max_voltage_v.toFixed(0)}`),
           cell(fixed(drive.force_n * 1e3, 1, " mN"), `${(part * 100).toFixed(0)} %`), cell("off"));
-        row.title = "under the name: phase of the windows, pulse width; under the force: its part of what the voltage allows";
+        row.title = "under the name: phase of the windows, pulse width; under the force: its fraction of the force that the voltage allows";
         const bar = node("meter", { min: 0, max: 1, value: part });
         bar.setAttribute("aria-label", `${(part * 100).toFixed(0)} % of the force that the voltage allows`);
         row.children[3].append(bar);
@@ -208,8 +208,8 @@ export class Readout {
   // In design mode: what the preview says of itself, and of what it does not do.
   showPreview(plan, tolerance, elapsed_ms) {
     const bound = plan.error_bound === null
-      ? `no error bound here, computed for ${tolerance * 100} %`
-      : `right to ${boundInWords(plan)} at the target`;
+      ? `no error bound, computed for a tolerance of ${tolerance * 100} %`
+      : `error at most ${boundInWords(plan)} at the target`;
     show("preview-status", `Preview, nothing is driven: ${bound}, computed in ${fixed(elapsed_ms, 0, " ms")}.`);
     show("elapsed", "preview");
   }
@@ -221,7 +221,7 @@ export class Readout {
     const rails = this.railsInWords();
     if (this.preview) {
       const idle = rails ? `preview, nothing is driven; ${IDLE_WORDS[this.state]}, ${rails}` : "preview, nothing is driven";
-      show("mode", driving ? "preview; the device is driven from elsewhere" : idle);
+      show("mode", driving ? "preview; another client drives the device" : idle);
       return;
     }
     const idle = `last plan, ${IDLE_WORDS[this.state] ?? this.state}${rails ? `, ${rails}` : ""}`;

@@ -75,7 +75,7 @@ export class Studies {
     try {
       await follow("v1/study", (study) => this.show(study));
     } catch (problem) {
-      this.tell(`How far the study is, is not known: ${problem.detail ?? problem.title}`);
+      this.tell(`The progress of the study is not known: ${problem.detail ?? problem.title}`);
     }
     this.watching = false;
   }
@@ -135,7 +135,7 @@ export class Studies {
         const text = await file.text();
         const told = text
           .split("\n")
-          .filter((line) => /^# (\S+ = |Computed (again|anew))/.test(line))
+          .filter((line) => /^# (\S+ = |In the thorough evaluation|Computed (again|anew))/.test(line))
           .map((line) => line.slice(2));
         return [[file.name, ...told].join(", "), text];
       }),

@@ -7,7 +7,7 @@ import { $, announce, fixed, show } from "./readout.js";
 const PATH = "v1/tolerances";
 // Plans of scenes at the limits of what is previewed take some seconds.
 const ANSWER_MS = 30_000;
-const UNKNOWN = "not looked at";
+const UNKNOWN = "not computed";
 
 export class Tolerances {
   constructor() {
@@ -24,7 +24,7 @@ export class Tolerances {
     Object.assign(this, { plan, question });
     if (this.look && this.look.key !== JSON.stringify(this.question)) {
       if (this.busy) this.stop();
-      this.forget(this.busy ? "Stopped, as the plan has changed." : "");
+      this.forget(this.busy ? "Stopped because the plan has changed." : "");
     }
     if (!this.look) show("off-g", plan ? UNKNOWN : "–");
     this.showButtons();
@@ -55,14 +55,14 @@ export class Tolerances {
   // How far a look is; false where it is of no account any more.
   seen(look, told) {
     if (told.id !== look.id) {
-      if (this.look === look) this.forget("Somebody else has asked for other tolerances since.");
+      if (this.look === look) this.forget("Another client has started another tolerance study since.");
       return false;
     }
     if (this.look !== look) return true; // until it has ended, and another one may begin
     showProgress($("tolerances-progress"), told);
     document.body.dataset.tolerances = told.stage;
     if (underWay(told)) {
-      show("tolerances-status", `looking at panels that are off: ${told.there} of ${told.all}`);
+      show("tolerances-status", `computing panels with deviations: ${told.there} of ${told.all}`);
     } else if (told.stage === "done") {
       const peak = (db) => told.plan.predicted.target_peak_g * 10 ** (db / 20);
       show("off-g", `${fixed(peak(told.off.least_db), 3, "")} to ${fixed(peak(told.off.most_db), 3, " g")}`);
@@ -78,7 +78,7 @@ export class Tolerances {
     try {
       await request("POST", `${PATH}/stop`);
     } catch (problem) {
-      this.tell(`It is not stopped: ${problem.detail ?? problem.title}`);
+      this.tell(`The tolerance study is not stopped: ${problem.detail ?? problem.title}`);
     }
   }
 

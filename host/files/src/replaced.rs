@@ -145,7 +145,7 @@ fn write_beside_and_rename(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
     if target.file_name().is_none() {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "this is no file's name"));
+        return Err(io::Error::new(ErrorKind::InvalidInput, "this is not the name of a file"));
     }
     // Renaming asks nobody whether the file may be written to.
     let before = match fs::symlink_metadata(target) {

@@ -43,7 +43,7 @@ pub fn accuracy_within_time_or_tolerance(
 ) -> Result<Accuracy, Raised> {
     match (tolerance, within_s) {
         (Some(_), Some(within_s)) => {
-            Err(Raised::wrong_argument("within_s", within_s, "None where there is a tolerance"))
+            Err(Raised::wrong_argument("within_s", within_s, "None, because `tolerance` is given"))
         }
         (_, Some(within_s)) => {
             let time = Duration::try_from_secs_f64(within_s).ok().filter(|time| !time.is_zero());
@@ -174,7 +174,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "another target is (x_m, y_m) or (x_m, y_m, peak_g)";
+        let what = "a further target is (x_m, y_m) or (x_m, y_m, peak_g)";
         // A peak of None is left to the plan.
         let own = match given.extract::<Vec<Bound<'_, PyAny>>>().as_deref() {
             Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
@@ -255,7 +255,7 @@ impl UnitCubePoint {
             return Err(Raised::wrong_argument(
                 "len(point)",
                 point.len(),
-                format!("{dimensions}, as many as there are dimensions"),
+                format!("{dimensions}, the number of dimensions"),
             ));
         }
         match point.iter().position(|part| !(0.0..=1.0).contains(part)) {

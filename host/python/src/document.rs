@@ -55,7 +55,7 @@ fn toml_value_from_python_unless_none(value: &Bound<'_, PyAny>) -> PyResult<Opti
         Value::Float(number)
     } else {
         let kind = value.get_type().name()?;
-        return Err(PyTypeError::new_err(format!("a scene has no value of the type {kind}: {value}")));
+        return Err(PyTypeError::new_err(format!("a scene cannot contain a value of the type {kind}: {value}")));
     };
     Ok(Some(found))
 }
@@ -64,7 +64,9 @@ fn toml_value_from_python_unless_none(value: &Bound<'_, PyAny>) -> PyResult<Opti
 fn toml_from_numpy_unless_holding_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     // Below a mask is nothing that was measured, and a list would leave it out without a word.
     if value.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (value,))?.extract()? {
-        return Err(PyTypeError::new_err("a scene has no masked entries: compressed() leaves them out of an array"));
+        return Err(PyTypeError::new_err(
+            "a scene cannot contain masked entries: compressed() leaves masked entries out of an array",
+        ));
     }
     let plain = value.call_method0("tolist")?;
     if plain.hasattr("dtype")? {
@@ -138,7 +140,11 @@ fn index_of_list_entry_by_number_or_name(key: &str, list: &[Value], which: &Boun
         let at = usize::try_from(if index < 0 { from_end } else { index }).ok().filter(|at| *at < count);
         #[expect(clippy::cast_precision_loss, reason = "to be shown")]
         let wrong = || {
-            Raised::wrong_argument(key, index as f64, format!("an index of its {count} entries, which count from 0"))
+            Raised::wrong_argument(
+                key,
+                index as f64,
+                format!("the index of one of the {count} entries, counted from 0"),
+            )
         };
         return at.ok_or_else(|| wrong().into());
     }
@@ -149,7 +155,7 @@ fn index_of_list_entry_by_number_or_name(key: &str, list: &[Value], which: &Boun
     let found = list.iter().position(|entry| name_of(entry).as_ref() == Some(&wanted));
     let allowed = match named {
         Some(name) => format!("an index from 0, or the {name} of an entry: {}", names.join(", ")),
-        None => String::from("an index from 0: its entries have no names"),
+        None => String::from("an index from 0, because the entries have no names"),
     };
     found.ok_or_else(|| Raised::wrong_argument(key, wanted.as_str(), allowed).into())
 }

@@ -157,7 +157,7 @@ pub fn design_effect_for_place(
         Raised::wrong_argument("effect", effect, allowed)
     })?;
     if let (Some(_), Some(intensity_db)) = (intensity_g, intensity_db) {
-        return Err(Raised::wrong_argument("intensity_db", intensity_db, "None where there is intensity_g").into());
+        return Err(Raised::wrong_argument("intensity_db", intensity_db, "None, because `intensity_g` is given").into());
     }
     let prefer = prefer.map(|prefer| {
         serde_json::from_value(prefer.into())

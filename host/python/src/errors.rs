@@ -402,7 +402,7 @@ impl From<FolderError> for Raised {
                     &error,
                     "folder",
                     &*path,
-                    Some("a new folder, or one of this study".into()),
+                    Some("a new folder, or the folder of this study".into()),
                 )
             }
         }
@@ -420,9 +420,13 @@ impl From<GatherError> for Raised {
     fn from(error: GatherError) -> Self {
         match error {
             GatherError::Folder(error) => error.into(),
-            GatherError::Missing { missing, .. } => {
-                Self::with(RaisedKind::Request, &error, "folder", missing, Some("one without missing designs".into()))
-            }
+            GatherError::Missing { missing, .. } => Self::with(
+                RaisedKind::Request,
+                &error,
+                "folder",
+                missing,
+                Some("a folder without missing designs".into()),
+            ),
         }
     }
 }

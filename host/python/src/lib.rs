@@ -68,7 +68,7 @@ mod _era {
             "TargetResult" => restore_from_fields::<TargetResult>(py, fields),
             "Transient" => restore_from_fields::<Transient>(py, fields),
             "Verification" => restore_from_fields::<Verification>(py, fields),
-            _ => Err(PyValueError::new_err(format!("this version of era has no result {result}"))),
+            _ => Err(PyValueError::new_err(format!("this version of era has no result named {result}"))),
         }
     }
 

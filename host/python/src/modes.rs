@@ -165,7 +165,7 @@ pub fn compute_modes(
             Some(grid) => {
                 let values = grid.0.len() * grid.1.len() * found.answer.len();
                 if values > MOST_VALUES {
-                    let allowed = format!("so small that there are at most {MOST_VALUES} values, not {values}");
+                    let allowed = format!("so small that the result has at most {MOST_VALUES} values, not {values}");
                     return Err(Raised::wrong_argument("grid", grid.0.len() * grid.1.len(), allowed));
                 }
                 Some(ModeShapes::compute(&scene, &found, max_hz, grid)?)

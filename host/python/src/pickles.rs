@@ -60,7 +60,7 @@ where
         }
     }
     let wrong = |error: PyErr| {
-        let wrong = PyValueError::new_err("the pickle is none of this version of era");
+        let wrong = PyValueError::new_err("the pickle was not made by this version of era");
         wrong.set_cause(py, Some(error));
         wrong
     };

@@ -62,7 +62,9 @@ pub fn run_in_own_thread_interruptibly_with_progress<T: Send + 'static>(
     mut report_progress: impl FnMut(Python<'_>) -> PyResult<()>,
     work: impl FnOnce(&WorkPool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
-    let failed = |error: &dyn std::fmt::Display| PyRuntimeError::new_err(format!("no thread to compute in: {error}"));
+    let failed = |error: &dyn std::fmt::Display| {
+        PyRuntimeError::new_err(format!("the thread for the computation failed: {error}"))
+    };
     let pool = thread_pool_of_process().map_err(|error| failed(&error))?;
     let stop = StopRequest::default();
     let (done, mut waiting) = sync_channel(1);
@@ -87,7 +89,7 @@ pub fn run_in_own_thread_interruptibly_with_progress<T: Send + 'static>(
             }
             // A mistake of the program, which Python shows as `PanicException`.
             Ok(Err(panic)) => resume_unwind(panic),
-            Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
+            Err(RecvTimeoutError::Disconnected) => return Err(failed(&"there is no answer")),
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals().and_then(|()| report_progress(py)) {
                     stop.request_stop();

@@ -97,7 +97,7 @@ impl PyStudy {
         task: StudyTask,
         bytes: &[u8],
     ) -> Result<Vec<DesignRow>, Raised> {
-        let allowed = "what compute() of this study and this version has given for this task";
+        let allowed = "the bytes that compute() of this study and this version returned for this task";
         decode_task_rows_if_of_study_and_task(&self.study.fingerprint(), task, bytes)
             .ok_or_else(|| Raised::wrong_argument(field, "other bytes", allowed))
     }
@@ -282,7 +282,7 @@ impl PyStudy {
         if let StudyTask::Generation { generation, .. } = task
             && losses.len() != generation
         {
-            let allowed = format!("those of {generation} generations");
+            let allowed = format!("{generation}, one list for each earlier generation");
             return Err(Raised::wrong_argument("len(losses)", losses.len(), allowed).into());
         }
         if threads == Some(0) {
@@ -293,10 +293,9 @@ impl PyStudy {
         let rows = match threads {
             None => run_in_pool_interruptibly(py, move || Ok(work()))?,
             Some(threads) => run_in_own_thread_interruptibly(py, move |_| {
-                let pool = rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .build()
-                    .map_err(|error| Raised::unavailable_resource(format!("no thread to compute in: {error}")))?;
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+                    Raised::unavailable_resource(format!("cannot start threads for the computation: {error}"))
+                })?;
                 Ok(pool.install(work))
             })?,
         };
@@ -372,13 +371,13 @@ impl PyStudy {
     fn compute_generation_losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
         let own = self.parse_task_argument(task)?;
         let StudyTask::Generation { run, .. } = own else {
-            return Err(Raised::wrong_argument("task", task, "a generation"));
+            return Err(Raised::wrong_argument("task", task, "the name of a generation"));
         };
         let (base, rows) = (
             self.decode_rows_argument_or_raise("base", StudyTask::Base, base)?,
             self.decode_rows_argument_or_raise("rows", own, rows)?,
         );
-        let base = base.first().ok_or_else(|| Raised::wrong_argument("base", "no rows", "the scene's row"))?;
+        let base = base.first().ok_or_else(|| Raised::wrong_argument("base", "no rows", "the row of the scene"))?;
         Ok(self.study.compute_losses_for_search_run(run, base, &rows))
     }
 
@@ -434,7 +433,7 @@ impl PyStudy {
         Err(Raised::wrong_argument(
             "rows",
             "other bytes",
-            "what compute() of this study and this version has given for this task",
+            "the bytes that compute() of this study and this version returned for this task",
         ))
     }
 

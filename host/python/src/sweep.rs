@@ -176,6 +176,6 @@ fn check_number_of_values(scene: &Scene, points: usize, frequencies: usize) -> R
     if values <= MOST_SWEEP_VALUES {
         return Ok(());
     }
-    let allowed = format!("so small that there are at most {MOST_SWEEP_VALUES:e} values, not {values:e}");
+    let allowed = format!("so small that the result has at most {MOST_SWEEP_VALUES:e} values, not {values:e}");
     Err(Raised::wrong_argument("points of grid", points, allowed))
 }

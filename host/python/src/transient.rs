@@ -100,7 +100,7 @@ impl GivenDrive {
             Raised::wrong_argument(
                 format!("drives[{drive_index}][0]"),
                 id.as_str(),
-                format!("an actuator: {}", known()),
+                format!("the id of an actuator: {}", known()),
             )
         };
         let drive = SwitchedForce { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };

@@ -14,8 +14,8 @@ use std::time::Duration;
 use super::Failure;
 use super::headings::{ACCESS, DAEMON, DEVICE, LISTENING, MODEL, RECORDING, TOUCH};
 use super::values::{
-    Point, parse_comma_separated_grid_counts, parse_finite_number, parse_npy_path, parse_outgoing_http_proxy,
-    parse_png_path, parse_press_n, parse_time, parse_unitless_point, parse_url,
+    Point, parse_comma_separated_grid_counts, parse_finite_number, parse_listen_address, parse_npy_path,
+    parse_outgoing_http_proxy, parse_png_path, parse_press_n, parse_time, parse_unitless_point, parse_url,
 };
 use super::wishes::PlanWishes;
 
@@ -115,7 +115,7 @@ pub struct Serve {
     #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
     /// Listening address or name, with a port, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
-    #[arg(long, value_name = "ADDR:PORT", help_heading = LISTENING)]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = parse_listen_address, help_heading = LISTENING)]
     pub listen: Option<HostPort>,
     /// Additional Unix socket, for this user alone; `none` for no socket [default: era.sock in
     /// $XDG_RUNTIME_DIR, if this variable is set]

@@ -132,7 +132,7 @@ fn format_touch_answer(answer: &Value) -> String {
         }
     }
     if !answer["trade"].is_null() {
-        text.push_str("\nthe wishes conflict; alternatives: see `trade` in --json");
+        text.push_str("\nthe requested peaks and quiet zones conflict; `trade` in --json has alternatives");
     }
     text
 }
@@ -257,8 +257,8 @@ impl DaemonContact {
     pub fn new(url: &str, ca: Option<&Path>, proxy: Option<&HostPort>, token: Option<String>) -> Result<Self, Failure> {
         if proxy.is_some() && token.is_some() && !url.starts_with("https://") {
             return Err(Failure::Usage(format!(
-                "with --proxy a token is sent over TLS only, because the proxy could read it otherwise: use an \
-                 https:// address in place of {url}, or omit --proxy"
+                "with --proxy, a token is sent only over TLS, because the proxy can read what is sent without TLS: use \
+                 an https:// address in place of {url}, or omit --proxy"
             )));
         }
         let given = ca.map_or_else(
@@ -316,7 +316,7 @@ pub fn request_answer(
         {
             Some((found, advice)) => Failure::runtime_error(format!("{found}: {advice}")),
             None => Failure::runtime_error(format!(
-                "no answer from {url}: {error}. Check that the daemon runs; `era serve` starts it"
+                "no answer from {url}: {error}. Check that the daemon runs; `era serve` starts the daemon"
             )),
         }
     })?;
@@ -350,7 +350,7 @@ pub fn request_body_failing_on_error_status(
     }
     let mut detail = body["detail"].as_str().unwrap_or("no reason given").to_owned();
     if status == 401 {
-        detail.push_str(" (here: --token-file FILE, or the variable ERA_TOKEN)");
+        detail.push_str(" (for `era`: --token-file FILE, or the variable ERA_TOKEN)");
     }
     Err(if status == 400 { Failure::Usage(detail) } else { Failure::Failed(detail) })
 }

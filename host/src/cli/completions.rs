@@ -44,7 +44,7 @@ pub fn print_or_write_man_pages(options: &Man, command: Command) -> Outcome {
     };
     write()
         .map_err(|error| Failure::runtime_error(format!("cannot write man pages to {}: {error}", folder.display())))?;
-    tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
+    tell!("the man pages are in {}; `man -l {}/era.1` shows the first page", folder.display(), folder.display());
     Ok(())
 }
 

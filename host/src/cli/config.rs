@@ -8,8 +8,8 @@
 use super::args::Serve;
 use super::config_keys::{GivenValue, KEYS, Key};
 use super::serve;
+use super::values::parse_listen_address;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::connection::HostPort;
 use crate::device::Target;
 use crate::text_file::read_text_file;
 use clap::{Args, Subcommand};
@@ -167,7 +167,7 @@ impl ConfigFile {
             }
         }
         if !has_version {
-            mistakes.push(Mistake { line: 0, text: format!("version is missing (a number {VERSION})") });
+            mistakes.push(Mistake { line: 0, text: format!("version is missing: add the line `version = {VERSION}`") });
         }
         settings.sort_by_key(|setting| setting.line);
         for (i, setting) in settings.iter().enumerate() {
@@ -268,7 +268,7 @@ fn read_key_unless_version(
         Some(()) => Ok(Some((key, given, told))),
         None => {
             // Of a place to listen there is more to say.
-            let place = given.as_nonempty_text().filter(|_| key.name == "listen").map(str::parse::<HostPort>);
+            let place = given.as_nonempty_text().filter(|_| key.name == "listen").map(parse_listen_address);
             let reason = place.and_then(Result::err).map(|reason| format!(": {reason}")).unwrap_or_default();
             Err(format!("{name} is {told}, but must be {}{reason}", key.allowed))
         }
@@ -372,7 +372,7 @@ fn check_config_file(options: &ConfigCheck) -> Outcome {
         let _ = write!(text, "\n{:keys$}  {:values$}  {place}", key.name, value.as_deref().unwrap_or_default());
     }
     if let Some(note) = simulated {
-        let _ = write!(text, "\n{note}");
+        let _ = write!(text, "\nthe daemon {note}");
     }
     print_text(&text)
 }
@@ -380,9 +380,10 @@ fn check_config_file(options: &ConfigCheck) -> Outcome {
 /// A file with every key.
 fn format_example_config() -> String {
     let mut text = format!(
-        "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
-         # Relative paths count from this file's folder. To drive your panel set scene, and device to \"auto\": without device\n\
-         # the simulated device is driven, and no board. `era config check FILE` says what would be used.\n\nversion = {VERSION}"
+        "# Configuration of `era serve`: era serve --config FILE. Options on the command line override this file.\n\
+         # Relative paths count from this file's folder. To drive your panel, set scene, and set device to \"auto\":\n\
+         # without device, the daemon drives the simulated device. `era config check FILE` shows the values that are\n\
+         # used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {
         let _ = write!(text, "\n\n# {help}. Default: {default}.\n# {name} = {example}");
@@ -401,7 +402,7 @@ mod tests {
     #[test]
     fn mistakes_name_line_key_value_and_what_is_allowed() {
         for (text, told) in [
-            ("", "era.toml: version is missing (a number 1)"),
+            ("", "era.toml: version is missing: add the line `version = 1`"),
             ("version = 2", "era.toml:1: version is 2, but must be 1"),
             ("version = \"1\"", "era.toml:1: version is \"1\", but must be 1"),
             ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; known keys: version, scene"),
@@ -411,7 +412,7 @@ mod tests {
                 "version = 1\n\nlisten = \"7878\"",
                 "era.toml:3: listen is \"7878\", but must be an address or a name, and a port",
             ),
-            ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number 1e-8 to 0.1"),
+            ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number from 1e-8 to 0.1"),
             ("version = 1\nno_cache = \"yes\"", "era.toml:2: no_cache is \"yes\", but must be true or false"),
             ("version = 1\ndevice = \"atuo\"", "era.toml:2: device is \"atuo\", but must be \"sim\", \"emulated\""),
             ("version = 1\ndevice = \"\"", "era.toml:2: device is \"\", but must be \"sim\", \"emulated\""),

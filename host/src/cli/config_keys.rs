@@ -112,7 +112,7 @@ pub const KEYS: &[Key] = &[
     Key {
         name: "tolerance",
         help: "Relative tolerance of the model, in place of accuracy",
-        allowed: "a number 1e-8 to 0.1",
+        allowed: "a number from 1e-8 to 0.1",
         default: "that of accuracy",
         example: "1e-3",
         rival: Some("accuracy"),
@@ -178,7 +178,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "socket",
-        help: "Additional Unix socket, for this user alone; none for no socket",
+        help: "Additional Unix socket, for this user alone; \"none\" for no socket",
         allowed: "a path, or \"none\"",
         default: "era.sock in $XDG_RUNTIME_DIR, if this variable is set",
         example: "\"none\"",
@@ -313,7 +313,7 @@ pub const KEYS: &[Key] = &[
     Key {
         name: "record",
         help: "Where to record requests and their results: a folder, which gets a file for each start, or a new file",
-        allowed: "the path of an existing folder, of a folder with a slash at the end, or of a new file",
+        allowed: "the path of an existing folder, of a new folder (with a slash at the end), or of a new file",
         default: "none",
         example: "\"records/\"",
         rival: None,

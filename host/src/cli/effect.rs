@@ -23,7 +23,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         return read_and_print_effect_file(options, path);
     }
     if let Some(option) = options.from_file.find_option_without_file() {
-        return Err(Failure::usage_error(format!("{option} is given, but --file is not, and only --file takes it")));
+        return Err(Failure::usage_error(format!("{option} is given, but is allowed only with --file")));
     }
     let scene = options.panel.load_scene()?;
     let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage_error("no effect is named"))?;
@@ -106,11 +106,12 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(best_g) = predicted.best_possible_g {
         let _ = write!(
             text,
-            "\nstrongest crisp click that free forces of these actuators could make within 30 ms: {best_g:.3} g"
+            "\nstrongest crisp click that these actuators could make within 30 ms with freely chosen forces: \
+             {best_g:.3} g"
         );
     }
     if let (Some(pulse_ms), Some(ratio)) = (predicted.pulse_ms, predicted.pulse_to_ring_db) {
-        let _ = write!(text, "\npulse of {pulse_ms:.1} ms, {ratio:.1} dB above what rings after it");
+        let _ = write!(text, "\npulse of {pulse_ms:.1} ms, {ratio:.1} dB above the vibration after the pulse");
     }
     if let Some(sound_db) = predicted.sound_db {
         let _ = write!(text, "\nsound: {sound_db:.1} dB (A-weighted mean-square velocity of the surface, re 1 mm/s)");

@@ -132,7 +132,7 @@ fn describe_reading(path: &Path, view: &ReadingView) -> String {
         );
     }
     if view.parts.len() > PRINTED_PARTS {
-        let _ = write!(text, "\n{} more parts; --json has all", view.parts.len() - PRINTED_PARTS);
+        let _ = write!(text, "\n{} more parts; --json prints all parts", view.parts.len() - PRINTED_PARTS);
     }
     for warning in &view.warnings {
         let _ = write!(text, "\nwarning: {warning}");
@@ -148,7 +148,8 @@ fn describe_scale(scale: &ScaleView) -> String {
         PartKind::Thud => "sharpness 0 to 0.33",
         PartKind::Envelope => "any sharpness",
     };
-    let mut text = format!("{:9} ({sharpness}): intensity 1 is {peak_g:.3} g of {asked_g} g", kind.name());
+    let mut text =
+        format!("{:9} ({sharpness}): intensity 1 gives {peak_g:.3} g of the requested {asked_g} g", kind.name());
     if let Some(quiet_ms) = quiet_ms {
         let _ = write!(text, ", quiet after {quiet_ms:.1} ms");
     }

@@ -76,9 +76,10 @@ fn describe_modelled_scene(scene: &Scene) -> String {
 pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
     let mut text = describe_modelled_scene(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger except at a touched place, the effect of the \
-         electrodes on an ERA's stiffness beyond its bias_voltage_v; residual shapes of actuators, dashpots and the point stand for \
-         the modes above the computed ones",
+        "\nleft out: shear and rotary inertia, stretching in the plane, the air except where it is listed above, the \
+         finger except at a touched place, the effect of the voltage on an ERA's stiffness except for its \
+         bias_voltage_v; residual shapes of the actuators, the dashpots and the point replace the modes above the \
+         computed modes",
     );
     let _ =
         write!(text, "\n order  cells    unknowns  point forces  stiff points  known modes      time   error at most");
@@ -101,7 +102,7 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLe
     let best = steps.iter().map(|step| step.bound).reduce(f64::min);
     let _ = match best {
         Some(bound) if accuracy.time_limit().is_some() && bound.is_finite() => {
-            write!(text, "\nbound {bound:.0e} reached within the time, {total:.1} ms in all")
+            write!(text, "\nerror bound {bound:.0e} reached within the allowed time, {total:.1} ms in all")
         }
         Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
         // A table of plans: each plan has its own.

@@ -20,10 +20,15 @@ pub fn run_field(options: &Field) -> Outcome {
         return field_click::compute_and_write_click_map(options, effect);
     }
     if let Some(crisp_ms) = options.crispness.crisp_ms {
-        return Err(Failure::usage_error(format!("--crisp-ms is {crisp_ms}, but only --effect click takes it")));
+        return Err(Failure::usage_error(format!(
+            "--crisp-ms is {crisp_ms}, but --crisp-ms is allowed only with --effect click"
+        )));
     }
     if let Some(prefer) = options.crispness.prefer {
-        return Err(Failure::usage_error(format!("--prefer is {}, but only --effect click takes it", prefer.name())));
+        return Err(Failure::usage_error(format!(
+            "--prefer is {}, but --prefer is allowed only with --effect click",
+            prefer.name()
+        )));
     }
     let at = match options.at {
         _ if options.reach => return reach::compute_and_write_reach_maps(options),
@@ -48,7 +53,7 @@ pub fn run_field(options: &Field) -> Outcome {
         );
     }
     if let (Some(bound), false) = (bound.limit_if_known(), options.json) {
-        tell!("the model error of each value is at most {bound:.0e} of the largest peak on the surface");
+        tell!("the model error of each value is at most {bound:.0e} times the largest peak on the surface");
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {

@@ -92,7 +92,7 @@ impl FlashJob<'_> {
             Err(error) if self.options.probe => Err(Failure::runtime_error(error)),
             Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashWay::Dfu),
             Err(error) => {
-                tell!("no debug probe: {error}");
+                tell!("the debug probe cannot be used, so this command uses USB: {error}");
                 Ok(FlashWay::Dfu)
             }
         }
@@ -128,7 +128,8 @@ impl FlashJob<'_> {
             Some(board) => {
                 if probe.read_board_id().map_err(Failure::runtime_error)? != board.identity.board_id {
                     return Err(Failure::runtime_error(format!(
-                        "the probe is connected to another board than the one that answers at {}: nothing was changed",
+                        "the debug probe is not connected to the board that answers at {}: nothing was changed. \
+                         Connect the probe to this board, or name the port of the probe's board with --port",
                         board.path()
                     )));
                 }
@@ -194,8 +195,8 @@ impl FlashJob<'_> {
         if self.options.yes {
             return Ok(());
         }
-        let question = "Switch the high-voltage supply off at its own switch first: while the chip is flashed, it cannot \
-                        keep the supply disabled.";
+        let question = "First switch the high-voltage supply off with the switch on the supply. While this program \
+                        flashes the chip, the chip cannot keep the supply off.";
         if !std::io::stdin().is_terminal() {
             return Err(Failure::usage_error(format!("{question} Use --yes if the supply is off")));
         }

@@ -60,7 +60,11 @@ fn parse_group_name(text: &str) -> Result<String, String> {
         && text.len() <= 32
         && !text.starts_with('-')
         && text.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
-    if is_fit { Ok(text.into()) } else { Err("must be a group's name: letters, digits, _ and -".into()) }
+    if is_fit {
+        Ok(text.into())
+    } else {
+        Err("must be the name of a group: at most 32 letters, digits, '_' and '-', without '-' at the beginning".into())
+    }
 }
 
 /// A file that is to be.
@@ -75,7 +79,7 @@ pub fn run_install(options: &Install) -> Outcome {
     let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::runtime_error)?;
     let options = &Install { root, ..options.clone() };
     if !cfg!(target_os = "linux") {
-        return Err(Failure::usage_error("udev rules and systemd units are for Linux"));
+        return Err(Failure::usage_error("udev rules and systemd units exist only on Linux"));
     }
     if options.user && options.only == Some(Part::Rule) {
         return Err(Failure::usage_error("a udev rule applies to the whole machine: omit --user"));
@@ -219,7 +223,10 @@ fn find_config_path(options: &Install) -> Result<PathBuf, Failure> {
 fn find_user_config_folder() -> Result<PathBuf, Failure> {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config"))).ok_or_else(|| {
-        Failure::runtime_error("neither XDG_CONFIG_HOME nor HOME names a folder: use --root and --config")
+        Failure::runtime_error(
+            "neither of the environment variables XDG_CONFIG_HOME and HOME is an absolute path: set one of these \
+             variables, or use --root and --config",
+        )
     })
 }
 
@@ -247,14 +254,14 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
         }
         if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder_path(path)) {
             tell!(
-                "record is the file {}, and a recording never replaces a file: the service would not start a \
-                 second time. Name a folder, with a slash at its end, which gets a file for each start",
+                "`record` is the file {}, but a recording never replaces a file: the service would not start a \
+                 second time. Name a folder (with a slash at its end): each start then makes a new file in this folder",
                 path.display()
             );
         }
         for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
             if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {
-                tell!("{key} is {}, but the service may write below {} only", path.display(), unit::STATE);
+                tell!("`{key}` is {}, but the service may write only below {}", path.display(), unit::STATE);
             }
         }
     }
@@ -267,7 +274,8 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
         && is_in_build_folder(&program)
     {
         tell!(
-            "{} is in the folder of a build: the next build replaces it, and `cargo clean` removes it. Better:\n \
+            "{} is in the folder of a build: the next build replaces this program, and `cargo clean` removes it. \
+             Install a copy instead:\n \
              sudo install -m 755 {} /usr/local/bin/\n  sudo /usr/local/bin/era install",
             program.display(),
             program.display()
@@ -275,8 +283,8 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
     }
     if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {
         tell!(
-            "the user of the service may not read {run}: put program and configuration where every user can read \
-             them (/usr/local/bin, /etc/era), or use --user"
+            "the user of the service may have no right to read the files in `{run}`: put program and configuration \
+             into folders that every user can read (/usr/local/bin, /etc/era), or use --user"
         );
     }
 }

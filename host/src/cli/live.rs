@@ -24,7 +24,8 @@ pub type Socket = WebSocket<DaemonConnection>;
 pub fn open_live_socket(daemon: &DaemonOptions, query: &str) -> Result<Socket, Failure> {
     // `http` becomes `ws`, and `https` becomes `wss`.
     let url = format!("{}{PATH}?{query}", daemon.url.replacen("http", "ws", 1));
-    let failed = |what: &dyn std::fmt::Display| Failure::runtime_error(format!("no live socket at {url}: {what}"));
+    let failed =
+        |what: &dyn std::fmt::Display| Failure::runtime_error(format!("cannot open the live socket {url}: {what}"));
     let mut request = url.as_str().into_client_request().map_err(|error| failed(&error))?;
     let DaemonContact { way, bearer } = DaemonContact::from_options(daemon)?;
     if let Some(bearer) = bearer {

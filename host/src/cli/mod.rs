@@ -117,7 +117,7 @@ pub fn main() -> ExitCode {
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
         // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
         told::tell_why_command_failed(&format!(
-            "this is a defect of era itself{place}: {what}; please report it with the scene"
+            "this is a defect of era itself{place}: {what}; please report this message together with the scene"
         ));
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.

@@ -108,7 +108,8 @@ fn check_value_count(points: usize, modes: usize) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::usage_error(format!(
-        "--grid and --max-hz: {points} points and {modes} modes are {values:.1e} values, at most {MOST_VALUES:.1e} are allowed"
+        "--grid and --max-hz: {points} points and {modes} modes are {values:.1e} values, but at most {MOST_VALUES:.1e} \
+         are allowed"
     )))
 }
 
@@ -125,17 +126,18 @@ fn format_mode_table<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMo
         let _ =
             write!(text, "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {ratio:>13} {pole_hz:>8} Hz {own:>13}", i + 1);
         if mode.frequency_hz == 0.0 {
-            text.push_str("   (rigid motion: no support resists it)");
+            text.push_str("   (rigid motion: no support resists this motion)");
         } else if let Some(slower) = pole.slower.filter(|_| !pole.is_known()) {
             let _ = write!(
                 text,
-                "   (does not swing: {:.4e} 1/s, and a faster pole on which the meshes do not agree)",
+                "   (decays without oscillation: real pole {:.4e} 1/s; the meshes do not agree on the faster pole)",
                 slower.re
             );
         } else if !pole.is_known() {
             text.push_str("   (the pole of this mode was not found, or the meshes do not agree on the pole)");
         } else if let Some(slower) = pole.slower {
-            let _ = write!(text, "   (does not swing: {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
+            let _ =
+                write!(text, "   (decays without oscillation: real poles {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
         } else if mode.damping_ratio == 0.0 {
             text.push_str("   (undamped: unbounded at resonance)");
         }

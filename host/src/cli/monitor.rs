@@ -33,8 +33,8 @@ pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
     if running != image.header.firmware {
         tracing::warn!(
-            "{} is {}, but the board runs {}: lines may be missing or wrong; name the right image with --elf, or \
-             write this image with era flash",
+            "{} contains firmware {}, but the board runs firmware {}: lines may be missing or wrong. Name the image of \
+             the board's firmware with --elf, or write this image to the board with `era flash`",
             path.display(),
             Version(image.header.firmware),
             Version(running)

@@ -31,7 +31,10 @@ async fn notify_while_alive(period: Duration, is_alive: impl Fn() -> bool, tell:
         if alive {
             tell();
         } else if was_alive {
-            tracing::error!("the device session has ended: the service manager gets no more signs of life");
+            tracing::error!(
+                "the device session has ended: the daemon sends no more watchdog messages to the service manager, \
+                 which then restarts the daemon"
+            );
         }
         was_alive = alive;
     }

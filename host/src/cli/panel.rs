@@ -83,7 +83,9 @@ pub fn warn_if_too_thick_for_thin_plate_theory(scene: &Scene, max_hz: f64) {
 /// Responses are to actuators.
 pub fn check_has_actuators(scene: &Scene) -> Result<(), Failure> {
     if scene.actuators.is_empty() {
-        return Err(Failure::usage_error("the scene has no [[actuator]]: responses are per newton at each actuator"));
+        return Err(Failure::usage_error(
+            "the scene has no [[actuator]], but this command needs at least one actuator",
+        ));
     }
     Ok(())
 }

@@ -126,13 +126,13 @@ fn prepare_request_table_refusing_finger_with_windows(
     let PlanOptions { panel, keep, .. } = options;
     if scene.finger.is_some() && has_time_windows {
         return Err(Failure::usage_error(
-            "time windows cannot be combined with the scene's [finger], because the finger would come and go: omit the time \
-             windows, or use a scene without [finger]",
+            "time windows cannot be combined with the scene's [finger], because each place has its finger only during \
+             its own window: omit the time windows, or use a scene without [finger]",
         ));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
         tell!(
-            "the scene's [finger] is not used, because the objective reach is one setting for touches of every place"
+            "the scene's [finger] is not used, because the objective `reach` has one setting for touches of every place"
         );
         return load_or_compute_plan_table(panel, *keep, scene);
     }
@@ -390,7 +390,11 @@ fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
         } else {
             "the motion elsewhere, or the power"
         };
-        let _ = write!(text, "\nnot proven: another combination of frequencies could be up to {more} in {what}");
+        let _ = write!(
+            text,
+            "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more} in \
+             {what}"
+        );
     } else {
         let proof = match plan.grouping {
             Grouping::Distinct => {
@@ -407,7 +411,8 @@ fn write_rise_and_decay_times(text: &mut String, times: &Times) {
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
     let _ = write!(
         text,
-        "\nthe motion reaches 90 % of the peak {} (from when the rails have their voltage), and falls to 10 % {} (from the end of the drives)",
+        "\nthe motion reaches 90 % of the peak {} (counted from the moment when the rails have reached their voltage), \
+         and falls to 10 % {} (counted from the end of the drives)",
         ms(times.reaches_90_ms),
         ms(times.decays_to_10_ms)
     );
@@ -432,7 +437,7 @@ fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
         if i == 0 {
             text.push_str("\npeaks of the targets, for different limits of the quiet zones:");
         }
-        let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
+        let zones = point.at_most_g.as_ref().map_or_else(|| "no limit".into(), |g| format!("{} g", list(g)));
         let _ =
             write!(text, "\n  {zones}:  {} g, {:.1} % of the wanted peaks", list(&point.peaks_g), 100.0 * point.part);
     }

@@ -45,7 +45,7 @@ fn describe_unknown_press_errors_by_reason(table: &PlanTable) -> Vec<String> {
 
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: a press of {} N where it moves each mass furthest\n \
+        "{}: a press of {} N, for each actuator at the point where the press moves its mass furthest\n \
          actuator            at mm      alone   error at most      sag   error at most   held by            gap left   holds\n",
         table.scene.name, table.scene.press_n
     );
@@ -75,6 +75,9 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     for line in describe_unknown_press_errors_by_reason(table) {
         let _ = writeln!(text, "{line}");
     }
-    text.push_str("Alone: travel of the mass without voltage and stop. Sag: travel with the pull of the electrodes at the highest voltages. Holds: highest voltage that is safe from breakdown in the gap left.");
+    text.push_str(
+        "Alone: travel of the mass without voltage and without a stop. Sag: travel with the pull of the electrodes at \
+         the highest voltages. Holds: highest voltage at which the gap left is safe from breakdown of the air.",
+    );
     text
 }

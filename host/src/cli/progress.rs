@@ -100,7 +100,7 @@ fn compute_bar_position(elapsed: Duration, expected: Duration) -> u64 {
 /// The latest level in words.
 fn describe_latest_level() -> String {
     let level = *LEVEL.lock().unwrap_or_else(PoisonError::into_inner);
-    level.map_or_else(String::new, |(order, unknowns)| format!(", latest level of order {order}, {unknowns} unknowns"))
+    level.map_or_else(String::new, |(order, unknowns)| format!(", latest mesh of order {order}, {unknowns} unknowns"))
 }
 
 /// Notes the model's events named `level`, which it sends after every level of an answer with the fields `order` and `dofs`.

@@ -83,7 +83,7 @@ impl StudyObserver for StudyProgressDisplay {
         self.all.store(all, Ordering::Relaxed);
         self.there.iter().for_each(|count| count.store(there, Ordering::Relaxed));
         if there > 0 {
-            tell!("{there} of {all} designs are there already");
+            tell!("{there} of {all} designs are already computed");
         }
         if let Some(bar) = &self.bar {
             bar.set_length(all as u64);

@@ -127,8 +127,8 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
         "{}, {}, all at full safe force, peaks in {unit}\n\
-         (one frequency: best found of {ratios} amplitude ratios in phase and {phases} with phases at each frequency, then \
-         refined; distinct frequencies: proven optimum for masses at rest)\n",
+         (one frequency: best of {ratios} amplitude ratios in phase and of {phases} with phases at each frequency, \
+         then refined; distinct frequencies: proven optimum for masses at rest)\n",
         scene.name,
         describe_searched_frequencies(&table, options)
     );
@@ -191,7 +191,12 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
         let at_most = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6));
         if let Some(at_most) = at_most {
             let at_most = format_peak_in_g_or_db(measure, at_most);
-            let _ = writeln!(text, "({}: up to {at_most} may be possible, which is not proven)", scheme.scheme.name());
+            let unit = if measure == Measure::G { "g" } else { "dB" };
+            let _ = writeln!(
+                text,
+                "({}: a lowest peak of up to {at_most} {unit} may be possible, but this is not proven)",
+                scheme.scheme.name()
+            );
         }
     }
     text
@@ -309,7 +314,7 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
     });
     match (table.frequencies_hz.first(), table.frequencies_hz.last()) {
         (Some(from), Some(to)) => format!(
-            "{within}{} frequencies from {from} to {to} Hz, distinct ones at least {MIN_SPACING_HZ} Hz apart",
+            "{within}{} frequencies from {from} to {to} Hz, distinct frequencies at least {MIN_SPACING_HZ} Hz apart",
             table.frequencies_hz.len()
         ),
         _ => within,

@@ -24,7 +24,8 @@ use tokio::net::TcpListener;
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
 /// What can be recorded to.
-const NEW_RECORD: &str = "name a new file, or a folder (with a slash at its end), which gets a file for each start";
+const NEW_RECORD: &str =
+    "name a new file, or a folder (with a slash at its end): each start then makes a new file in this folder";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
@@ -102,8 +103,8 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
-            Some(path) => tracing::warn!("{} {}", path.display(), SIMULATED),
-            None => tracing::info!("this daemon drives the simulated device: --device auto drives a board"),
+            Some(path) => tracing::warn!("with {} the daemon {}", path.display(), SIMULATED),
+            None => tracing::info!("this daemon drives the simulated device: use --device auto to drive a board"),
         }
     }
     if let Some(plan) = first {
@@ -295,11 +296,11 @@ fn find_record_path_mistake(path: &Path) -> Option<String> {
     let shown = path.display();
     if path.exists() && !era_files::has_no_records(path) {
         return Some(format!(
-            "record is {shown}, which exists already, and a recording never replaces a file: {NEW_RECORD}"
+            "`record` is {shown}, but this file already exists, and a recording never replaces a file: {NEW_RECORD}"
         ));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;
-    Some(format!("record is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
+    Some(format!("`record` is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.
@@ -310,11 +311,12 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             warn_of_names_missing_in_certificate(
                 &files,
                 &options.allow_host,
-                "clients that use this name need a certificate with it",
+                "clients that use such a name need a certificate that contains the name",
             );
             if files.has_no_host_name() {
                 tracing::warn!(
-                    "{} names no host (subjectAltName): `era --ca` takes it, but browsers and other clients refuse it",
+                    "the certificate {} names no host (subjectAltName): `era` with --ca accepts this certificate, but \
+                     browsers and other clients refuse it",
                     files.certificate.display()
                 );
             }
@@ -327,7 +329,7 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             let files = find_or_make_certificate(folder, &names).map_err(convert_listen_error)?;
             let advice = format!(
                 "the daemon keeps the certificate, because clients trust it; for another certificate, move era-cert.pem and \
-                 era-key.pem out of {}, restart, and give the new era-cert.pem to every client",
+                 era-key.pem out of {}, restart the daemon, and give the new era-cert.pem to every client",
                 folder.display()
             );
             warn_of_names_missing_in_certificate(&files, &names, &advice);
@@ -346,7 +348,7 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             // Nobody has asked for it: a second daemon does without.
             match folder.map(|folder| Listener::bind_unix(&Path::new(&folder).join(SOCKET))) {
                 Some(Ok(listener)) => all.push(listener),
-                Some(Err(error)) => tracing::info!("no socket in the file system: {error}"),
+                Some(Err(error)) => tracing::info!("the daemon has no Unix socket: {error}"),
                 None => {}
             }
         }
@@ -358,7 +360,11 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
 fn warn_of_names_missing_in_certificate(files: &TlsFiles, names: &[String], advice: &str) {
     let lacking = list_names_missing_in_certificate(files, names);
     if !lacking.is_empty() {
-        tracing::warn!("{} does not contain {}: {advice}", files.certificate.display(), lacking.join(", "));
+        tracing::warn!(
+            "the certificate {} does not contain {}: {advice}",
+            files.certificate.display(),
+            lacking.join(", ")
+        );
     }
 }
 
@@ -441,7 +447,10 @@ async fn stop_device(app: Weak<App>) {
     if let Some(app) = app.upgrade()
         && let Err(error) = app.stop_device().await
     {
-        tracing::warn!(%error, "could not stop the device before the process is suspended; its dead-man timer stops it");
+        tracing::warn!(
+            %error,
+            "cannot stop the device before the process is suspended; the device's dead-man timer stops the device"
+        );
     }
 }
 

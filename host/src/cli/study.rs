@@ -22,7 +22,7 @@ impl From<FolderError> for Failure {
         match error {
             FolderError::Other { .. } => Failure::usage_error(error),
             FolderError::Io { .. } => Failure::runtime_error(format!(
-                "{error}; the results so far are kept, and the same command continues from them"
+                "{error}; the results so far are kept: run the same command again to continue"
             )),
         }
     }
@@ -73,20 +73,21 @@ pub fn run_study(options: &Options) -> Outcome {
             Err(RunError::Folder(error)) => return Err(error.into()),
             Ok(RunEnd::Early) => {
                 return Err(Failure::runtime_error(format!(
-                    "stopped: {there} of {all} designs are in {}; the same command continues from them",
+                    "stopped: {there} of {all} designs are in {}; run the same command again to compute the others",
                     path.display()
                 )));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text(&format!(
-                    "{}: share {shard} has nothing to do, because the study has fewer chunks (searches, for an \
-                     evolution) than shares: set a smaller `chunk`, or more `runs`, in [method]",
+                    "{}: share {shard} has no designs to compute, because the study has fewer chunks (for an \
+                     evolution: fewer searches) than shares: set a smaller `chunk`, or more `runs`, in [method]",
                     study.spec.name
                 ));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() => {
                 return print_text(&format!(
-                    "{}: share {shard} is in {}, {all} designs; when all shares are there, `--gather` makes the results",
+                    "{}: share {shard} is complete, and its {all} designs are in {}. When all shares are complete, use \
+                     `--gather` to make the results",
                     study.spec.name,
                     path.display()
                 ));
@@ -100,7 +101,7 @@ pub fn run_study(options: &Options) -> Outcome {
     })?;
     let Some(written) = written else {
         return Err(Failure::runtime_error(
-            "stopped while the finalists were computed again; the same command continues",
+            "stopped while the finalists were computed again; run the same command again to continue",
         ));
     };
     if options.json {

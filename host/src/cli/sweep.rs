@@ -3,8 +3,8 @@
 use super::args::Sweep as Options;
 use super::cost::Cost;
 use super::panel::{
-    check_has_actuators, format_bound, list_frequencies_hz, tell_missing_or_exceeded_bounds,
-    tell_refinement_steps_if_asked, warn_if_too_thick_for_thin_plate_theory,
+    check_has_actuators, list_frequencies_hz, tell_missing_or_exceeded_bounds, tell_refinement_steps_if_asked,
+    warn_if_too_thick_for_thin_plate_theory,
 };
 use super::progress::run_with_progress_and_expected_cost;
 use super::{Failure, Outcome, print_json, print_text};
@@ -104,12 +104,15 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
         frequencies_hz.len()
     );
     for ((actuator, extremes), bound) in scene.actuators.iter().zip(&extremes).zip(&found.bounds) {
-        let bound = format_bound(*bound);
+        let error = bound.limit_if_known().map_or_else(
+            || String::from("no bound of the model error is known"),
+            |bound| format!("model error at each point at most {bound:.0e} times the peak of the point over frequency"),
+        );
         let ((x, y), (u, v)) = (place(extremes.most.point), place(extremes.least.point));
         let _ = write!(
             text,
-            "\n{}: model error at most {bound} of the peak of each point over frequency\n  largest peak: {:.3} m/s^2 per N at \
-             {x:.1}, {y:.1} mm and {} Hz\n  smallest peak: {:.3} m/s^2 per N at {u:.1}, {v:.1} mm and {} Hz",
+            "\n{}: {error}\n  largest peak: {:.3} m/s^2 per N at {x:.1}, {y:.1} mm and {} Hz\n  \
+             smallest peak: {:.3} m/s^2 per N at {u:.1}, {v:.1} mm and {} Hz",
             actuator.id,
             extremes.most.value,
             frequencies_hz[extremes.most.frequency],
@@ -200,8 +203,8 @@ fn check_value_count(scene: &Scene, points: usize, frequencies: usize) -> Result
         return Ok(());
     }
     Err(Failure::usage_error(format!(
-        "--grid and --step: {points} points, {frequencies} frequencies and {} actuators are {values:.1e} values, at most \
-         {MOST_SWEEP_VALUES:.1e} are allowed",
+        "--grid and --step: {points} points, {frequencies} frequencies and {} actuators are {values:.1e} values, but \
+         at most {MOST_SWEEP_VALUES:.1e} are allowed",
         scene.actuators.len()
     )))
 }

@@ -24,7 +24,7 @@ pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
 fn read_token_from_environment() -> Result<Option<String>, Failure> {
     let Some(value) = std::env::var_os(TOKEN_VARIABLE) else { return Ok(None) };
     let wrong = |what: &str| Failure::Usage(format!("the variable {TOKEN_VARIABLE}: {what}"));
-    let text = value.into_string().map_err(|_| wrong("it is not UTF-8 text"))?;
+    let text = value.into_string().map_err(|_| wrong("the value is not UTF-8 text"))?;
     parse_last_word_as_token(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text)).map_err(|what| wrong(&what))
 }
 

@@ -46,9 +46,13 @@ pub fn run_transient(options: &Transient) -> Outcome {
         }));
     }
     let settled = match (settled_s, drives.len()) {
-        (Some(settled), _) => format!("\nwithin 10 % of the steady state from {:.1} ms on", settled * 1e3),
+        (Some(settled), _) => {
+            format!("\nthe motion stays within 10 % of the steady state from {:.1} ms on", settled * 1e3)
+        }
         (None, 1) => {
-            "\nthe motion did not settle within this time, or a period has too few time steps to decide this".into()
+            "\nthe motion did not settle within this time, or the time steps are too long to show whether it settled: \
+             use a longer --duration or a shorter --step"
+                .into()
         }
         (None, _) => String::new(),
     };
@@ -72,7 +76,11 @@ impl From<MotionError> for Failure {
 fn make_switched_force(scene: &Scene, text: &DriveText) -> Result<SwitchedForce, Failure> {
     let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
     let actuator = scene.actuators.iter().position(|actuator| actuator.id == text.actuator).ok_or_else(|| {
-        Failure::usage_error(format!("--drive: {:?} is not an actuator of the scene ({})", text.actuator, known()))
+        Failure::usage_error(format!(
+            "--drive: the scene has no actuator {:?} (its actuators: {})",
+            text.actuator,
+            known()
+        ))
     })?;
     let phase_rad = text.phase_deg.to_radians();
     let drive = SwitchedForce { actuator, frequency_hz: text.frequency_hz, force_n: text.force_n, phase_rad };

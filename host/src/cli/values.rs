@@ -90,13 +90,13 @@ pub fn parse_url(text: &str) -> Result<String, String> {
         return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// and https:// only"));
     }
     // Not repeated: there may be a password or a token in them.
-    if let Some(part) = [('@', "a user"), ('#', "the text after #"), ('?', "the text after ?")]
+    if let Some(part) = [('@', "a user name"), ('#', "text after #"), ('?', "text after ?")]
         .iter()
         .find_map(|(sign, part)| rest.contains(*sign).then_some(*part))
     {
         return Err(format!(
-            "the daemon's address has the form http://HOST:PORT, with a path if the daemon is behind another \
-             server: {part} is not part of an address (use --token-file or ERA_TOKEN for a token)"
+            "the daemon's address must have the form http://HOST:PORT (with a path if the daemon is behind another \
+             server), but contains {part}: remove this part, and use --token-file or ERA_TOKEN for a token"
         ));
     }
     let rest = rest.trim_end_matches('/');
@@ -121,7 +121,20 @@ pub fn parse_outgoing_http_proxy(text: &str) -> Result<HostPort, String> {
     const SCHEME: &str = "http://";
     let has_scheme = text.get(..SCHEME.len()).is_some_and(|first| first.eq_ignore_ascii_case(SCHEME));
     let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
-    rest.trim_end_matches('/').parse().map_err(|error| format!("a proxy has the form http://HOST:PORT: {error}"))
+    rest.trim_end_matches('/')
+        .parse()
+        .map_err(|error| format!("the address of a proxy must have the form http://HOST:PORT: {error}"))
+}
+
+/// An address to listen at. A Unix socket has an option of its own.
+///
+/// # Errors
+/// What is allowed.
+pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
+    text.parse::<HostPort>().map_err(|error| {
+        let is_path = HostPort::is_unix_socket_path(text);
+        error + if is_path { "; for a Unix socket, use --socket, or `socket` in a configuration file" } else { "" }
+    })
 }
 
 /// What may be off: springs, Young's modulus and thickness by parts of themselves, places by mm.
@@ -131,7 +144,8 @@ pub fn parse_outgoing_http_proxy(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers: fractions from 0 to {MOST_PART} for springs, Young's modulus and thickness, and 0 to {MOST_MM} mm"
+            "must be four numbers: three fractions from 0 to {MOST_PART} for springs, Young's modulus and thickness, \
+             and a distance from 0 to {MOST_MM} mm for places"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

@@ -45,7 +45,7 @@ pub fn verify_plans_by_time_simulation(options: &Verify) -> Outcome {
         return Ok(());
     }
     Err(Failure::Failed(format!(
-        "the largest difference is {:.2} %, more than the {:.2} % allowed",
+        "the largest difference is {:.2} %, but must be at most {:.2} % (--limit)",
         worst * 100.0,
         options.limit * 100.0
     )))

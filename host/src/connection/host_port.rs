@@ -39,6 +39,12 @@ impl HostPort {
         (self.address().is_none() && !self.host.eq_ignore_ascii_case("localhost")).then_some(&self.host)
     }
 
+    /// Whether a text is the path of a Unix socket, which is no address.
+    #[must_use]
+    pub fn is_unix_socket_path(text: &str) -> bool {
+        text.starts_with("unix:") || text.starts_with('/')
+    }
+
     fn is_localhost(&self) -> bool {
         let name = self.host.trim_end_matches('.').to_ascii_lowercase();
         name == "localhost" || name.ends_with(".localhost")
@@ -96,14 +102,14 @@ impl FromStr for HostPort {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        const WANTED: &str =
-            "the form is ADDRESS:PORT or NAME:PORT, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
+        const WANTED: &str = "an address must have the form ADDRESS:PORT or NAME:PORT, such as 127.0.0.1:7878, \
+                              localhost:7878 or [::1]:7878";
         let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
         if let Some((scheme, _)) = text.split_once("://") {
-            return Err(format!("leave out {scheme}://: {WANTED}"));
+            return Err(format!("{scheme}:// is not allowed here: {WANTED}"));
         }
-        if text.starts_with("unix:") || text.starts_with('/') {
-            return Err(format!("use --socket for a socket in the file system; {WANTED}"));
+        if Self::is_unix_socket_path(text) {
+            return Err(format!("the path of a Unix socket is not allowed here: {WANTED}"));
         }
         if is_number(text) {
             return Err(format!(

@@ -44,7 +44,7 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
         Some(407) => Err(told(format!("needs a password (407) to connect to {target}, and era sends no password"))),
         Some(status) => Err(told(format!("answers {status} to the request to connect to {target}"))),
         None => Err(told(format!(
-            "gave no answer of HTTP/1 when it was asked to connect to {target}; check the address in --proxy"
+            "gave no HTTP/1 answer to the request to connect to {target}; check the address in --proxy"
         ))),
     }
 }

@@ -64,7 +64,11 @@ pub enum LinkError {
         spoken: u8,
     },
     /// The two sides have no protocol version in common.
-    #[error("this program speaks ERA protocol versions {host_min} to {host_current}, the device {device_min} to {device_current}: update {}", if device_current < host_min { "the board's firmware" } else { "this program" })]
+    #[error(
+        "this program speaks ERA protocol versions {host_min} to {host_current}, but the device speaks versions \
+         {device_min} to {device_current}: update {}",
+        if device_current < host_min { "the board's firmware" } else { "this program" }
+    )]
     Version {
         /// Oldest spoken here.
         host_min: u8,
@@ -76,11 +80,11 @@ pub enum LinkError {
         device_current: u8,
     },
     /// The device refused.
-    #[error("the device refused: {}", super::convert::describe_refusal(.0))]
+    #[error("the device refused the request: {}", super::convert::describe_refusal(.0))]
     Refused(Refusal),
     /// A stop was sent in its place, and the device has obeyed that.
     #[error(
-        "the device gave no answer for {waited:.0?} and was told to stop: {request} was not carried out, or was ended"
+        "the device gave no answer for {waited:.0?} and was stopped: {request} was not carried out, or was interrupted"
     )]
     Halted {
         /// The request's name.
@@ -91,7 +95,7 @@ pub enum LinkError {
         by_order: bool,
     },
     /// The device answered another question than was asked.
-    #[error("the device answered {request} with {reply}: this program does not know the firmware of the device")]
+    #[error("the device answered {request} with {reply}: this program does not support the firmware of the device")]
     Unexpected {
         /// The request's name.
         request: &'static str,

@@ -97,26 +97,35 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
             format!("fault {} ({}): {}", fault.code.number(), fault.code.name(), fault.code.advice())
         }
         Refusal::Duty { channel, wait_ms } => {
-            format!("channel {channel} has driven for the longest allowed time; the channel can drive again in {wait_ms} ms")
+            format!(
+                "channel {channel} has driven for the longest allowed time; the channel can drive again in {wait_ms} ms"
+            )
         }
         Refusal::StillThere(code) => {
             format!("the cause of fault {} ({}) is still there. {}", code.number(), code.name(), code.advice())
         }
-        Refusal::NoDrive { channel } => format!("channel {channel} has no drive, and an effect needs one"),
+        Refusal::NoDrive { channel } => {
+            format!("channel {channel} has no drive: set a drive on this channel before you send an effect")
+        }
         Refusal::Start { start_us, now_us } => {
             format!(
                 "the effect starts at {start_us} us of the board's time, which is too far from the board's present time, {now_us} us"
             )
         }
         Refusal::Effect => {
-            "an effect must have at least one segment, levels of at most 1000 and 1 to 1000 repeats, but this effect does not".into()
+            "the effect is invalid: an effect must have at least one segment, levels of at most 1000, and 1 to 1000 \
+             repeats"
+                .into()
         }
-        Refusal::QueueFull { channel } => format!("the queue of effects for channel {channel} is full (4 effects): send the effect again after an earlier effect has ended"),
+        Refusal::QueueFull { channel } => format!(
+            "the queue of effects for channel {channel} is full (4 effects): send the effect again after an earlier \
+             effect has ended"
+        ),
         Refusal::Burst { requested_ms, min_ms, max_ms } => {
             format!("burst_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
         }
         Refusal::Live(state) => {
-            format!("this is not possible in the state {}, because the high voltage may be on", state.name())
+            format!("the request is not possible in the state {}, because the high voltage may be on", state.name())
         }
         Refusal::Restarting => "the board is about to restart into its bootloader".into(),
         Refusal::OtherFault { number } => {
@@ -175,13 +184,15 @@ fn describe_drive_error(error: &DriveError) -> String {
             format!("the voltage is {} V, but must be at most {} V", si(requested_millivolts), si(max_millivolts))
         }
         DriveError::PulseTooWide { requested_ppm, widest_ppm, min_guard_ns } => format!(
-            "the pulse width is {}, which leaves less than the guard time of {} us; at this frequency it must be at most {}",
+            "the pulse width is {}, which leaves less than the guard time of {} us; at this \
+             frequency the pulse width must be at most {}",
             f64::from(requested_ppm) / 1e6,
             f64::from(min_guard_ns) / 1e3,
             f64::from(widest_ppm) / 1e6
         ),
         DriveError::PulseTooNarrow { requested_ppm, narrowest_ppm } => format!(
-            "the pulse width is {}, which is shorter than a step of the timer; at this frequency it must be at least {}",
+            "the pulse width is {}, which is shorter than a step of the timer; at this \
+             frequency the pulse width must be at least {}",
             f64::from(requested_ppm) / 1e6,
             f64::from(narrowest_ppm) / 1e6
         ),

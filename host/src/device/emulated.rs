@@ -32,7 +32,9 @@ const TIMING: LinkTiming = LinkTiming {
 #[derive(Debug, thiserror::Error)]
 pub enum EmulatedError {
     /// Not run from a checkout.
-    #[error("the emulated board needs the project's source: {path} is missing; set ERA_SOURCE to a checkout")]
+    #[error(
+        "the emulated board needs the project's source: {path} is missing; set ERA_SOURCE to a checkout of the project"
+    )]
     NoSource {
         /// What was looked for.
         path: PathBuf,
@@ -105,7 +107,8 @@ impl EmulatedBoard {
             .spawn()
             .map_err(|error| make_start_error("python3 tools/emulator/launch.py", error))?;
         let streams = child.stdin.take().zip(child.stdout.take());
-        let (input, output) = streams.ok_or_else(|| make_start_error("its pipes", "none"))?;
+        let (input, output) =
+            streams.ok_or_else(|| make_start_error("the pipes of its process", "they are missing"))?;
         let mut control = BridgePipes { input, output: BufReader::new(output) };
         let path = control.read_json_line().and_then(|first| match first["pty"].as_str() {
             Some(path) => Ok(path.to_owned()),

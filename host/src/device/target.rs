@@ -59,7 +59,7 @@ impl fmt::Display for Target {
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
     /// The port cannot be opened.
-    #[error("{source}. Ports here: {available}")]
+    #[error("{source}. Serial ports of this computer: {available}")]
     Port {
         /// Why.
         source: PortError,

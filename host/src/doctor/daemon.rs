@@ -83,7 +83,7 @@ pub fn parse_daemon_state(state: &Value) -> Daemon {
     let (Some(version), Some(kind), Some(port)) =
         (parse_string(&daemon["version"]), parse_string(&device["kind"]), parse_string(&device["port"]))
     else {
-        return Daemon::Stranger("it answers with other JSON than a daemon's".into());
+        return Daemon::Stranger("it answers with JSON, but not with the state of a daemon".into());
     };
     let problem = (device["connected"] == false)
         .then(|| parse_string(&device["problem"]).unwrap_or_else(|| "no reason given".into()));

@@ -47,7 +47,7 @@ fn find_direct_and_daemon_board_reports(facts: &Facts) -> (Option<&BoardReport>,
 fn judge_read_file(check: &'static str, file: &File) -> Finding {
     match &file.mistake {
         None => Finding::ok(check, format!("{} can be used", file.path)),
-        Some(mistake) => Finding::problem(check, mistake.clone(), format!("mend {}", file.path)),
+        Some(mistake) => Finding::problem(check, mistake.clone(), format!("correct the file {}", file.path)),
     }
 }
 
@@ -74,12 +74,12 @@ fn judge_board_presence(facts: &Facts) -> Finding {
     let boards: Vec<&str> = facts.ports.iter().filter(|port| port.is_board()).map(|port| port.path.as_str()).collect();
     let probe = facts.ports.iter().find(|port| port.is_probe());
     match (&facts.wanted, &boards[..]) {
-        (Wanted::Simulated(kind), _) => Finding::ok("board", format!("none is needed for the device {kind}")),
+        (Wanted::Simulated(kind), _) => Finding::ok("board", format!("no board is needed for the device {kind}")),
         (Wanted::Port(path), _) if !boards.contains(&path.as_str()) => Finding::ok(
             "board",
             format!(
-                "--device or the configuration names {path}. USB does not report it as a board. This is normal if the \
-                 board is connected through a UART"
+                "--device or the configuration names {path}. USB does not report this port as the port of a board. \
+                 This is normal if the board is connected through a UART"
             ),
         ),
         (_, [one]) => Finding::ok("board", format!("at {one}")),
@@ -87,7 +87,7 @@ fn judge_board_presence(facts: &Facts) -> Finding {
         (_, [first, ..]) => Finding::warning(
             "board",
             format!("{} boards are connected: {}", boards.len(), boards.join(", ")),
-            format!("name one with --device; this check used {first}"),
+            format!("name one of these ports with --device; this check used {first}"),
         ),
         (wanted, []) => {
             let (found, advice) = match (facts.bootloader, probe) {
@@ -124,11 +124,15 @@ fn judge_udev_rule(facts: &Facts) -> Option<Finding> {
 fn judge_modem_manager(facts: &Facts) -> Finding {
     let keeps_away = facts.rules.iter().flatten().any(|rule| rule.ignores_modem_manager);
     match facts.modem_manager {
-        None => Finding::ok("modem-manager", "does not run"),
-        Some(_) if keeps_away => Finding::ok("modem-manager", "runs, and ignores the board because of the udev rule"),
+        None => Finding::ok("modem-manager", "ModemManager does not run"),
+        Some(_) if keeps_away => {
+            Finding::ok("modem-manager", "ModemManager runs, and ignores the board because of the udev rule")
+        }
         Some(pid) => Finding::warning(
             "modem-manager",
-            format!("runs (process {pid}), and opens the port of a newly connected board for some seconds"),
+            format!(
+                "ModemManager runs (process {pid}), and opens the port of a newly connected board for some seconds"
+            ),
             RULE,
         ),
     }
@@ -146,13 +150,13 @@ fn judge_daemon(facts: &Facts) -> Finding {
         Daemon::Absent => Finding::ok("daemon", format!("no daemon runs at {address}")),
         Daemon::Stranger(answer) => Finding::problem(
             "daemon",
-            format!("another program than an era daemon answers at {address} ({answer})"),
+            format!("the program that answers at {address} is not an era daemon ({answer})"),
             "use another address for the daemon: era serve --listen 127.0.0.1:PORT, or `listen` in its configuration",
         ),
         Daemon::Guarded(reason) => Finding::warning(
             "daemon",
             format!("a daemon runs at {address} and needs a token, so its device was not checked: {reason}"),
-            "use era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role view is sufficient",
+            "use era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role `view` is sufficient",
         ),
         Daemon::Hidden { found, advice } => Finding::warning("daemon", found.clone(), advice.clone()),
         Daemon::Runs { version, port, problem: Some(problem), .. } => Finding::problem(
@@ -166,14 +170,14 @@ fn judge_daemon(facts: &Facts) -> Finding {
             if version == own {
                 Finding::ok("daemon", found)
             } else {
-                Finding::warning("daemon", format!("{found}; this program is {own}"), "restart the daemon")
+                Finding::warning("daemon", format!("{found}; this program is version {own}"), "restart the daemon")
             }
         }
     }
 }
 
 /// What gives users the board.
-const RULE: &str = "run sudo era install --only rule, and connect the board again";
+const RULE: &str = "run `sudo era install --only rule`, and connect the board again";
 
 /// The port itself: may it be opened, and who has it.
 fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
@@ -184,7 +188,7 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
             let (group, join) = match &access.group {
                 Some(group) => (
                     format!(" (group {group}{own})"),
-                    format!("; or: sudo usermod -aG {group} $USER, and sign in again"),
+                    format!("; or run `sudo usermod -aG {group} $USER`, and sign in again"),
                 ),
                 None => (String::new(), String::new()),
             };
@@ -193,13 +197,13 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         }
         PortAnswer::Missing => Finding::problem(
             "permission",
-            format!("there is no {path}"),
+            format!("there is no port {path}"),
             "name one of the ports above, or connect the board",
         ),
         PortAnswer::Failed(reason) => Finding::problem(
             "permission",
             format!("{path} cannot be opened: {reason}"),
-            "check that it is a serial port; disconnect the board and connect it again",
+            "check that this path is a serial port; disconnect the board and connect it again",
         ),
         PortAnswer::NotAsked | PortAnswer::Busy => {
             Finding::ok("permission", format!("not tried, because {path} is in use"))
@@ -213,8 +217,8 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
     all.push(match answer {
         _ if own && !beside.is_empty() => Finding::problem(
             "port",
-            format!("the running daemon has {path} open, and {} has it open as well", beside.join(", ")),
-            "end that program: it takes bytes from the daemon",
+            format!("{path} is open in the running daemon, but also in {}", beside.join(", ")),
+            "end that program, because it takes bytes from the daemon",
         ),
         _ if own => Finding::ok("port", format!("the running daemon has {path} open, and has answered for its device")),
         PortAnswer::NotAsked => Finding::problem(
@@ -225,7 +229,7 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         PortAnswer::Busy => Finding::problem(
             "port",
             format!("{path} is held by another program"),
-            "end that program; `sudo era doctor` names it",
+            "end that program; `sudo era doctor` names the program",
         ),
         PortAnswer::Denied | PortAnswer::Missing | PortAnswer::Failed(_) => return all,
         _ => Finding::ok("port", format!("no other program has {path} open, as far as this user can see")),
@@ -234,7 +238,8 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         PortAnswer::Silent(reason) => Finding::problem(
             "firmware",
             format!("no board answers at {path}: {reason}"),
-            "check that it is the board's port; power the board down and up; `era flash` writes its firmware",
+            "check that this is the board's port; power the board down and up; if the board has no firmware, write the \
+             firmware with `era flash`",
         ),
         PortAnswer::Version(reason) => Finding::problem(
             "firmware",
@@ -252,7 +257,10 @@ fn judge_realtime_priority(priority_limit: u64) -> Finding {
     }
     Finding::warning(
         "realtime",
-        "threads of this user get no real-time priority (RLIMIT_RTPRIO): on a busy machine commands may be late",
-        "the unit of `era install` sets LimitRTPRIO; for a shell, add a line `@GROUP - rtprio 20` to /etc/security/limits.d/era.conf",
+        "threads of this user get no real-time priority (RLIMIT_RTPRIO): on a busy machine commands to the board \
+         may be late",
+        "the service of `era install` has real-time priority (LimitRTPRIO); for a daemon that you start in a shell, \
+         add the line `@GROUP - rtprio 20`, with a group of this user, to /etc/security/limits.d/era.conf, and \
+         sign in again",
     )
 }

@@ -19,7 +19,11 @@ pub fn judge_board_report(report: &BoardReport) -> Vec<Finding> {
     all.push(judge_fault_and_previous_failure(report));
     if report.waits_to_be_armed {
         let found = "the board had an outage, and waits to be armed";
-        all.push(Finding::warning("armed", found, "check that nobody touches board or panel, then run `era arm`"));
+        all.push(Finding::warning(
+            "armed",
+            found,
+            "check that nobody touches the board or the panel, then run `era arm`",
+        ));
     }
     all.extend(report.supply.as_ref().map(judge_safety_loops));
     all.extend(report.supply.as_ref().map(|supply| judge_rails(supply, report.state.as_deref())));
@@ -66,12 +70,12 @@ fn judge_fault_and_previous_failure(report: &BoardReport) -> Finding {
         (None, Some(failure)) => Finding::warning(
             "fault",
             format!("no fault is latched; the previous run of the firmware failed: {failure}"),
-            "keep the log (`era monitor`) and report it",
+            "save the log (`era monitor`), and report the failure with the log",
         ),
         (None, None) if report.was_watchdog => Finding::warning(
             "fault",
             "no fault is latched; the watchdog has restarted the firmware",
-            "keep the log (`era monitor`) and report it",
+            "save the log (`era monitor`), and report the restart with the log",
         ),
         (None, None) => Finding::ok("fault", format!("no fault is latched; the board's state is {state}")),
     }
@@ -96,7 +100,8 @@ fn judge_safety_loops(supply: &Supply) -> Finding {
         "interlock",
         found.join(", "),
         format!(
-            "{}. If nothing is open or pressed, a wire of this safety loop is broken. Then clear the fault",
+            "{}; then clear the fault (`era clear`). If nothing is open or pressed, a wire of this safety loop is \
+             broken",
             advice.join("; ")
         ),
     )
@@ -109,8 +114,9 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
     if is_off && supply.rail_v.iter().any(|volts| *volts > CHARGED_V) {
         return Finding::problem(
             "supply",
-            format!("{found}, although the board is off"),
-            "do not open the enclosure; switch the supply off at its own switch, wait a minute and measure",
+            format!("{found}, although the board has switched the high voltage off"),
+            "do not open the enclosure; switch the supply off with the switch on the supply, wait a minute and measure \
+             the rails",
         );
     }
     if is_off {
@@ -131,7 +137,8 @@ fn judge_clock(clock: Clock) -> Finding {
                  within 1 %",
                 rate / 1e4
             ),
-            "compare its frequencies with a counter; power the board down and up; if this does not help, replace the board",
+            "measure the frequencies of the drives with a frequency counter; power the board down and up; if this does \
+             not help, replace the board",
         );
     }
     let known_ms = known_s * 1e3;
@@ -145,7 +152,8 @@ fn judge_clock(clock: Clock) -> Finding {
         return Finding::warning(
             "clock",
             format!("{found}: effects keep their shape, but begin later"),
-            "the machine or the link is busy: allow real-time priority, and use a USB port without a hub",
+            "the computer or the USB link is busy: give the daemon real-time priority (see the check \"realtime\"), \
+             and use a USB port without a hub",
         );
     }
     Finding::ok("clock", found)

@@ -69,7 +69,9 @@ impl RequestTrouble {
             Self::Other(_) => return None,
             Self::SpeaksTls => (
                 format!("{place} speaks TLS, but the request came without TLS"),
-                format!("use --url https://{place} and --ca with its certificate (era-cert.pem in its --tls-dir)"),
+                format!(
+                    "use --url https://{place} and --ca with the daemon's certificate (era-cert.pem in its --tls-dir)"
+                ),
             ),
             Self::SpeaksPlain => {
                 (format!("{place} does not speak TLS, but the request came with TLS"), format!("use --url http://{place}"))

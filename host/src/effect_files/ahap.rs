@@ -41,7 +41,7 @@ pub fn read_ahap_text(text: &str) -> Result<EventList, ReadError> {
     };
     if let Some(version) = number_at(&whole, "Version").filter(|version| *version > 1.0) {
         list.warn(format!(
-            "Version is {version}, but this program knows version 1: keys of later versions are left out"
+            "Version is {version}, but this program supports version 1 only: keys of later versions are left out"
         ));
     }
     let (mut intensity, mut sharpness) = (Control::default(), Control::default());
@@ -59,7 +59,8 @@ pub fn read_ahap_text(text: &str) -> Result<EventList, ReadError> {
                             sharpness.add_curve_or_value(&mut list, value, &name, (-1.0, 1.0));
                         }
                         id => list.warn(format!(
-                            "{name} is left out: its ParameterID is {}, but this panel has HapticIntensityControl and HapticSharpnessControl",
+                            "{name} is left out: its ParameterID is {}, but must be HapticIntensityControl or \
+                             HapticSharpnessControl",
                             id.unwrap_or("missing")
                         )),
                     }
@@ -88,7 +89,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         Some("HapticTransient") => false,
         Some("HapticContinuous") => true,
         Some(audio @ ("AudioContinuous" | "AudioCustom")) => {
-            return list.warn(format!("{name} is left out: {audio} is a sound"));
+            return list.warn(format!("{name} is left out: its EventType is {audio}, which is a sound"));
         }
         other => {
             let other = other.unwrap_or("missing");
@@ -98,7 +99,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         }
     };
     let time_s = number_at(event, "Time").unwrap_or_else(|| {
-        list.warn(format!("{name} has no Time: it begins at 0"));
+        list.warn(format!("{name} has no Time: the event begins at 0 s"));
         0.0
     });
     let (mut own_intensity, mut own_sharpness, mut is_sustained) = (None, None, true);
@@ -118,13 +119,15 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
             "Sustained" => is_sustained = value != 0.0,
             "AttackTime" | "DecayTime" | "ReleaseTime" if value == 0.0 => {}
             "AttackTime" | "DecayTime" | "ReleaseTime" => {
-                list.warn(format!("{id} of {name} is left out: Apple does not publish how long its values 0 to 1 are"))
+                list.warn(format!(
+                    "{id} of {name} is left out: Apple does not publish which times the values 0 to 1 stand for"
+                ));
             }
             _ => list.warn(format!("{id} of {name} is left out: this parameter is not known")),
         }
     }
     let base = own_intensity.unwrap_or_else(|| {
-        list.warn(format!("{name} has no HapticIntensity: {DEFAULT_INTENSITY} is taken"));
+        list.warn(format!("{name} has no HapticIntensity: {DEFAULT_INTENSITY} is used"));
         DEFAULT_INTENSITY
     });
     let base_sharpness = own_sharpness.unwrap_or(DEFAULT_SHARPNESS);
@@ -151,7 +154,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         .collect();
     let mean = steps.iter().sum::<f64>() / f64::from(SHARPNESS_STEPS);
     if steps.iter().any(|step| (step - mean).abs() > 0.1) {
-        list.warn(format!("the sharpness of {name} changes over time: its mean {mean:.2} is taken"));
+        list.warn(format!("the sharpness of {name} changes over time: its mean {mean:.2} is used"));
     }
     list.add_event_within_limits(name, HapticEvent::new_continuous((time_s, duration_s), base, mean, envelope));
 }
@@ -277,9 +280,9 @@ mod tests {
         }
         let said = list.warnings.join("\n");
         for part in [
-            "AudioCustom is a sound",
+            "AudioCustom, which is a sound",
             "AttackTime of Pattern[1].Event is left out",
-            "is 1.7, but allowed is 0 to 1: 1 is taken",
+            "is 1.7, but must be 0 to 1: 1 is used",
         ] {
             assert!(said.contains(part), "{part}: {said}");
         }
@@ -289,7 +292,7 @@ mod tests {
     #[test]
     fn what_is_missing_or_wrong_is_said_and_nothing_panics() {
         for (text, message) in [
-            ("{", "the file is no AHAP"),
+            ("{", "the file is not a valid AHAP file"),
             ("[]", "the key Pattern is missing"),
             (r#"{"Pattern": 3}"#, "the key Pattern is missing, or is not a list"),
             (

@@ -16,7 +16,7 @@ pub enum ReadError {
         max: usize,
     },
     /// Not of its format.
-    #[error("the file is no {format}: {detail}")]
+    #[error("the file is not a valid {format} file: {detail}")]
     Syntax {
         /// The format.
         format: FileFormat,
@@ -24,7 +24,7 @@ pub enum ReadError {
         detail: String,
     },
     /// A value that is not allowed.
-    #[error("{field} is {value}, but allowed is {allowed}")]
+    #[error("{field} is {value}, but must be {allowed}")]
     Field {
         /// The field's name.
         field: String,

@@ -156,7 +156,8 @@ impl EventList {
             return value;
         }
         let nearest = if value > max { max } else { min };
-        self.warn(format!("{field} is {value}, but allowed is {min} to {max}: {nearest} is taken"));
+        let allowed = if max < f64::MAX { format!("{min} to {max}") } else { format!("at least {min}") };
+        self.warn(format!("{field} is {value}, but must be {allowed}: {nearest} is used"));
         nearest
     }
 
@@ -164,14 +165,14 @@ impl EventList {
     pub fn add_event_within_limits(&mut self, field: &str, mut event: HapticEvent) {
         let numbers = [event.time_s, event.intensity, event.sharpness, event.end_s()];
         if numbers.iter().any(|number| !number.is_finite()) {
-            return self.warn(format!("{field} is left out: a value of it is not a finite number"));
+            return self.warn(format!("{field} is left out: one of its values is not a finite number"));
         }
         event.time_s = self.clamp_with_warning(&format!("time of {field} in s"), event.time_s, (0.0, f64::MAX));
         event.intensity = self.clamp_with_warning(&format!("intensity of {field}"), event.intensity, (0.0, 1.0));
         event.sharpness = self.clamp_with_warning(&format!("sharpness of {field}"), event.sharpness, (0.0, 1.0));
         if event.time_s >= MAX_DURATION_S {
             return self.warn(format!(
-                "{field} is left out: it begins after {} s, but an effect has at most {MAX_DURATION_S} s",
+                "{field} is left out: it begins after {} s, but an effect may last at most {MAX_DURATION_S} s",
                 event.time_s
             ));
         }
@@ -188,7 +189,9 @@ impl EventList {
             }
         }
         if end_s > MAX_DURATION_S {
-            self.warn(format!("{field} is cut: it ends after {end_s} s, but an effect has at most {MAX_DURATION_S} s"));
+            self.warn(format!(
+                "{field} is cut: it ends after {end_s} s, but an effect may last at most {MAX_DURATION_S} s"
+            ));
         }
         if event.intensity <= 0.0 {
             return self.warn(format!("{field} is left out: its intensity is 0"));
@@ -258,11 +261,11 @@ mod tests {
         assert_eq!(list.events[0], HapticEvent::new_transient(0.0, 1.0, 0.5));
         let said = list.warnings.join("\n");
         for part in [
-            "time of A in s is -1, but allowed is 0 to",
-            "intensity of A is 3, but allowed is 0 to 1: 1 is taken",
+            "time of A in s is -1, but must be at least 0: 0 is used",
+            "intensity of A is 3, but must be 0 to 1: 1 is used",
             "B is cut: it ends after 34 s",
             "C is left out: it begins after 31 s",
-            "D is left out: a value of it is not a finite number",
+            "D is left out: one of its values is not a finite number",
             "E is left out: its duration is 0 s",
             "all events after the first 1000 are left out",
         ] {

@@ -24,7 +24,7 @@ pub fn read_hjif_text(text: &str) -> Result<EventList, ReadError> {
     let mut list = EventList::new(FileFormat::Hjif, text_at(&whole, "description").map(str::to_owned));
     for key in ["version", "profile", "level", "date"] {
         if whole.get(key).is_none() {
-            list.warn(format!("{key} is missing, which the standard demands"));
+            list.warn(format!("the key {key} is missing, but the standard requires this key"));
         }
     }
     let Some(perceptions) = whole["perceptions"].as_array() else {
@@ -62,7 +62,7 @@ pub fn read_hjif_text(text: &str) -> Result<EventList, ReadError> {
 /// The entries of a list that has to be there.
 fn list_entries(list: &mut EventList, value: &Value, key: &str, name: &str) -> Vec<Value> {
     value[key].as_array().cloned().unwrap_or_else(|| {
-        list.warn(format!("{name} is left out: {key} is missing, or is not a list"));
+        list.warn(format!("{name} is left out: its key {key} is missing, or is not a list"));
         Vec::new()
     })
 }
@@ -190,6 +190,6 @@ mod tests {
             read_hjif_text("{\"perceptions\": 1}").unwrap_err().to_string().contains("the key perceptions is missing")
         );
         let error = read_hjif_text("{\"perceptions\": [], \"timescale\": 0}").unwrap_err().to_string();
-        assert_eq!(error, "timescale is 0, but allowed is 1 to 1e9");
+        assert_eq!(error, "timescale is 0, but must be 1 to 1e9");
     }
 }

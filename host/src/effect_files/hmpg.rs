@@ -51,13 +51,16 @@ pub fn read_hmpg_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
     let mut file = BitReader::new(bytes);
     while !file.is_at_end() {
         let (duration, length) =
-            read_unit_head(&mut file).ok_or_else(|| broken("it ends within the head of a unit"))?;
+            read_unit_head(&mut file).ok_or_else(|| broken("it ends within the header of a unit"))?;
         let unit = file.take_bytes(length).ok_or_else(|| broken("a unit is longer than the file"))?;
         let mut packets = BitReader::new(unit);
         while !packets.is_at_end() {
-            let (kind, payload) = read_packet(&mut packets).ok_or_else(|| broken("it ends within a packet"))?;
+            let (kind, payload) = read_packet(&mut packets).ok_or_else(|| broken("a unit ends within a packet"))?;
             if stream.read_payload(kind, payload, &mut list).is_none() {
-                list.warn(format!("a packet of type {kind} is left out: it is too short, or about what no packet before it has described"));
+                list.warn(format!(
+                    "a packet of type {kind} is left out: it is too short, or refers to something that no earlier \
+                     packet describes"
+                ));
             }
         }
         stream.time += duration;
@@ -106,7 +109,7 @@ impl Stream {
                 self.time = f64::from(bits.read_bits(32)?);
                 let ticks_per_s = bits.read_bits(32)?;
                 if ticks_per_s == 0 {
-                    list.warn("a timescale is 0, but must be 1 or more: the one before it is taken");
+                    list.warn("a timescale is 0, but must be 1 or more: the previous timescale is used");
                 } else {
                     self.haptics.ticks_per_s = f64::from(ticks_per_s);
                 }
@@ -433,6 +436,6 @@ mod tests {
                 let _ = read_hmpg_bytes(&changed);
             }
         }
-        assert!(read_hmpg_bytes(&whole[..3]).unwrap_err().to_string().contains("it ends within the head of a unit"));
+        assert!(read_hmpg_bytes(&whole[..3]).unwrap_err().to_string().contains("it ends within the header of a unit"));
     }
 }

@@ -22,7 +22,7 @@ pub fn read_lofelt_text(text: &str) -> Result<EventList, ReadError> {
     match number_at(&whole["version"], "major") {
         Some(1.0) => {}
         Some(major) => return Err(ReadError::new_field_error("version.major", major, "1")),
-        None => list.warn("version.major is missing: 1 is taken"),
+        None => list.warn("version.major is missing: 1 is used"),
     }
     let envelopes = &whole["signals"]["continuous"]["envelopes"];
     let mut points: Vec<EnvelopePoint> = Vec::new();
@@ -58,7 +58,7 @@ pub fn read_lofelt_text(text: &str) -> Result<EventList, ReadError> {
         points.iter_mut().for_each(|point| point.time_s -= first.time_s);
         let mean = find_mean_level(&sharpness).unwrap_or(0.0);
         if sharpness.iter().any(|point| (point.level - mean).abs() > 0.1) {
-            list.warn(format!("the frequency changes over time: the mean sharpness {mean:.2} is taken"));
+            list.warn(format!("the frequency changes over time: the mean sharpness {mean:.2} is used"));
         }
         list.add_event_within_limits(
             "envelopes.amplitude",
@@ -79,7 +79,7 @@ fn list_points(list: &mut EventList, envelope: &Value, value_key: &str) -> Vec<(
         };
         let before_s = points.last().map_or(0.0, |(_, (before_s, _))| *before_s);
         if time_s < before_s {
-            list.warn(format!("{name} is left out: its time is {time_s} s, but must be at least {before_s}"));
+            list.warn(format!("{name} is left out: its time is {time_s} s, but must be at least {before_s} s"));
             continue;
         }
         points.push((i, (time_s, value)));
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_said() {
         let version = r#"{"version": {"major": 2}, "signals": {}}"#;
-        assert_eq!(read_lofelt_text(version).unwrap_err().to_string(), "version.major is 2, but allowed is 1");
+        assert_eq!(read_lofelt_text(version).unwrap_err().to_string(), "version.major is 2, but must be 1");
         let text = r#"{"signals": {"continuous": {"envelopes": {"amplitude": [
             {"time": 0, "amplitude": 2}, {"time": 1}, {"time": 1, "amplitude": 0.5, "emphasis": {"amplitude": 1}}, {"time": 0.5, "amplitude": 1}]}}}}"#;
         let said = read_lofelt_text(text).unwrap().warnings.join("\n");

@@ -119,7 +119,7 @@ pub fn add_events_of_haptics(list: &mut EventList, haptics: &MpegHaptics) {
         let vibrates = ["vibrotactile", "vibration", "vibrotactile texture", "texture", "acceleration", "other"];
         if !vibrates.contains(&perception.modality.to_lowercase().as_str()) {
             list.warn(format!(
-                "perceptions[{p}] is left out: its modality is {}, which is no vibration",
+                "perceptions[{p}] is left out: its modality is {}, which is not a vibration",
                 perception.modality
             ));
             continue;
@@ -134,7 +134,9 @@ pub fn add_events_of_haptics(list: &mut EventList, haptics: &MpegHaptics) {
                     continue;
                 }
                 if band.kind == BandKind::Curve {
-                    list.warn(format!("{name} is a curve of the motion itself: its size is taken as the intensity"));
+                    list.warn(format!(
+                        "{name} is a curve of the motion itself: its absolute value is used as the intensity"
+                    ));
                 }
                 let scope = Scope { perception, channel, band, ticks_per_s: haptics.ticks_per_s, steps: &steps };
                 for (e, effect) in band.effects.iter().enumerate() {
@@ -213,16 +215,16 @@ impl Scope<'_> {
             })
             .collect();
         if is_above_full {
-            list.warn(format!("amplitudes of {name} with the gain of its channel are above 1: 1 is taken"));
+            list.warn(format!("amplitudes of {name}, times the gain of its channel, are above 1: 1 is used"));
         }
         let frequencies: Vec<EnvelopePoint> =
             keyframes.iter().filter_map(|keyframe| Some(point(keyframe, keyframe.frequency_hz?))).collect();
         let mean_hz = find_mean_level(&frequencies).unwrap_or_else(|| self.middle_hz());
         if frequencies.iter().any(|point| (point.level - mean_hz).abs() > 25.0) {
-            list.warn(format!("the frequency of {name} changes over time: its mean {mean_hz:.0} Hz is taken"));
+            list.warn(format!("the frequency of {name} changes over time: its mean {mean_hz:.0} Hz is used"));
         }
         let Some(last) = keyframes.last().and_then(|last| last.position).filter(|last| *last > 0.0) else {
-            return list.warn(format!("{name} is left out: it has no keyframe after its begin"));
+            return list.warn(format!("{name} is left out: it has no keyframe after its beginning"));
         };
         let span_s = (time_s, last / self.ticks_per_s);
         list.add_event_within_limits(

@@ -185,7 +185,7 @@ impl Expansion {
         self.steps += 1;
         if self.steps > MAX_STEPS {
             let allowed = format!("at most {MAX_STEPS} events and sequences, with all loops played out");
-            return Err(ReadError::new_field_error(name("events"), "one more sequence", allowed));
+            return Err(ReadError::new_field_error(name("events"), "too long", allowed));
         }
         match (event.primitive, &event.events) {
             (Some(primitive), None) => self.add_primitive(event, primitive, path, place),
@@ -199,17 +199,19 @@ impl Expansion {
                     return Err(ReadError::new_field_error(
                         name(field),
                         "given",
-                        "absent, because a sequence has none",
+                        format!("absent, because a sequence has no {field}"),
                     ));
                 }
                 if place.depth > MAX_DEPTH {
                     let allowed = format!("at most {MAX_DEPTH} sequences inside each other");
-                    return Err(ReadError::new_field_error(name("events"), "a sequence", allowed));
+                    return Err(ReadError::new_field_error(name("events"), "nested too deeply", allowed));
                 }
                 self.add_sequence(events, path, place)
             }
-            (Some(_), Some(_)) => Err(ReadError::new_field_error(name("events"), "given", "absent with primitive")),
-            (None, None) => Err(ReadError::new_field_error(name("primitive"), "missing", "a primitive, or events")),
+            (Some(_), Some(_)) => Err(ReadError::new_field_error(name("events"), "given", "absent with `primitive`")),
+            (None, None) => {
+                Err(ReadError::new_field_error(name("primitive"), "missing", "given if `events` is missing"))
+            }
         }
     }
 
@@ -287,8 +289,8 @@ impl Expansion {
     fn add_made_event(&mut self, event: HapticEvent, path: &str) -> Result<(), ReadError> {
         self.made += 1;
         if self.made > MAX_EVENTS {
-            let allowed = format!("at most {MAX_EVENTS} events, with all loops played out");
-            return Err(ReadError::new_field_error(path, "one more event", allowed));
+            let (field, allowed) = (format!("the number of events up to {path}"), format!("at most {MAX_EVENTS}"));
+            return Err(ReadError::new_field_error(field, self.made, allowed + ", with all loops played out"));
         }
         if event.end_s() > MAX_DURATION_S {
             let (end_ms, most_ms) = ((1e3 * event.end_s()).round(), 1e3 * MAX_DURATION_S);
@@ -310,8 +312,8 @@ fn read_envelope(
         return Err(ReadError::new_field_error(format!("{path}.envelope"), "given", allowed));
     }
     if !(1..=MAX_ENVELOPE_POINTS).contains(&points.len()) {
-        let (value, allowed) = (format!("of {} points", points.len()), format!("of 1 to {MAX_ENVELOPE_POINTS} points"));
-        return Err(ReadError::new_field_error(format!("{path}.envelope"), value, allowed));
+        let field = format!("the number of points in {path}.envelope");
+        return Err(ReadError::new_field_error(field, points.len(), format!("1 to {MAX_ENVELOPE_POINTS}")));
     }
     let mut before_ms = 0.0;
     let mut read = Vec::new();
@@ -390,19 +392,19 @@ mod tests {
     fn what_is_wrong_is_named() {
         let event = |rest: &str| format!("version = 1\n[[events]]\nprimitive = \"buzz\"\n{rest}");
         for (text, message) in [
-            ("version = 2\nevents = []".to_owned(), "version is 2, but allowed is 1"),
-            (event("intensity = 1.5"), "events[0].intensity is 1.5, but allowed is 0 to 1"),
-            (event("intensity = nan"), "events[0].intensity is NaN, but allowed is 0 to 1"),
-            (event("duration_ms = 0"), "events[0].duration_ms is 0, but allowed is 1 to 30000"),
-            (event("repeat = { count = 0 }"), "events[0].repeat.count is 0, but allowed is 1 to 1000"),
+            ("version = 2\nevents = []".to_owned(), "version is 2, but must be 1"),
+            (event("intensity = 1.5"), "events[0].intensity is 1.5, but must be 0 to 1"),
+            (event("intensity = nan"), "events[0].intensity is NaN, but must be 0 to 1"),
+            (event("duration_ms = 0"), "events[0].duration_ms is 0, but must be 1 to 30000"),
+            (event("repeat = { count = 0 }"), "events[0].repeat.count is 0, but must be 1 to 1000"),
             (event("repeat = { count = 900 }"), "end of events[0] in ms is 30200"),
-            (event("time_ms = 1\npause_ms = 2"), "events[0].pause_ms is 2, but allowed is absent with time_ms"),
+            (event("time_ms = 1\npause_ms = 2"), "events[0].pause_ms is 2, but must be absent with time_ms"),
             (
                 event("envelope = [{ time_ms = 5, level = 1 }, { time_ms = 4, level = 1 }]"),
                 "events[0].envelope[1].time_ms is 4",
             ),
             (event("[[events]]\nprimitive = \"click\"\nduration_ms = 5"), "the primitive click has no duration"),
-            (event("[[events]]"), "events[1].primitive is missing, but allowed is a primitive, or events"),
+            (event("[[events]]"), "events[1].primitive is missing, but must be given if `events` is missing"),
             (event("loudness = 1"), "unknown field `loudness`"),
             (event("intensity = \"much\""), "events[0].intensity: invalid type: string"),
         ] {
@@ -410,7 +412,9 @@ mod tests {
             assert!(found.contains(message), "{message}: {found}");
         }
         let many = "version = 1\nrepeat = { count = 1000, period_ms = 1 }\n[[events]]\nprimitive = \"success\"";
-        assert!(read(many).unwrap_err().contains("at most 1000 events"));
+        assert!(
+            read(many).unwrap_err().contains("the number of events up to events[0] is 1001, but must be at most 1000")
+        );
         let empty = (0..4)
             .fold("[]".to_owned(), |inner, _| format!("[{{\"repeat\": {{\"count\": 1000}}, \"events\": {inner}}}]"));
         let empty = read_own_text(&format!("{{\"version\": 1, \"events\": {empty}}}"), FileFormat::Json);

@@ -98,7 +98,11 @@ pub enum PanelEffectError {
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// A place beside the touched one that is not on the surface.
-    #[error("the place at dx_mm {}, dy_mm {} from the touched one is not on the surface: {error}", .offset_mm.0, .offset_mm.1)]
+    #[error(
+        "the place at dx_mm {}, dy_mm {} from the touched place is not on the surface: {error}",
+        .offset_mm.0,
+        .offset_mm.1
+    )]
     Offset {
         /// To the right of the touched place, and below it, in mm.
         offset_mm: (f64, f64),

@@ -92,7 +92,8 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     }
     if interrupted > 0 {
         warnings.push(format!(
-            "pulses that interrupt a vibration for {CLICK_MS} ms, because the board plays one at a time: {interrupted}"
+            "pulses that interrupt a vibration for {CLICK_MS} ms, because the board plays one event at a time: \
+             {interrupted}"
         ));
     }
     let mut tolerance = TOLERANCE;
@@ -105,7 +106,7 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     };
     if tolerance > TOLERANCE {
         warnings.push(format!(
-            "intensities over time are played to {:.0} %: finer ones need too many segments",
+            "intensities over time are played with an error of up to {:.0} %: a smaller error needs too many segments",
             1e2 * tolerance
         ));
     }
@@ -145,7 +146,7 @@ fn choose_pulses(list: &EventList, warnings: &mut Vec<String>) -> Vec<Part> {
         }
     }
     if left_out > 0 {
-        warnings.push(format!("pulses left out because a stronger one is closer than {CLICK_MS} ms: {left_out}"));
+        warnings.push(format!("pulses left out because a stronger pulse is closer than {CLICK_MS} ms: {left_out}"));
     }
     // A stronger one that took an earlier one's place may be too close to the next.
     pulses.dedup_by(|later, earlier| later.begin_ms < earlier.begin_ms + CLICK_MS);
@@ -202,10 +203,10 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Vec<Curve> {
     }
     if elsewhere > 0 {
         warnings
-            .push(format!("vibrations left out because there is one at another place at the same time: {elsewhere}"));
+            .push(format!("vibrations left out because another place has a vibration at the same time: {elsewhere}"));
     }
     if clipped {
-        warnings.push("vibrations at the same time add up to more than 1: 1 is played".into());
+        warnings.push("intensities of vibrations at the same time add up to more than 1: 1 is played".into());
     }
     curves
 }
@@ -367,7 +368,7 @@ mod tests {
         assert_eq!(kinds, [(20, Some(PulseKind::Click)), (100, None), (200, Some(PulseKind::Thud)), (250, None)]);
         assert_eq!((played(&parts, 199), played(&parts, 220), played(&parts, 260)), (1.0, 0.0, 1.0));
         let said = warnings.join("\n");
-        assert!(said.contains("is closer than 50 ms: 1") && said.contains("plays one at a time: 1"), "{said}");
+        assert!(said.contains("is closer than 50 ms: 1") && said.contains("plays one event at a time: 1"), "{said}");
     }
 
     #[test]
@@ -401,7 +402,10 @@ mod tests {
         let (parts, warnings) =
             cut_events_into_parts(&make_event_list(vec![make_vibration(0.0, 30.0, 1.0, &points)])).unwrap();
         assert!(parts.len() <= MAX_ENVELOPES && !parts.is_empty(), "{}", parts.len());
-        assert!(warnings.iter().any(|warning| warning.contains("finer ones need too many segments")), "{warnings:?}");
+        assert!(
+            warnings.iter().any(|warning| warning.contains("a smaller error needs too many segments")),
+            "{warnings:?}"
+        );
         assert!(parts.iter().all(|part| matches!(&part.content, PartContent::Envelope(own) if own.len() <= SEGMENTS)));
     }
 }

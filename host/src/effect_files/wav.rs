@@ -44,7 +44,7 @@ pub fn read_wav_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
         list.warn(format!("what follows the first {MAX_DURATION_S} s is left out"));
     }
     if channels > 1 {
-        list.warn(format!("the sound has {channels} channels: their mean is taken"));
+        list.warn(format!("the sound has {channels} channels: their mean is used"));
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
     let window = (WINDOW_S * f64::from(spec.sample_rate)).round() as usize;
@@ -64,7 +64,8 @@ pub fn read_wav_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
         (rises as f64 / duration_s, duration_s)
     };
     list.warn(format!(
-        "the sound is read as its loudness over time; its mean frequency of {mean_hz:.0} Hz is its sharpness"
+        "the loudness of the sound over time is used as the intensity, and its mean frequency of {mean_hz:.0} Hz as \
+         the sharpness"
     ));
     let mut time_s = -0.5 * WINDOW_S;
     let envelope = peaks.iter().map(|level| {
@@ -119,6 +120,6 @@ mod tests {
         assert!(read_wav_bytes(b"RIFFxxxxWAVE").is_err());
         let slow = WavSpec { sample_rate: 100, ..float };
         let error = read_wav_bytes(&sound(slow, (0..200).map(|_| 0.5))).unwrap_err().to_string();
-        assert_eq!(error, "sample rate in Hz is 100, but allowed is 1000 to 192000");
+        assert_eq!(error, "sample rate in Hz is 100, but must be 1000 to 192000");
     }
 }

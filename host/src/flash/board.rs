@@ -101,7 +101,8 @@ impl Board {
     }
 
     fn send_request(&mut self, request: &Request) -> Result<Reply, BoardError> {
-        let client = self.client.take().ok_or_else(|| BoardError::Link("the link to the board was given up".into()))?;
+        let closed = || BoardError::Link("the link to the board was closed after an earlier error".into());
+        let client = self.client.take().ok_or_else(closed)?;
         let (client, reply) = ask_within_limit(client, &self.device, request)?;
         self.client = Some(client);
         Ok(reply)

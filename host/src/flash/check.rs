@@ -27,7 +27,11 @@ impl From<&ImageHeader> for InstalledFirmware {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CheckError {
     /// For another kind of board.
-    #[error("the image is for {}, the connected board is {}: nothing was changed", board_name(*.image), board_name(*.board))]
+    #[error(
+        "the image is for {}, but the connected board is {}: nothing was changed",
+        board_name(*.image),
+        board_name(*.board)
+    )]
     Board {
         /// As in the image.
         image: Option<BoardKind>,
@@ -39,8 +43,8 @@ pub enum CheckError {
     Simulated,
     /// It would speak less than now.
     #[error(
-        "the image speaks ERA protocol versions up to {image}, the board's firmware up to {board}: the image is older. \
-         --force writes the image nevertheless"
+        "the image speaks ERA protocol versions up to {image}, but the board's firmware speaks versions up to {board}: \
+         the image is older. --force writes the image nevertheless"
     )]
     Downgrade {
         /// Newest version that the image speaks.
@@ -50,8 +54,8 @@ pub enum CheckError {
     },
     /// This program could not talk to it afterwards.
     #[error(
-        "the image speaks ERA protocol versions {image_min} to {image_current}, this program {MIN_VERSION} to \
-         {CURRENT_VERSION}: update this program first. --force writes the image nevertheless"
+        "the image speaks ERA protocol versions {image_min} to {image_current}, but this program speaks versions \
+         {MIN_VERSION} to {CURRENT_VERSION}: update this program first. --force writes the image nevertheless"
     )]
     Unspoken {
         /// Oldest version that the image speaks.
@@ -60,7 +64,10 @@ pub enum CheckError {
         image_current: u8,
     },
     /// It is driving.
-    #[error("the board is {}: stop and disarm it first (era stop)", state_name(*.0))]
+    #[error(
+        "the board is {}: stop and disarm the board with `era stop`, then run the same command again",
+        state_name(*.0)
+    )]
     Live(SafetyState),
 }
 
@@ -124,6 +131,8 @@ const fn state_name(state: SafetyState) -> &'static str {
     match state {
         SafetyState::Running => "driving",
         SafetyState::Armed => "armed",
-        _ => "neither off nor safe",
+        SafetyState::Arming => "arming",
+        SafetyState::Discharging => "discharging its rails",
+        SafetyState::Boot | SafetyState::Safe | SafetyState::Fault => "idle",
     }
 }

@@ -62,7 +62,7 @@ pub enum PipeError {
     #[error("refused by the device")]
     Stall,
     /// The device has gone.
-    #[error("the device has gone")]
+    #[error("the device is no longer connected")]
     Gone,
     /// Anything else, in the system's words.
     #[error("{0}")]
@@ -92,7 +92,8 @@ pub trait ControlPipe {
 pub enum DfuError {
     /// The transfer failed.
     #[error(
-        "{step} at {address:#010x}: {source}. Check the USB cable, then run the same command again: the board waits in its bootloader"
+        "{step} at {address:#010x} failed: {source}. Check the USB cable, then run the same command again: the board \
+         waits in its bootloader"
     )]
     Pipe {
         /// What was done.
@@ -133,11 +134,9 @@ const fn describe_status(status: u8) -> &'static str {
         3 => "it could not write (errWRITE)",
         4 => "it could not erase (errERASE)",
         6 => "it could not program (errPROG): the flash there was not erased",
-        7 => "what it wrote differs when it is read back (errVERIFY)",
+        7 => "the bytes that it reads back differ from the written bytes (errVERIFY)",
         8 => "the address is out of range (errADDRESS)",
-        11 => {
-            "the flash is protected (errVENDOR): take the read protection away with a debug probe, which erases the chip"
-        }
+        11 => "the flash is protected (errVENDOR): remove the read protection with a debug probe; this erases the chip",
         _ => "see DFU 1.1, section 6.1.2",
     }
 }

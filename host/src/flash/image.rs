@@ -81,7 +81,7 @@ pub enum ImageError {
     Header(HeaderError),
     /// For another chip.
     #[error(
-        "the image is for the chip with the number {chip:#05x}, this board has an STM32G474 ({CHIP_STM32G474:#05x})"
+        "the image is for the chip with the number {chip:#05x}, but this board has an STM32G474 ({CHIP_STM32G474:#05x})"
     )]
     Chip {
         /// As in the header.

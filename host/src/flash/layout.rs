@@ -13,7 +13,8 @@ pub enum LayoutError {
     Malformed(String),
     /// Another chip.
     #[error(
-        "the bootloader describes {found}, an STM32G474RE has 512 KiB at {FLASH_START:#010x} in pages of 2 or 4 KiB: this is another chip, nothing was changed"
+        "the bootloader describes {found}, but an STM32G474RE has 512 KiB at {FLASH_START:#010x} in pages of 2 or 4 \
+         KiB: this is another chip, and nothing was changed"
     )]
     OtherChip {
         /// What it describes.

@@ -20,10 +20,14 @@ pub enum ProbeError {
     #[error("probe-rs is not installed ({0}). Install it as described at https://probe.rs, or use --dfu")]
     NotInstalled(std::io::Error),
     /// No probe.
-    #[error("probe-rs finds no debug probe. Connect one and check that this user may use it, or use --dfu")]
+    #[error("probe-rs finds no debug probe. Connect a probe and check that this user may use the probe, or use --dfu")]
     NoProbe,
     /// It failed, and has said why.
-    #[error("{command} failed ({status}){}{}. An update that was broken off is repaired by running the same command again", if .said.is_empty() { "" } else { ": " }, .said)]
+    #[error(
+        "{command} failed ({status}){}{}. To repair an interrupted update, run the same command again",
+        if .said.is_empty() { "" } else { ": " },
+        .said
+    )]
     Failed {
         /// What was run.
         command: String,
@@ -34,7 +38,7 @@ pub enum ProbeError {
     },
     /// Another chip, or an answer that cannot be understood.
     #[error(
-        "the chip at the probe has the number {found}, the STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
+        "the chip at the probe has the number {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
     )]
     OtherChip {
         /// As read.

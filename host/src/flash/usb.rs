@@ -24,7 +24,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(200);
 #[derive(Debug, thiserror::Error)]
 pub enum UsbError {
     /// The bus cannot be listed.
-    #[error("cannot look at the USB bus: {0}")]
+    #[error("cannot list the devices on the USB bus: {0}")]
     Bus(nusb::Error),
     /// Nobody there.
     #[error(
@@ -33,7 +33,8 @@ pub enum UsbError {
     None,
     /// More than one.
     #[error(
-        "{0} devices in ST's bootloader are connected, and the program cannot identify the board: disconnect the others"
+        "{0} devices in ST's bootloader are connected, and the program cannot identify the board: disconnect the \
+         other devices"
     )]
     Several(usize),
     /// It is there but cannot be used.

@@ -177,10 +177,11 @@ fn escape_specifiers(path: &Path) -> Result<String, String> {
 
 /// A path's text.
 fn check_path_text(path: &Path) -> Result<&str, String> {
-    let text =
-        path.to_str().ok_or_else(|| format!("{} is not UTF-8, and cannot be written in a unit", path.display()))?;
+    let text = path
+        .to_str()
+        .ok_or_else(|| format!("the path {} is not UTF-8 text, so a systemd unit cannot contain it", path.display()))?;
     if text.chars().any(char::is_control) {
-        return Err(format!("{text:?} has a control character, and cannot be written in a unit"));
+        return Err(format!("the path {text:?} has a control character, so a systemd unit cannot contain it"));
     }
     Ok(text)
 }

@@ -12,7 +12,8 @@ use std::fmt;
 pub enum MonitorError {
     /// The file holds no tables.
     #[error(
-        "the image contains no log texts{0}: build it with `cargo xtask firmware`, or name another image with --elf"
+        "the image contains no log texts{0}: build the image with `cargo xtask firmware`, or name another image with \
+         --elf"
     )]
     NoTable(String),
 }

@@ -120,11 +120,13 @@ impl Recording {
                 Err(error) => return Err(wrong(format!("not a line of a recording: {error}"))),
             };
             let at = Duration::try_from_secs_f64(line.at_ms / 1e3)
-                .map_err(|_| wrong(format!("at_ms is {}, but must be 0 and above", line.at_ms)))?;
+                .map_err(|_| wrong(format!("at_ms is {}, but must be 0 or more", line.at_ms)))?;
             recording.left_out += line.left_out_before;
-            let missing = |key: &str| wrong(format!("{} without {key}", line.kind));
+            let missing = |key: &str| wrong(format!("the line of the kind {:?} has no key {key:?}", line.kind));
             if (number == 1) != (line.kind == "begin") {
-                return Err(wrong("only the first line of a recording may be its header".into()));
+                return Err(wrong(
+                    "the first line of a recording, and no other line, must be of the kind \"begin\"".into(),
+                ));
             }
             let what = match line.kind.as_str() {
                 "begin" if line.format == Some(1) => {
@@ -133,7 +135,7 @@ impl Recording {
                 }
                 "begin" => {
                     let said = line.format.map_or_else(|| "no format".to_owned(), |format| format!("format {format}"));
-                    return Err(wrong(format!("{said}, but this program reads format 1 only")));
+                    return Err(wrong(format!("the recording has {said}, but this program reads format 1 only")));
                 }
                 "touch" => RecordedAction::Touch(
                     line.id.ok_or_else(|| missing("id"))?,
@@ -238,8 +240,8 @@ mod tests {
             (r#"{"at_ms": 1, "kind": "stop"}"#.into(), 1, "first line"),
             (begin.replace("format\": 1", "format\": 2"), 1, "format 2, but this program reads format 1"),
             (format!("{begin}\n{begin}"), 2, "first line"),
-            (format!("{begin}\n{{\"at_ms\": -1, \"kind\": \"stop\"}}"), 2, "0 and above"),
-            (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "without body"),
+            (format!("{begin}\n{{\"at_ms\": -1, \"kind\": \"stop\"}}"), 2, "0 or more"),
+            (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "has no key \"body\""),
             (format!("{begin}\n{{\"at_ms\":\n{begin}"), 2, "not a line"),
         ] {
             let error = Recording::parse(text.as_bytes()).unwrap_err();

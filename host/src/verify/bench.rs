@@ -78,7 +78,7 @@ impl Bench {
             found.push(SiDrive { phase_rad: drive.phase_rad - TAU * (frequency_hz * origin_s).fract(), ..*drive });
         }
         if found.is_empty() {
-            return Err(VerifyError::Device("no drive on any channel of the plan".into()));
+            return Err(VerifyError::Device("it drives no channel of the plan".into()));
         }
         Ok(found)
     }
@@ -88,7 +88,7 @@ impl Bench {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(CURRENT_VERSION, FrameKind::Request, self.sequence, request, &mut frame)
-            .map_err(|_| broken("nothing"))?;
+            .map_err(|_| broken("the request cannot be encoded"))?;
         let mut answers = Vec::new();
         let sent = frame.get(..length).unwrap_or_default();
         self.device.receive_bytes(&mut self.board, &mut self.port, sent, |bytes| answers.extend_from_slice(bytes));
@@ -99,7 +99,7 @@ impl Bench {
         match reply {
             Some(Reply::Refused(refusal)) => Err(broken(&crate::device::convert::describe_refusal(&refusal))),
             Some(reply) => Ok(reply),
-            None => Err(broken("nothing readable")),
+            None => Err(broken("its answer cannot be read")),
         }
     }
 }

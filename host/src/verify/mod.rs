@@ -68,7 +68,7 @@ pub enum VerifyError {
     #[error("the plan drives nothing: no actuator moves this place of the panel")]
     Nothing,
     /// The simulated device did not do as told.
-    #[error("the simulated device answered {0}")]
+    #[error("the simulated device did not answer as expected: {0}")]
     Device(String),
 }
 
@@ -305,7 +305,7 @@ fn record_simulated_plan(
     bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
     let drives = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.send_request(&Request::SetDrives { drives })? else {
-        return Err(VerifyError::Device("something else than the drives it has set".into()));
+        return Err(VerifyError::Device("it did not confirm the drives".into()));
     };
     // The device holds the drives until its self-test has passed, and brings the rails up.
     bench.run_for(SOFT_START_S)?;

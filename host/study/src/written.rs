@@ -77,7 +77,7 @@ fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &
         );
     }
     if let Some(limits) = finalist.describe_verified_broken_limits_if_any(study) {
-        let _ = writeln!(text, "# Computed again, this design breaks a limit: {limits}.");
+        let _ = writeln!(text, "# In the thorough evaluation, this design breaks a limit: {limits}.");
     }
     format!("{text}\n{}", finalist.text)
 }
@@ -181,10 +181,10 @@ impl StudyResults {
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
-        let _ = write!(text, "\n(computed again with models for a relative tolerance of {:.0e}", finals.tolerance);
+        let _ = write!(text, "\n(thorough evaluation with models for a relative tolerance of {:.0e}", finals.tolerance);
         let is_missing = |k: usize| is_bounded[k] && all.iter().any(|(_, own)| bound(own, k).is_none());
         if (0..study.figures.len()).any(is_missing) {
-            text.push_str("; \"not known\": the model of that design gave no bound");
+            text.push_str("; \"not known\": the model of this design gave no bound");
         }
         let missed = |own: &Finalist| {
             own.verified.as_ref().is_ok_and(|found| {
@@ -193,7 +193,7 @@ impl StudyResults {
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {
-            let _ = write!(text, ", which may not be met for {}", missed.join(", "));
+            let _ = write!(text, "; the tolerance may not be met for {}", missed.join(", "));
         }
         if is_bounded.contains(&false) {
             text.push_str("; the errors of figures without an error column are not known");
@@ -242,7 +242,7 @@ impl StudyResults {
                 );
             }
             if let Some(limits) = own.describe_verified_broken_limits_if_any(study) {
-                let _ = write!(text, " (computed again, this design breaks a limit: {limits})");
+                let _ = write!(text, " (in the thorough evaluation, this design breaks a limit: {limits})");
             }
             if let Err(reason) = &own.verified {
                 let _ = write!(text, " (failed: {reason})");

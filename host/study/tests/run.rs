@@ -258,8 +258,8 @@ fn a_grid_has_a_limit_and_few_chunks() {
     let refused = grid("levels = 1000\n").unwrap_err();
     let told: Vec<(usize, &str)> =
         refused.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
-    let expected = "method.levels is 1000: with the levels and steps of the variables that makes 1000000000000 designs, \
-                    but there may be at most 100000000";
+    let expected = "method.levels is 1000, which together with the levels and steps of the variables makes \
+                    1000000000000 designs, but at most 100000000 are allowed";
     assert_eq!(told, [(14, expected)]);
     let large = grid("levels = 100\n").unwrap();
     assert_eq!(large.count_designs(), 100_000_000);

@@ -175,7 +175,7 @@ fn a_client_tells_the_dates_of_a_certificate() {
     let all = [make_dated(folder.path(), "old", 2019, 2020), make_dated(folder.path(), "new", 2091, 2092)];
     let (_served, ports) = serve_over_tls(&all);
     for ((files, port), words) in
-        all.iter().zip(ports).zip(["ran out on 2020-03-04 00:00", "is valid from 2091-01-02 00:00"])
+        all.iter().zip(ports).zip(["expired on 2020-03-04 00:00", "is not valid before 2091-01-02 00:00"])
     {
         for command in ["state", "stop", "doctor --device sim"] {
             let (url, ca) = (format!("https://localhost:{port}"), files.certificate.to_str().unwrap());
@@ -228,10 +228,10 @@ fn dates_are_reported_before_anybody_is_refused() {
     std::fs::copy(&old.certificate, path.join("tls/era-cert.pem")).unwrap();
     std::fs::copy(&old.key, path.join("tls/era-key.pem")).unwrap();
     for (keys, words) in [
-        (keys_of(&old), "ran out on 2020-03-04 00:00"),
-        (keys_of(&new), "is valid from 2091-01-02 00:00"),
-        (keys_of(&chained), "ran out on 2020-03-04 00:00"),
-        ("tls_dir = \"tls\"".into(), "ran out on 2020-03-04 00:00"),
+        (keys_of(&old), "expired on 2020-03-04 00:00"),
+        (keys_of(&new), "is not valid before 2091-01-02 00:00"),
+        (keys_of(&chained), "expired on 2020-03-04 00:00"),
+        ("tls_dir = \"tls\"".into(), "expired on 2020-03-04 00:00"),
     ] {
         let Judged { checked, served, doctor } = judge_files(path, &keys);
         let place = format!("{}:4: ", path.join("era.toml").display());
@@ -242,7 +242,7 @@ fn dates_are_reported_before_anybody_is_refused() {
         assert!(served.error.contains("another daemon listens on the socket"), "{keys}: {}", served.error);
     }
     let Judged { checked, served, .. } = judge_files(path, &keys_of(&make_dated(path, "good", 2019, 2092)));
-    assert!(checked.code == Some(0) && !served.error.contains("ran out"), "{}{}", checked.error, served.error);
+    assert!(checked.code == Some(0) && !served.error.contains("expired"), "{}{}", checked.error, served.error);
 }
 
 /// Certificates and keys that cannot be used: what is wrong with which file, and what to do, from the check, the doctor and the start.

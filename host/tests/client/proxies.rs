@@ -114,8 +114,8 @@ fn a_proxy_that_refuses_is_told() {
     for (answer, words) in [
         ("HTTP/1.1 403 Forbidden\r\n\r\n", "403"),
         ("HTTP/1.1 407 Proxy Authentication Required\r\nProxy-Authenticate: Basic\r\n\r\n", "407"),
-        ("SSH-2.0-OpenSSH_9.2\r\n\r\n", "gave no answer of HTTP/1"),
-        ("", "gave no answer of HTTP/1"),
+        ("SSH-2.0-OpenSSH_9.2\r\n\r\n", "gave no HTTP/1 answer"),
+        ("", "gave no HTTP/1 answer"),
     ] {
         let proxy = Server::answering(answer);
         let said = run_era(&["stop", "--url", "https://panel.example:7878", "--proxy", &proxy.url()]);

@@ -119,7 +119,7 @@ fn the_page_follows_no_redirect() {
     browser.open(&front.url());
     browser.wait_for("document.title !== ''");
     let told = browser.value("document.title").as_str().unwrap().to_owned();
-    assert!(told.split('|').count() == 5 && told.split('|').all(|one| one.contains("sends it elsewhere")), "{told}");
+    assert!(told.split('|').count() == 5 && told.split('|').all(|one| one.contains("redirects the request")), "{told}");
     let received = front.received();
     assert_eq!(received.iter().filter(|request| request.starts_with("POST /v1/3")).count(), 5, "{received:?}");
     assert!(!received.iter().any(|request| request.contains("/v1/elsewhere")), "{received:?}");

@@ -101,12 +101,12 @@ fn what_is_wrong_is_named_as_it_was_written() {
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "from_ms": 5}"#,
             "from_ms",
-            "from_ms is 5, but is not allowed together with effect",
+            "from_ms is 5, but is not allowed together with `effect`",
         ),
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 5}"#,
             "to_ms",
-            "to_ms is 5, but is not allowed together with effect",
+            "to_ms is 5, but is not allowed together with `effect`",
         ),
         (
             r#"{"x_px": 1, "y_px": 1, "effect": "click", "also": [{"x_px": 9, "y_px": 9, "from_ms": 5}]}"#,

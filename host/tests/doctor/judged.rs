@@ -172,7 +172,7 @@ fn troubles_of_the_port_are_told() {
     is(
         &after("permission", |facts| set_port_answer(facts, PortAnswer::Missing)),
         Problem,
-        &["there is no /dev/ttyACM0"],
+        &["there is no port /dev/ttyACM0"],
     );
     is(
         &after("permission", |facts| set_port_answer(facts, PortAnswer::Failed("not a typewriter".into()))),

@@ -272,9 +272,9 @@ fn a_full_disk_keeps_no_table_and_changes_no_plan() {
     assert_eq!((mode(&cache), mode(&cache.join(&name))), (0o700, 0o600));
     for damaged in [0, 1, whole.len() / 2] {
         fs::write(cache.join(&name), &whole[..damaged]).unwrap();
-        assert!(plan(Some(100_000)).contains("is not used, and computed again"));
+        assert!(plan(Some(100_000)).contains("is not used, so the program computes the table again"));
         assert_eq!(fs::read(cache.join(&name)).unwrap().len(), damaged, "it stays where another cannot be written");
-        assert!(plan(None).contains("is not used, and computed again"));
+        assert!(plan(None).contains("is not used, so the program computes the table again"));
         assert_eq!(fs::read(cache.join(&name)).unwrap().len(), whole.len());
     }
 }

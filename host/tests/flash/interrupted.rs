@@ -126,7 +126,10 @@ fn a_cable_out_is_told_with_what_to_do() {
     let mut rom = Rom::new(2048, &old());
     rom.cut_after(40);
     let error = update(&mut rom, &new()).unwrap_err().to_string();
-    assert!(error.contains("the device has gone") && error.contains("run the same command again"), "{error}");
+    assert!(
+        error.contains("the device is no longer connected") && error.contains("run the same command again"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -226,7 +226,7 @@ fn a_package_is_staged_below_a_folder() {
         let output = command.output().unwrap();
         let told = text(&output.stderr);
         assert!(output.status.success(), "{told}");
-        assert!(told.contains("tls_dir is /home/me/tls, but the service may write below"), "{told}");
+        assert!(told.contains("`tls_dir` is /home/me/tls, but the service may write only below"), "{told}");
         assert!(told.contains("simulated"), "{told}");
         let unit = match more {
             [] => std::fs::read_to_string(folder.path().join("stage/etc/systemd/system/era.service")).unwrap(),

@@ -163,15 +163,15 @@ impl FaultCode {
             }
             FaultCode::DriveFailed => {
                 "The board could not set the drives as commanded and switched everything off. Look at the board's log; \
-                 if it happens again, replace the board."
+                 if the fault comes back, replace the board."
             }
             FaultCode::Panic | FaultCode::HardFault => {
-                "The firmware failed, switched everything off and started again. Please keep the log and report it; \
-                 clear the fault to go on."
+                "The firmware failed, switched everything off and started again. Keep the log and report the \
+                 failure, then clear the fault."
             }
             FaultCode::ReadBack => {
-                "A register did not hold what was written to it; everything is off. Power the board down and up again; \
-                 if it stays, replace the board."
+                "A register did not hold the written value, so the board switched everything off. Power the board down \
+                 and up again; if the fault comes back, replace the board."
             }
             FaultCode::OverCurrent | FaultCode::ShortCircuit => {
                 "Too much current, or a rail that does not come up: an arc or a short in an actuator or its cable. \
@@ -182,8 +182,8 @@ impl FaultCode {
                  it before clearing the fault."
             }
             FaultCode::RailCollapsed => {
-                "A rail lost its voltage at once, as in an arc. Look for traces of it in the actuators and at the \
-                 connectors; lower the voltage if the air is humid or dusty."
+                "A rail lost its voltage at once, like in an arc. Look for traces of an arc in the actuators and at \
+                 the connectors; lower the voltage if the air is humid or dusty."
             }
             FaultCode::InterlockOpen => "The enclosure is open. Close it, then clear the fault.",
             FaultCode::EmergencyStop => "The emergency stop is pressed. Release it, then clear the fault.",
@@ -201,12 +201,13 @@ impl FaultCode {
                  divider) did not work. Do not use the board; the table of the self-test's details names this part."
             }
             FaultCode::Watchdog => {
-                "The firmware hung and the watchdog reset it. Please keep the log and report it; clear the fault to go on."
+                "The firmware hung, and the watchdog reset the board. Keep the log and report the failure, then clear \
+                 the fault."
             }
             FaultCode::BrownOut => "The board's own supply failed for a moment. Check the cable and the power supply.",
             FaultCode::TimerStopped => {
-                "A timer stands still that should alternate the electrodes. Power the board down and up again; if it \
-                 happens again, replace the board."
+                "A timer that should alternate the electrodes stands still. Power the board down and up again; if the \
+                 fault comes back, replace the board."
             }
             FaultCode::DischargeSlow => {
                 "A rail falls too slowly: its discharge switch does not close, or the supply still feeds it. Do not open the \
@@ -217,20 +218,21 @@ impl FaultCode {
                  interference), then clear the fault."
             }
             FaultCode::Reference => {
-                "The board's 3.3 V reference is off by more than 3 %, so that every set-point and measurement is wrong. Do \
-                 not use the board; check its 3.3 V supply."
+                "The board's 3.3 V reference is wrong by more than 3 %, so every set-point and measurement is wrong. \
+                 Do not use the board; check its 3.3 V supply."
             }
             FaultCode::Electrode => {
-                "An electrode takes too little or too much current: it, its cable or one of its switches is open or shorted. \
-                 Disconnect the supply, wait until the rails are discharged, and look at the electrode that the detail names."
+                "An electrode takes too little or too much current: the electrode, its cable or one of its switches is \
+                 open or shorted. Disconnect the supply, wait until the rails are discharged, and look at the \
+                 electrode that the detail names."
             }
             FaultCode::Permit => {
                 "The permit, which switches supply and electrodes off in hardware, does not work. Do not use the board; the \
                  table of the fault codes says what was found."
             }
             FaultCode::Clock => {
-                "The processor's clock and that of its watchdog disagree, so that times and frequencies may be wrong. Power the \
-                 board down and up again; if it stays, replace the board."
+                "The processor's clock and the watchdog's clock disagree, so times and frequencies may be wrong. Power \
+                 the board down and up again; if the fault comes back, replace the board."
             }
             FaultCode::OptionBytes => {
                 "An option byte of the chip takes a protection away. Set the option bytes as the page on bring-up says, and power \

@@ -58,7 +58,8 @@ pub fn measure_route_costs(options: &Options) -> Result<(), Error> {
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
     println!(
-        "{CONNECTIONS} connections ask for the same for {} s; a stop every {BETWEEN_STOPS:?} beside them\n",
+        "{CONNECTIONS} connections send the same request for {} s; another connection sends a stop every \
+         {BETWEEN_STOPS:?}\n",
         options.seconds
     );
     println!("| route | bound | answers | longest answer, ms | stops: median / p99 / longest | memory so far, MB |");

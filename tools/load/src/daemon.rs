@@ -160,7 +160,7 @@ impl Daemon {
             }
             std::thread::sleep(Duration::from_millis(50));
         }
-        Err(Error::Answer(format!("the daemon finds no device; it said:\n{}", self.recent_log())))
+        Err(Error::Answer(format!("the daemon finds no device; its log:\n{}", self.recent_log())))
     }
 }
 

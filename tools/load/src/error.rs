@@ -7,7 +7,7 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The daemon could not be started, or ended at once.
-    #[error("`{command}` does not serve; it said:\n{said}")]
+    #[error("`{command}` does not serve; its log:\n{said}")]
     NoDaemon {
         /// With its arguments.
         command: String,
@@ -26,16 +26,16 @@ pub enum Error {
     #[error("no pseudo-terminal: {0}")]
     Line(#[from] serialport::Error),
     /// The example scene has no plan table.
-    #[error("the example scene cannot be planned for: {0}")]
+    #[error("no plan is possible for the example scene: {0}")]
     Scene(String),
     /// The daemon did not answer as it should.
     #[error("{0}")]
     Answer(String),
     /// The run found something.
-    #[error("the daemon did not stand the load: {0}")]
+    #[error("the daemon did not withstand the load: {0}")]
     NotStood(String),
     /// What was measured is not what is asked.
-    #[error("not met: {0}")]
+    #[error("these aims are not met: {0}")]
     Missed(String),
 }
 

@@ -177,7 +177,8 @@ pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
     daemon.await_device()?;
     let measurement = Measurement { daemon, socket, control: bench.sim_control(), echo };
     println!(
-        "Times are p50 / p99 / longest from when a touch was due, on {} processors, the simulated board among them",
+        "Times are p50 / p99 / longest, from the time when a touch was due; {} processors, shared with the \
+         simulated board",
         count_processors()
     );
     println!(
@@ -206,7 +207,7 @@ pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
     let text = measurement.fetch_metrics()?;
     let ms = |name: &str| find_metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
     println!(
-        "by the daemon, longest between two signs of life to the armed board: {}",
+        "longest time between two signs of life from the daemon to the armed board: {}",
         ms("era_link_longest_gap_seconds")
     );
     let count = |name: &str| find_metric(&text, name).unwrap_or(f64::NAN);
@@ -298,7 +299,7 @@ impl Measurement {
             measured.overtaken.describe_median_p99_and_longest(),
             stops.describe_median_p99_and_longest()
         );
-        let busy = worked.map(|worked| format!("the daemon took {:.1} % of a processor", worked * 1e2));
+        let busy = worked.map(|worked| format!("the daemon used {:.1} % of a processor", worked * 1e2));
         for what in measured
             .describe_refused_and_unseen_touches()
             .into_iter()
@@ -329,7 +330,8 @@ impl Measurement {
         }
         let (count, told) = (times.len(), times.describe_median_p99_and_longest());
         println!(
-            "  {count} touches, each over a connection of its own, from before it is opened to the frame's last byte: {told}"
+            "  {count} touches, each over a new connection, from before the connection is opened to the frame's \
+             last byte: {told}"
         );
         Ok(())
     }

@@ -69,8 +69,8 @@ pub fn check_licences_bans_and_sources() -> Result<(), Error> {
 
 fn explain_missing_advisory_database() -> String {
     format!(
-        "no database of advisories is at hand, so known vulnerabilities are not looked for; `git clone {ORIGIN} {DATABASE} \
-         && cargo xtask advisories` does (--db and {VARIABLE} name a clone elsewhere)"
+        "there is no database of advisories, so known vulnerabilities are not checked; to check them, run \
+         `git clone {ORIGIN} {DATABASE} && cargo xtask advisories` (--db or {VARIABLE} names another clone)"
     )
 }
 

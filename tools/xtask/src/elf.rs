@@ -50,7 +50,7 @@ pub fn read_memory_usage(path: &Path) -> Result<MemoryUsage, Error> {
         }
     }
     if flash == 0 {
-        return Err(not_an_image("nothing in it is loaded into flash".to_owned()));
+        return Err(not_an_image("the file has nothing for the flash".to_owned()));
     }
     Ok(MemoryUsage { flash, flash_total: FLASH.end - FLASH.start, ram, ram_total: RAM.end - RAM.start })
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The machine lacks something that could not be installed.
-    #[error("`{command}` needs what is not on this machine:{list}")]
+    #[error("`{command}` needs the following, which is missing on this machine:{list}")]
     Missing {
         /// What needs it.
         command: String,
@@ -19,7 +19,7 @@ pub enum Error {
     #[error(transparent)]
     Python(python_environment::Error),
     /// A waveform is not as it must be.
-    #[error("a waveform is not as it must be; the table says which")]
+    #[error("at least one waveform breaks its limits; the table shows which limit")]
     Waveforms,
     /// Advisories were asked for, and there is no database of them.
     #[error("{0}")]
@@ -44,7 +44,7 @@ pub enum Error {
         status: std::process::ExitStatus,
     },
     /// The daemon did not plan.
-    #[error("`{command}` made no first plan; it said:\n{said}")]
+    #[error("`{command}` made no first plan; its log:\n{said}")]
     NoFirstPlan {
         /// With its arguments.
         command: String,
@@ -62,7 +62,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The compiler's standard library sources could not be had.
-    #[error("no sources of the standard library for rustc {compiler}: {reason}")]
+    #[error("cannot get the sources of the standard library for rustc {compiler}: {reason}")]
     NoSources {
         /// Version of the compiler.
         compiler: String,
@@ -70,7 +70,10 @@ pub enum Error {
         reason: String,
     },
     /// Neither way gave the compilation target.
-    #[error("the target {target} cannot be had: not by rustup: {rustup}; and not by building it: {source}", target = crate::triple::TARGET)]
+    #[error(
+        "cannot get the target {target}, neither from rustup ({rustup}) nor from its sources ({source})",
+        target = crate::triple::TARGET
+    )]
     NoTarget {
         /// Why the first way failed.
         rustup: String,
@@ -89,10 +92,10 @@ pub enum Error {
         reason: String,
     },
     /// Miri is not installed.
-    #[error("Miri is not installed; `{0}` gets it")]
+    #[error("Miri is not installed; `{0}` installs Miri")]
     NoMiri(&'static str),
     /// The image's stack cannot be bounded.
-    #[error("no bound for the stack of {path}")]
+    #[error("cannot compute a bound for the stack of {path}")]
     Stack {
         /// The image.
         path: PathBuf,
@@ -100,7 +103,7 @@ pub enum Error {
         source: crate::stack::StackError,
     },
     /// The file of budgets is not what it should be.
-    #[error("{path} holds no budgets")]
+    #[error("{path} is not a valid file of budgets")]
     Budget {
         /// The file.
         path: PathBuf,
@@ -130,10 +133,10 @@ pub enum Error {
         log: PathBuf,
     },
     /// The emulated board did not reply to a request in its own time.
-    #[error("the emulated board did not reply to {0}")]
+    #[error("the emulated board did not behave as expected: {0}")]
     NoReply(String),
     /// The report found differences.
-    #[error("{0} of the report's steps are not as expected")]
+    #[error("{0} steps of the report are not as expected")]
     Report(usize),
     /// Planted mistakes that no test detects.
     #[error("no test detects these planted mistakes: {0}")]
@@ -142,7 +145,7 @@ pub enum Error {
     #[error("{0}")]
     Unjudged(String),
     /// What detects planted mistakes fails without one.
-    #[error("{what} fail without a planted mistake: {reason}")]
+    #[error("failures in {what} without a planted mistake: {reason}")]
     NotSound {
         /// What fails.
         what: &'static str,
@@ -150,7 +153,7 @@ pub enum Error {
         reason: String,
     },
     /// A manifest is not what it should be.
-    #[error("{path} is no manifest")]
+    #[error("{path} is not a valid manifest")]
     Manifest {
         /// The file.
         path: PathBuf,

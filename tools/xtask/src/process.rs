@@ -37,7 +37,7 @@ pub fn format_command(command: &Command) -> String {
 /// Runs a program without showing what it says; if it fails, that is the reason.
 pub fn run_command_silently(command: &mut Command) -> Result<(), String> {
     let shown = format_command(command);
-    let output = command.output().map_err(|error| format!("`{shown}`: {error}"))?;
+    let output = command.output().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
     if output.status.success() {
         return Ok(());
     }
@@ -45,7 +45,7 @@ pub fn run_command_silently(command: &mut Command) -> Result<(), String> {
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     // The line that names the cause, or the last one.
     let names_it = |line: &&&str| ["error", "E:", "fatal"].iter().any(|word| line.starts_with(word));
-    let cause = lines.iter().find(names_it).or(lines.last()).copied().unwrap_or("it said nothing");
+    let cause = lines.iter().find(names_it).or(lines.last()).copied().unwrap_or("there is no message");
     Err(format!("`{shown}` failed ({}): {cause}", output.status))
 }
 

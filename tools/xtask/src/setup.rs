@@ -183,7 +183,7 @@ fn format_missing_needs(missing: &[Need], reasons: &[String], has_apt: bool, rig
         let _ = write!(text, "\n  - {}", need.describe());
     }
     for reason in reasons {
-        let _ = write!(text, "\n(tried: {reason})");
+        let _ = write!(text, "\n(the installation failed: {reason})");
     }
     let packages = list_missing_packages(missing);
     let mut commands = Vec::new();
@@ -193,12 +193,12 @@ fn format_missing_needs(missing: &[Need], reasons: &[String], has_apt: bool, rig
     }
     commands.extend(missing.iter().filter_map(|need| Some(format!("rustup {}", need.rustup_arguments()?.join(" ")))));
     let on_debian = if packages.is_empty() || has_apt { "" } else { " on Debian and Ubuntu" };
-    let _ = write!(text, "\nThis installs it{on_debian}:\n  {}", commands.join(" && "));
+    let _ = write!(text, "\nTo install what is missing{on_debian}, run:\n  {}", commands.join(" && "));
     for (need, variable, what) in
         [(Need::Browser, NO_BROWSER, "the tests of the page"), (Need::Nginx, NO_NGINX, "the test of the reverse proxy")]
     {
         if missing.contains(&need) {
-            let _ = write!(text, "\n({variable}=1 leaves out {what} instead.)");
+            let _ = write!(text, "\n(Or set {variable}=1 to skip {what}.)");
         }
     }
     text
@@ -375,7 +375,7 @@ mod tests {
             "systemd-analyze",
             "rustfmt",
             TARGET,
-            "tried: no server for Target",
+            "the installation failed: no server for Target",
             "sudo apt-get install python3 python3-venv chromium nginx openssl g++ systemd && rustup component add rustfmt clippy && \
              rustup target add thumbv7em-none-eabihf",
         ] {
@@ -395,7 +395,7 @@ mod tests {
             ..Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl, Need::Target], InstallRights::Root)
         };
         let told = machine.ensure(TEST).unwrap_err();
-        assert!(told.contains("tried: no mirror") && !told.contains("sudo"), "{told}");
+        assert!(told.contains("the installation failed: no mirror") && !told.contains("sudo"), "{told}");
         let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], InstallRights::Root) };
         let told = elsewhere.ensure(TEST).unwrap_err();
         assert!(elsewhere.done.borrow().is_empty() && told.contains("on Debian and Ubuntu"), "{told}");

@@ -51,7 +51,8 @@ pub fn measure_daemon_starts(arguments: &[std::ffi::OsString]) -> Result<(), Err
     let scenes = if options.scenes.is_empty() { list_example_scenes(&root)? } else { options.scenes };
     let cache = root.join("target/bench-start");
     println!(
-        "From the start of `era serve --accuracy {}` to its first plan in ms, medians of {} (in brackets: seen from outside)",
+        "From the start of `era serve --accuracy {}` to its first plan in ms, medians of {} starts (in brackets: \
+         measured from outside)",
         options.accuracy, options.runs
     );
     println!("{:<20} {:>18} {:>18}   table", "scene", "cold", "warm");

@@ -52,7 +52,7 @@ pub fn ensure_compile_target_available(scratch: &Path, build_std: bool) -> Resul
     eprintln!("firmware: adding the target {TARGET} with rustup");
     let rustup = match run_command_silently(Command::new("rustup").args(["target", "add", TARGET])) {
         Ok(()) if is_target_installed()? => return Ok(TargetSource::Rustup),
-        Ok(()) => "it was added to another toolchain than the one in use".to_owned(),
+        Ok(()) => "the target was added to a toolchain that is not in use".to_owned(),
         Err(reason) => reason,
     };
     match ensure_std_sources_in_sysroot(scratch) {
@@ -108,7 +108,7 @@ fn ensure_std_sources_in_sysroot(scratch: &Path) -> Result<(), Error> {
     run_command(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
     let sources = unpacked.join(format!("usr/src/rustc-{compiler}/library"));
     if !sources.exists() {
-        let reason = format!("{} does not hold usr/src/rustc-{compiler}/library", package.display());
+        let reason = format!("{} does not contain usr/src/rustc-{compiler}/library", package.display());
         return Err(Error::NoSources { compiler, reason });
     }
     // Copied under another name and renamed last, so that a copy that was broken off is not taken for a whole one.
@@ -158,7 +158,7 @@ fn download_std_source_package(scratch: &Path, compiler: &str) -> Result<PathBuf
     let listed = capture_output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
     let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
     let Some(version) = versions.iter().find(|version| version.starts_with(&format!("{compiler}+"))) else {
-        let reason = format!("{SUITE} has {}", versions.join(", "));
+        let reason = format!("{SUITE} has only the versions {}", versions.join(", "));
         return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
     };
     run_command_silently(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;

@@ -172,7 +172,10 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
             if StopRequest::current_request_of_thread().is_stop_requested() {
                 return Err(error);
             }
-            tracing::warn!(%error, "a finer mesh could not be computed; the answer is the best one of the coarser meshes");
+            tracing::warn!(
+                %error,
+                "a finer mesh could not be computed; the answer is from the coarser mesh with the smallest error bound"
+            );
             return ladder.into_answer_with_smallest_bound().ok_or(error);
         }
         rung = next;

@@ -470,16 +470,17 @@ fn solve_generalised_eigenproblem(
     stiffness: DMatrix<f64>,
     mass: DMatrix<f64>,
 ) -> Result<(Vec<f64>, DMatrix<f64>), ModelError> {
-    let failed = |what: &str| ModelError::Factorisation { reason: format!("coupled design: {what}") };
-    let lower = mass.cholesky().ok_or_else(|| failed("its mass"))?.unpack();
-    let half = lower.solve_lower_triangular(&stiffness).ok_or_else(|| failed("its mass"))?;
-    let matrix = lower.solve_lower_triangular(&half.transpose()).ok_or_else(|| failed("its mass"))?;
+    let failed = |what: &str| ModelError::Factorisation { reason: format!("{what} of the coupled model") };
+    let lower = mass.cholesky().ok_or_else(|| failed("mass matrix"))?.unpack();
+    let half = lower.solve_lower_triangular(&stiffness).ok_or_else(|| failed("mass matrix"))?;
+    let matrix = lower.solve_lower_triangular(&half.transpose()).ok_or_else(|| failed("mass matrix"))?;
     let matrix = 0.5 * (&matrix + matrix.transpose());
     let DenseEigenpairs { values, vectors } =
-        DenseEigenpairs::from_symmetric_matrix_if_converged(&matrix).ok_or_else(|| failed("its modes"))?;
+        DenseEigenpairs::from_symmetric_matrix_if_converged(&matrix).ok_or_else(|| failed("modes"))?;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
-    let vectors = lower.tr_solve_lower_triangular(&vectors.select_columns(&order)).ok_or_else(|| failed("its mass"))?;
+    let vectors =
+        lower.tr_solve_lower_triangular(&vectors.select_columns(&order)).ok_or_else(|| failed("mass matrix"))?;
     let least = FREE * values.amax();
     let lambda = |k: &usize| if values[*k] > least { values[*k] } else { 0.0 };
     Ok((order.iter().map(lambda).collect(), vectors))

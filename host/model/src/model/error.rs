@@ -5,8 +5,8 @@
 pub enum ModelError {
     /// The mesh would have to be finer than is allowed.
     #[error(
-        "waves at {max_hz} Hz are {wavelength_mm:.2} mm long on this surface and would need {unknowns} unknowns, more than \
-         the {limit} allowed: ask for a lower frequency or a looser accuracy{}",
+        "at {max_hz} Hz the waves on this surface are {wavelength_mm:.2} mm long, and the mesh for them would have \
+         {unknowns} unknowns, more than the {limit} allowed: choose a lower frequency or a larger tolerance{}",
         if *is_short { "; such waves are hardly longer than the surface is thick: check that youngs_modulus_pa is right and in Pa" } else { "" }
     )]
     TooFine {
@@ -24,7 +24,7 @@ pub enum ModelError {
     /// More modes than are computed in a time worth waiting for.
     #[error(
         "the answer needs all modes up to {max_hz:.0} Hz, but the surface has about {modes} of them, and at most {limit} are \
-         allowed: ask for a lower frequency"
+         allowed: choose a lower frequency"
     )]
     TooManyModes {
         /// Frequency up to which they are needed.

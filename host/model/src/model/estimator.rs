@@ -70,9 +70,9 @@ pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its s
     effect of a rotational spring at a point does not converge on finer meshes";
 /// Why there is none where the levels do not agree.
 pub(super) const NOT_SETTLED: &str =
-    "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
+    "the answers of the finest meshes still differ too much: choose a larger tolerance or a lower frequency";
 /// The same of what stands still, in which no frequency has part.
-const NOT_SETTLED_AT_REST: &str = "the finest levels that were tried do not agree yet: ask for another tolerance";
+const NOT_SETTLED_AT_REST: &str = "the answers of the finest meshes still differ too much: choose another tolerance";
 /// A deflection under one point load converges more slowly than the curves' peaks that bounds are made for: 3.2 times their bound was
 /// seen.
 const SLOWER: f64 = 6.0;

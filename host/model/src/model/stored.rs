@@ -225,7 +225,7 @@ impl StoredLevels {
         accuracy: Accuracy,
         max_hz: f64,
     ) -> Result<ReducedLevels, ImplausibleStore> {
-        check_stored_size("levels", self.steps.len(), self.coarser.len() + 1)?;
+        check_stored_size("the meshes", self.steps.len(), self.coarser.len() + 1)?;
         let meshes = ReducedLevels::choose_three_meshes_finest_first(scene, accuracy, max_hz)
             .map_err(|_| ImplausibleStore::Differs("mesh"))?;
         if self.steps.iter().rev().zip(meshes).any(|(step, mesh)| step.fineness != mesh) {

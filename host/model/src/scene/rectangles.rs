@@ -103,7 +103,9 @@ pub(super) fn read_cutouts(
         if size.kind == SurfaceKind::Bar {
             report.add_mistake_at(
                 &place,
-                format!("{path}: a bar has no cut-outs; a [[patch]] with a width_mm makes it narrower"),
+                format!(
+                    "{path}: a bar has no cut-outs; to make a part of the bar narrower, use a [[patch]] with width_mm"
+                ),
             );
             return Vec::new();
         }

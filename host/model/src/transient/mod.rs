@@ -114,7 +114,7 @@ pub enum OutputRows<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TransientError {
     /// A matrix or vector of the wrong size.
-    #[error("{what} is {rows} x {columns}, it must be {expected_rows} x {expected_columns}")]
+    #[error("{what} is {rows} x {columns}, but must be {expected_rows} x {expected_columns}")]
     Shape {
         /// Which one.
         what: &'static str,

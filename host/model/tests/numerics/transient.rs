@@ -444,7 +444,7 @@ fn bad_input_is_named() {
     bad.c[(1, 1)] = f64::NAN;
     assert!(error(&bad).starts_with("c has an entry"));
     bad.c = DMatrix::zeros(2, 3);
-    assert_eq!(error(&bad), "c is 2 x 3, it must be 3 x 3");
+    assert_eq!(error(&bad), "c is 2 x 3, but must be 3 x 3");
     let step = TimeGrid { step_s: 0.0, count: 10 };
     assert!(Propagator::new(&good, step).unwrap_err().to_string().starts_with("time step in s is 0, but must be"));
     let propagator = Propagator::new(&good, grid).unwrap();

@@ -138,7 +138,10 @@ impl Cache {
             }
             Err(UnusableFile::Missing) => None,
             Err(reason) => {
-                tracing::warn!("the stored plan table {} is not used, and computed again: {reason}", path.display());
+                tracing::warn!(
+                    "the stored plan table {} is not used, so the program computes the table again: {reason}",
+                    path.display()
+                );
                 None
             }
         }

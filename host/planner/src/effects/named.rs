@@ -85,7 +85,7 @@ pub enum EffectError {
         effect: &'static str,
     },
     /// A preference for an effect that is always as strong as was asked for.
-    #[error("prefer is {}, but the effect {effect} has no prefer", prefer.name())]
+    #[error("prefer is {}, but the effect {effect} has no `prefer`", prefer.name())]
     PreferNotTaken {
         /// As given.
         prefer: Preference,
@@ -323,7 +323,7 @@ mod tests {
             ),
             (
                 EffectRequest { prefer: Some(Preference::Crispness), ..of(NamedEffect::Swell) },
-                "prefer is crispness, but the effect swell has no prefer",
+                "prefer is crispness, but the effect swell has no `prefer`",
             ),
             (
                 EffectRequest { count: Some(50), period_ms: Some(400.0), ..of(NamedEffect::PulseTrain) },

@@ -117,7 +117,7 @@ impl SegmentView {
 pub fn describe_segments(drive: &DesignedDrive) -> String {
     let part = |level: i16| f64::from(level) / f64::from(FULL_LEVEL);
     let one = |segment: &Segment| match *segment {
-        Segment::Hold { level: 0, milliseconds } => format!("{milliseconds} ms of nothing"),
+        Segment::Hold { level: 0, milliseconds } => format!("{milliseconds} ms of rest"),
         Segment::Hold { level, milliseconds } => format!("{milliseconds} ms at {:.2}", part(level)),
         Segment::Ramp { from, to, milliseconds } => {
             format!("{milliseconds} ms from {:.2} to {:.2}", part(from), part(to))

@@ -131,9 +131,10 @@ pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation,
         let name = format!("objective {}", objective.name());
         add(&name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
     }
-    for (name, grouping) in
-        [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
-    {
+    for (name, grouping) in [
+        ("distinct frequencies", Grouping::Distinct),
+        ("one shared frequency, with a phase for each actuator", Grouping::Shared),
+    ] {
         if grouping != request.grouping && table.entries.len() > 1 {
             add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
         }
@@ -282,7 +283,7 @@ fn describe_best_added_actuator_if_channel_left(
         // Where this one has no plan another place may.
         let Ok(plan) = table.plan_request(&request) else { continue };
         let change =
-            format!("one more actuator like {}, at {:.0}, {:.0} mm (modelled to 1 %)", like.id, x_m * 1e3, y_m * 1e3);
+            format!("one more actuator like {}, at {:.0}, {:.0} mm (tolerance 1 %)", like.id, x_m * 1e3, y_m * 1e3);
         let found = describe_alternative(&table, change, &Formulation::new(&table, &request), &plan);
         let is_better = |best: &Alternative| {
             let (more, less) = (found.target_peak_g, best.target_peak_g);

@@ -24,7 +24,9 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     let mut points = spread_points(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
     points.retain(|(x_px, y_px)| scene.surface_point_at_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {
-        return Err(Failure::runtime_error("no place that was looked at is on the surface"));
+        return Err(Failure::runtime_error(format!(
+            "none of the {clicks} chosen points is on the surface: use a larger --first-clicks"
+        )));
     };
     let (mut armed, mut unarmed) = (Vec::new(), Vec::new());
     // The first round is not counted, while caches and connections warm up.
@@ -77,5 +79,5 @@ fn post_json_or_fail(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
     }
     let problem: Value = answer.body_mut().read_json().unwrap_or_default();
     let detail = problem["detail"].as_str().unwrap_or("no reason given");
-    Err(Failure::runtime_error(format!("{url} was refused with {}: {detail}", answer.status())))
+    Err(Failure::runtime_error(format!("the request to {url} was refused with {}: {detail}", answer.status())))
 }

@@ -41,7 +41,10 @@ pub fn run_replay(options: &Replay) -> Outcome {
     let scene = client::request_body_failing_on_error_status(daemon, "GET", "/v1/scene", None)?;
     let now = scene["name"].as_str().unwrap_or_default();
     if now != recording.scene {
-        tracing::warn!("recorded with the scene {:?}, replayed with the scene {now:?}", recording.scene);
+        tracing::warn!(
+            "the recording was made with the scene {:?}, but the daemon now has the scene {now:?}",
+            recording.scene
+        );
     }
     // What it has asked for would be driven on.
     let driven = daemon.clone();
@@ -51,8 +54,9 @@ pub fn run_replay(options: &Replay) -> Outcome {
         // Nothing is asked for after the stop.
         ended.store(true, Ordering::SeqCst);
         let stopped = client::request_body_failing_on_error_status(&driven, "POST", "/v1/stop", None);
-        let told = stopped.map_or_else(|failure| failure.message(), |_| "everything was stopped".into());
-        tell_why_command_failed(&format!("ended by {signal}: {told}"));
+        let told =
+            stopped.map_or_else(|failure| failure.message(), |_| "the daemon has switched everything off".into());
+        tell_why_command_failed(&format!("the replay was ended by {signal}: {told}"));
         std::process::exit(1);
     });
     let (done, results) = channel();

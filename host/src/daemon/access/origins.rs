@@ -24,7 +24,8 @@ pub fn normalize_origin(text: &str) -> Result<String, String> {
     }
     if !rest.is_ascii() {
         return Err(because(
-            "write a name with other than ASCII characters as browsers send it (xn--...): the daemon's log shows it when a page is refused",
+            "write a name with non-ASCII characters in the form that browsers send (xn--...): the daemon's log \
+             shows this form when the daemon refuses a page",
         ));
     }
     let authority = Authority::parse(rest).ok_or(ORIGIN)?;
@@ -44,12 +45,15 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
         return Err(ORIGIN.into());
     }
     match scheme {
-        "file" => Err("pages opened as files have no origin of their own (browsers send null): serve their folder \
-                       (python3 -m http.server 8000), and allow http://localhost:8000"
-            .into()),
+        "file" => {
+            Err("must not begin with file:, because pages opened as files have no origin of their own (browsers \
+                       send null): serve the folder of the page (python3 -m http.server 8000), and allow \
+                       http://localhost:8000"
+                .into())
+        }
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
-            Err(format!("{ORIGIN}; the origin of a live socket is that of its page, {page}://"))
+            Err(format!("{ORIGIN}; a live socket has the origin of its page, which begins with {page}://"))
         }
         "about" | "blob" | "data" | "ftp" | "javascript" => {
             Err(format!("{ORIGIN}; pages of the scheme {scheme} have no origin"))
@@ -67,7 +71,7 @@ fn check_host_name(name: &str) -> Result<(), &'static str> {
         Err("the name begins with a dot, or has two dots in a row")
     } else if last.bytes().all(|byte| byte.is_ascii_digit()) || last.starts_with("0x") {
         // A browser takes it for one, and puts it into its usual form.
-        Err("the name ends with a number, as an IPv4 address does, but is not four numbers from 0 to 255")
+        Err("the name ends with a number like an IPv4 address, but is not four numbers from 0 to 255")
     } else {
         Ok(())
     }
@@ -82,7 +86,7 @@ pub fn normalize_host_name(text: &str) -> Result<String, String> {
         return Ok(address.to_string());
     }
     if !text.is_ascii() {
-        return Err(format!("{NAME}; write a name with other than ASCII characters as browsers send it (xn--...)"));
+        return Err(format!("{NAME}; write a name with non-ASCII characters in the form that browsers send (xn--...)"));
     }
     match Authority::parse(text) {
         Some(Authority { host, port: None }) if !text.ends_with(':') => match host {

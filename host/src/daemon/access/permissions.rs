@@ -142,7 +142,8 @@ impl Access {
         }
         if tokens.is_empty() {
             return Err(
-                "the file has no token: write one line for each, with a role (view, touch or arm) and a secret".into(),
+                "the file has no token: write one line for each token, with a role (view, touch or arm) and a secret"
+                    .into(),
             );
         }
         Ok(tokens)

@@ -28,7 +28,7 @@ impl RefusedPages {
         if self.add_origin_if_new_and_within_limit(origin) {
             tracing::warn!(
                 origin,
-                "refused a request of a page of another origin: {}",
+                "refused a request from a page of another origin: {}",
                 advise_how_to_allow_origin(origin, option_value)
             );
         }
@@ -38,14 +38,14 @@ impl RefusedPages {
 /// What lets its page in.
 fn advise_how_to_allow_origin(origin: &str, option_value: &Result<String, String>) -> String {
     match option_value {
-        Ok(origin) => format!("start the daemon with --allow-origin {origin} to allow it"),
+        Ok(origin) => format!("start the daemon with --allow-origin {origin} to allow this origin"),
         // What browsers say of pages from a disk, and of frames that are shut off.
         Err(_) if origin == "null" => {
-            "the page is a file or in a sandboxed frame, and such pages cannot be allowed: serve its folder \
-             (python3 -m http.server 8000) and allow http://localhost:8000"
+            "the page is a file or in a sandboxed frame, and such pages cannot be allowed: serve the folder \
+             of the page (python3 -m http.server 8000), and allow http://localhost:8000"
                 .into()
         }
-        Err(wanted) => format!("this origin cannot be allowed, because it is not of the allowed form: it {wanted}"),
+        Err(wanted) => format!("this origin cannot be allowed, because an allowed origin {wanted}"),
     }
 }
 
@@ -59,7 +59,7 @@ mod tests {
         let taken = Ok("http://kiosk:8000".to_owned());
         assert_eq!(
             advise_how_to_allow_origin("http://kiosk:8000", &taken),
-            "start the daemon with --allow-origin http://kiosk:8000 to allow it"
+            "start the daemon with --allow-origin http://kiosk:8000 to allow this origin"
         );
         for cannot in ["null", "", "HTTP://KIOSK", "http://kiosk/page"] {
             let said = advise_how_to_allow_origin(cannot, &Err("must be an origin".into()));

@@ -225,8 +225,10 @@ impl<F: Clone + Send + 'static> NewestJob<F> {
                 // A model that was ended on its way is no mistake.
                 Ok(None) | Err(_) if own.deadline.is_cancelled() => known.stage = Stage::Stopped,
                 Ok(None) | Err(_) if own.deadline.is_time_over() => {
-                    let problem =
-                        format!("the computation took longer than {LONGEST:?}, which is the maximum: ask for less");
+                    let problem = format!(
+                        "the computation took longer than {LONGEST:?}, which is the maximum: simplify the scene or \
+                         the study"
+                    );
                     (known.problem, known.stage) = (Some(problem), Stage::Failed);
                 }
                 Ok(None) => known.stage = Stage::Stopped,

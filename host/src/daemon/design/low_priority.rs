@@ -116,7 +116,9 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel(|| work(&own)))?;
     tokio::select! {
         result = result => result.unwrap_or_else(|_| {
-            let detail = format!("the {name} ended early because of an internal error: please report it, with the request");
+            let detail = format!(
+                "the {name} ended early because of an internal error: please report the error, with the request"
+            );
             Err(Problem::new(ProblemKind::PreviewFailed, detail))
         }),
         () = sender.wait_until_connection_closed() => Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection")),
@@ -136,7 +138,10 @@ fn run_on_half_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         Ok(pool) => pool.install(work),
         // Threads that cannot be had are done without.
         Err(error) => {
-            tracing::warn!(%error, "cannot start threads for a long computation; it uses those that the program has");
+            tracing::warn!(
+                %error,
+                "cannot start threads for a long computation; the computation uses the existing threads"
+            );
             work()
         }
     }

@@ -57,7 +57,7 @@ impl Slots {
         let _leaves = LeaveOnDrop { slots: self, ticket };
         self.give_free_slots_to_waiting_clients();
         slot.await.map_err(|_| {
-            let detail = "a newer request of this client replaced this one while it waited";
+            let detail = "a newer request of this client replaced this request while this request waited";
             Problem::new(ProblemKind::PreviewSuperseded, detail)
         })
     }

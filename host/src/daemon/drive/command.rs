@@ -60,5 +60,5 @@ pub fn is_plan_neither_over_nor_stopped(current: &CurrentPlan, equipment: &Drive
 /// That a newer touch stands in this one's place.
 #[must_use]
 pub fn superseded_problem() -> Problem {
-    Problem::new(ProblemKind::Superseded, "a newer touch replaced this one")
+    Problem::new(ProblemKind::Superseded, "a newer touch replaced this touch")
 }

@@ -110,7 +110,7 @@ fn unreadable_body_problem(error: &axum::Error, max_bytes: usize) -> Problem {
         }
         cause = error.source();
     }
-    let detail = format!("the body cannot be read: {error}; it may have at most {max_bytes} bytes");
+    let detail = format!("the body cannot be read: {error}; a body may have at most {max_bytes} bytes");
     Problem::new(kind, detail)
 }
 

@@ -18,7 +18,7 @@ pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
                 std::thread::sleep(Duration::from_millis(10));
             }
             Err(TryLockError::WouldBlock) => {
-                let reason = format!("another process has locked the folder for {LONGEST_WAIT:?}");
+                let reason = format!("another process has kept the folder locked for {LONGEST_WAIT:?}");
                 return Err(io::Error::new(io::ErrorKind::WouldBlock, reason));
             }
             // A file system without locks: there the second of two daemons may be late.

@@ -70,7 +70,8 @@ pub enum ListenError {
     },
     /// The name has no address.
     #[error(
-        "cannot listen on {place}: {source}. --listen needs an IP address of this machine, or a host name that has one"
+        "cannot listen on {place}: {source}. --listen needs an IP address of this machine, or a host name with such an \
+         address"
     )]
     Name {
         /// As asked for.
@@ -127,7 +128,7 @@ fn advise_on_port_error(error: &io::Error) -> &'static str {
         io::ErrorKind::PermissionDenied => "Ports below 1024 need root or the capability CAP_NET_BIND_SERVICE",
         _ => {
             "Is another daemon running? Choose another port with `era serve --listen 127.0.0.1:PORT` (0: any free port), and \
-             give it to clients with --url"
+             give the new address to clients with --url"
         }
     }
 }
@@ -164,7 +165,7 @@ impl TlsFiles {
             let fault = describe_date_fault(&find_date_fault(certificate, UnixTime::now())?)?;
             let which =
                 if number == 1 { "the certificate".into() } else { format!("certificate {number} of the chain") };
-            Some(format!("{name}: {which} {fault}; clients refuse it: replace it"))
+            Some(format!("{name}: {which} {fault}; clients refuse this certificate: replace it"))
         };
         (1..).zip(&all).filter_map(told).collect()
     }
@@ -193,7 +194,7 @@ impl TlsFiles {
         Err(ListenError::Tls {
             file: missing.display().to_string(),
             reason: format!(
-                "is missing, but {} is there: move that file away, and the daemon makes both again",
+                "is missing, but {} exists: move this file to another folder, and the daemon makes both files again",
                 there.display()
             ),
         })
@@ -402,7 +403,8 @@ fn build_tls_acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
             wrong(
                 &files.key,
                 format!(
-                    "the key does not belong to the certificate in {certificate} (if the file has several, to the first one)"
+                    "the key does not belong to the certificate in {certificate} (in a file with several \
+                     certificates, to the first certificate)"
                 ),
             )
         }

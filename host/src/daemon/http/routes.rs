@@ -223,8 +223,8 @@ fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> 
 #[utoipa::path(
     get,
     path = "/v1/requests/{id}", operation_id = "request",
-    params(("id" = String, Path, description = "Its number (plan_id of its answer) or its client's name for it")),
-    responses((status = 200, description = "Its outcome", body = RequestOutcome)),
+    params(("id" = String, Path, description = "The request's number (plan_id of its answer) or name")),
+    responses((status = 200, description = "The outcome of the request", body = RequestOutcome)),
 )]
 async fn get_request(
     State(app): State<Arc<App>>,
@@ -275,7 +275,7 @@ async fn post_preview(
     post,
     path = "/v1/study",
     request_body = StudyRequest,
-    responses((status = 200, description = "It has begun", body = StudyView)),
+    responses((status = 200, description = "The study has begun", body = StudyView)),
 )]
 async fn begin_study(
     State(app): State<Arc<App>>,
@@ -310,7 +310,7 @@ async fn stop_study(State(app): State<Arc<App>>) -> Response {
     post,
     path = "/v1/tolerances", operation_id = "begin_tolerances",
     request_body = TolerancesRequest,
-    responses((status = 200, description = "It has begun", body = TolerancesView)),
+    responses((status = 200, description = "The tolerance study has begun", body = TolerancesView)),
 )]
 async fn begin_tolerance_study(
     State(app): State<Arc<App>>,
@@ -327,7 +327,7 @@ async fn begin_tolerance_study(
 #[utoipa::path(
     get,
     path = "/v1/tolerances", operation_id = "tolerances",
-    responses((status = 200, description = "The plan and what tolerances do to it", body = TolerancesView)),
+    responses((status = 200, description = "The plan and the effect of tolerances on it", body = TolerancesView)),
 )]
 async fn get_tolerances(State(app): State<Arc<App>>) -> Response {
     Json(app.tolerances.view_newest_study()).into_response()
@@ -337,7 +337,7 @@ async fn get_tolerances(State(app): State<Arc<App>>) -> Response {
 #[utoipa::path(
     post,
     path = "/v1/tolerances/stop", operation_id = "stop_tolerances",
-    responses((status = 200, description = "What is known of it", body = TolerancesView)),
+    responses((status = 200, description = "The results of the tolerance study so far", body = TolerancesView)),
 )]
 async fn stop_tolerance_study(State(app): State<Arc<App>>) -> Response {
     app.tolerances.stop_newest_study();

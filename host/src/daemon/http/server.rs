@@ -55,7 +55,10 @@ pub async fn serve_until_shutdown_or_session_end(
         tokio::select! {
             () = shutdown => {}
             () = watched.driver.wait_for_session_end() => {
-                tracing::error!("{}; the daemon exits so that it is started again", SessionError::Ended);
+                tracing::error!(
+                    "{}; the daemon exits so that the service manager can start it again",
+                    SessionError::Ended
+                );
                 told.send_replace(EndReason::Session);
             }
         }
@@ -157,7 +160,7 @@ impl ConnectionServer {
                     self.guests.add_connection(&guest);
                     (self.stop_only.clone(), guest)
                 }
-                None => return tracing::warn!("too many connections are open; a new one is refused"),
+                None => return tracing::warn!("too many connections are open; the daemon refuses a new connection"),
             },
         };
         let closing = self.closing.clone();
@@ -271,6 +274,6 @@ async fn serve_connection<S>(
 }
 
 fn failed_request_problem() -> Problem {
-    let detail = "this request caused an internal error of the daemon; its log has the details";
+    let detail = "this request caused an internal error; the daemon's log has the details";
     Problem::new(ProblemKind::Internal, detail)
 }

@@ -71,7 +71,7 @@ impl IncomingMessage {
     /// What is wrong where it is about fingers and has no list of them.
     #[must_use]
     pub fn missing_fingers_problem() -> Problem {
-        Problem::bad_body(format!("touches is missing. {WANTED_MESSAGE}")).with_field("touches".into())
+        Problem::bad_body(format!("`touches` is missing. {WANTED_MESSAGE}")).with_field("touches".into())
     }
 
     /// How many fingers its list has; `None` where it has no list.

@@ -164,7 +164,7 @@ pub async fn upgrade_to_live_socket(
     let wants = match &query.send {
         None => PageTopics::DEFAULT,
         Some(text) => PageTopics::parse(text).map_err(|name| {
-            let detail = format!("send contains {name:?}, but may contain only {}", PageTopics::NAMES);
+            let detail = format!("`send` contains {name:?}, but may contain only {}", PageTopics::NAMES);
             bad(detail).with_field_and_value("send", text.as_str().into(), PageTopics::NAMES.into(), None)
         })?,
     };
@@ -335,7 +335,8 @@ fn handle_page_message(
             let has_more = message.count_fingers().is_some_and(|count| count > 0);
             has_more.then(|| {
                 Problem::bad_body(
-                    "touches is given, but is allowed only with the type touch; the daemon stopped the device".into(),
+                    "`touches` is given, but is allowed only with the type `touch`; the daemon stopped the device"
+                        .into(),
                 )
                 .with_field("touches".into())
             })

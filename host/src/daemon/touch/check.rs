@@ -189,7 +189,7 @@ impl Feel {
             ];
             if let Some((field, value)) = alone.into_iter().find_map(|(field, value)| Some((field, value?))) {
                 let detail =
-                    format!("{field} is {value}, but is allowed only together with effect, which is not given");
+                    format!("{field} is {value}, but is allowed only together with `effect`, which is not given");
                 return Err(Problem::bad_body(detail).with_field_and_value(
                     field,
                     value,
@@ -255,7 +255,7 @@ fn check_and_cut_windows_into_spans(
             None => Ok(None),
             Some((t, (field, ms))) => {
                 let detail =
-                    format!("{field} is {ms}, but is not allowed together with effect: an effect has its own length");
+                    format!("{field} is {ms}, but is not allowed together with `effect`: an effect has its own length");
                 Err(Problem::bad_body(detail)
                     .with_field_and_value(field, ms.into(), "absent with an effect".into(), None)
                     .with_field_prefix(name_of_target(t)))

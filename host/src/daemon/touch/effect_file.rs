@@ -86,22 +86,25 @@ impl CheckedEffectFile {
                 list_events_of_file(effect, FileFormat::Json).map_err(|error| wrong("effect", error))?
             }
             (None, Some(_), Some(format @ (FileFormat::Hmpg | FileFormat::Wav))) => {
-                let detail = format!("format is {format}, which is no text: `era effect --file` reads it");
+                let detail = format!(
+                    "format is {format}, but a request can contain only files in a text format: use `era effect \
+                     --file` for a file in a binary format"
+                );
                 return Err(Problem::bad_body(detail).with_field("format".into()));
             }
             (None, Some(text), format) => {
                 read_effect_bytes(text.as_bytes(), format).map_err(|error| wrong("file", error))?
             }
             (Some(_), None, Some(_)) => {
-                let detail = "format is given, but is allowed only together with file";
+                let detail = "format is given, but is allowed only together with `file`";
                 return Err(Problem::bad_body(detail.into()).with_field("format".into()));
             }
             (Some(_), Some(_), _) => {
-                let detail = "effect and file are both given, but only one of them is allowed";
+                let detail = "`effect` and `file` are both given, but only one of them is allowed";
                 return Err(Problem::bad_body(detail.into()).with_field("file".into()));
             }
             (None, None, _) => {
-                let detail = "effect and file are both missing, but one of them must be given";
+                let detail = "`effect` and `file` are both missing, but one of them must be given";
                 return Err(Problem::bad_body(detail.into()).with_field("effect".into()));
             }
         };

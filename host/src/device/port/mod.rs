@@ -49,7 +49,7 @@ pub fn list_serial_ports() -> Vec<SerialPortInfo> {
 #[must_use]
 pub fn describe_port_names() -> String {
     let names: Vec<String> = list_serial_ports().into_iter().map(|port| port.port_name).collect();
-    if names.is_empty() { "there is none".into() } else { names.join(", ") }
+    if names.is_empty() { "none found".into() } else { names.join(", ") }
 }
 
 /// The path of the port with this USB identity; without one, of the first ERA board.

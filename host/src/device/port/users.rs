@@ -193,7 +193,9 @@ impl PortDenial {
                  or {rule}"
             ),
             PortGroupAccess { group: None, .. } => {
-                format!("the user {user} may not open the port {port_path}, and no group may: {rule}")
+                format!(
+                    "the user {user} may not open the port {port_path}, and no group has access to this port: {rule}"
+                )
             }
         }
     }

@@ -74,8 +74,8 @@ impl SessionWorker {
         let oldest = self.device.timing().arming.saturating_add(ORDER);
         if self.again_since.is_some_and(|since| asked_at < since) || asked_at.elapsed() > oldest {
             let reason = format!(
-                "the device did not answer, or this program did not run, for a while; this request is {:.0?} old and is not \
-                 carried out any more",
+                "the device did not answer for a while, or this program did not run; this request is {:.0?} old \
+                 and is not carried out: send the request again",
                 asked_at.elapsed()
             );
             return Err(SessionError::Late { path: self.device.port_path().to_owned(), reason });
@@ -283,14 +283,15 @@ impl SessionWorker {
         tracing::warn!(
             request,
             waited_ms = waited.as_secs_f64() * 1e3,
-            "the device does not answer; the daemon continues to ask"
+            "the device does not answer; the daemon sends the request again"
         );
         publish.send_modify(|snapshot| {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "the device did not answer for {:.0} ms, and the daemon asks again. If an armed board stays silent, the \
-                 daemon stops the board. An armed board that receives nothing for 250 ms switches off by itself",
+                "the device did not answer for {:.0} ms, and the daemon sends its request again. If an armed board \
+                 stays silent, the daemon stops the board. An armed board that receives nothing for 250 ms switches \
+                 off by itself",
                 waited.as_secs_f64() * 1e3
             ));
         });

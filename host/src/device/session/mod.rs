@@ -64,7 +64,7 @@ pub enum SessionError {
         reason: String,
     },
     /// The device has neither got through its self-test nor told a fault.
-    #[error("the device did not become ready within {waited:?}; it is {state}")]
+    #[error("the device did not become ready within {waited:?}; its state is {state}")]
     NotArmed {
         /// How long was waited.
         waited: Duration,
@@ -89,7 +89,7 @@ pub enum SessionError {
     #[error("everything was stopped while this request was being planned")]
     Stopped,
     /// The device went off, faulted or was away after this drive had been asked for.
-    #[error("the device has switched off, reported a fault or had an outage since this request")]
+    #[error("the device has switched off, reported a fault or had an outage since this request arrived")]
     Broken,
     /// The session has ended.
     #[error("the daemon is shutting down")]

@@ -81,7 +81,8 @@ impl SceneNeeds {
             let most_v = f64::from(channel.max_voltage_millivolts) / 1e3;
             (most_v < *volts).then(|| {
                 format!(
-                    "the scene allows {volts} V for actuator {number}, but the board gives its channel {most_v} V at most"
+                    "the scene allows {volts} V for actuator {number}, but the board allows at most {most_v} V on \
+                     the channel of this actuator"
                 )
             })
         });

@@ -88,7 +88,7 @@ impl FigureCache<'_> {
                 let (table, plan) = self.plan_low_intensity_touch_at_place_of_figure(wanted)?;
                 let rise =
                     era_planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan).reaches_90_ms;
-                rise.ok_or_else(|| nothing("the motion does not settle, or it cannot be computed"))?
+                rise.ok_or_else(|| nothing("the motion does not settle, or cannot be computed"))?
             }
             Figure::CrispShare => {
                 let click = EffectRequest::with_defaults(NamedEffect::Click);

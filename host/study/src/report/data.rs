@@ -22,19 +22,23 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
         ""
     };
     let all = table.entries.len();
-    let shown =
-        if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
-    let lines = if table.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
-        "A line for each design that meets the limits"
+    let shown = if all > MOST {
+        format!(" The plots show {MOST} of {all} designs: the best, and an even selection of the others.")
     } else {
-        "No design meets the limits: a line for each that has figures"
+        String::new()
+    };
+    let lines = if table.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
+        "Each line is a design that meets the limits."
+    } else {
+        "No design meets the limits, so each line is a design that has figures."
     };
     format!(
-        "<p>{what} Crosses do not meet the limits; the diamond is the scene as it is. Point at one to read it.{off}{shown}</p>\n\
+        "<p>{what} Crosses are designs that do not meet the limits; the diamond is the scene as it is. Point at a mark \
+         to read its design.{off}{shown}</p>\n\
          <p class=\"axes\"><label>across <select id=\"across\"></select></label> <label>up <select id=\"up\"></select></label></p>\n\
          <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
-         <h3>Side by side</h3>\n<p>{lines}, the best ones light. Drag along an axis to see only those that go \
-         through there; click it to see all.</p>\n<div id=\"parallel\"></div>\n"
+         <h3>Side by side</h3>\n<p>{lines} The best designs have light lines. Drag along an axis to see only the \
+         lines in this range; click the axis to remove the range.</p>\n<div id=\"parallel\"></div>\n"
     )
 }
 

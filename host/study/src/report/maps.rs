@@ -36,11 +36,13 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
             .into();
     }
     if !(least > 0.0 && most > least) {
-        return "<p>There is no map.</p>\n".into();
+        return "<p>There is no map: the peaks are not known, are equal everywhere, or are 0 at some place.</p>\n"
+            .into();
     }
     let mut html = format!(
         "<p>The largest possible peak at each place, with a setting for every touch, from {} g (dark) to {} g (light), \
-         colours by ratio; circles are actuators, squares supports, the cross is the weakest place.</p>\n<div class=\"maps\">\n",
+         colours by ratio; circles are actuators, squares are supports, the cross is the weakest place.</p>\n\
+         <div class=\"maps\">\n",
         format_four_digits(least),
         format_four_digits(most)
     );

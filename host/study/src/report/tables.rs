@@ -75,7 +75,7 @@ fn write_html_table_of_scene_and_best_designs(
     html.push_str("</tr>\n");
     let as_it_is = study.space.design_of_scene_file();
     for column in &table.columns {
-        let text = column.text_in_design_unless_kept(&as_it_is).unwrap_or_else(|| "as in its file".into());
+        let text = column.text_in_design_unless_kept(&as_it_is).unwrap_or_else(|| "as in the scene file".into());
         let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escape_html(&column.name), escape_html(&text));
         for own in &finals.best {
             let text = own
@@ -255,12 +255,13 @@ fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &Desi
     if last < before {
         let more = 100.0 * (before - last) / before.abs().max(1e-12);
         format!(
-            "<p>The last quarter of the designs still improved {name} from {} to {} ({more:.2} %): more designs may find better ones.</p>\n",
+            "<p>The last quarter of the designs still improved {name} from {} to {} ({more:.2} %): a study \
+             with more designs may find a better design.</p>\n",
             format_four_digits(wish.goal.loss_of_figure(before)),
             format_four_digits(wish.goal.loss_of_figure(last))
         )
     } else {
-        format!("<p>The last quarter of the designs found none with a better {name}.</p>\n")
+        format!("<p>The last quarter of the designs has no design with a better {name}.</p>\n")
     }
 }
 
@@ -286,7 +287,7 @@ fn write_html_table_of_failure_and_broken_limit_reasons(table: &DesignTable) -> 
     }
     html.push_str("</table>\n");
     if all.len() > MOST_REASONS {
-        let _ = writeln!(html, "<p>And {} other reasons, in the table.</p>", all.len() - MOST_REASONS);
+        let _ = writeln!(html, "<p>The table of designs has {} other reasons.</p>", all.len() - MOST_REASONS);
     }
     html
 }

@@ -43,7 +43,8 @@ fn check_grid_within_most_designs(method: &TomlSection<'_, '_>, spec: &StudySpec
     // What cannot be counted is the largest number.
     let count = if designs == usize::MAX { "more than can be counted".to_owned() } else { designs.to_string() };
     let text = format!(
-        "method.levels is {}: with the levels and steps of the variables that makes {count} designs, but there may be at most {MOST_DESIGNS}",
+        "method.levels is {}, which together with the levels and steps of the variables makes {count} designs, \
+         but at most {MOST_DESIGNS} are allowed",
         spec.method.levels
     );
     method.mistake_report().add_mistake_at(&method.byte_range_of_value_or_section("levels"), text);

@@ -32,7 +32,7 @@ impl StudyTask {
 
 /// A name that is no task's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{name:?} is not the name of a task; such names are base, designs-0000003 and run-0001-generation-00002")]
+#[error("{name:?} is not the name of a task; examples of names: base, designs-0000003, run-0001-generation-00002")]
 pub struct TaskError {
     name: String,
 }

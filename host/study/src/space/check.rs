@@ -112,7 +112,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: two variables change {place}, this one and variable[{}] ({}) in line {}: only one variable may change it",
+                    "{}: two variables change {place}, this variable and variable[{}] ({}) in line {}: \
+                     only one variable may change a place",
                     name_variable_in_message(number, own),
                     before + 1,
                     other.name,
@@ -185,7 +186,10 @@ impl DesignSpace {
         for (number, (own, places)) in self.uncertain.iter().zip(self.places_of_each_uncertain_value()).enumerate() {
             if places.iter().any(|place| document::number_at_place_if_any(&self.base, place).is_none()) {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
-                lines.report_mistake_in_line(own.line, format!("{name}: the scene's file has no number there"));
+                lines.report_mistake_in_line(
+                    own.line,
+                    format!("{name}: `key` leads to a place without a number in the scene file"),
+                );
             }
         }
         let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
@@ -253,7 +257,8 @@ impl DesignSpace {
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "uncertain[{}] ({}): two entries make {place} uncertain, this one and uncertain[{}] ({}) in line {}: only one entry may do so",
+                        "uncertain[{}] ({}): two entries make {place} uncertain, this entry and uncertain[{}] ({}) \
+                         in line {}: only one entry may make a place uncertain",
                         number + 1,
                         own.name,
                         before + 1,

@@ -18,7 +18,7 @@ pub enum RefusedDesign {
     #[error("{0}")]
     Scene(String),
     /// Two places are too near.
-    #[error("{first} and {second} are {distance_mm} mm apart, but must be at least {least_mm} mm")]
+    #[error("{first} and {second} are {distance_mm} mm apart, but must be at least {least_mm} mm apart")]
     Near {
         /// One.
         first: String,
@@ -58,7 +58,7 @@ pub(super) fn check_variables_can_be_set_in_document(
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
             let places = of.find_places_allowing_new_last_key(base)?;
             let is_one = matches!(places.as_slice(), [place] if find_table_at_place(base, place).is_some());
-            if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
+            if is_one { Ok(()) } else { Err(missing(of, "single table at this path".into())) }
         }
         VariableKind::Count { list, to, .. } => {
             let Some(tables) = base.get(list).and_then(Item::as_array_of_tables) else {
@@ -76,7 +76,7 @@ fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
     // Whoever counts writes the plural.
     match all.iter().find(|own| name.starts_with(**own) || own.starts_with(name)) {
         Some(own) => format!("did you mean {own}?"),
-        None => format!("lists here: {}", all.join(", ")),
+        None => format!("lists in the scene: {}", all.join(", ")),
     }
 }
 

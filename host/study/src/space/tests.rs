@@ -98,7 +98,13 @@ fn tables_of_lists_take_nothing_but_tables() {
     let study = "[[variable]]\nkey = \"support[1]\"\nfrom = 1\nto = 2\n\
                  [[variable]]\nkey = \"actuator.*\"\nvalues = [1, { x_mm = 0.0 }]\n";
     let error = space_of(study, STARTING_PLATE).unwrap_err();
-    hold(&error, &[(4, "support[1] leads to a table: its values must be tables"), (8, "actuator.* leads to a table")]);
+    hold(
+        &error,
+        &[
+            (4, "support[1] leads to a table: extend the path to a key of this table, or give tables as `values`"),
+            (8, "actuator.* leads to a table"),
+        ],
+    );
 }
 
 #[test]
@@ -110,7 +116,7 @@ fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
     let one = scene(&space, &[0.2, 0.5, 0.5]);
     assert_eq!(one.actuators.len(), 1);
     let refused = space.design_as_scene(&space.design_at_point(&[0.8, 0.5, 0.5]), &[]).unwrap_err();
-    assert_eq!(refused.to_string(), "left and right are 0.0 mm apart, but must be at least 30 mm");
+    assert_eq!(refused.to_string(), "left and right are 0.0 mm apart, but must be at least 30 mm apart");
 }
 
 #[test]
@@ -192,7 +198,7 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
             "the scene is not valid with any of the values of this variable that were tried: surface.thickness_mm is 200, but must be 0.001 to 100",
         ),
         (12, "must be the place of an earlier variable"),
-        (16, "the scene has 2 [[actuator]], but 3 are asked for"),
+        (16, "the scene has 2 [[actuator]], but `to` is 3"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
     hold(&error, &expected);
@@ -200,7 +206,7 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
 
 #[test]
 fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
-    for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists here: support, actuator")] {
+    for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists in the scene: support, actuator")] {
         let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 2\n");
         let expected = format!("the scene has no [[{list}]]; {hint}");
         hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(4, expected.as_str())]);
@@ -248,7 +254,8 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
     let expected = [
         (
             9,
-            "variable[2] (other): two variables change support[1].x_mm, this one and variable[1] (support[1].x_mm) in line 4",
+            "variable[2] (other): two variables change support[1].x_mm, this variable and variable[1] \
+             (support[1].x_mm) in line 4",
         ),
         (14, "variable[3] (status): its column in the table of designs would be \"status\", but the table itself has"),
         (
@@ -259,14 +266,14 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
             28,
             "variable[6] (a.y_mm): its column in the table of designs would be \"a.y_mm\", but variable[5] in line 24 has",
         ),
-        (32, "two variables change actuator[1].x_mm, this one and variable[5] (a) in line 24"),
+        (32, "two variables change actuator[1].x_mm, this variable and variable[5] (a) in line 24"),
     ];
     hold(&space_of(study, STARTING_PLATE).unwrap_err(), &expected);
     // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
     let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
     let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
     let error = space_of(&format!("{key}{table}"), STARTING_PLATE).unwrap_err();
-    hold(&error, &[(8, "two variables change surface.material.density_kg_m3, this one and variable[1]")]);
+    hold(&error, &[(8, "two variables change surface.material.density_kg_m3, this variable and variable[1]")]);
     let space = space(&format!("{table}{key}"));
     assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
 }
@@ -280,7 +287,7 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
     let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
-        (13, "uncertain[1] (surface.kind): the scene's file has no number there"),
+        (13, "uncertain[1] (surface.kind): `key` leads to a place without a number in the scene file"),
         (16, "uncertain[2]: support[9].x_mm: the scene has no support[9]"),
     ];
     hold(&error, &expected);
@@ -375,6 +382,7 @@ fn a_value_is_off_in_one_way() {
     let table = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n";
     let off = |key: &str| format!("[[uncertain]]\nkey = \"{key}\"\npart = 0.1\n");
     let study = format!("{table}{}{}", off("support.*.stiffness_n_per_m"), off("support[1].stiffness_n_per_m"));
-    let expected = "two entries make support[1].stiffness_n_per_m uncertain, this one and uncertain[1] (support.*.stiffness_n_per_m) in line";
+    let expected = "two entries make support[1].stiffness_n_per_m uncertain, this entry and \
+                    uncertain[1] (support.*.stiffness_n_per_m) in line";
     hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(12, expected)]);
 }

@@ -157,12 +157,12 @@ fn add_none_or_several_keys_mistake(section: &TomlSection<'_, '_>, key_to_point_
     let [a, b, c] = given.map(|(key, _)| key);
     let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     let text = match there.is_empty() {
-        true => format!("{}: one of {a}, {b} and {c} is needed", section.path_in_messages()),
+        true => format!("{}: exactly one of the keys `{a}`, `{b}` and `{c}` is needed", section.path_in_messages()),
         false => {
             format!(
-                "{}: {} are given, but only one of {a}, {b} and {c} is allowed",
+                "{}: the keys `{}` are given, but only one of `{a}`, `{b}` and `{c}` is allowed",
                 section.path_in_messages(),
-                there.join(" and ")
+                there.join("` and `")
             )
         }
     };
@@ -336,18 +336,18 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     } else {
         None
     };
-    let is_of_no = |what: &str| format!("because {} is not a figure {what}", figure.name());
+    let is_unused = |key: &str| format!("because the figure {} does not use `{key}`", figure.name());
     if !figure.is_evaluated_at_weakest_place() {
-        report_given_keys_that_must_be_left_out(section, ["setting"], &is_of_no("of settings"));
+        report_given_keys_that_must_be_left_out(section, ["setting"], &is_unused("setting"));
     }
     if !figure.is_weakest_place_peak() {
-        report_given_keys_that_must_be_left_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
+        report_given_keys_that_must_be_left_out(section, ["drives"], &is_unused("drives"));
     }
     if !figure.depends_on_place() {
-        report_given_keys_that_must_be_left_out(section, ["at_mm"], &is_of_no("of a place"));
+        report_given_keys_that_must_be_left_out(section, ["at_mm"], &is_unused("at_mm"));
     }
     if figure != Figure::SagUm {
-        report_given_keys_that_must_be_left_out(section, ["force_n"], &is_of_no("of a press"));
+        report_given_keys_that_must_be_left_out(section, ["force_n"], &is_unused("force_n"));
     }
     let is_pressed = figure == Figure::SagUm && section.has_key("force_n");
     let force_n = is_pressed.then(|| {
@@ -371,7 +371,7 @@ fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
     if !section.has_key("least") & !section.has_key("most") {
         section.mistake_report().add_mistake_at(
             &section.byte_range_of_value_or_section("figure"),
-            format!("{}: least or most is needed", section.path_in_messages()),
+            format!("{}: at least one of the keys `least` and `most` is needed", section.path_in_messages()),
         );
     }
     let least = section.read_optional_number_or_nan("least", f64::NEG_INFINITY, ANY);
@@ -390,7 +390,7 @@ fn read_uncertain_value(section: TomlSection<'_, '_>) -> UncertainValue {
     if section.has_key("part") == section.has_key("by") {
         section.mistake_report().add_mistake_at(
             &section.byte_range_of_value_or_section("key"),
-            format!("{}: exactly one of part and by is needed", section.path_in_messages()),
+            format!("{}: exactly one of the keys `part` and `by` is needed", section.path_in_messages()),
         );
     }
     let part = section.read_optional_number_or_nan("part", 0.0, AllowedNumbers::Within(0.0, 0.99));

@@ -29,15 +29,15 @@ enum PathSegment {
 pub enum PathError {
     /// Not of a path's form.
     #[error(
-        "{path:?} is not a place in a scene; such places are surface.thickness_mm, support[1].x_mm, support.*.x_mm, \
-         actuator.left.x_mm and edge.top.kind"
+        "{path:?} is not a place in a scene; examples of places: surface.thickness_mm, support[1].x_mm, \
+         support.*.x_mm, actuator.left.x_mm, edge.top.kind"
     )]
     Form {
         /// As written.
         path: String,
     },
     /// A list is too short.
-    #[error("the scene has {found} [[{list}]], but {wanted} are asked for")]
+    #[error("the scene has {found} [[{list}]], but `to` is {wanted}")]
     Few {
         /// The list.
         list: String,
@@ -55,7 +55,7 @@ pub enum PathError {
         hint: String,
     },
     /// It ends at a table of a list, for which a value is no table.
-    #[error("{path} leads to a table: its values must be tables, or the path must go on to one of its keys")]
+    #[error("{path} leads to a table: extend the path to a key of this table, or give tables as `values`")]
     Table {
         /// As written.
         path: String,

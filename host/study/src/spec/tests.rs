@@ -28,11 +28,11 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
         (14, "variable[3].from is 0, but must be above 0, because the scale is \"log\""),
         (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value, 2 in all"),
-        (22, "variable[5]: one of key, place and count is needed"),
+        (22, "variable[5]: exactly one of the keys `key`, `place` and `count` is needed"),
         (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
         (25, "wish[2].at_mm is missing, but must be the place, [x, y] in mm"),
-        (28, "limit[1]: least or most is needed"),
-        (30, "uncertain[1]: exactly one of part and by is needed"),
+        (28, "limit[1]: at least one of the keys `least` and `most` is needed"),
+        (30, "uncertain[1]: exactly one of the keys `part` and `by` is needed"),
         (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
         (35, "method.designs is 10, but must be at least 32, one generation of each run"),
     ];
@@ -71,7 +71,7 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{wish}at_mm = [1, 2]\n"),
             6,
-            "wish[1].at_mm is [1, 2], but must be left out, because mass_g is not a figure of a place",
+            "wish[1].at_mm is [1, 2], but must be left out, because the figure mass_g does not use `at_mm`",
         ),
         (format!("{wish}setting = \"one\"\n"), 6, "wish[1].setting is \"one\", but must be left out"),
         (format!("{wish}drives = \"in_phase\"\n"), 6, "wish[1].drives is \"in_phase\", but must be left out"),
@@ -94,12 +94,13 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{place}within_mm = [0, 0, 1, 1]\nline_mm = [0, 0, 1, 1]\n"),
             7,
-            "variable[1]: within_mm and line_mm are given, but only one of within_mm, line_mm and mirror_of is allowed",
+            "variable[1]: the keys `within_mm` and `line_mm` are given, but only one of `within_mm`, \
+             `line_mm` and `mirror_of` is allowed",
         ),
         (
             format!("{place}key = \"a.c\"\n"),
             6,
-            "variable[1]: key and place are given, but only one of key, place and count is allowed",
+            "variable[1]: the keys `key` and `place` are given, but only one of `key`, `place` and `count` is allowed",
         ),
     ] {
         let told = of(&rest);

@@ -34,7 +34,7 @@ pub fn find_last_frame_arrivals_unless_ambiguous(
             && let Some(other) = owners.insert(place, number)
         {
             return Err(format!(
-                "touches {other} and {number} of this load drive the same: nobody knows whose frame it is"
+                "touches {other} and {number} of this load have the same drives: the touch of this frame is unknown"
             ));
         }
         all.push(found.map(|(_, frame)| frame.at));

@@ -22,7 +22,8 @@ pub fn send_touches_over_live(address: SocketAddr, pace: Pace) -> Result<Vec<Tou
     let (sent, messages) = std::thread::scope(|threads| {
         let reads = threads.spawn(move || read_messages(&mut reader, until));
         let sent = send_finger_places_and_list_due_times(&mut writer, pace);
-        let messages = reads.join().unwrap_or_else(|_| Err("the reader has panicked".into()));
+        let messages =
+            reads.join().unwrap_or_else(|_| Err("the thread that reads the live socket has panicked".into()));
         // Lifted when all is read: what the daemon says of that is nobody's place.
         let lifted = writer.send(&json!({"type": "touch", "touches": []}));
         Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))

@@ -154,7 +154,7 @@ fn ask_and_count_outcome_of_unanswered_touch(
         }
         std::thread::sleep(LOOK);
     }
-    tally.record_loss(format!("{name}: {error} ({:?}); asked afterwards: {last}", error.kind()));
+    tally.record_loss(format!("{name}: {error} ({:?}); the answer about its outcome: {last}", error.kind()));
 }
 
 /// Taps and drags on the live socket, one after the other: the last place of each must be driven and shown, or refused.
@@ -242,6 +242,9 @@ fn perform_random_gesture(live: &mut Live, client: usize, random: &mut Rng) -> R
         }
     }
     refused.ok_or_else(|| {
-        format!("neither plan nor error within {} s of {moves} moves, but {others} plans of others", PATIENCE.as_secs())
+        format!(
+            "neither plan nor error within {} s of {moves} moves, but {others} plans for other clients",
+            PATIENCE.as_secs()
+        )
     })
 }

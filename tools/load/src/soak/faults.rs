@@ -137,7 +137,7 @@ impl Faults<'_> {
             }
             std::thread::sleep(LOOK);
         }
-        Err(format!("nothing could be driven before: {last}"))
+        Err(format!("no touch could be driven before the fault: {last}"))
     }
 
     /// Waits until a touch is driven.
@@ -166,7 +166,7 @@ impl Faults<'_> {
         let mut http = self.new_http_client();
         let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
         wait_until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
-            .ok_or_else(|| format!("{what} in {} s", NOTICED.as_secs()))
+            .ok_or_else(|| format!("{what} within {} s", NOTICED.as_secs()))
     }
 
     fn fetch_metrics(&self) -> String {
@@ -208,7 +208,7 @@ impl Faults<'_> {
         if let Some(after) = told {
             self.ledger.losses.add_time(after);
         }
-        let told = told.ok_or_else(|| format!("the loss was not told in {} s", NOTICED.as_secs()));
+        let told = told.ok_or_else(|| format!("the daemon did not report the loss within {} s", NOTICED.as_secs()));
         Ok(later_if_both_seen(off, told))
     }
 
@@ -310,7 +310,7 @@ impl Faults<'_> {
         };
         let detected = match end {
             SlowClientEnd::Ended(after) => Ok(after),
-            SlowClientEnd::Borne => Err("the daemon still serves it".into()),
+            SlowClientEnd::Borne => Err("the daemon still serves this client".into()),
             SlowClientEnd::Unknown => return,
         };
         let again = self.await_driven_touch();

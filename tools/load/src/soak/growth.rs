@@ -17,7 +17,7 @@ const HANDLES: u64 = 4;
 pub fn describe_growth(warm: MemoryThreadsAndHandles, later: MemoryThreadsAndHandles, when: &str) -> Vec<String> {
     // A process without a thread is none.
     if warm.threads == 0 || later.threads == 0 {
-        return vec![format!("what the daemon takes {when} could not be read")];
+        return vec![format!("the memory, threads and handles of the daemon {when} could not be read")];
     }
     let all = [
         ("memory", " kB", warm.memory_kb, later.memory_kb, MEMORY_KB),
@@ -27,7 +27,7 @@ pub fn describe_growth(warm: MemoryThreadsAndHandles, later: MemoryThreadsAndHan
     let grown = all.into_iter().filter(|(.., before, after, most)| *after > before + most);
     grown
         .map(|(name, unit, before, after, most)| {
-            format!("{name} grew from {before}{unit} to {after}{unit} {when}, and may by {most}{unit}")
+            format!("{name} grew from {before}{unit} to {after}{unit} {when}, but may grow by at most {most}{unit}")
         })
         .collect()
 }

@@ -141,7 +141,7 @@ fn high_voltage_that_stays_on_is_named() {
     let found =
         verdict_on_board(mistakes, |faults| faults.inject_line_cut(FaultKind::DeadLine, &both_directions).unwrap())
             .expect("a verdict");
-    assert!(found.contains("looks after the dead-man time"), "{found}");
+    assert!(found.contains("observations after the dead-man time"), "{found}");
     assert!(
         found.contains("line dead for a while: not detected: the board's high voltage was still on after"),
         "{found}"
@@ -218,7 +218,7 @@ fn a_loss_that_is_told_late_is_named() {
             .unwrap();
         told.unwrap();
     });
-    let named = "1 of 1 losses of the board were told after more than 100 ms";
+    let named = "1 of 1 losses of the board were reported after more than 100 ms";
     assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
 }
 
@@ -264,7 +264,7 @@ fn a_daemon_that_refuses_every_touch_is_named() {
     assert!(found.contains("no touch was driven") && found.contains("with 409 device-fault"), "{found}");
     // Its board's fault is counted whatever became of touches.
     let found = verdict_on_address(address, |_| {}).unwrap();
-    assert!(found.contains("the board has latched 1 faults, and 0 were injected"), "{found}");
+    assert!(found.contains("the board has latched 1 faults, but only 0 were injected"), "{found}");
 }
 
 /// The verdict on a daemon that opens as many files as `descriptors` names descriptors, while clients are at it.

@@ -153,7 +153,7 @@ fn run_load_until_end(options: &Options, begun: Instant, faults: &mut Faults<'_>
     while begun.elapsed() < lasts {
         if faults.daemon.has_ended() {
             return Err(Error::Answer(format!(
-                "the daemon has ended by itself; it said:\n{}",
+                "the daemon has ended by itself; its log:\n{}",
                 faults.daemon.recent_log()
             )));
         }

@@ -56,7 +56,7 @@ impl Report {
             found.push(format!("both electrodes of an ERA were on in {overlaps} steps"));
         }
         if late > 0 {
-            found.push(format!("high voltage was on at {late} looks after the dead-man time"));
+            found.push(format!("high voltage was on in {late} observations after the dead-man time"));
         }
         found
     }
@@ -68,7 +68,8 @@ impl Report {
         let longest = losses.longest_ms().filter(|_| late > 0)?;
         let of = losses.len();
         Some(format!(
-            "{late} of {of} losses of the board were told after more than {LOSS_TOLD_MS} ms, the last after {longest:.0} ms"
+            "{late} of {of} losses of the board were reported after more than {LOSS_TOLD_MS} ms, the last after \
+             {longest:.0} ms"
         ))
     }
 
@@ -83,7 +84,7 @@ impl Report {
         }
         let (count, kinds) = tally.count_and_describe_unexpected_refusals(self.injects);
         if count * UNEXPECTED > tally.count_answered_touches() + tally.arming.values().sum::<u64>() {
-            found.push(format!("{count} requests were refused for what nothing here asks for: {}", kinds.join(", ")));
+            found.push(format!("{count} requests were refused without a cause in this run: {}", kinds.join(", ")));
         }
         found
     }
@@ -92,7 +93,8 @@ impl Report {
     fn describe_latched_faults_exceeding_injected(&self) -> Option<String> {
         let injected = self.ledger.count_possible_latches();
         let Self { latched, .. } = self;
-        (*latched > injected).then(|| format!("the board has latched {latched} faults, and {injected} were injected"))
+        (*latched > injected)
+            .then(|| format!("the board has latched {latched} faults, but only {injected} were injected"))
     }
 
     /// What the daemon takes more and more of, in words. One that has ended by itself takes nothing.
@@ -122,7 +124,7 @@ impl Report {
         wrong.extend(self.ledger.misses.iter().cloned());
         wrong.extend(self.describe_board_losses_told_late());
         wrong.extend(self.describe_growth());
-        wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; it said:\n{log}")));
+        wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; its log:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
     }
 

@@ -91,7 +91,7 @@ fn check_daemon_serves_page(system: &Path) -> Result<(), Error> {
             Ok(page) if page.starts_with("HTTP/1.1 200") && page.contains(TITLE) => break,
             Ok(page) => {
                 return Err(Error::Package(format!(
-                    "the daemon's page is not one: {}",
+                    "the daemon's answer is not its page: {}",
                     page.lines().next().unwrap_or_default()
                 )));
             }

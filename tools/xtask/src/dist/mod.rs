@@ -41,12 +41,12 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     copy_file(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
     write_checksums(&out)?;
     if options.no_chroot {
-        println!("not tried: the package in a Debian system of its own (--no-chroot)");
+        println!("skipped: the test of the package in a separate Debian system (--no-chroot)");
     } else {
         chroot::try_package_in_chroot(&root, &package)?;
     }
     println!(
-        "in {}:\n{}",
+        "the release is in {}:\n{}",
         out.display(),
         capture_output(Command::new("sha256sum").current_dir(&out).args(["--check", "SHA256SUMS"]))?
     );

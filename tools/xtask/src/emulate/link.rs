@@ -41,7 +41,7 @@ impl Link {
             &encode_request_frame(version, self.sequence, request)?,
             ANSWER_LIMIT_S,
         )?;
-        decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("{request:?}")))
+        decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("no reply to {request:?}")))
     }
 }
 

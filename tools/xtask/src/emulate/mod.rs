@@ -51,7 +51,7 @@ pub fn run_emulator(options: &Options) -> Result<(), Error> {
         return measure_and_print_hello_round_trips(&mut bridge, &mut terminal, times);
     }
     drop(terminal);
-    eprintln!("emulate: commands of the bridge can be typed here, one JSON object a line; Ctrl-D ends it");
+    eprintln!("emulate: type commands of the bridge here, one JSON object per line; Ctrl-D ends the emulator");
     bridge.connect_control_channel_to_standard_io()
 }
 

@@ -142,7 +142,10 @@ fn describe_survey_findings_if_any(name: &str, survey: &Survey) -> String {
         survey.long.iter().map(|(file, count)| format!("{name}: {file} has {count} lines, more than 500")).collect();
     lines.extend(survey.lost.iter().map(|file| format!("{name}: no `mod` leads to {file}")));
     for circle in &survey.circles {
-        lines.push(format!("{name}: a circle of {} files, each with those of it that it imports:", circle.len()));
+        lines.push(format!(
+            "{name}: a circle of {} files, each with the files of the circle that it imports:",
+            circle.len()
+        ));
         for (from, to) in circle {
             let to: Vec<&str> = to.iter().map(String::as_str).collect();
             lines.push(format!("  {from} -> {}", to.join(", ")));

@@ -155,7 +155,7 @@ fn long_and_lost_files_and_circles_are_printed() {
     let lines = [
         "made-up: c.rs has 501 lines, more than 500",
         "made-up: no `mod` leads to lost.rs",
-        "made-up: a circle of 2 files, each with those of it that it imports:",
+        "made-up: a circle of 2 files, each with the files of the circle that it imports:",
         "  a.rs -> c.rs",
         "  c.rs -> a.rs",
     ];

@@ -82,7 +82,7 @@ pub fn plant_mistakes(options: &Options) -> Result<(), Error> {
             other => Ok(other?),
         };
         let seen = match &outcome {
-            Ok(MutationOutcome::NotCompiled) => "the compiler, as its entry says".to_owned(),
+            Ok(MutationOutcome::NotCompiled) => "the compiler, as expected".to_owned(),
             Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
             Ok(MutationOutcome::Survived) => "NOTHING".to_owned(),
             Err(reason) => format!("NOT JUDGED: {reason}"),
@@ -172,9 +172,11 @@ fn judge_verdict(mutation: &Mutation, verdict: TreeVerdict) -> Result<MutationOu
     match verdict {
         TreeVerdict::Sound => Ok(MutationOutcome::Survived),
         TreeVerdict::NotCompiled(_) if mutation.is_for_compiler => Ok(MutationOutcome::NotCompiled),
-        TreeVerdict::NotCompiled(reason) => Err(Error::Unjudged(format!("it does not compile: {reason}"))),
+        TreeVerdict::NotCompiled(reason) => {
+            Err(Error::Unjudged(format!("the changed code does not compile: {reason}")))
+        }
         TreeVerdict::Failed(names) if names.is_empty() => {
-            Err(Error::Unjudged("a run failed without the name of a test or row".to_owned()))
+            Err(Error::Unjudged("a run failed, but named no test and no row of the report".to_owned()))
         }
         TreeVerdict::Failed(names) => Ok(MutationOutcome::Detected(names)),
     }

@@ -33,7 +33,10 @@ pub enum StackError {
     #[error("not a 32-bit ARM executable: {0}")]
     Malformed(#[from] object::read::Error),
     /// Code that changes the stack pointer in an unforeseen way.
-    #[error("at {address:#010x} in {function}: what happens to the stack pointer, or where this jumps, is not clear")]
+    #[error(
+        "at {address:#010x} in {function}: the effect of this instruction on the stack pointer, or the target of its \
+         jump, is not known"
+    )]
     Unclear {
         /// Names of the function.
         function: String,
@@ -41,11 +44,12 @@ pub enum StackError {
         address: u32,
     },
     /// The budget names a function that the image does not have.
-    #[error("the image has no function named {0}, which the budget speaks of")]
+    #[error("the image has no function named {0}, but firmware/budget.toml needs this function")]
     NoFunction(String),
     /// An interrupt has another priority than the one that was counted with.
     #[error(
-        "interrupt {number} ({handler}) has priority {found} on the emulated board, and {budget} in firmware/budget.toml"
+        "interrupt {number} ({handler}) has priority {found} on the emulated board, but {budget} in \
+         firmware/budget.toml"
     )]
     Priority {
         /// Names of its handler.
@@ -58,13 +62,13 @@ pub enum StackError {
         budget: u8,
     },
     /// What the session with the emulated board leaves out.
-    #[error("the session on the emulated board never asks {0}: add it in tools/xtask/src/stack/seen.rs")]
+    #[error("the session on the emulated board never sends {0}: add this request in tools/xtask/src/stack/seen.rs")]
     NotAsked(String),
     /// The emulated board could not be asked.
     #[error("the emulated board: {0}")]
     Board(String),
     /// More was in use than can be, so the analysis is wrong.
-    #[error("{seen} bytes were in use on the emulated board, more than the {bound} that are possible")]
+    #[error("{seen} bytes were in use on the emulated board, more than the computed bound of {bound} bytes")]
     BeyondBound {
         /// Bytes in use.
         seen: u32,

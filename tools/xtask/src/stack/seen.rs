@@ -77,7 +77,7 @@ fn send_all_requests_returning_names(bridge: &mut Bridge) -> Result<BTreeSet<&'s
     let mut ask = |bridge: &mut Bridge, request: &Request| {
         asked.insert(name(request));
         match link.send_request(bridge, request)? {
-            Reply::Refused(refusal) => Err(Error::NoReply(format!("{request:?}, which was refused: {refusal:?}"))),
+            Reply::Refused(refusal) => Err(Error::NoReply(format!("{request:?} was refused: {refusal:?}"))),
             _ => Ok(()),
         }
     };

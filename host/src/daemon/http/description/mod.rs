@@ -18,9 +18,9 @@ const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes 
     not described here is answered with 404 (`#/components/responses/NotFound`), and a described path with another method is answered \
     with 405 (`#/components/responses/WrongMethod`). HEAD is possible wherever GET is; pages that --allow-origin names may send \
     OPTIONS first.";
-const SERVER: &str = "The daemon that this description came from: whatever scheme, name and port it was asked at, or its socket in \
-    the file system";
-const TOKEN: &str = "Where the daemon was started with --token-file; for /v1/live ?token= does as well";
+const SERVER: &str = "The daemon that sent this description: at the scheme, name and port of the request, or at its \
+    socket in the file system";
+const TOKEN: &str = "Needed if the daemon was started with --token-file; for /v1/live, ?token=TOKEN is also possible";
 
 /// The whole description as JSON text, of what the routes declare.
 #[must_use]

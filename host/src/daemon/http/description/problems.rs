@@ -192,7 +192,8 @@ fn build_problem_response(kinds: &[ProblemKind]) -> Value {
     let mut headers = Map::new();
     if kinds.iter().any(|kind| may_have_retry_time(*kind)) {
         headers.insert("retry-after".into(), json!({
-            "description": "When to ask again, in whole seconds; `retry_after_ms` says it in ms. Absent where that is not known",
+            "description": "When to send the request again, in whole seconds; `retry_after_ms` is the same time in ms. \
+                Absent if this time is not known",
             "schema": {"type": "integer", "minimum": 1},
         }));
     }
@@ -208,11 +209,12 @@ fn build_problem_response(kinds: &[ProblemKind]) -> Value {
 /// The header that says what is wanted instead, and what it says.
 const fn describe_answer_header_besides_retry_after(kind: ProblemKind) -> Option<(&'static str, &'static str)> {
     match kind {
-        ProblemKind::Token | ProblemKind::Role => {
-            Some(("www-authenticate", "That a token is wanted (RFC 6750), and what is wrong with the one that came"))
-        }
-        ProblemKind::ContentCoding => Some(("accept-encoding", "`identity`: no compression is taken")),
-        ProblemKind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The version that is spoken: 13")),
+        ProblemKind::Token | ProblemKind::Role => Some((
+            "www-authenticate",
+            "That a token is required (RFC 6750), and what is wrong with the token in the request",
+        )),
+        ProblemKind::ContentCoding => Some(("accept-encoding", "`identity`: compression is not accepted")),
+        ProblemKind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The WebSocket version of the daemon: 13")),
         _ => None,
     }
 }
@@ -252,7 +254,7 @@ pub fn insert_problem_types(schemas: &mut Map<String, Value>) {
         json!({"const": urn, "description": told.join(" "), "x-status": status})
     };
     let list: Vec<Value> = all.into_iter().map(one).collect();
-    let about = "All types of problems, with their statuses: programs go by these.";
+    let about = "All types of problems, with their statuses. Programs should use these types to recognise problems.";
     schemas.insert("ProblemType".into(), json!({"type": "string", "description": about, "oneOf": list}));
     if let Some(kind) = schemas.get_mut("Problem").and_then(|problem| problem.pointer_mut("/properties/type")) {
         *kind = json!({"$ref": "#/components/schemas/ProblemType"});

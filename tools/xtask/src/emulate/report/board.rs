@@ -134,7 +134,7 @@ impl EmulatedBoard {
     pub fn read_status(&mut self) -> Result<StatusReply, Error> {
         match self.send_request(&Request::Status)? {
             Reply::Status(status) => Ok(status),
-            other => Err(Error::NoReply(format!("Status: {other:?}"))),
+            other => Err(Error::NoReply(format!("the reply to Status is {other:?}"))),
         }
     }
 
@@ -171,15 +171,16 @@ impl EmulatedBoard {
     /// [`Error::NoReply`] with what the board said if it does not come to that.
     pub fn arm_and_wait(&mut self) -> Result<(), Error> {
         self.await_state_and_measure_ms(SafetyState::Safe, 1_500)?
-            .map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+            .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
         let reply = self.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(10_000) })?;
         if !matches!(reply, Reply::ArmedWith { .. }) {
-            return Err(Error::NoReply(format!("ArmWith: {reply:?}")));
+            return Err(Error::NoReply(format!("the reply to ArmWith is {reply:?}")));
         }
         match self.await_state_and_measure_ms(SafetyState::Armed, 1_500)? {
             Ok(_) => Ok(()),
             Err(state) => {
-                Err(Error::NoReply(format!("armed: it is {} {:?}", state.name(), self.read_latched_fault()?)))
+                let fault = self.read_latched_fault()?;
+                Err(Error::NoReply(format!("the state must be armed, but is {} (fault: {fault:?})", state.name())))
             }
         }
     }
@@ -192,7 +193,7 @@ impl EmulatedBoard {
         match self.send_request(&Request::SetDrives { drives: drives.iter().copied().collect() })? {
             Reply::DrivesSet { .. } => Ok(None),
             Reply::Refused(refusal) => Ok(Some(refusal)),
-            other => Err(Error::NoReply(format!("SetDrives: {other:?}"))),
+            other => Err(Error::NoReply(format!("the reply to SetDrives is {other:?}"))),
         }
     }
 

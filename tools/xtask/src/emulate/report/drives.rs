@@ -140,7 +140,7 @@ pub fn check_rapid_changes(
             drive.phase_microturns = random(0, 999_999);
         }
         if let Some(refusal) = board.set_drives(&drives)? {
-            return Err(Error::NoReply(format!("{drives:?}: {refusal:?}")));
+            return Err(Error::NoReply(format!("{drives:?} was refused: {refusal:?}")));
         }
         board.advance_time(f64::from(random(1, 40)) * 1e-3)?;
         sets.push(drives);

@@ -44,7 +44,7 @@ pub fn check_effects(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resu
     // The board looks at its clock at some time between these two; its answer is read up to one tick of its task later.
     let before = board.read_clock_cycles()?;
     let Reply::Clock { now_us } = board.send_request(&Request::Clock)? else {
-        return Err(Error::NoReply("Clock".to_owned()));
+        return Err(Error::NoReply("no reply to Clock".to_owned()));
     };
     let start = [before, board.read_clock_cycles()?].map(|clock| clock + LEAD_US * 170);
     let ramp = Segment::Ramp { from: 0, to: 1000, milliseconds: RAMP_MS };
@@ -97,10 +97,10 @@ fn add_row_of_ramp_force_levels(board: &EmulatedBoard, table: &mut ReportTable) 
     let force = |width: u64| (PI * width as f64 / clocks as f64).sin();
     let full = force(u64::from(program.width) * u64::from(program.divider));
     let Some((origin, _, _)) = track.origin_tick_and_period_clocks() else {
-        return Err(Error::NoReply("pulses of the ramp".to_owned()));
+        return Err(Error::NoReply("no pulses of the ramp".to_owned()));
     };
     let pulses = merge_touching_pulses(&track.pulses);
-    let Some(first) = pulses.first() else { return Err(Error::NoReply("pulses of the ramp".to_owned())) };
+    let Some(first) = pulses.first() else { return Err(Error::NoReply("no pulses of the ramp".to_owned())) };
     // Period of a pulse, counted from that of the first one, which begins at the ramp's start or one period later.
     let period = |at: u64| ((at + clocks - origin % clocks) / clocks) as f64;
     let cycles = f64::from(RAMP_MS) * CLOCKS_PER_MS / clocks as f64;

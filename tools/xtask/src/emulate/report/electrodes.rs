@@ -71,7 +71,7 @@ fn power_up_and_set(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Resul
     board.power_cycle()?;
     board.arm_and_wait()?;
     match board.set_drives(drives)? {
-        Some(refusal) => Err(Error::NoReply(format!("drives: {refusal:?}"))),
+        Some(refusal) => Err(Error::NoReply(format!("the drives were refused: {refusal:?}"))),
         None => Ok(()),
     }
 }
@@ -82,7 +82,7 @@ fn read_mean_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
         board.advance_time_with_keep_alives(7e-3)?;
         match board.send_request(&Request::Details)? {
             Reply::Details(details) => sum += f64::from(details.average_microamps),
-            other => return Err(Error::NoReply(format!("Details: {other:?}"))),
+            other => return Err(Error::NoReply(format!("the reply to Details is {other:?}"))),
         }
     }
     Ok(sum / f64::from(LOOKS))

@@ -272,7 +272,7 @@ fn check_brown_out_with_parity(board: &mut EmulatedBoard, table: &mut ReportTabl
 fn read_credit_ms(board: &mut EmulatedBoard) -> Result<Vec<u32>, Error> {
     match board.send_request(&Request::Credit)? {
         Reply::Credit(credit) => Ok(credit.channels.iter().map(|channel| channel.left_ms).collect()),
-        other => Err(Error::NoReply(format!("Credit: {other:?}"))),
+        other => Err(Error::NoReply(format!("the reply to Credit is {other:?}"))),
     }
 }
 

@@ -35,7 +35,7 @@ pub fn check_processor_load(board: &mut EmulatedBoard, table: &mut ReportTable) 
             let effect = Effect { segments: [ramp].into_iter().collect(), times: 1 };
             let reply = board.send_request(&Request::Play { channel, start_us: 0, effect })?;
             if reply != Reply::Playing {
-                return Err(Error::NoReply(format!("Play: {reply:?}")));
+                return Err(Error::NoReply(format!("the reply to Play is {reply:?}")));
             }
         }
         board.advance_time_with_keep_alives(0.1)?;

@@ -155,7 +155,7 @@ fn check_missing_break(
     board.power_cycle()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
-        .map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+        .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
     board.inject_fault(&json!({"break": {"timer": timer, "works": false}}))?;
     board.send_request(&Request::Arm { deadman_ms: None })?;
     let _ = board.await_state_and_measure_ms(SafetyState::Fault, 200)?;
@@ -174,7 +174,7 @@ fn check_arming_fails_without_break_interrupt(
     board.power_cycle()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
-        .map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+        .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
     board.write_memory_word(NVIC_ICER0, TIM1_BREAK)?;
     board.send_request(&Request::Arm { deadman_ms: None })?;
     let _ = board.await_state_and_measure_ms(SafetyState::Fault, 200)?;

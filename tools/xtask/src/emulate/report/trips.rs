@@ -192,7 +192,7 @@ pub fn power_up_and_drive(board: &mut EmulatedBoard) -> Result<(), Error> {
     board.power_cycle()?;
     board.arm_and_wait()?;
     if let Some(refusal) = board.set_drives(&FIRST)? {
-        return Err(Error::NoReply(format!("drives: {refusal:?}")));
+        return Err(Error::NoReply(format!("the drives were refused: {refusal:?}")));
     }
     board.advance_time_with_keep_alives(0.1)?;
     board.update_pin_edges_until_now()
@@ -282,7 +282,7 @@ fn check_fault_at_arming(
     board.power_cycle()?;
     board
         .await_state_and_measure_ms(SafetyState::Safe, 100)?
-        .map_err(|state| Error::NoReply(format!("safe: it is {}", state.name())))?;
+        .map_err(|state| Error::NoReply(format!("the state must be safe, but is {}", state.name())))?;
     board.inject_fault(fault)?;
     let reply = board.send_request(&Request::Arm { deadman_ms: None })?;
     let fails = board.await_state_and_measure_ms(SafetyState::Fault, 200)?;

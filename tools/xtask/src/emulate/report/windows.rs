@@ -45,7 +45,7 @@ pub fn check_windows(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resu
     board.update_pin_edges_until_now()?;
     board.edges.forget_pulses();
     let (before, Reply::Clock { now_us }) = (board.read_clock_cycles()?, board.send_request(&Request::Clock)?) else {
-        return Err(Error::NoReply("Clock".to_owned()));
+        return Err(Error::NoReply("no reply to Clock".to_owned()));
     };
     let after = board.read_clock_cycles()?;
     let reply = board.send_request(&Request::PlayWindows(sequence.clone()))?;
