@@ -120,7 +120,9 @@ struct Options {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Model(options) => model(&options),
-        Command::Planner { update } => measured(Part::Planner, planner::tables, update.as_deref()),
+        Command::Planner { update } => {
+            measured(Part::Planner, swarm::tables_with_swarm_and_annealing, update.as_deref())
+        }
         Command::Study { update } => {
             measured(Part::Study, || study::tables(&Environment::new(true, true)?), update.as_deref())
         }

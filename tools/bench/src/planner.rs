@@ -1,7 +1,6 @@
 //! The planner: time per plan, and its optimum against all combinations.
 
 use crate::error::Error;
-use crate::swarm::compare_with_swarm_and_annealing;
 use crate::table::{Table, relative, seconds};
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
@@ -143,7 +142,7 @@ pub fn tables() -> Result<Vec<Table>, Error> {
             phases.row(with_phases(&scene, &fine, actuators)?);
         }
     }
-    Ok(vec![times, checks, phases, compare_with_swarm_and_annealing()?])
+    Ok(vec![times, checks, phases])
 }
 
 #[expect(clippy::cast_precision_loss, reason = "megabytes")]

@@ -113,11 +113,17 @@ fn distance(found: Option<&Allocation>, best: &Allocation) -> f64 {
     }
 }
 
-/// The comparison.
+/// The tables of the planner, and this comparison.
 ///
 /// # Errors
 /// As the planner.
-pub fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
+pub fn tables_with_swarm_and_annealing() -> Result<Vec<Table>, Error> {
+    let mut tables = crate::planner::tables()?;
+    tables.push(compare_with_swarm_and_annealing()?);
+    Ok(tables)
+}
+
+fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
     let mut rows = Table::new(
         "Swarm and annealing",
         &["actuators", "touches", "method", "within 1 %", "median distance", "largest distance", "median time"],
