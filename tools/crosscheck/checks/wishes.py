@@ -37,7 +37,7 @@ REACH = 0.01
 # Of the alternatives those that are soon made: the options that ask for them.
 ALTERNATIVES = {
     "objective power": ("--objective", "power"),
-    "one shared frequency, with a phase for each actuator": ("--grouping", "shared"),
+    "one shared frequency, with phases": ("--grouping", "shared"),
 }
 
 

@@ -131,10 +131,9 @@ pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation,
         let name = format!("objective {}", objective.name());
         add(&name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
     }
-    for (name, grouping) in [
-        ("distinct frequencies", Grouping::Distinct),
-        ("one shared frequency, with a phase for each actuator", Grouping::Shared),
-    ] {
+    for (name, grouping) in
+        [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
+    {
         if grouping != request.grouping && table.entries.len() > 1 {
             add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
         }

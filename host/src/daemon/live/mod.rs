@@ -108,6 +108,7 @@ struct LiveQuery {
     send: Option<String>,
     /// Which taps are driven where they come faster than they can be felt: each of them, in order (`all`, if not given), or only the newest of those
     /// that wait (`newest`).
+    #[param(inline)]
     taps: Option<TapQueue>,
     // `access` has asked for it.
     /// The token, which a page cannot send as a header.
