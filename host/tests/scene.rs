@@ -374,7 +374,7 @@ fn electrodes_behind_resistors() {
             "",
             "electronics.charging_resistance_ohm is 1e7 ohm, but the electrodes and the cable of actuator",
         ),
-        ("charging_resistance_ohm = 2e6", "cable_capacitance_pf = 300", "it must be at most 1.49e6"),
+        ("charging_resistance_ohm = 2e6", "cable_capacitance_pf = 300", "must be at most 1.49e6"),
         ("charging_resistance_ohm = 1e6\nresistance = 1", "", "electronics.resistance"),
     ] {
         let found = with(table, cable).expect_err(table);
