@@ -175,6 +175,9 @@ fn register_values_of_a_drive() {
     assert_eq!((registers.psc, registers.arr), (2, 56_666));
     // (56667 - 20000) / 4 = 9166; half a period later: + 28333. Channel 4 opens B, channel 3 closes it.
     assert_eq!(registers.ccr, [9_166, 19_166, 47_499, 37_499]);
+    // Without a break input: OC1CE and OC3CE at 7, OC2CE and OC4CE at 15.
+    let cleared = registers.with_output_clear_on_trip_enabled();
+    assert_eq!((cleared.ccmr1 ^ registers.ccmr1, cleared.ccmr2 ^ registers.ccmr2), (0x8080, 0x8080));
 }
 
 #[test]
