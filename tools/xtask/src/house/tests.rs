@@ -211,6 +211,7 @@ fn this_repository_is_read_whole() {
             "era-bench",
             "era-load",
             "era-fuzz",
+            "workspace-hack",
             "era-firmware"
         ]
     );
