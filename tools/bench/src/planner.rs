@@ -28,7 +28,7 @@ const SAME: f64 = 1e-9;
 const MORE_MM: [(f64, f64); 2] = [(150.0, 60.0), (150.0, 150.0)];
 
 /// The starting plate with its first one or two actuators, or with more of the same kind.
-pub fn scene(actuators: usize) -> Result<Scene, Error> {
+pub fn build_starting_plate_with_actuators(actuators: usize) -> Result<Scene, Error> {
     let mut text = STARTING_PLATE.to_owned();
     if actuators == 1 {
         let last = text.rfind("[[actuator]]").unwrap_or(text.len());
@@ -45,14 +45,14 @@ pub fn scene(actuators: usize) -> Result<Scene, Error> {
     Ok(Scene::parse("starting plate", &text)?)
 }
 
-pub fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
+pub fn build_plan_table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
     let levels = ReducedLevels::build(scene, Accuracy::BALANCED, HIGHEST_HZ)?;
     let options = TableOptions { step_hz, to_hz: HIGHEST_HZ, ..TableOptions::default() };
     Ok(PlanTable::from_levels(scene, levels, options)?)
 }
 
 /// A touch somewhere, by a low-discrepancy sequence.
-pub fn touch(scene: &Scene, number: u32, intensity_g: f64) -> Target {
+pub fn place_touch_by_number(scene: &Scene, number: u32, intensity_g: f64) -> Target {
     let at = |step: f64| (0.5 + step * f64::from(number + 1)).fract();
     Target {
         x_m: scene.surface.length_m * at(0.754_877_666),
@@ -110,20 +110,20 @@ pub fn tables() -> Result<Vec<Table>, Error> {
     );
     phases.above.push("All actuators share one of 1001 frequencies. Touches ask for 0.1 g.".into());
     for actuators in 1..=4 {
-        let scene = scene(actuators)?;
+        let scene = build_starting_plate_with_actuators(actuators)?;
         let started = Instant::now();
-        let fine = table(&scene, FINE_HZ)?;
+        let fine = build_plan_table(&scene, FINE_HZ)?;
         let made_s = started.elapsed().as_secs_f64();
         for (name, intensities) in [("0.05 to 0.5 g", [0.05, 0.1, 0.2, 0.5]), ("20 g", [20.0; 4])] {
             let (mut seconds_each, mut proven) = (Vec::new(), 0_u32);
             for number in 0..TOUCHES {
-                let target = touch(&scene, number, intensities[number as usize % 4]);
+                let target = place_touch_by_number(&scene, number, intensities[number as usize % 4]);
                 let started = Instant::now();
                 let plan = fine.plan(&[target])?;
                 seconds_each.push(started.elapsed().as_secs_f64());
                 proven += u32::from(plan.optimality_gap == 0.0);
             }
-            let [median, p99, longest] = quantiles(&mut seconds_each);
+            let [median, p99, longest] = sort_and_take_median_p99_largest(&mut seconds_each);
             times.row([
                 actuators.to_string(),
                 name.to_owned(),
@@ -136,7 +136,7 @@ pub fn tables() -> Result<Vec<Table>, Error> {
             ]);
         }
         let step_hz = STEPS_HZ[actuators - 1];
-        let coarse = if step_hz == FINE_HZ { None } else { Some(table(&scene, step_hz)?) };
+        let coarse = if step_hz == FINE_HZ { None } else { Some(build_plan_table(&scene, step_hz)?) };
         checks.row(check(&scene, actuators, coarse.as_ref().unwrap_or(&fine))?);
         if actuators > 1 {
             phases.row(with_phases(&scene, &fine, actuators)?);
@@ -151,7 +151,7 @@ fn megabytes(bytes: usize) -> f64 {
 }
 
 /// Median, 99th percentile and the largest.
-pub fn quantiles(values: &mut [f64]) -> [f64; 3] {
+pub fn sort_and_take_median_p99_largest(values: &mut [f64]) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     [last / 2, last * 99 / 100, last].map(|at| values.get(at).copied().unwrap_or(f64::NAN))
@@ -163,28 +163,19 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
     let mut touches = 0;
     for intensity_g in [0.1, 1.0, 20.0] {
         for number in 0..count {
-            let target = touch(scene, number, intensity_g);
+            let target = place_touch_by_number(scene, number, intensity_g);
             let wanted = intensity_g * STANDARD_GRAVITY;
-            let found = |work: SearchEffort| {
-                let request = Request { work, ..Request::for_touch(&[target]) };
-                let formulation = Formulation::new(table, &request);
-                let found = formulation.find_best_combination_replacing_estimated_energies(
-                    formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
-                    &|_, _| true,
-                );
-                found.map(|(_, found)| found.allocation).ok_or_else(nothing)
-            };
             let started = Instant::now();
-            let study = found(SearchEffort::Study)?;
+            let study = search_best_allocation(table, target, SearchEffort::Study)?;
             search_s += started.elapsed().as_secs_f64();
-            let touch = found(SearchEffort::Touch)?;
+            let touch = search_best_allocation(table, target, SearchEffort::Touch)?;
             let started = Instant::now();
             let all = Formulation::new(table, &Request::for_touch(&[target]))
                 .list_candidates_at_all_table_frequencies(&[wanted]);
             let (best, looked) = all.find_best_allocation_exhaustively_and_count_combinations(&|_, _| true);
             brute_s += started.elapsed().as_secs_f64();
             combinations = combinations.max(looked);
-            let best = best.ok_or_else(nothing)?;
+            let best = best.ok_or_else(no_frequencies_error)?;
             worst = worst.max(difference(&study, &best));
             of_touch = of_touch.max(difference(&touch, &best));
             touches += 1;
@@ -205,6 +196,21 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
     ])
 }
 
+/// The forces of the best combination of frequencies and pulse widths for one target, as the search of the planner finds it.
+///
+/// # Errors
+/// The planner's, if no frequencies keep their distance.
+pub fn search_best_allocation(table: &PlanTable, target: Target, work: SearchEffort) -> Result<Allocation, Error> {
+    let request = Request { work, ..Request::for_touch(&[target]) };
+    let formulation = Formulation::new(table, &request);
+    let wanted = target.intensity_g.unwrap_or(0.0) * STANDARD_GRAVITY;
+    let found = formulation.find_best_combination_replacing_estimated_energies(
+        formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
+        &|_, _| true,
+    );
+    found.map(|(_, found)| found.allocation).ok_or_else(no_frequencies_error)
+}
+
 /// Relative difference of the cost, or of the reach where the wish is out of reach.
 fn difference(found: &Allocation, best: &Allocation) -> f64 {
     let reach = (found.met - best.met).abs() / best.met;
@@ -212,7 +218,7 @@ fn difference(found: &Allocation, best: &Allocation) -> f64 {
     reach.max(cost)
 }
 
-pub fn nothing() -> Error {
+fn no_frequencies_error() -> Error {
     era_planner::PlanError::NoFrequencies.into()
 }
 
@@ -220,7 +226,7 @@ fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[St
     const PLANS: u32 = 100;
     let (mut times, mut gains) = (Vec::new(), Vec::new());
     for number in 0..PLANS {
-        let target = touch(scene, number, 0.1);
+        let target = place_touch_by_number(scene, number, 0.1);
         let plan = |grouping| {
             let request = Request { grouping, ..Request::for_touch(&[target]) };
             table.plan_request(&request)
@@ -231,7 +237,7 @@ fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[St
         times.push(started.elapsed().as_secs_f64());
         gains.push(found.predicted.contrast_db - distinct.predicted.contrast_db);
     }
-    let [median, p99, _] = quantiles(&mut times);
-    let [gain_db, _, _] = quantiles(&mut gains);
+    let [median, p99, _] = sort_and_take_median_p99_largest(&mut times);
+    let [gain_db, _, _] = sort_and_take_median_p99_largest(&mut gains);
     Ok([actuators.to_string(), seconds(median), seconds(p99), format!("{gain_db:+.2} dB")])
 }

@@ -3,8 +3,12 @@
 //! the best forces for their choice from the planner's own allocation, which their authors do not have.
 
 use crate::error::Error;
-use crate::planner::{FINE_HZ, quantiles, scene, table, touch};
+use crate::planner::{
+    FINE_HZ, build_plan_table, build_starting_plate_with_actuators, place_touch_by_number, search_best_allocation,
+    sort_and_take_median_p99_largest,
+};
 use crate::table::{Table, relative, seconds};
+use era_model::scene::MAX_ACTUATORS;
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
 use era_planner::search::CandidateSet;
@@ -31,12 +35,12 @@ const UNMET: f64 = 100.0;
 type Choice = Vec<f64>;
 
 /// The forces for a choice; `None` where two frequencies are too near to each other.
-fn allocate(all: &CandidateSet, choice: &Choice) -> Option<Allocation> {
-    let mut indices = [0; 4];
+fn allocate_forces_if_frequencies_are_spaced(all: &CandidateSet, choice: &Choice) -> Option<Allocation> {
+    let mut indices = [0; MAX_ACTUATORS];
     for ((index, place), list) in indices.iter_mut().zip(choice).zip(&all.candidates) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let at = (place * list.len() as f64) as usize;
-        *index = at.min(list.len() - 1);
+        *index = at.min(list.len().saturating_sub(1));
     }
     let indices = &indices[..choice.len()];
     let hertz = |(list, index): (&Vec<era_planner::search::Candidate>, &usize)| all.frequencies_hz[list[*index].node];
@@ -47,34 +51,43 @@ fn allocate(all: &CandidateSet, choice: &Choice) -> Option<Allocation> {
 }
 
 /// What is made least: first of all that the wish is met, then the logarithm of the cost.
-fn badness(found: Option<&Allocation>) -> f64 {
+fn unmet_wish_and_log_cost(found: Option<&Allocation>) -> f64 {
     found.map_or(f64::INFINITY, |found| UNMET * (1.0 - found.met) + found.cost.max(f64::MIN_POSITIVE).ln())
 }
 
-fn random_choice(random: &mut fastrand::Rng, actuators: usize) -> Choice {
+fn draw_random_choice(random: &mut fastrand::Rng, actuators: usize) -> Choice {
     (0..actuators).map(|_| random.f64()).collect()
+}
+
+/// A particle: where it is, how fast, and the best place that it has been at.
+struct Particle {
+    place: Choice,
+    speed: Choice,
+    least: f64,
+    best_place: Choice,
 }
 
 /// The best choice of a swarm of particles.
 fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
     let actuators = all.candidates.len();
-    let mut swarm: Vec<(Choice, Choice, f64, Choice)> = Vec::new();
-    let mut best: (f64, Choice, Option<Allocation>) = (f64::INFINITY, random_choice(random, actuators), None);
+    let mut swarm = Vec::new();
+    let mut best: (f64, Choice, Option<Allocation>) = (f64::INFINITY, draw_random_choice(random, actuators), None);
     for _ in 0..PARTICLES {
-        let place = random_choice(random, actuators);
-        swarm.push((place.clone(), vec![0.0; actuators], f64::INFINITY, place));
+        let place = draw_random_choice(random, actuators);
+        let best_place = place.clone();
+        swarm.push(Particle { place, speed: vec![0.0; actuators], least: f64::INFINITY, best_place });
     }
     for _ in 0..MOVES {
-        for (place, speed, own, own_place) in &mut swarm {
-            let found = allocate(all, place);
-            let bad = badness(found.as_ref());
-            if bad < *own {
-                (*own, *own_place) = (bad, place.clone());
+        for Particle { place, speed, least, best_place } in &mut swarm {
+            let found = allocate_forces_if_frequencies_are_spaced(all, place);
+            let bad = unmet_wish_and_log_cost(found.as_ref());
+            if bad < *least {
+                (*least, *best_place) = (bad, place.clone());
             }
             if bad < best.0 {
                 best = (bad, place.clone(), found);
             }
-            for (((x, v), own), all) in place.iter_mut().zip(speed).zip(own_place.iter()).zip(&best.1) {
+            for (((x, v), own), all) in place.iter_mut().zip(speed).zip(best_place.iter()).zip(&best.1) {
                 *v = INERTIA * *v + PULL * (random.f64() * (own - *x) + random.f64() * (all - *x));
                 *x = (*x + *v).clamp(0.0, 1.0);
             }
@@ -86,14 +99,14 @@ fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<All
 /// The best choice of simulated annealing.
 fn choose_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
     let looks = PARTICLES * MOVES;
-    let mut place = random_choice(random, all.candidates.len());
-    let mut bad = badness(allocate(all, &place).as_ref());
+    let mut place = draw_random_choice(random, all.candidates.len());
+    let mut bad = unmet_wish_and_log_cost(allocate_forces_if_frequencies_are_spaced(all, &place).as_ref());
     let mut best = (f64::INFINITY, None);
     for look in 0..looks {
         let temperature = FIRST_TEMPERATURE * (LAST_TEMPERATURE / FIRST_TEMPERATURE).powf(look as f64 / looks as f64);
         let other: Choice = place.iter().map(|x| (x + STEP * (2.0 * random.f64() - 1.0)).rem_euclid(1.0)).collect();
-        let found = allocate(all, &other);
-        let next = badness(found.as_ref());
+        let found = allocate_forces_if_frequencies_are_spaced(all, &other);
+        let next = unmet_wish_and_log_cost(found.as_ref());
         if next < best.0 {
             best = (next, found);
         }
@@ -105,10 +118,10 @@ fn choose_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option
 }
 
 /// How far a choice is from the best: of its cost, or of what it reaches.
-fn distance(found: Option<&Allocation>, best: &Allocation) -> f64 {
+fn relative_distance_from_best(found: Option<&Allocation>, best: &Allocation) -> f64 {
     match found {
         None => 1.0,
-        Some(found) if best.met < 1.0 || found.met < 1.0 - 1e-9 => 1.0 - found.met / best.met.min(1.0),
+        Some(found) if best.met < 1.0 || found.met < 1.0 - 1e-9 => 1.0 - found.met / best.met,
         Some(found) => found.cost / best.cost - 1.0,
     }
 }
@@ -135,10 +148,10 @@ fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
         PARTICLES * MOVES
     ));
     for actuators in 2..=4 {
-        let scene = scene(actuators)?;
-        let table = table(&scene, FINE_HZ)?;
+        let scene = build_starting_plate_with_actuators(actuators)?;
+        let table = build_plan_table(&scene, FINE_HZ)?;
         for intensity_g in [0.1, 20.0] {
-            for row in compare(&scene, &table, actuators, intensity_g)? {
+            for row in measure_each_method(&scene, &table, actuators, intensity_g)? {
                 rows.row(row);
             }
         }
@@ -146,7 +159,7 @@ fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
     Ok(rows)
 }
 
-fn compare(
+fn measure_each_method(
     scene: &era_model::scene::Scene,
     table: &PlanTable,
     actuators: usize,
@@ -157,19 +170,10 @@ fn compare(
     let mut distances: [Vec<f64>; 3] = Default::default();
     let mut times: [Vec<f64>; 3] = Default::default();
     for number in 0..TOUCHES {
-        let target = touch(scene, number, intensity_g);
-        let search = |work: SearchEffort| {
-            let request = Request { work, ..Request::for_touch(&[target]) };
-            let formulation = Formulation::new(table, &request);
-            let found = formulation.find_best_combination_replacing_estimated_energies(
-                formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
-                &|_, _| true,
-            );
-            found.map(|(_, found)| found.allocation).ok_or_else(crate::planner::nothing)
-        };
-        let best = search(SearchEffort::Study)?;
+        let target = place_touch_by_number(scene, number, intensity_g);
+        let best = search_best_allocation(table, target, SearchEffort::Study)?;
         let started = Instant::now();
-        let own = search(SearchEffort::Touch)?;
+        let own = search_best_allocation(table, target, SearchEffort::Touch)?;
         let own_s = started.elapsed().as_secs_f64();
         let request = Request::for_touch(&[target]);
         let all = Formulation::new(table, &request).list_candidates_at_all_table_frequencies(&[wanted]);
@@ -181,7 +185,7 @@ fn compare(
         let annealed_s = started.elapsed().as_secs_f64();
         let found = [(Some(&own), own_s), (swarm.as_ref(), swarm_s), (annealed.as_ref(), annealed_s)];
         for ((found, s), (distances, times)) in found.into_iter().zip(distances.iter_mut().zip(&mut times)) {
-            distances.push(distance(found, &best));
+            distances.push(relative_distance_from_best(found, &best));
             times.push(s);
         }
     }
@@ -189,7 +193,8 @@ fn compare(
     Ok(std::array::from_fn(|_| {
         let Some((name, (distances, times))) = methods.next() else { return Default::default() };
         let near = distances.iter().filter(|distance| **distance < 0.01).count() as f64 / f64::from(TOUCHES);
-        let ([median, _, largest], [time, ..]) = (quantiles(distances), quantiles(times));
+        let ([median, _, largest], [time, ..]) =
+            (sort_and_take_median_p99_largest(distances), sort_and_take_median_p99_largest(times));
         [
             actuators.to_string(),
             format!("{TOUCHES} of {intensity_g} g"),
