@@ -6,7 +6,7 @@ use crate::planner::{Plan, TargetResult};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Most clicks that are kept, of some kB each; then all are forgotten.
+/// Most clicks that are kept; before another one is added to so many, all are forgotten.
 const MOST: usize = 512;
 
 /// What a click depends on besides the panel; numbers by their bits.
@@ -17,6 +17,7 @@ struct ClickKey {
     crisp_s: u64,
     force_fraction: u64,
     prefers_crispness: bool,
+    has_figures_for_comparison: bool,
 }
 
 impl ClickKey {
@@ -27,6 +28,7 @@ impl ClickKey {
             crisp_s: options.crisp_s.to_bits(),
             force_fraction: options.force_fraction.to_bits(),
             prefers_crispness: options.preference == Preference::Crispness,
+            has_figures_for_comparison: options.with_figures_for_comparison,
         }
     }
 }
@@ -106,6 +108,10 @@ mod tests {
             (plan(0.06, 0.4), standard),
             (plan(0.06, 0.5), ClickOptions { crisp_s: 0.05, ..standard }),
             (plan(0.06, 0.5), ClickOptions { force_fraction: 0.5, ..standard }),
+            (
+                plan(0.06, 0.5),
+                ClickOptions { with_figures_for_comparison: !standard.with_figures_for_comparison, ..standard },
+            ),
             (plan(0.06, 0.5), ClickOptions { preference: Preference::Crispness, ..standard }),
         ] {
             assert!(ask(&plan, options).1);
