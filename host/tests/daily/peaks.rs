@@ -15,10 +15,14 @@ fn range(answer: &Value) -> std::ops::Range<f64> {
     0.7 * predicted["peak_least_g"].as_f64().unwrap()..1.3 * predicted["peak_most_g"].as_f64().unwrap()
 }
 
+/// What the sensor has shown under a touch, in g.
+pub fn find_touch_peak_g(telemetry: &Value, plan_id: &Value) -> Option<f64> {
+    let mut peaks = telemetry["touch_peaks"].as_array()?.iter();
+    peaks.find(|peak| peak["plan_id"] == *plan_id)?["peak_g"].as_f64()
+}
+
 fn peak_of(telemetry: &Value, plan_id: &Value) -> f64 {
-    let all = telemetry["touch_peaks"].as_array().unwrap();
-    let own = all.iter().find(|peak| peak["plan_id"] == *plan_id).unwrap_or_else(|| panic!("{plan_id} in {telemetry}"));
-    own["peak_g"].as_f64().unwrap()
+    find_touch_peak_g(telemetry, plan_id).unwrap_or_else(|| panic!("{plan_id} in {telemetry}"))
 }
 
 fn metric(daemon: &Daemon) -> f64 {

@@ -2,6 +2,7 @@
 
 use crate::fingers::{Socket, live, next, say};
 use crate::line::{CALM, Ear};
+use crate::peaks::find_touch_peak_g;
 use crate::support::Daemon;
 use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
@@ -57,16 +58,12 @@ fn each_detent_of_a_slider_is_felt() {
         let predicted = &plan["effect"]["predicted"];
         let [least, most] = ["peak_least_g", "peak_most_g"].map(|key| predicted[key].as_f64().unwrap());
         // Motion above 500 Hz, which is not felt, rings from one detent into the next, and the sensor shows it.
-        let is_felt = |state: &Value| find_peak(state, &plan["plan_id"]).is_some_and(|peak| peak > 0.7 * least);
-        let peak = find_peak(&daemon.wait_for(is_felt), &plan["plan_id"]).unwrap();
+        let is_felt = |state: &Value| {
+            find_touch_peak_g(&state["telemetry"], &plan["plan_id"]).is_some_and(|peak| peak > 0.7 * least)
+        };
+        let peak = find_touch_peak_g(&daemon.wait_for(is_felt)["telemetry"], &plan["plan_id"]).unwrap();
         assert!(peak < 1.5 * most, "detent {detent}: measured {peak} g, {predicted}");
     }
-}
-
-/// What the sensor has shown under a touch, in g.
-fn find_peak(state: &Value, plan_id: &Value) -> Option<f64> {
-    let mut peaks = state["telemetry"]["touch_peaks"].as_array()?.iter();
-    peaks.find(|peak| peak["plan_id"] == *plan_id)?["peak_g"].as_f64()
 }
 
 /// When the line took windows, and when anything else that drives or ends a drive.
