@@ -170,16 +170,10 @@ impl TouchDriver {
         self.controller.find_current_plan().map(|current| current.active)
     }
 
-    /// When what is shown ends, if that is plan `id` or a newer one.
+    /// The number of the plan that is driven, and when its drive ends.
     #[must_use]
-    pub fn find_end_of_current_plan_if_not_older(&self, id: u64) -> Option<Instant> {
-        self.controller.find_current_plan().filter(|current| current.active.id >= id).map(|current| current.until)
-    }
-
-    /// When plan `id` ends, if that is what is driven.
-    #[must_use]
-    pub fn find_end_of_plan_if_current(&self, id: u64) -> Option<Instant> {
-        self.controller.find_current_plan().filter(|current| current.active.id == id).map(|current| current.until)
+    pub fn find_id_and_end_of_current_plan(&self) -> Option<(u64, Instant)> {
+        self.controller.find_current_plan().map(|current| (current.active.id, current.until))
     }
 
     /// Ends the drive of plan `id` at `when`: its fingers have been lifted.

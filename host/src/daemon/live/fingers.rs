@@ -316,7 +316,8 @@ impl HeldFingers {
 
     /// When the effect ends that plays for these fingers, if one does.
     fn find_end_of_own_effect(&self, app: &App) -> Option<Instant> {
-        app.driver.find_end_of_plan_if_current(self.effect_plan?)
+        let (current, end) = app.driver.find_id_and_end_of_current_plan()?;
+        (Some(current) == self.effect_plan).then_some(end)
     }
 
     /// Whether there is nothing to drive for a step: its effect has begun before, or its fingers are lifted before their effect has ended.

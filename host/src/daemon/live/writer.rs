@@ -134,7 +134,7 @@ pub async fn write_messages_to_page(
 
 /// Until the plan that the page knows of is over. A newer one is told before: that is no end.
 async fn wait_while_plan_or_newer_runs(app: &App, id: u64) {
-    while let Some(until) = app.driver.find_end_of_current_plan_if_not_older(id) {
+    while let Some((_, until)) = app.driver.find_id_and_end_of_current_plan().filter(|(current, _)| *current >= id) {
         tokio::time::sleep_until(until.into()).await;
     }
 }
