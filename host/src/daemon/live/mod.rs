@@ -1,9 +1,10 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 //!
-//! `mod` reads, `writer` writes, `fingers` drives: none of them waits for another, so that a page that reads slowly is still
-//! heard, its stop first of all. `closing` knows why a socket is closed.
+//! `mod` reads, `writer` writes, `fingers` drives what `finger_steps` keeps in order: none of them waits for another, so that a
+//! page that reads slowly is still heard, its stop first of all. `closing` knows why a socket is closed.
 
 mod closing;
+mod finger_steps;
 mod fingers;
 mod incoming;
 pub mod message;
@@ -26,7 +27,7 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
-use fingers::PageFingers;
+use finger_steps::PageFingers;
 use futures_util::{FutureExt, StreamExt};
 use message::LiveMessage;
 use serde::Deserialize;

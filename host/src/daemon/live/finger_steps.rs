@@ -1,0 +1,372 @@
+//! What the fingers of one page have done and is not driven yet, in order.
+
+use crate::daemon::api::problem::Problem;
+use crate::daemon::drive::superseded_problem;
+use crate::daemon::touch::Touch;
+use crate::daemon::touch::check::CheckedFinger;
+use crate::daemon::touch::request::Finger;
+use crate::effects::NamedEffect;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use tokio::sync::Notify;
+
+/// Most taps that wait to be driven: the last of them for some 1.3 s. More than ten fingers make at once.
+const MOST_STEPS: usize = 32;
+
+/// Fingers that went down or moved, and whether they have been lifted since.
+#[derive(Clone, Debug)]
+pub struct FingerStep {
+    /// Without fingers where those before are lifted.
+    pub touch: Touch,
+    /// Whether all fingers have been lifted since.
+    pub lifted: bool,
+    /// Fingers that have come since the step before, even if they had been there until shortly before.
+    pub newly_down: Vec<i64>,
+    /// Whether it is driven though fingers have moved since: one that came in it has been lifted, others are still down.
+    pub is_tap: bool,
+    /// Whether its effect begins with it; if not, it has been begun by an earlier message, of which this one only moves the fingers.
+    pub starts_effect: bool,
+    /// The fingers that its effect is for.
+    pub effect_fingers: Vec<i64>,
+    /// [`TouchDriver::stop_count`](crate::daemon::drive::TouchDriver::stop_count) when it was said: a stop from then on means that it is not driven.
+    pub stops: u64,
+}
+
+/// What a page's fingers have done and is not driven yet. Of fingers that move only the newest place counts; those that were
+/// lifted stay, so that every tap is driven.
+#[derive(Debug, Default)]
+pub struct PageFingers {
+    steps: Mutex<VecDeque<FingerStep>>,
+    /// Those that are down by the last message.
+    down: Mutex<Option<Touch>>,
+    changed: Notify,
+    gone: Mutex<bool>,
+    /// Whether a tap that waits makes way for any newer one.
+    only_newest_tap: bool,
+}
+
+impl FingerStep {
+    /// Whether `newer` stands in its place. A tap is driven in any case. An effect is replaced by one that begins later, so that the detents of
+    /// a fast finger do not queue; fingers that only move do not replace it.
+    fn makes_way_for(&self, newer: &Self) -> bool {
+        let is_replaced = newer.starts_effect || newer.touch.feel == self.touch.feel;
+        !self.lifted && !self.is_tap && (!self.starts_effect || is_replaced)
+    }
+
+    /// Whether its fingers have only moved, or stayed.
+    pub fn is_only_move(&self) -> bool {
+        self.newly_down.is_empty() && !self.starts_effect
+    }
+}
+
+impl PageFingers {
+    /// Those of a new page. `only_newest_tap`: of taps that wait only the newest is driven, and not each.
+    #[must_use]
+    pub fn new(only_newest_tap: bool) -> Self {
+        Self { only_newest_tap, ..Self::default() }
+    }
+
+    /// Of fingers that have effects of their own, the effect that is played: that of the newest finger; if none is new, the one that began
+    /// last, or that of the first finger.
+    #[must_use]
+    pub fn choose_effect_of_newest_finger(&self, fingers: &[CheckedFinger]) -> Option<NamedEffect> {
+        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner);
+        let had = |checked: &CheckedFinger| {
+            let mut before = before.iter().flat_map(|touch| &touch.fingers);
+            before.any(|finger| (finger.id, finger.effect) == (checked.finger.id, checked.finger.effect))
+        };
+        let newest = fingers.iter().rfind(|checked| checked.finger.effect.is_some() && !had(checked));
+        let last = before.as_ref().and_then(|touch| touch.feel.effect);
+        let going_on =
+            || fingers.iter().find(|checked| checked.finger.effect.is_some() && checked.finger.effect == last);
+        let first = || fingers.iter().find(|checked| checked.finger.effect.is_some());
+        newest.or_else(going_on).or_else(first)?.finger.effect
+    }
+
+    /// All fingers that are down now, none if they are lifted.
+    ///
+    /// # Errors
+    /// [`Problem`]: too many taps wait, of which the oldest is not driven any more.
+    pub fn queue_fingers_down_dropping_oldest_if_full(
+        &self,
+        touch: Touch,
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
+        let mut dropped = None;
+        let ids: Vec<i64> = touch.fingers.iter().map(|finger| finger.id).collect();
+        let mut steps = self.lock_steps();
+        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner).replace(touch.clone());
+        let was_down = |id: &&i64| before.iter().flat_map(|touch| &touch.fingers).any(|finger| finger.id == **id);
+        let newly_down: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
+        // A message without an effect in between, or another effect, and a held finger feels it again.
+        let feels_other = before.as_ref().is_none_or(|before| before.feel != touch.feel);
+        let is_own_effect = touch.fingers.iter().any(|finger| finger.effect == touch.feel.effect);
+        let plays = |finger: &&Finger| !is_own_effect || finger.effect == touch.feel.effect;
+        let effect_fingers: Vec<i64> = touch.fingers.iter().filter(plays).map(|finger| finger.id).collect();
+        let is_new_effect_finger = newly_down.iter().any(|id| effect_fingers.contains(id));
+        let starts_effect = touch.feel.effect.is_some() && (feels_other || is_new_effect_finger);
+        let mut step = FingerStep {
+            lifted: touch.fingers.is_empty(),
+            touch,
+            newly_down,
+            is_tap: false,
+            starts_effect,
+            effect_fingers,
+            stops: stop_count_at_arrival,
+        };
+        if step.touch.fingers.is_empty() {
+            match steps.back_mut() {
+                Some(last) if !last.lifted => last.lifted = true,
+                Some(_) => {}
+                None => steps.push_back(step),
+            }
+        } else {
+            if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
+                last.is_tap |= last.newly_down.iter().any(|id| !ids.contains(id));
+            }
+            // A device slower than the page skips what came in between.
+            while let Some(skipped) = steps.pop_back_if(|last| self.only_newest_tap || last.makes_way_for(&step)) {
+                let come =
+                    skipped.newly_down.into_iter().filter(|id| ids.contains(id) && !step.newly_down.contains(id));
+                let come: Vec<i64> = come.collect();
+                step.newly_down.extend(come);
+                step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
+            }
+            if steps.len() >= MOST_STEPS {
+                dropped = steps.pop_front().filter(|step| !step.touch.fingers.is_empty());
+            }
+            steps.push_back(step);
+        }
+        drop(steps);
+        self.changed.notify_one();
+        dropped.map_or(Ok(()), |_| Err(superseded_problem()))
+    }
+
+    /// The fingers that are down by the last message.
+    pub fn list_ids_of_fingers_down(&self) -> Vec<i64> {
+        let down = self.down.lock().unwrap_or_else(PoisonError::into_inner);
+        down.iter().flat_map(|touch| &touch.fingers).map(|finger| finger.id).collect()
+    }
+
+    /// All but these are lifted; those of them that are down stay as they were.
+    ///
+    /// # Errors
+    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
+    pub fn lift_all_except_dropping_oldest_if_full(
+        &self,
+        ids: &[i64],
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
+        let Some(before) = self.down.lock().unwrap_or_else(PoisonError::into_inner).clone() else { return Ok(()) };
+        let count = before.fingers.len();
+        let kept = before.keep_only_fingers(ids);
+        if kept.fingers.len() == count {
+            Ok(())
+        } else {
+            self.queue_fingers_down_dropping_oldest_if_full(kept, stop_count_at_arrival)
+        }
+    }
+
+    fn lift_all_fingers(&self) {
+        // What is lifted takes nobody's place.
+        let _ = self.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0);
+    }
+
+    /// Whatever they have done is not wanted any more.
+    pub fn discard_steps_and_lift_all(&self) {
+        self.lock_steps().clear();
+        self.lift_all_fingers();
+    }
+
+    /// The page has gone away: its fingers are lifted.
+    pub fn lift_all_as_page_is_gone(&self) {
+        self.lift_all_fingers();
+        *self.gone.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.changed.notify_one();
+    }
+
+    /// The next step, once it is `find_earliest_drive_time`; `None` once the page is gone and all is done.
+    pub async fn wait_for_oldest_due_step(
+        &self,
+        find_earliest_drive_time: impl Fn(&FingerStep) -> Option<Instant>,
+    ) -> Option<FingerStep> {
+        loop {
+            let changed = self.changed.notified();
+            let waits = self
+                .lock_steps()
+                .front()
+                .map(|step| find_earliest_drive_time(step).filter(|due| Instant::now() < *due));
+            match waits {
+                // Looked at again then: a stop may have taken it away.
+                Some(Some(due_time)) => {
+                    tokio::select! {
+                        () = changed => {}
+                        () = tokio::time::sleep_until(due_time.into()) => {}
+                    }
+                    continue;
+                }
+                Some(None) => {
+                    if let Some(step) = self.lock_steps().pop_front() {
+                        return Some(step);
+                    }
+                }
+                None => {}
+            }
+            if *self.gone.lock().unwrap_or_else(PoisonError::into_inner) {
+                return None;
+            }
+            changed.await;
+        }
+    }
+
+    /// Whether fingers have moved or come that stand in place of `driven`.
+    pub fn has_step_in_place_of(&self, driven: &FingerStep) -> bool {
+        let is_in_place =
+            |step: &FingerStep| driven.makes_way_for(step) && (step.starts_effect || !driven.starts_effect);
+        self.lock_steps().front().is_some_and(|step| !step.touch.fingers.is_empty() && is_in_place(step))
+    }
+
+    fn lock_steps(&self) -> MutexGuard<'_, VecDeque<FingerStep>> {
+        self.steps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::touch::request::Feel;
+    use crate::planner::Target;
+
+    fn make_touch_at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
+        let target = Target { x_m: 0.0, y_m: 0.0, intensity_g: None };
+        let checked = |id: &i64| {
+            let finger = Finger { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None };
+            CheckedFinger { finger, target }
+        };
+        Touch::from_fingers(&ids.iter().map(checked).collect::<Vec<_>>(), feel).unwrap()
+    }
+
+    /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
+    fn take_steps(fingers: &PageFingers) -> Vec<(Vec<i64>, bool, f64)> {
+        let of = |step: FingerStep| {
+            (
+                step.newly_down,
+                step.lifted || step.is_tap,
+                step.touch.fingers.first().map_or(f64::NAN, |finger| finger.x_px),
+            )
+        };
+        std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
+    }
+
+    #[test]
+    fn a_finger_that_comes_again_is_another_one() {
+        let fingers = PageFingers::default();
+        let say = |ids: &[i64], x_px| {
+            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, Feel::default()), 0).unwrap()
+        };
+        say(&[1], 0.0);
+        say(&[1, 2], 1.0);
+        assert_eq!(take_steps(&fingers), [(vec![2, 1], false, 1.0)]);
+        // Lifted and back before anything is driven.
+        say(&[1], 2.0);
+        say(&[1, 2], 3.0);
+        say(&[1, 2], 4.0);
+        assert_eq!(take_steps(&fingers), [(vec![2], false, 4.0)]);
+        // A tap beside a finger that stays; the newest place of what follows.
+        say(&[1, 2, 3], 5.0);
+        say(&[1, 2], 6.0);
+        say(&[1, 2], 7.0);
+        assert_eq!(take_steps(&fingers), [(vec![3], true, 5.0), (vec![], false, 7.0)]);
+    }
+
+    /// So many that nobody can have made them: the newest are driven, and the page is told of the others.
+    #[test]
+    fn of_too_many_taps_the_oldest_make_way() {
+        let fingers = PageFingers::default();
+        let tap = |x_px: f64| {
+            let result =
+                fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0);
+            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
+            result.is_ok()
+        };
+        let most = f64::from(u8::try_from(MOST_STEPS).unwrap());
+        for i in 0..MOST_STEPS {
+            assert!(tap(f64::from(u8::try_from(i).unwrap())));
+        }
+        assert!(!tap(most));
+        let left = take_steps(&fingers);
+        assert_eq!((left.len(), left[0].2, left[MOST_STEPS - 1].2), (MOST_STEPS, 1.0, most));
+        assert!(left.iter().all(|(_, is_tap, _)| *is_tap));
+    }
+
+    /// Numbers of the fingers, whether an effect begins, and for which fingers, of each step that waits.
+    fn take_effects(fingers: &PageFingers) -> Vec<(f64, bool, Vec<i64>)> {
+        let of = |step: FingerStep| (step.touch.fingers[0].x_px, step.starts_effect, step.effect_fingers);
+        std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
+    }
+
+    #[test]
+    fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
+        let fingers = PageFingers::default();
+        let click = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+        let say = |ids: &[i64], x_px, feel| {
+            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, feel), 0).unwrap()
+        };
+        say(&[1], 0.0, click);
+        assert_eq!(take_effects(&fingers), [(0.0, true, vec![1])]);
+        say(&[1], 1.0, click);
+        assert_eq!(take_effects(&fingers), [(1.0, false, vec![1])], "its finger moves");
+        say(&[1, 2], 2.0, click);
+        say(&[1, 2], 3.0, click);
+        assert_eq!(take_effects(&fingers), [(3.0, true, vec![1, 2])], "another finger, at its newest place");
+        // A slider: the moves between two detents do not take their place, and of two detents that wait the newer one is played.
+        let still = Feel { intensity_g: Some(0.0), ..Feel::default() };
+        say(&[1], 4.0, still);
+        say(&[1], 5.0, click);
+        say(&[1], 6.0, still);
+        say(&[1], 7.0, still);
+        assert_eq!(take_effects(&fingers), [(5.0, true, vec![1]), (7.0, false, vec![1])]);
+        for x_px in [8.0, 9.0] {
+            say(&[1], x_px, click);
+            say(&[1], x_px, still);
+        }
+        assert_eq!(take_effects(&fingers), [(9.0, true, vec![1]), (9.0, false, vec![1])]);
+    }
+
+    #[test]
+    fn the_newest_finger_has_its_effect() {
+        let fingers = PageFingers::default();
+        let checked = |id: i64, effect: Option<NamedEffect>| {
+            let finger = Finger { id, x_px: 0.0, y_px: 0.0, intensity_g: None, effect };
+            CheckedFinger { finger, target: Target { x_m: 0.0, y_m: 0.0, intensity_g: None } }
+        };
+        let say = |down: &[CheckedFinger]| {
+            let effect = fingers.choose_effect_of_newest_finger(down);
+            let feel = Feel { effect, ..Feel::default() };
+            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::from_fingers(down, feel).unwrap(), 0).unwrap();
+            take_effects(&fingers).pop().map(|(_, starts, ids)| (effect, starts, ids)).unwrap()
+        };
+        let (click, buzz) = (Some(NamedEffect::Click), Some(NamedEffect::Buzz));
+        assert_eq!(say(&[checked(1, click)]), (click, true, vec![1]));
+        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, true, vec![2]));
+        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, false, vec![2]), "they move");
+        assert_eq!(
+            say(&[checked(1, click), checked(2, buzz), checked(3, click)]),
+            (click, true, vec![1, 3]),
+            "together"
+        );
+        assert_eq!(say(&[checked(4, None), checked(3, click)]), (click, false, vec![3]));
+    }
+
+    /// A page that asks for that: a tap that waits makes way for the next one.
+    #[test]
+    fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
+        let fingers = PageFingers::new(true);
+        for x_px in [0.0, 1.0, 2.0] {
+            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0).unwrap();
+            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
+        }
+        assert_eq!(take_steps(&fingers), [(vec![1], true, 2.0)]);
+    }
+}
