@@ -179,25 +179,25 @@ impl TlsFiles {
     /// Those in a folder; `None` if neither is there, or what is there was left half-written, which [`find_or_make_certificate`] replaces.
     ///
     /// # Errors
-    /// [`ListenError::Tls`]: one of them alone.
+    /// [`ListenError::Tls`]: a certificate alone, which clients may have been given.
     pub fn find_pair_in_folder_or_none_if_absent_or_damaged(folder: &Path) -> Result<Option<Self>, ListenError> {
         let files = Self::default_paths_in_folder(folder);
         if damaged_certificate::find_damaged_file(&files.certificate, &files.key).is_some() {
             return Ok(None);
         }
-        let (there, missing) = match (files.certificate.exists(), files.key.exists()) {
-            (true, true) => return Ok(Some(files)),
-            (false, false) => return Ok(None),
-            (true, false) => (&files.certificate, &files.key),
-            (false, true) => (&files.key, &files.certificate),
-        };
-        Err(ListenError::Tls {
-            file: missing.display().to_string(),
-            reason: format!(
-                "is missing, but {} exists: move this file to another folder, and the daemon makes both files again",
-                there.display()
-            ),
-        })
+        // The certificate is looked for first: another daemon may be writing the pair, and writes the key first. A key that is alone here
+        // belongs to a pair that is not yet whole.
+        match (files.certificate.exists(), files.key.exists()) {
+            (true, true) => Ok(Some(files)),
+            (false, _) => Ok(None),
+            (true, false) => Err(ListenError::Tls {
+                file: files.key.display().to_string(),
+                reason: format!(
+                    "is missing, but {} exists: move this file to another folder, and the daemon makes both files again",
+                    files.certificate.display()
+                ),
+            }),
+        }
     }
 }
 
