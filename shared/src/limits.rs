@@ -123,7 +123,7 @@ const TRIP_TOLERANCE_PERCENT: u32 = 5;
 const _: () = assert!(
     circuit::most_edge_microamps(MAX_RAIL_MILLIVOLTS) as u64
         <= circuit::subtract_percent(TRIP_MICROAMPS as u64, TRIP_TOLERANCE_PERCENT),
-    "edges that rise together trip the comparator of the current"
+    "simultaneous rising edges trip the over-current comparator"
 );
 
 /// No window of an electrode begins sooner than this after the end of one of the other, in ns, whatever is configured. What is never on

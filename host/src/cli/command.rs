@@ -109,9 +109,9 @@ Examples:
     /// Run a design study: vary places, springs and materials, and write the best designs as scenes
     #[command(after_help = "\
 Examples:
-  era study examples/studies/placement.toml              stopped with Ctrl-C, the same command goes on
-  era study placement.toml --out results --shard 3/16    the third of 16 shares, for a job array
-  era study placement.toml --out results --gather        when all shares are there")]
+  era study examples/studies/placement.toml              after Ctrl-C, the same command resumes the study
+  era study placement.toml --out results --shard 3/16    compute only the third of 16 shares, for a job array
+  era study placement.toml --out results --gather        combine the results when all shares are complete")]
     Study(Study),
     /// Compare predicted peaks with the peaks that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]

@@ -325,7 +325,7 @@ fn list_commands_to_run_next(options: &Install, changed: &[Part], config: &Path)
         }
         if ConfigFile::read(config).map_or(true, |file| file.note_if_device_is_simulated().is_some()) {
             let editor = if options.user { "${EDITOR:-vi}" } else { "sudoedit" };
-            steps.push(format!("{editor} {}    # scene = \"panel.toml\", device = \"auto\"", config.display()));
+            steps.push(format!("{editor} {}    # set the scene and the device, such as scene = \"panel.toml\", device = \"auto\"", config.display()));
         }
         steps.push(format!("era config check {}", config.display()));
         steps.push(format!("{manager} daemon-reload"));

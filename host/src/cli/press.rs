@@ -76,8 +76,8 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
         let _ = writeln!(text, "{line}");
     }
     text.push_str(
-        "Alone: travel of the mass without voltage and without a stop. Sag: travel with the pull of the electrodes at \
-         the highest voltages. Holds: highest voltage at which the gap left is safe from breakdown of the air.",
+        "Alone: travel of the mass with no voltage and no end stop. Sag: travel with the end stop and with the pull \
+         of the electrodes at the highest voltages. Holds: highest voltage at which the air in the remaining gap does not break down.",
     );
     text
 }

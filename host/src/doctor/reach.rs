@@ -68,13 +68,13 @@ impl RequestTrouble {
         Some(match self {
             Self::Other(_) => return None,
             Self::SpeaksTls => (
-                format!("{place} speaks TLS, but the request came without TLS"),
+                format!("{place} speaks TLS, but the request was sent without TLS"),
                 format!(
                     "use --url https://{place} and --ca with the daemon's certificate (era-cert.pem in its --tls-dir)"
                 ),
             ),
             Self::SpeaksPlain => {
-                (format!("{place} does not speak TLS, but the request came with TLS"), format!("use --url http://{place}"))
+                (format!("{place} does not speak TLS, but the request was sent over TLS"), format!("use --url http://{place}"))
             }
             Self::Untrusted(reason) if has_ca => (
                 format!("the certificate of {url} is not the one that --ca trusts ({reason})"),

@@ -163,7 +163,7 @@ impl Scope<'_> {
         }
         if depth > MAX_DEPTH {
             return list.warn(format!(
-                "{name} is left out: more than {MAX_DEPTH} references or composites are inside each other"
+                "{name} is left out: its references and composites are nested more than {MAX_DEPTH} levels deep"
             ));
         }
         self.steps.set(self.steps.get() + 1);

@@ -103,7 +103,7 @@ impl Primitive {
             Self::Spin => "two swells: something that turns",
             Self::QuickRise => "a vibration that rises within 150 ms",
             Self::SlowRise => "a vibration that rises within 500 ms",
-            Self::QuickFall => "a vibration that falls within 100 ms",
+            Self::QuickFall => "a vibration that fades to zero over 100 ms",
             Self::Buzz => "an even vibration",
             Self::Rumble => "an even, dull vibration",
             Self::Press => "a key that goes down",

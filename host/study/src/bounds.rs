@@ -97,7 +97,7 @@ impl StudyBounds {
         }
         places += spec.apart.iter().map(|apart| count(&apart.places)).sum::<usize>();
         places += spec.uncertain.iter().map(|own| count(&own.paths)).sum::<usize>();
-        check_count_at_most("study", places, "places that its keys lead to", self.places)?;
+        check_count_at_most("study", places, "numbers of the scene that its keys address", self.places)?;
         check_count_at_most("study", written, "bytes that a design writes into the scene", self.written)
     }
 

@@ -214,8 +214,8 @@ impl Spread {
         };
         let (all, samples) = (ends(&self.range), self.samples);
         let mut text = format!(
-            "if the panel differs from the scene, the peak at the target changes by {all} ({samples} panels were \
-             computed; other panels may differ more)"
+            "within these tolerances of the panel, the peak at the target changes by {all} (from {samples} simulated \
+             panels; the peak of a real panel may change more)"
         );
         for OneTolerance { what, range } in &self.of {
             let _ = write!(text, "\n  only {}, by up to {}: {}", what.name(), by(*what), ends(range));

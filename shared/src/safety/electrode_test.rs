@@ -89,7 +89,7 @@ const fn most_fall_ppm(picofarads: u32) -> u64 {
     let ohms = add_percent((ELECTRODE_OHMS + LOWER_SWITCH_OHMS) as u64, RESISTANCE_TOLERANCE_PERCENT);
     let time_constant_us = ohms * (add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT) + electrode) / 1_000_000;
     let drawn_ppm = least_decay_ppm(((TEST_PULSES - 1) * TEST_PULSE_MICROSECONDS) as u64, time_constant_us);
-    assert!(drawn_ppm >= charged_ppm + 2 * MEASUREMENT_PPM, "a short is not told from an electrode this large");
+    assert!(drawn_ppm >= charged_ppm + 2 * MEASUREMENT_PPM, "the test cannot distinguish a short from an electrode with this capacitance");
     (drawn_ppm + charged_ppm) / 2
 }
 

@@ -189,7 +189,7 @@ fn print_summary(
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
-        "{} requests sent again ({}), {unanswered} without an answer; {} messages of recorded pages sent again{lost}\n\
+        "{} requests sent again ({}), {unanswered} without an answer; {} messages of web pages sent again{lost}\n\
          errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
          touches whose answer differs from the recorded answer: {}{told}\n\
          touches whose drives were compared: {compared}; largest relative difference in frequency or voltage: {largest:.1e}\n\
@@ -209,6 +209,6 @@ fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> Outcome {
         return Ok(());
     }
     Err(Failure::runtime_error(format!(
-        "{unanswered} requests had no answer, and {lost} messages of recorded pages were not delivered"
+        "{unanswered} requests had no answer, and {lost} messages that web pages had sent in the recording were not delivered"
     )))
 }

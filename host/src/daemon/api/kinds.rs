@@ -106,7 +106,7 @@ kinds! {
     /// rest, `retry_after_ms` says for how long.
     DeviceRefused = "device-refused", CONFLICT, "The device refused the request";
     /// The board has fewer channels than the scene has actuators.
-    DeviceUnfit = "device-unfit", CONFLICT, "The device does not fit the scene";
+    DeviceUnfit = "device-unfit", CONFLICT, "The device does not match the scene";
     /// The board was away, and a person has to arm it.
     NotArmed = "not-armed", CONFLICT, "The device waits to be armed";
     /// The header content-type names something other than JSON.

@@ -42,7 +42,7 @@ pub fn deserialize_whole_number_or_null<'de, T: WholeNumber, D: Deserializer<'de
 }
 
 /// The whole number that a float is, within what a float holds exactly; `None` for any other.
-#[expect(clippy::cast_possible_truncation, reason = "whole, and within what a float holds exactly")]
+#[expect(clippy::cast_possible_truncation, reason = "a whole number that an f64 holds exactly")]
 #[must_use]
 pub fn to_exact_whole_number(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() <= EXACT).then_some(value as i64)

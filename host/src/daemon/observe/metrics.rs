@@ -103,7 +103,7 @@ impl Metrics {
             ),
             (
                 "era_link_round_trip_jitter_seconds",
-                "Mean difference between the times of successive round trips (request and answer).",
+                "Jitter of the round trips (request and answer): mean absolute difference between the durations of successive round trips.",
                 trips.jitter,
             ),
             ("era_link_keep_alive_age_seconds", "Time since the device last answered.", heard_ago),

@@ -80,7 +80,7 @@ pub enum SessionError {
         is_faulty: bool,
     },
     /// The device is not made for this scene.
-    #[error("the device does not fit the scene: {reason}")]
+    #[error("the device does not match the scene: {reason}")]
     Unfit {
         /// What is missing.
         reason: String,
@@ -95,10 +95,10 @@ pub enum SessionError {
     #[error("the daemon is shutting down")]
     Closed,
     /// Its thread has ended without being told to: by a mistake in this program.
-    #[error("{ENDED}. The board has switched off by itself, and nothing is driven until the daemon is restarted")]
+    #[error("{ENDED}. The board has switched its high voltage off. Restart the daemon to drive the actuators again")]
     Ended,
     /// Its thread hangs, by a mistake in this program or of the system's driver.
-    #[error("{HANGS}. The board has switched off by itself, and nothing is driven until the daemon is restarted")]
+    #[error("{HANGS}. The board has switched its high voltage off. Restart the daemon to drive the actuators again")]
     Hangs,
 }
 

@@ -459,7 +459,7 @@ impl SessionWorker {
         }
         let mut text = self.device.describe_link_error(error);
         if matches!(error, LinkError::Port(PortError::Busy { .. })) {
-            text += ". The daemon tries to open the port until the port is free";
+            text += ". The daemon tries again until the port is free";
         }
         if self.publish.borrow().problem.as_deref() != Some(&text) {
             tracing::error!(path = self.device.port_path(), error = text, "the connection to the device is lost");

@@ -139,8 +139,8 @@ impl Admission {
     ) -> Problem {
         self.refused.fetch_add(1, Ordering::Relaxed);
         let detail = format!(
-            "{waiting} requests already {awaited}, which is the maximum, and no other client has more waiting requests than this \
-             client; try again in {retry_ms} ms"
+            "the queue is full: {waiting} requests already {awaited}. This request is refused because no other client has more \
+             requests in the queue than this client; try again in {retry_ms} ms"
         );
         Problem::new(ProblemKind::QueueFull, detail).with_retry(retry_ms, Some(waiting))
     }
