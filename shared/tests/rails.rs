@@ -221,6 +221,38 @@ fn a_wrong_rail_is_noticed_in_time() {
     assert_eq!(bench.state(), SafetyState::Running);
 }
 
+/// A measurement that is wrong in three or more of ten ms is found, in whatever rhythm it comes and goes, too low and too high; one that is
+/// wrong in one of nine is not. Each wrong ms counts, and each right one takes a quarter of a ms back.
+#[test]
+fn a_measurement_that_comes_and_goes_is_noticed() {
+    let find_fault = |wrong_ms: u64, period_ms: u64, shown_millivolts: u32, longest_ms: u64| {
+        let mut bench = Bench::new();
+        bench.arm();
+        let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(0) };
+        bench.ask(&Request::SetDrives { drives: Short::from_slice(&[low]).unwrap() });
+        bench.wait_ms(60);
+        for ms in 0..longest_ms {
+            bench.board.rails_show = [(ms % period_ms < wrong_ms).then_some(shown_millivolts), None];
+            bench.wait_ms(1);
+            bench.ask(&Request::KeepAlive);
+        }
+        let Reply::Faults { latched } = bench.ask(&Request::Faults) else { panic!() };
+        latched.map(|fault| fault.code)
+    };
+    for period_ms in 2_u64..=20 {
+        for wrong_ms in (3 * period_ms).div_ceil(10)..period_ms {
+            let counted_per_ms = (5.0 * wrong_ms as f64 / period_ms as f64 - 1.0) / 4.0;
+            let longest_ms = (50.0 / counted_per_ms).ceil() as u64 + period_ms;
+            let found = find_fault(wrong_ms, period_ms, 440_000, longest_ms);
+            assert_eq!(found, Some(FaultCode::RailImplausible), "{wrong_ms} of {period_ms} ms too low");
+            let found = find_fault(wrong_ms, period_ms, 570_000, 1_500);
+            let possible = [FaultCode::RailImplausible, FaultCode::DischargeSlow, FaultCode::RailCollapsed];
+            assert!(found.is_some_and(|code| possible.contains(&code)), "{wrong_ms} of {period_ms} ms too high: {found:?}");
+        }
+    }
+    assert_eq!(find_fault(1, 9, 440_000, 1_500), None);
+}
+
 #[test]
 fn the_rails_start_softly_and_serve_two_voltages() {
     let mut bench = Bench::new();

@@ -21,6 +21,8 @@ pub struct SupplyMonitor {
     implausible: [ConditionTime; RAILS],
     /// Per rail since when its discharge switch is closed.
     discharging_since_us: [Option<u64>; RAILS],
+    /// Per rail when its set-point was last lowered.
+    lowered_us: [Option<u64>; RAILS],
     over_current: ConditionTime,
 }
 
@@ -34,6 +36,7 @@ impl SupplyMonitor {
             last_us: None,
             implausible: [ConditionTime::NONE; RAILS],
             discharging_since_us: [None; RAILS],
+            lowered_us: [None; RAILS],
             over_current: ConditionTime::NONE,
         }
     }
@@ -100,14 +103,24 @@ impl SupplyMonitor {
             let lag = if set > number(&last_set) { RISING_TOLERANCE_MILLIVOLTS } else { 0 };
             let tolerance = (set / 100 * RAIL_TOLERANCE_PERCENT).max(RAIL_TOLERANCE_MILLIVOLTS) + lag;
             let within = measured.abs_diff(set) <= tolerance;
-            // On its way down a rail may be above its set-point for as long as its discharge switch needs.
-            let excused = discharging && measured > set;
-            let switched = discharging_us.is_some_and(|lasted| lasted >= u64::from(SWITCHED_DISCHARGE_MS) * 1000);
-            if !within && excused && switched {
+            let switched_us = u64::from(SWITCHED_DISCHARGE_MS) * 1000;
+            if !within && measured > set && discharging_us.is_some_and(|lasted| lasted >= switched_us) {
                 return Some((FaultCode::DischargeSlow, detail));
             }
-            let Some(implausible) = self.implausible.get_mut(rail) else { continue };
-            if implausible.count_or_forgive_time_and_has_lasted(!within && !excused, elapsed_us, IMPLAUSIBLE_AFTER_MS) {
+            let (Some(implausible), Some(lowered_us)) = (self.implausible.get_mut(rail), self.lowered_us.get_mut(rail))
+            else {
+                continue;
+            };
+            if set < number(&last_set) {
+                *lowered_us = Some(now_us);
+            }
+            // After its set-point was lowered a rail may be above it for as long as its discharge switch needs. That tells nothing of the
+            // measurement: it is neither counted nor forgiven. A switch that closes because a reading is too high is no excuse.
+            let is_falling = lowered_us.is_some_and(|lowered| now_us.saturating_sub(lowered) < switched_us);
+            if discharging && measured > set && is_falling && !within {
+                continue;
+            }
+            if implausible.count_or_forgive_time_and_has_lasted(!within, elapsed_us, IMPLAUSIBLE_AFTER_MS) {
                 return Some((FaultCode::RailImplausible, detail));
             }
         }
@@ -172,10 +185,10 @@ impl ConditionTime {
         limit_ms: u32,
     ) -> bool {
         self.lasted_us = match (self.lasted_us, is_met) {
-            (None, true) => Some(0),
             (None, false) => None,
-            // No more than the limit, so that it is forgiven in time that is known however long it has lasted.
-            (Some(lasted), true) => Some((lasted + elapsed_us).min(u64::from(limit_ms) * 1000)),
+            // A reading stands for the time since the one before, the first one too: a condition that is met every other ms would never
+            // last otherwise. No more than the limit, so that it is forgiven in time that is known however long it has lasted.
+            (lasted, true) => Some((lasted.unwrap_or(0) + elapsed_us).min(u64::from(limit_ms) * 1000)),
             (Some(lasted), false) => lasted.checked_sub(elapsed_us / u64::from(FORGIVING_RATIO)),
         };
         self.lasted_us.is_some_and(|lasted| lasted >= u64::from(limit_ms) * 1000)

@@ -59,8 +59,20 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a discharge excuses any voltage for ever",
         "shared/src/supply/watch.rs",
-        "            if !within && excused && switched {",
-        "            if !within && excused && switched && false {",
+        "            if !within && measured > set && discharging_us",
+        "            if false && !within && measured > set && discharging_us",
+    ),
+    new_mutation(
+        "the first wrong ms does not count",
+        "shared/src/supply/watch.rs",
+        "Some((lasted.unwrap_or(0) + elapsed_us).min(",
+        "Some(lasted.map_or(0, |lasted| lasted + elapsed_us).min(",
+    ),
+    new_mutation(
+        "a high reading excuses itself by the discharge that it causes",
+        "shared/src/supply/watch.rs",
+        "            if discharging && measured > set && is_falling && !within {",
+        "            if discharging && measured > set && !within {",
     ),
     new_mutation(
         "current limit doubled",
