@@ -5,9 +5,9 @@ use std::process::Command;
 use std::{env, fs};
 
 fn main() {
-    let memory = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo")).join("../memory.x");
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
-    fs::copy(&memory, out.join("memory.x")).expect("memory.x at the repository root");
+    let memory = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets this")).join("../memory.x");
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets this"));
+    fs::copy(&memory, out.join("memory.x")).expect("cannot copy memory.x from the root of the repository");
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed={}", memory.display());
 

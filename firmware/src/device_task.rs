@@ -25,7 +25,7 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
     let mut heartbeat = Heartbeat::new();
     let mut line_errors = CountReport::new();
     let mut state = device.state();
-    defmt::info!("device is up, state {}", state.name());
+    defmt::info!("device task started, state {}", state.name());
     loop {
         // First in every turn, so that a flood of bytes cannot starve it; what a frame has changed is done at once too.
         let due_us = device.poll_next_due_us(&mut board);

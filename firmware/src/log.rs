@@ -67,7 +67,7 @@ pub fn take_log_bytes(buffer: &mut [u8]) -> usize {
         lost
     });
     if lost > 0 {
-        defmt::warn!("{=u32} older log lines were lost before they were read", lost);
+        defmt::warn!("{=u32} older log lines were lost, because no program read the log in time", lost);
     }
     count
 }

@@ -79,7 +79,12 @@ fn main() -> ! {
     let info = identity::build_board_info_without_channels(reset_cause, failure, previous_run.map(|run| run.credit_ms));
     defmt::info!("era-firmware {}, commit {=[u8]:a}", env!("CARGO_PKG_VERSION"), info.firmware.commit);
     if let Some((code, detail)) = info.fault_before_reset {
-        defmt::error!("the previous run ended in {}, {=u32}: {}", code.name(), detail, info.failure.as_str());
+        defmt::error!(
+            "the previous run ended with the fault {}, detail {=u32}: {}",
+            code.name(),
+            detail,
+            info.failure.as_str()
+        );
     }
     // Neither of them can go before the next start.
     let lasting_fault = if is_watchdog_proven {

@@ -31,7 +31,11 @@ pub fn find_unsafe_option_bytes() -> Option<u32> {
     let options = FLASH.optr().read().0;
     let differing = (options ^ RECOMMENDED) & RECOMMENDED_MASK;
     if differing != 0 {
-        defmt::warn!("option bytes {=u32:#010x} differ from those recommended in {=u32:#010x}", options, differing);
+        defmt::warn!(
+            "option bytes {=u32:#010x} differ from the recommended values in the bits {=u32:#010x}",
+            options,
+            differing
+        );
     }
     (options & NEEDED_MASK != NEEDED).then_some(options)
 }

@@ -89,7 +89,7 @@ pub fn find_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
     let fed = check_in_record().fed.load(Ordering::Relaxed);
     let (mut missing, mut text) = (0, String::new());
     // The text has room for all names.
-    let _ = text.push_str("watchdog: no sign of");
+    let _ = text.push_str("watchdog: unresponsive tasks:");
     for ((bit, name), seen) in NAMES.iter().enumerate().zip(&check_in_record().seen) {
         let since_feed = seen.load(Ordering::Relaxed).wrapping_sub(fed).cast_signed();
         if since_feed < ALIVE.cast_signed() {

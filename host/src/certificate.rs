@@ -44,7 +44,7 @@ pub fn read_private_key(path: &Path) -> Result<PrivateKeyDer<'static>, String> {
     // Of PKCS #8, and of the older files of `openssl`.
     if has("BEGIN ENCRYPTED PRIVATE KEY") || has("Proc-Type: 4,ENCRYPTED") {
         return Err(format!(
-            "the key is encrypted with a passphrase, and the daemon cannot ask for a passphrase at its start: \
+            "the key is encrypted with a passphrase, and the daemon cannot ask for a passphrase when it starts: \
              `openssl pkey -in {} -out NEW` writes the key without a passphrase",
             path.display()
         ));
@@ -57,18 +57,19 @@ pub fn read_private_key(path: &Path) -> Result<PrivateKeyDer<'static>, String> {
 }
 
 fn describe_damage(error: &dyn fmt::Display) -> String {
-    format!("the file is damaged ({error}): restore it, or make a new certificate and key")
+    format!("the file is damaged ({error}): restore the file, or make a new certificate and key")
 }
 
 /// Why nothing of the kind is in a file; `tool` is the command of `openssl` that turns it into PEM.
 fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> String {
     if bytes.trim_ascii().is_empty() {
-        return format!("the file is empty, but must have a {wanted} in PEM");
+        return format!("the file is empty, but must contain a {wanted} in PEM format");
     }
     if DER.iter().any(|begin| bytes.starts_with(begin)) {
         let path = path.display();
         return format!(
-            "the file is in DER, but must be in PEM: `openssl {tool} -in {path} -inform der -out NEW` converts the file"
+            "the file is in DER format, but must be in PEM format: `openssl {tool} -in {path} -inform der -out NEW` \
+             converts the file"
         );
     }
     let kinds = ["CERTIFICATE-----", "PUBLIC KEY-----", "OPENSSH PRIVATE KEY-----", "PRIVATE KEY-----"];
@@ -78,7 +79,7 @@ fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> Stri
         Some("PUBLIC KEY-----") => "a public key",
         Some("OPENSSH PRIVATE KEY-----") => "a key in OpenSSH's own format",
         Some(_) => "a private key",
-        None => return format!("the file has no {wanted} (a file in PEM begins with -----BEGIN)"),
+        None => return format!("the file contains no {wanted} in PEM format (a PEM file begins with -----BEGIN)"),
     };
     format!("the file contains {there}, but no {wanted}")
 }
@@ -98,7 +99,7 @@ pub fn find_date_fault(certificate: &CertificateDer<'_>, now: UnixTime) -> Optio
 /// Dates that are wrong, in words; nothing where it is something else.
 #[must_use]
 pub fn describe_date_fault(fault: &CertificateError) -> Option<String> {
-    let clock = |time: &UnixTime| format!("this computer's clock says {}", show_time(*time));
+    let clock = |time: &UnixTime| format!("the clock of this computer shows {}", show_time(*time));
     Some(match fault {
         CertificateError::ExpiredContext { time, not_after } => {
             format!("expired on {} ({})", show_time(*not_after), clock(time))
@@ -132,6 +133,6 @@ fn show_time(time: UnixTime) -> String {
             let (year, month, day) = (at.year(), u8::from(at.month()), at.day());
             format!("{year:04}-{month:02}-{day:02} {:02}:{:02} UTC", at.hour(), at.minute())
         }
-        Err(_) => "a day beyond the year 9999".into(),
+        Err(_) => "a date after the year 9999".into(),
     }
 }

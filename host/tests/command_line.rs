@@ -59,7 +59,7 @@ fn first_mistakes_are_answered_with_what_would_do() {
     let file = scratch("soft.toml");
     std::fs::write(&file, soft).unwrap();
     let text = told(&era(&["modes", "--scene", &file.display().to_string()]));
-    assert!(text.contains("check that youngs_modulus_pa is right and in Pa"), "{text}");
+    assert!(text.contains("check that youngs_modulus_pa is correct and in Pa"), "{text}");
 }
 
 /// The array's numbers are those of `era response`, and the header is what NumPy reads.

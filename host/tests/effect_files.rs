@@ -94,7 +94,7 @@ fn the_command_line_reads_prints_and_exports() {
     let output = run_era_effect(path, &["--file", "two.ahap", "--export", "two.wav"]);
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(
-        text.contains("two: 2 events within 400 ms, read as AHAP") && text.contains("warning: Pattern[2]"),
+        text.contains("two: 2 events in 400 ms, file format AHAP") && text.contains("warning: Pattern[2]"),
         "{text}"
     );
     // What was written is read again, as an intensity over time.

@@ -133,6 +133,6 @@ fn clicks_are_mapped() {
     let output = era(&["field", "--effect", "click", "--accuracy", "fast", "--scene", &bar]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let words =
-        ["clicks of 0.5 g", "crisp (peak within 15 ms, quiet within 45 ms)", "least peak", "quiet time (median)"];
+        ["clicks of 0.5 g", "crisp (peak within 15 ms, quiet within 45 ms)", "lowest peak", "quiet time (median)"];
     assert!(words.iter().all(|word| text.contains(word)) && text.lines().count() <= 15, "{text}");
 }

@@ -133,7 +133,7 @@ fn what_a_study_cannot_be_is_told() {
     fs::write(&study, format!("{STUDY}{}", SOBOL.replace("designs = 12", "designs = 13"))).unwrap();
     refused(&["study", &study, "--out", &out, "--gather"], 2, "has results of another study");
     // Where there is a file in the folder's place.
-    refused(&["study", &study, "--out", &wrong.display().to_string()], 1, "cannot make the folder");
+    refused(&["study", &study, "--out", &wrong.display().to_string()], 1, "cannot create the folder");
 }
 
 /// The study that comes with the program: 2.5 times the weakest place of its scene, and the best first by the thorough look, whose order is not the quick

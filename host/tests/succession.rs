@@ -253,7 +253,7 @@ fn a_touch_that_does_not_fit_is_weaker_at_first() {
     let weaker = touch(0.31, 0.62);
     let peak_g = |answer: &Value| answer["predicted"]["target_peak_g"].as_f64().unwrap();
     assert!(is_still_moving(&weaker) && peak_g(&weaker) < 0.9 * peak_g(&whole), "{weaker}");
-    assert!(weaker["limited_by"].as_str().unwrap().contains("motion that earlier touches have left"), "{weaker}");
+    assert!(weaker["limited_by"].as_str().unwrap().contains("motion that remains from earlier touches"), "{weaker}");
     let grown = served.daemon.wait_for(|state| state["plan"].is_object() && !is_still_moving(&state["plan"]));
     assert_eq!(grown["plan_id"], weaker["plan_id"]);
     assert!((peak_g(&grown["plan"]) / peak_g(&whole) - 1.0).abs() < 1e-6, "{grown}");

@@ -97,7 +97,7 @@ export class Studies {
     if (isOn) show("study-status", words);
     else if (words !== $("study-status").textContent) this.tell(words);
     if (study.stage !== "done") return;
-    const all = [["as it is", study.as_it_is], ...study.best.map((own, k) => [`best ${k + 1}`, own])];
+    const all = [["unchanged scene", study.as_it_is], ...study.best.map((own, k) => [`best ${k + 1}`, own])];
     this.list(all.map(([name, own]) => [`${name}: ${this.figures(own)}`, own.scene_toml]));
   }
 

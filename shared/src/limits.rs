@@ -58,7 +58,7 @@ pub const TEST_BLEED_MILLIVOLTS: u32 = 1_800;
 const _: () = assert!(
     circuit::least_bleed_millivolts(TEST_MILLIVOLTS - TEST_TOLERANCE_MILLIVOLTS, TEST_BLEED_MS * 1_000)
         >= TEST_BLEED_MILLIVOLTS + circuit::RAIL_FULL_SCALE_MILLIVOLTS / 4_095,
-    "the bleeders of a sound rail take less than the self-test wants to see"
+    "the bleeders of a rail without faults lower its voltage by less than the self-test requires"
 );
 /// Pulses that the self-test makes on each electrode alone, from a rail whose supply is disabled. The rail's fall from after the first to
 /// after the last tells what the electrode takes ([`crate::safety::judge_electrode_pulses`]).
@@ -87,7 +87,7 @@ pub const FORGIVING_RATIO: u32 = 4;
 pub const COLLAPSE_PERCENT: u32 = 20;
 const _: () = assert!(
     COLLAPSE_PERCENT * 10 > circuit::most_dip_permille(),
-    "electrodes that rise together look like an arc: the rail's capacitance is too small"
+    "electrodes that charge together lower the rail's voltage like an arc: the rail's capacitance is too small"
 );
 /// Below this set-point in mV a loss is not looked at, as noise is as large.
 pub const COLLAPSE_FROM_MILLIVOLTS: u32 = 200_000;

@@ -247,7 +247,10 @@ fn a_measurement_that_comes_and_goes_is_noticed() {
             assert_eq!(found, Some(FaultCode::RailImplausible), "{wrong_ms} of {period_ms} ms too low");
             let found = find_fault(wrong_ms, period_ms, 570_000, 1_500);
             let possible = [FaultCode::RailImplausible, FaultCode::DischargeSlow, FaultCode::RailCollapsed];
-            assert!(found.is_some_and(|code| possible.contains(&code)), "{wrong_ms} of {period_ms} ms too high: {found:?}");
+            assert!(
+                found.is_some_and(|code| possible.contains(&code)),
+                "{wrong_ms} of {period_ms} ms too high: {found:?}"
+            );
         }
     }
     assert_eq!(find_fault(1, 9, 440_000, 1_500), None);

@@ -52,7 +52,7 @@ impl Outbox {
     pub fn queue_answer(&self, answer: &[u8]) {
         // Only the device task writes, so the room cannot shrink after this test.
         if self.pipe.free_capacity() < answer.len() {
-            defmt::warn!("answer of {} bytes dropped, the host does not read", answer.len());
+            defmt::warn!("an answer of {} bytes was dropped, because the host does not read the link", answer.len());
             return;
         }
         let mut rest = answer;
@@ -109,7 +109,11 @@ pub async fn send_queued_answers(link: usize, mut sink: impl ByteSink) -> ! {
             Ok(Err(Closed)) | Err(_) => {
                 // What is left of a broken-off answer would only confuse whoever opens the link next.
                 outbox.pipe.clear();
-                defmt::warn!("link {}: answer not taken", link);
+                defmt::warn!(
+                    "link {} (0: UART, 1: USB): an answer was dropped, because the host did not read it within 100 ms \
+                     or closed the link",
+                    link
+                );
             }
         }
     }

@@ -35,7 +35,7 @@ impl interrupt::typelevel::Handler<interrupt::typelevel::LPUART1> for LineErrorC
 /// Logs how many errors of the line there were, once a second at most. To be called every ms or so.
 pub fn log_line_errors_if_due(report: &mut CountReport, now_us: u64) {
     if let Some(count) = report.take_increase_if_due(LINE_ERRORS.load(Ordering::Relaxed), now_us) {
-        defmt::warn!("uart: {=u32} characters with line errors", count);
+        defmt::warn!("UART: {=u32} characters were received with line errors", count);
     }
 }
 

@@ -58,7 +58,8 @@ impl AppendedFile {
                 Err(uncut) => Err(io::Error::new(
                     error.kind(),
                     format!(
-                        "{error}; the file now ends with an incomplete record, because the record could not be removed: {uncut}"
+                        "{error}; the file now ends with an incomplete record, because the program could not remove \
+                         this record: {uncut}"
                     ),
                 )),
             },

@@ -11,7 +11,7 @@ pub enum NotOwn {
     #[error("{0}")]
     Io(#[from] io::Error),
     /// It is something else.
-    #[error("it is {found}, but must be {wanted}")]
+    #[error("{found} was found, but {wanted} is required")]
     Kind {
         /// What it is.
         found: &'static str,
@@ -20,7 +20,7 @@ pub enum NotOwn {
     },
     /// Somebody else may have written it.
     #[error(
-        "it belongs to the user with the number {owner}, but must belong to {own} (who runs this program) or to root"
+        "the owner is the user with the number {owner}, but must be the user who runs this program ({own}) or root"
     )]
     Owner {
         /// Its owner.
@@ -29,13 +29,15 @@ pub enum NotOwn {
         own: u32,
     },
     /// Others may write to it.
-    #[error("its mode is {mode:04o}, so users other than its owner may write to it: run `chmod go-w` for it")]
+    #[error(
+        "the mode is {mode:04o}, so users other than the owner may write: remove this permission with `chmod go-w`"
+    )]
     Mode {
         /// Its permissions.
         mode: u32,
     },
     /// It is larger than what is read.
-    #[error("it has {bytes} bytes, but may have at most {most_bytes}")]
+    #[error("the size is {bytes} bytes, but at most {most_bytes} bytes are allowed")]
     TooLarge {
         /// Its size.
         bytes: u64,
@@ -167,7 +169,7 @@ mod tests {
         if rustix::process::geteuid().is_root() {
             chown(at("own"), Some(65_534), None).unwrap();
             let refused = read_own_file(&at("own"), 100).unwrap_err();
-            assert!(refused.to_string().contains("belongs to the user with the number 65534"), "{refused}");
+            assert!(refused.to_string().contains("the owner is the user with the number 65534"), "{refused}");
         }
     }
 
@@ -183,7 +185,7 @@ mod tests {
             assert_eq!(check_own_folder(&at("link")).is_ok(), is_own, "{mode:o}");
         }
         fs::write(at("file"), "").unwrap();
-        assert!(check_own_folder(&at("file")).unwrap_err().to_string().contains("it is a file"));
+        assert!(check_own_folder(&at("file")).unwrap_err().to_string().contains("a file was found"));
         if rustix::process::geteuid().is_root() {
             fs::set_permissions(at("own"), Permissions::from_mode(0o700)).unwrap();
             chown(at("own"), Some(65_534), None).unwrap();

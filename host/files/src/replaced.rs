@@ -125,7 +125,7 @@ fn find_replaceable_target(path: &Path) -> io::Result<Option<PathBuf>> {
         let to = fs::read_link(&at)?;
         at = parent_folder(&at).join(to);
     }
-    Err(io::Error::other("too many symbolic links"))
+    Err(io::Error::other(format!("the path leads through {MOST_LINKS} or more symbolic links")))
 }
 
 /// Whether a path names an open file of a process, as what `/dev/stdout` leads to does. Such a file has been opened by somebody else (a shell, for `>`), who goes on writing to
@@ -145,7 +145,7 @@ fn write_beside_and_rename(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
     if target.file_name().is_none() {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "this is not the name of a file"));
+        return Err(io::Error::new(ErrorKind::InvalidInput, "the path does not end with the name of a file"));
     }
     // Renaming asks nobody whether the file may be written to.
     let before = match fs::symlink_metadata(target) {
@@ -173,7 +173,7 @@ fn write_beside_and_rename(
     sync_folder(parent_folder(target))
 }
 
-#[cfg_attr(not(unix), expect(unused_variables, reason = "who may read a file is not told by a mode"))]
+#[cfg_attr(not(unix), expect(unused_variables, reason = "this system has no file modes"))]
 fn create_unfinished_file(path: &Path, is_by_umask: bool) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);

@@ -15,14 +15,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let modes =
             PanelModel::build(&changed, Accuracy::BALANCED, 400.0)?.compute_mode_frequencies_and_poles(400.0)?;
         let hz: Vec<String> = modes.iter().take(5).map(|mode| format!("{:.1}", mode.frequency_hz)).collect();
-        println!("springs times {factor}: {} Hz", hz.join(", "));
+        println!("modes with the stiffness of the supports times {factor}: {} Hz", hz.join(", "));
     }
     let middle = (scene.surface.length_m / 2.0, scene.surface.width_m / 2.0);
     let found = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, middle, &[100.0, 200.0])?;
     for (actuator, (curve, bound)) in scene.actuators.iter().zip(found.answer.iter().zip(&found.bounds)) {
         let bound = bound.limit_if_known().map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         println!(
-            "{}: {:.2} m/s^2 per N at 100 Hz, {:.2} at 200 Hz, error at most {bound}",
+            "{}: {:.2} m/s^2 per N at 100 Hz, {:.2} m/s^2 per N at 200 Hz, relative error at most {bound}",
             actuator.id,
             curve[0].norm(),
             curve[1].norm()

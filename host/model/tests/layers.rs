@@ -194,7 +194,7 @@ fn mistakes_are_named() {
     let patch = "[[patch]]\nx_mm = 10\ny_mm = 10\nlength_mm = 20\nwidth_mm = 20\n";
     let both = birch("").replacen("ex_pa", "youngs_modulus_pa = 1e9\nex_pa", 1);
     let cases: [(String, &[&str]); 11] = [
-        (format!("thickness_mm = 2.1\n{two}"), &["surface.thickness_mm is 2.1", "2 (the sum of all [[layer]])"]),
+        (format!("thickness_mm = 2.1\n{two}"), &["surface.thickness_mm is 2.1", "2 (the sum of all [[layer]] tables)"]),
         (format!("{surface}{two}"), &["surface.material is given", "left out, because every [[layer]]"]),
         (birch("angle_deg = 45"), &["layer[1].angle_deg is 45", "0 or 90"]),
         (birch("bond = \"slips\""), &["layer[1].bond is \"slips\"", "lowest"]),
@@ -205,7 +205,7 @@ fn mistakes_are_named() {
             &["layer[1].material.g_pa is missing", "unknown key layer[1].material.gpa"],
         ),
         (both, &["layer[1].material.youngs_modulus_pa", "ex_pa"]),
-        (two.clone() + patch, &["patch[1]", "is not allowed on a surface of [[layer]]"]),
+        (two.clone() + patch, &["patch[1]", "is not allowed on a surface with [[layer]] tables"]),
         (
             format!("[surface.damping]\nmodal_ratio = 0.01\n{}", birch("loss_factor = 0.1")),
             &["surface.damping", "only one of them is allowed"],

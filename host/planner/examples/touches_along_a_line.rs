@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .collect();
         let predicted = &plan.predicted;
         println!(
-            "{:5.1} mm: {:.3} g there, {:.1} dB above what is felt elsewhere; {}",
+            "touch at {:5.1} mm: {:.3} g at the target, contrast {:.1} dB; {}",
             x_m * 1e3,
             predicted.target_peak_g,
             predicted.contrast_db,

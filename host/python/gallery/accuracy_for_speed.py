@@ -21,7 +21,7 @@ frequency_hz = np.arange(40.0, 401.0, 5.0)
 
 # %%
 reference = era.response(plate, at_m, frequency_hz, tolerance=1e-5)
-print(f"reference: right to {reference.error_bound.max():.0e}, {reference.unknowns} unknowns")
+print(f"reference: error at most {reference.error_bound.max():.0e}, {reference.unknowns} unknowns")
 
 tolerances = [1e-1, 1e-2, 1e-3, 1e-4]
 bounds, errors, seconds, unknowns = [], [], [], []
@@ -33,20 +33,20 @@ for tolerance in tolerances:
     errors.append((difference.max(axis=1) / np.abs(reference.acceleration_m_s2_per_n).max(axis=1)).max())
     bounds.append(found.error_bound.max())
     unknowns.append(found.unknowns)
-    print(f"asked {tolerance:.0e}: bound {bounds[-1]:.1e}, error {errors[-1]:.1e}, {unknowns[-1]} unknowns, {1e3 * seconds[-1]:.0f} ms")
+    print(f"tolerance {tolerance:.0e}: bound {bounds[-1]:.1e}, error {errors[-1]:.1e}, {unknowns[-1]} unknowns, {1e3 * seconds[-1]:.0f} ms")
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
-left.loglog(tolerances, tolerances, color="grey", linestyle=":", label="what was asked for")
+left.loglog(tolerances, tolerances, color="grey", linestyle=":", label="tolerance")
 left.loglog(tolerances, bounds, "o-", label="bound")
 left.loglog(tolerances, errors, "s-", label="error")
 left.invert_xaxis()
-left.set(xlabel="tolerance", ylabel="part of the curve's peak", title="What is promised, and what is kept")
+left.set(xlabel="tolerance", ylabel="relative to the curve's peak", title="Error bound and real error")
 left.legend()
 right.loglog(unknowns, bounds, "o-")
 for x, y, time_s in zip(unknowns, bounds, seconds):
     right.annotate(f" {1e3 * time_s:.0f} ms", (x, y), fontsize="small")
-right.set(xlabel="unknowns", ylabel="bound", title="What it costs")
+right.set(xlabel="unknowns", ylabel="bound", title="Error bound and computing time")
 right.grid(alpha=0.3, which="both")
 plt.show()
 
@@ -55,4 +55,4 @@ plt.show()
 
 # %%
 hurried = era.response(plate, at_m, frequency_hz, within_s=0.2)
-print(f"within 0.2 s: right to {hurried.error_bound.max():.0e}")
+print(f"within 0.2 s: error at most {hurried.error_bound.max():.0e}")

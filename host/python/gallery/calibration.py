@@ -57,8 +57,8 @@ found = least_squares(residuals, np.zeros(3), diff_step=1e-3, xtol=1e-5, ftol=1e
 names = ["corner springs", "ERA springs", "loss factor"]
 spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)) * 2.0 * found.cost / (found.fun.size - 3))
 for name, value, truth, deviation in zip(names, np.exp(found.x), np.exp(true), spread):
-    print(f"{name}: {value:.4f} times the example's, +- {100.0 * deviation:.2f} % (true: {truth:.4f})")
-print(f"{looks} looks")
+    print(f"{name}: {value:.4f} times the value of the example, +- {100.0 * deviation:.2f} % (true: {truth:.4f})")
+print(f"{looks} evaluations of the model")
 
 # %%
 figure, axes = plt.subplots(3, 1, figsize=(8, 9), sharex=True, layout="constrained")

@@ -26,8 +26,8 @@ extent_mm = (0.0, 1e3 * plate.length_m, 1e3 * plate.width_m, 0.0)
 figure, axes = plt.subplots(3, 1, figsize=(7, 12), layout="constrained")
 maps = [
     (field.peak_g, "peak in g", "a touch of 0.3 g at the cross"),
-    (reach.strongest_g, "peak in g", "the strongest touch at every place; cross: the weakest place"),
-    (reach.contrast_db, "contrast in dB", "the best contrast at every place"),
+    (reach.strongest_g, "peak in g", "the largest possible peak at every place; cross: the weakest place"),
+    (reach.contrast_db, "contrast in dB", "the largest possible contrast at every place"),
 ]
 for axis, (values, unit, title) in zip(axes, maps):
     # Points lie on the borders: interpolated between them.
@@ -46,4 +46,4 @@ plt.show()
 # %%
 row, column = np.unravel_index(np.nanargmax(field.peak_g), field.peak_g.shape)
 largest_g = field.peak_g[row, column]
-print(f"largest: {largest_g:.3f} g at {1e3 * field.x_m[column]:.0f}, {1e3 * field.y_m[row]:.0f} mm")
+print(f"largest peak: {largest_g:.3f} g at {1e3 * field.x_m[column]:.0f}, {1e3 * field.y_m[row]:.0f} mm")

@@ -25,7 +25,7 @@ for shape, frequency_hz in zip(found.shape_per_sqrt_kg[:, 0, :], found.frequency
 for x_m, _ in bar.actuator_xy_m:
     upper.axvline(1e3 * x_m, color="grey", linestyle=":")
 upper.axhline(0.0, color="black", linewidth=0.5)
-upper.set(xlabel="x in mm", ylabel="shape in 1/sqrt(kg)", title="Modes of the example bar; dotted: its ERAs")
+upper.set(xlabel="x in mm", ylabel="shape in 1/sqrt(kg)", title="Modes of the example bar; dotted lines: its ERAs")
 upper.legend(ncols=3, fontsize="small")
 
 # %% [markdown]
@@ -42,9 +42,9 @@ for stiffness in stiffnesses_n_per_m:
 lower.loglog(stiffnesses_n_per_m, frequencies_hz, marker=".")
 lower.axvline(5000.0, color="grey", linestyle=":")
 lower.set(
-    xlabel="springs of each ERA in N/m",
+    xlabel="stiffness of each ERA in N/m",
     ylabel="frequency in Hz",
-    title="The first five modes on other springs; dotted: the example's",
+    title="The first five modes by stiffness; dotted line: stiffness of the example",
 )
 lower.grid(alpha=0.3)
 plt.show()

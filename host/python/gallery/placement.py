@@ -50,14 +50,14 @@ study = era.Study(text, plate)
 # %%
 def tell(there: int, of: int) -> None:
     if 4 * there // of > 4 * (there - 1) // of:
-        print(f"{there} of {of} designs")
+        print(f"{there} of {of} designs are computed")
 
 
 with tempfile.TemporaryDirectory() as folder:
     found = era.study.run(study, folder=folder, progress=tell)
 first_g, best = found.base.figures["weakest_g"], found.best[0]
 best_g = best.figures["weakest_g"]
-print(f"as it is: {first_g:.3f} g at the weakest place")
+print(f"unchanged scene: {first_g:.3f} g at the weakest place")
 print(f"best: {best_g:.3f} g with the ERAs at {np.round(1e3 * best.scene.actuator_xy_m).tolist()} mm, {best_g / first_g:.2f} times as much")
 print(f"(error at most {best.error_bound}; {found.failed} of {study.designs} designs failed)")
 
@@ -66,10 +66,10 @@ figure, axes = plt.subplots(3, 1, figsize=(7, 12), layout="constrained")
 x_mm, y_mm, weakest = (found.table[name][1:] for name in ("actuator.left.x_mm", "actuator.left.y_mm", "weakest_g"))
 points = axes[0].scatter(x_mm, y_mm, c=weakest, s=60)
 failed = np.isnan(weakest)
-axes[0].plot(x_mm[failed], y_mm[failed], "kx", label="too near to each other")
+axes[0].plot(x_mm[failed], y_mm[failed], "kx", label="ERAs too near to each other")
 axes[0].plot(*(1e3 * best.scene.actuator_xy_m[0]), "ro", fillstyle="none", markersize=14, label="best")
 axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
-axes[0].set(xlabel="left ERA's x in mm", ylabel="left ERA's y in mm", aspect="equal", title="Weakest place, by where the ERAs are")
+axes[0].set(xlabel="left ERA's x in mm", ylabel="left ERA's y in mm", aspect="equal", title="Peak at the weakest place, by the position of the left ERA")
 axes[0].set(xlim=(0.0, 1e3 * plate.length_m), ylim=(0.0, 1e3 * plate.width_m))
 figure.colorbar(points, ax=axes[0], label="g")
 maps = [(plate, "before"), (best.scene, "after")]
@@ -80,7 +80,7 @@ for axis, (scene, name), reach in zip(axes[1:], maps, reaches):
     axis.plot(*(1e3 * scene.actuator_xy_m.T), "wo", fillstyle="none", markersize=12)
     least_g, place_m = reach.weakest()
     axis.plot(1e3 * place_m[0], 1e3 * place_m[1], "rx", markersize=10, clip_on=False)
-    axis.set(xlabel="x in mm", ylabel="y in mm", aspect="equal", title=f"{name}: weakest {least_g:.3f} g (cross)")
+    axis.set(xlabel="x in mm", ylabel="y in mm", aspect="equal", title=f"{name}: weakest place {least_g:.3f} g (cross)")
     figure.colorbar(mesh, ax=axis, label="strongest peak in g")
 for axis in axes:
     axis.invert_yaxis()

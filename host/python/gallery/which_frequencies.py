@@ -23,7 +23,7 @@ plan = era.plan(plate, touch_m, intensity_g=0.3, explain=True)
 print(plan)
 for drive in plan.drives:
     print(drive)
-proof = "proven the best" if plan.optimality_gap == 0.0 else f"up to {plan.optimality_gap:.1%} better may be possible"
+proof = "proven the best plan" if plan.optimality_gap == 0.0 else f"another plan may be up to {plan.optimality_gap:.1%} better"
 print(f"contrast {plan.predicted.contrast_db:.1f} dB, {proof}")
 
 # %%
@@ -35,8 +35,8 @@ for i, drive in enumerate(plan.drives):
     lower.plot(frequency_hz, gain_db[i], color=color, label=drive.actuator)
     for axis in (upper, lower):
         axis.axvline(drive.frequency_hz, color=color, alpha=0.4, linewidth=4)
-upper.set(ylabel="acceleration in m/s² per N", title=f"A touch at {1e3 * touch_m[0]:.0f}, {1e3 * touch_m[1]:.0f} mm; bars: what was chosen")
-lower.set(xlabel="frequency in Hz", ylabel="finger over average in dB")
+upper.set(ylabel="acceleration in m/s² per N", title=f"A touch at {1e3 * touch_m[0]:.0f}, {1e3 * touch_m[1]:.0f} mm; bars: the chosen frequencies")
+lower.set(xlabel="frequency in Hz", ylabel="finger relative to average in dB")
 upper.legend(fontsize="small")
 lower.legend()
 lower.grid(alpha=0.3)

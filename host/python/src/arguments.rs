@@ -116,7 +116,7 @@ impl RealNumbers {
         Err(Raised::wrong_argument(
             format!("{field}[{at}]"),
             "masked",
-            "a number: compressed() leaves masked entries out",
+            "a number: remove masked entries with compressed()",
         ))
     }
 
@@ -133,10 +133,10 @@ impl<'py> FromPyObject<'_, 'py> for GivenPlace {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "a place is two numbers (x_m, y_m), or x_m alone on a bar";
+        let what = "a place must be two numbers (x_m, y_m), or x_m alone on a bar";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 || !matches!(numbers.values.len(), 1 | 2) {
-            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
@@ -174,7 +174,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "a further target is (x_m, y_m) or (x_m, y_m, peak_g)";
+        let what = "another target must be (x_m, y_m) or (x_m, y_m, peak_g)";
         // A peak of None is left to the plan.
         let own = match given.extract::<Vec<Bound<'_, PyAny>>>().as_deref() {
             Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
@@ -182,7 +182,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
         };
         let numbers = RealNumbers::read_numbers_from_python_argument(&own, what)?;
         if numbers.shape.len() != 1 || !matches!(numbers.values.len(), 2 | 3) {
-            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
         }
         Ok(Self { numbers })
     }
@@ -209,10 +209,10 @@ impl<'py> FromPyObject<'_, 'py> for FourNumbers {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "four numbers are needed";
+        let what = "the value must be four numbers";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.to_array_if_of_length_n::<4>().is_none() {
-            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
@@ -242,7 +242,7 @@ impl<'py> FromPyObject<'_, 'py> for UnitCubePoint {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        Ok(Self(RealNumbers::read_numbers_from_python_argument(&given, "a point is real numbers in one row")?))
+        Ok(Self(RealNumbers::read_numbers_from_python_argument(&given, "a point must be one row of real numbers")?))
     }
 }
 
@@ -272,10 +272,10 @@ impl<'py> FromPyObject<'_, 'py> for GivenFrequencies {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "frequencies are real numbers in one row";
+        let what = "frequencies must be a real number or one row of real numbers";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.shape.len() > 1 {
-            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+            return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));
         }
         Ok(Self(numbers))
     }
@@ -293,7 +293,7 @@ pub fn check_frequencies_hz(GivenFrequencies(given): GivenFrequencies, least_hz:
     match wrong {
         None => Ok(frequencies_hz),
         Some(at) => {
-            let allowed = if least_hz > 0.0 { "above 0 Hz" } else { "0 Hz and above" };
+            let allowed = if least_hz > 0.0 { "above 0 Hz" } else { "at least 0 Hz" };
             Err(Raised::wrong_argument(format!("frequency_hz[{at}]"), frequencies_hz[at], allowed))
         }
     }
@@ -320,9 +320,10 @@ impl<'py> FromPyObject<'_, 'py> for GridSize {
         let counts: Vec<i64> = given.extract()?;
         match counts[..] {
             [columns, rows] => Ok(Self { columns, rows }),
-            _ => {
-                Err(PyTypeError::new_err(format!("a grid is two whole numbers (columns, rows), not {}", counts.len())))
-            }
+            _ => Err(PyTypeError::new_err(format!(
+                "a grid must be two whole numbers (columns, rows), not {}",
+                counts.len()
+            ))),
         }
     }
 }

@@ -65,7 +65,7 @@ fn toml_from_numpy_unless_holding_none(value: &Bound<'_, PyAny>) -> PyResult<Opt
     // Below a mask is nothing that was measured, and a list would leave it out without a word.
     if value.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (value,))?.extract()? {
         return Err(PyTypeError::new_err(
-            "a scene cannot contain masked entries: compressed() leaves masked entries out of an array",
+            "a scene cannot contain masked entries: remove masked entries from an array with compressed()",
         ));
     }
     let plain = value.call_method0("tolist")?;
@@ -154,8 +154,8 @@ fn index_of_list_entry_by_number_or_name(key: &str, list: &[Value], which: &Boun
     let names: Vec<String> = list.iter().filter_map(name_of).collect();
     let found = list.iter().position(|entry| name_of(entry).as_ref() == Some(&wanted));
     let allowed = match named {
-        Some(name) => format!("an index from 0, or the {name} of an entry: {}", names.join(", ")),
-        None => String::from("an index from 0, because the entries have no names"),
+        Some(name) => format!("an index, counted from 0, or the {name} of an entry, one of: {}", names.join(", ")),
+        None => String::from("an index, counted from 0, because the entries have no names"),
     };
     found.ok_or_else(|| Raised::wrong_argument(key, wanted.as_str(), allowed).into())
 }

@@ -192,7 +192,7 @@ impl Raised {
 }
 
 fn format_allowed_range_or_minimum(min: f64, max: f64) -> String {
-    if max.is_finite() { format!("{min} to {max}") } else { format!("{min} and above") }
+    if max.is_finite() { format!("{min} to {max}") } else { format!("at least {min}") }
 }
 
 impl From<ModelError> for Raised {
@@ -278,9 +278,13 @@ impl From<TimesError> for Raised {
             TimesError::Step { value } => {
                 Self::with(RaisedKind::Request, &error, "step_s", *value, Some("above 0 s".into()))
             }
-            TimesError::Duration { value, most_s } => {
-                Self::with(RaisedKind::Request, &error, "duration_s", *value, Some(format!("above 0 to {most_s} s")))
-            }
+            TimesError::Duration { value, most_s } => Self::with(
+                RaisedKind::Request,
+                &error,
+                "duration_s",
+                *value,
+                Some(format!("above 0 s and at most {most_s} s")),
+            ),
         }
     }
 }
@@ -369,8 +373,8 @@ impl From<ExplainError> for Raised {
 
 impl From<BandError> for Raised {
     fn from(error: BandError) -> Self {
-        let allowed = format!("{} to {}, {} Hz from end to end", error.least_hz, error.most_hz, error.needed_hz);
-        let text = format!("from_hz {}, to_hz {}: {error}", error.from_hz, error.to_hz);
+        let allowed = format!("{} to {} Hz, at least {} Hz wide", error.least_hz, error.most_hz, error.needed_hz);
+        let text = format!("from_hz = {}, to_hz = {}: {error}", error.from_hz, error.to_hz);
         Self::with(RaisedKind::Request, &text, "from_hz", error.from_hz, Some(allowed))
     }
 }
@@ -425,7 +429,7 @@ impl From<GatherError> for Raised {
                 &error,
                 "folder",
                 missing,
-                Some("a folder without missing designs".into()),
+                Some("a folder with the rows of all designs".into()),
             ),
         }
     }

@@ -68,7 +68,9 @@ mod _era {
             "TargetResult" => restore_from_fields::<TargetResult>(py, fields),
             "Transient" => restore_from_fields::<Transient>(py, fields),
             "Verification" => restore_from_fields::<Verification>(py, fields),
-            _ => Err(PyValueError::new_err(format!("this version of era has no result named {result}"))),
+            _ => Err(PyValueError::new_err(format!(
+                "this version of era has no class of results with the name {result}"
+            ))),
         }
     }
 

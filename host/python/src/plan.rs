@@ -388,7 +388,7 @@ pub fn plan_touch(
         let report = era_planner::report::build_harmonics_and_timing_report_at_first_target(table, &planned);
         let explanation = explain.then(|| era_planner::explain::explain_plan(table, &request)).transpose()?;
         let found = planned.plan;
-        let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
+        let bound = found.error_bound.map_or(ErrorBound::Unknown("no drive moves the target"), ErrorBound::AtMost);
         let told = [serialise_to_json(&report)?, serialise_to_json(&trade)?, serialise_to_json(&explanation)?];
         Ok((found, ToleranceVerdict::check_whether_bounds_meet_tolerance(&[bound], accuracy), told))
     };

@@ -89,7 +89,7 @@ pub fn run_in_own_thread_interruptibly_with_progress<T: Send + 'static>(
             }
             // A mistake of the program, which Python shows as `PanicException`.
             Ok(Err(panic)) => resume_unwind(panic),
-            Err(RecvTimeoutError::Disconnected) => return Err(failed(&"there is no answer")),
+            Err(RecvTimeoutError::Disconnected) => return Err(failed(&"the thread ended without a result")),
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals().and_then(|()| report_progress(py)) {
                     stop.request_stop();

@@ -286,7 +286,7 @@ impl PyStudy {
             return Err(Raised::wrong_argument("len(losses)", losses.len(), allowed).into());
         }
         if threads == Some(0) {
-            return Err(Raised::wrong_argument("threads", 0, "1 and above").into());
+            return Err(Raised::wrong_argument("threads", 0, "at least 1").into());
         }
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
         let work = move || study.compute_task_rows(task, &losses, &*evaluator);
@@ -371,7 +371,11 @@ impl PyStudy {
     fn compute_generation_losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
         let own = self.parse_task_argument(task)?;
         let StudyTask::Generation { run, .. } = own else {
-            return Err(Raised::wrong_argument("task", task, "the name of a generation"));
+            return Err(Raised::wrong_argument(
+                "task",
+                task,
+                "the name of a generation, such as run-0001-generation-00002",
+            ));
         };
         let (base, rows) = (
             self.decode_rows_argument_or_raise("base", StudyTask::Base, base)?,
@@ -478,7 +482,7 @@ impl PyStudy {
             match ended {
                 RunEnd::Done => Ok(watched.done.load(Ordering::Relaxed)),
                 // Nobody waits for it.
-                RunEnd::Early => Err(Raised::unavailable_resource("stopped")),
+                RunEnd::Early => Err(Raised::unavailable_resource("the computation was stopped")),
             }
         })
     }
@@ -591,7 +595,7 @@ impl PyStudy {
 
     fn __repr__(&self) -> String {
         let spec = &self.study.spec;
-        format!("<Study {:?}: {} designs by {}>", spec.name, self.study.count_designs(), spec.method.way.name())
+        format!("<Study {:?}: {} designs, method {}>", spec.name, self.study.count_designs(), spec.method.way.name())
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, ConstructorArguments<'py>)> {

@@ -82,7 +82,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenDrive {
             [id, frequency_hz, force_n, phase_rad] => (id, frequency_hz, force_n, phase_rad.extract()?),
             parts => {
                 let what =
-                    "a drive is (actuator, frequency_hz, force_n) or (actuator, frequency_hz, force_n, phase_rad)";
+                    "a drive must be (actuator, frequency_hz, force_n) or (actuator, frequency_hz, force_n, phase_rad)";
                 return Err(PyTypeError::new_err(format!("{what}, not {} values", parts.len())));
             }
         };
@@ -100,7 +100,7 @@ impl GivenDrive {
             Raised::wrong_argument(
                 format!("drives[{drive_index}][0]"),
                 id.as_str(),
-                format!("the id of an actuator: {}", known()),
+                format!("the id of an actuator, one of: {}", known()),
             )
         };
         let drive = SwitchedForce { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };
@@ -174,7 +174,7 @@ pub fn compute_transient_motion(
         .map(|(at, drive)| drive.into_switched_force(&scene, at))
         .collect::<Result<Vec<_>, _>>()?;
     if drives.is_empty() {
-        return Err(Raised::wrong_argument("len(drives)", 0, "1 and above").into());
+        return Err(Raised::wrong_argument("len(drives)", 0, "at least 1").into());
     }
     let grid = choose_time_grid(duration_s, step_s).map_err(Raised::from)?;
     emit_model_warnings(py, validity::list_thin_plate_warnings(&scene, highest_drive_frequency_or_1_hz(&drives)))?;

@@ -26,13 +26,13 @@ pub struct PanelOptions {
     /// Scene file (see docs/src/scene.md) [default: the example plate]
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
-    /// fast (1e-2), balanced (1e-3, the default) or reference (1e-6)
+    /// Relative tolerance of the model by name: fast (1e-2), balanced (1e-3, the default) or reference (1e-6)
     #[arg(long, value_name = "NAME", conflicts_with = "tolerance")]
     pub accuracy: Option<Accuracy>,
-    /// Relative tolerance as a number, 1e-8 to 0.1
+    /// Relative tolerance of the model as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
-    /// Print on standard error what was modelled, what was left out, and the time and gain of each step towards the tolerance
+    /// Print on standard error what the model contains, what it omits, and the time and the error bound of each mesh
     #[arg(long)]
     pub explain: bool,
 }
@@ -71,8 +71,8 @@ impl PanelOptions {
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct TimeLimit {
-    /// Instead of a tolerance: compute the most accurate answer within this time, such as 50ms or 2s; the error bound says how
-    /// accurate the answer is
+    /// Time limit, such as 50ms or 2s, in place of a tolerance: compute the most accurate answer within this time; the
+    /// error bound of the answer states its accuracy
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
     pub within: Option<Duration>,
 }
@@ -81,7 +81,7 @@ pub struct TimeLimit {
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct CacheOptions {
-    /// Compute the plan table even if it is on disk, and do not change the file (see docs/src/accuracy.md, "Start-up")
+    /// Compute the plan table: neither read it from disk nor write it to disk (see docs/src/accuracy.md, "Start-up")
     #[arg(long)]
     pub no_cache: bool,
 }
@@ -111,53 +111,53 @@ pub struct Serve {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// sim (the default), emulated, auto (finds the board), or the path of a serial port
+    /// Device: sim (simulated, the default), emulated, auto (the connected board), or the path of a serial port
     #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
-    /// Listening address or name, with a port, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
+    /// Address or host name to listen on, with a port, such as localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
     #[arg(long, value_name = "ADDR:PORT", value_parser = parse_listen_address, help_heading = LISTENING)]
     pub listen: Option<HostPort>,
-    /// Additional Unix socket, for this user alone; `none` for no socket [default: era.sock in
+    /// Path of an additional Unix socket, which only this user can open; `none` for no socket [default: era.sock in
     /// $XDG_RUNTIME_DIR, if this variable is set]
     #[arg(long, value_name = "PATH", help_heading = LISTENING)]
     pub socket: Option<PathBuf>,
-    /// File of tokens; each line has a role (view, touch or arm) and a secret. Requests then need a token
+    /// File of tokens; each line has a role (view, touch or arm) and a secret. With this option, requests need a token
     #[arg(long, value_name = "FILE", help_heading = ACCESS)]
     pub token_file: Option<PathBuf>,
-    /// Serve with TLS, with this certificate in PEM
+    /// Serve over TLS with the certificate in this file, in PEM
     #[arg(long, value_name = "FILE", requires = "tls_key", help_heading = LISTENING)]
     pub tls_cert: Option<PathBuf>,
-    /// Private key of the certificate, in PEM
+    /// File with the private key of the certificate, in PEM
     #[arg(long, value_name = "FILE", requires = "tls_cert", help_heading = LISTENING)]
     pub tls_key: Option<PathBuf>,
-    /// Serve with TLS, with the certificate and key in this folder; the daemon makes them if there are none
+    /// Serve over TLS with the certificate and key in this folder; if the folder has none, the daemon makes both
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
-    /// Origin of other pages that may use the daemon, such as http://HOST:PORT; can be repeated
+    /// Origin of other web pages that may use the daemon, such as http://HOST:PORT; can be repeated
     #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::parse_origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
-    /// Name that clients may use for the daemon, in addition to localhost and numeric addresses; can be repeated
+    /// Host name that clients may use for the daemon, in addition to localhost and numeric addresses; can be repeated
     #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::parse_host, help_heading = ACCESS)]
     pub allow_host: Vec<String>,
-    /// Record requests and their results for `era replay`: to a new file, or to a folder (an existing one, or a path that
-    /// ends in a slash), which gets a file for each start
+    /// Record requests and their results for `era replay`, to a new file or to a folder (an existing folder, or a path
+    /// that ends in a slash); in a folder, each start makes a new file
     #[arg(long, value_name = "PATH", help_heading = RECORDING)]
     pub record: Option<PathBuf>,
-    /// Largest size in MB of one file of a recording; the recording then continues in a new file [default: 256]
+    /// Size in MB of a file of a recording above which the recording continues in a new file [default: 256]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
-    /// Largest size in MB of all files of a recording together (in a folder including the files of earlier starts); above this
-    /// size, the oldest file is removed [default: 2000]
+    /// Largest size in MB of all files of a recording together (in a folder, this includes the files of earlier
+    /// starts); above this size, the daemon removes the oldest file [default: 2000]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
-    /// Disarm the board after this time in s without a touch [default: 5]
+    /// Disarm the board after this time without a touch, in s, 0.1 to 3600 [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle_s, help_heading = DEVICE)]
     pub idle_s: Option<f64>,
-    /// Let the next touch clear the fault host-silent (the board heard nothing from this daemon); other faults wait for a
-    /// person
+    /// Let the next touch clear the fault host-silent (the board received nothing from this daemon); only a person can
+    /// clear other faults
     #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
-    /// After an outage of the board: who arms it again [default: person]
+    /// Who arms the board again after an outage, the loss of the link to the board [default: person]
     #[arg(long, value_name = "WHO", value_enum, help_heading = DEVICE)]
     pub after_outage: Option<AfterOutage>,
 }
@@ -178,7 +178,7 @@ const MAX_IDLE_S: f64 = 3600.0;
 /// Sizes of recordings in MB.
 pub fn parse_record_mb(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number| (1.0..=1e6).contains(number));
-    number.ok_or_else(|| format!("{text:?} is not a number of MB from 1 to 1000000"))
+    number.ok_or_else(|| format!("{text:?} is not a size from 1 to 1000000 MB"))
 }
 
 pub fn parse_idle_s(text: &str) -> Result<f64, String> {
@@ -193,13 +193,15 @@ pub struct DaemonOptions {
     /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
     pub url: String,
-    /// File with the token, if the daemon needs one; the variable ERA_TOKEN has the same effect
+    /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Trusted certificate in PEM: that of the authority, or the daemon's own if no authority has signed it
+    /// File with the trusted certificate in PEM: the certificate of the authority, or the daemon's own certificate if
+    /// no authority has signed it
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
-    /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
+    /// HTTP proxy for the connection to the daemon (method CONNECT), such as http://HOST:PORT; proxy variables of the
+    /// environment are ignored
     #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
@@ -209,22 +211,22 @@ pub struct DaemonOptions {
 
 #[derive(Clone, Debug, Args)]
 pub struct Touch {
-    /// Screen pixels from the left
+    /// Horizontal position in screen pixels from the left edge
     #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub x_px: f64,
-    /// Screen pixels from the top
+    /// Vertical position in screen pixels from the top edge
     #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub y_px: f64,
-    /// Peak acceleration wanted, in g
+    /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub intensity_g: Option<f64>,
-    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
+    /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g)
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite_number, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
     /// Duration in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub duration_ms: Option<f64>,
-    /// Play an effect instead of a steady drive, timed by the board itself
+    /// Play this effect instead of a steady drive; the board itself times the effect
     #[arg(long, value_name = "NAME")]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
@@ -233,7 +235,7 @@ pub struct Touch {
     pub crispness: Crispness,
     #[command(flatten)]
     pub wishes: PlanWishes,
-    /// Show alternatives if not all wishes can be met
+    /// Compute alternatives if the requested peaks and quiet zones conflict; --json prints the alternatives
     #[arg(long)]
     pub trade: bool,
     #[command(flatten)]
@@ -243,10 +245,10 @@ pub struct Touch {
 /// How often.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Rhythm {
-    /// How many pulses
+    /// Number of pulses
     #[arg(long, value_name = "N")]
     pub count: Option<u32>,
-    /// From one click, pulse or crest to the next, in ms
+    /// Time from one click, pulse or crest to the next, in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub period_ms: Option<f64>,
 }
@@ -254,10 +256,10 @@ pub struct Rhythm {
 /// How crisp a click is.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Crispness {
-    /// Longest time in ms until a click is quiet, 20 to 100 [default: 45]
+    /// Longest time in ms from a click's start until less than a tenth of its peak remains, 20 to 100 [default: 45]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub crisp_ms: Option<f64>,
-    /// What counts more for a click that cannot be both [default: strength]
+    /// What has priority if a click cannot be both as strong as requested and crisp [default: strength]
     #[arg(long, value_enum)]
     pub prefer: Option<Preference>,
 }
@@ -268,7 +270,7 @@ pub struct Press {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// Force in N, 0 to 1000 [default: the scene's [press] force_n, or 5]
+    /// Force of the press in N, 0 to 1000 [default: [press] force_n of the scene, or 5]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press_n)]
     pub force_n: Option<f64>,
     /// Print JSON
@@ -288,15 +290,15 @@ pub struct Modes {
     /// For --csv, --npy and --png: columns and rows of the grid, borders included; a bar has one row, its axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33")]
     pub grid: (usize, usize),
-    /// Write the mass-normalised shapes as CSV, with one line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg per mode
-    /// and point; `-` is standard output
+    /// Write the mass-normalised shapes as CSV, with one line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg
+    /// per mode and point; `-` is standard output
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; also write
-    /// the axes to the same folder (for modes.npy: modes.frequency_hz.npy, modes.y_m.npy, modes.x_m.npy)
+    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; also
+    /// write the axes to the same folder (for modes.npy: modes.frequency_hz.npy, modes.y_m.npy, modes.x_m.npy)
     #[arg(long, value_name = "FILE.npy", value_parser = parse_npy_path)]
     pub npy: Option<PathBuf>,
-    /// Draw the shapes on one sheet, with supports, masses, actuators and held edges
+    /// Draw the shapes in one picture, with the supports, masses, actuators and [[edge]] entries of the scene
     #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
     pub png: Option<PathBuf>,
     /// Print JSON
@@ -315,9 +317,9 @@ pub struct Sweep {
     pub grid: (usize, usize),
     #[command(flatten)]
     pub band: Band,
-    /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance of
-    /// 1e-5, in m/s^2 per N; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy, plate.y_m.npy,
-    /// plate.x_m.npy)
+    /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance
+    /// of 1e-5, in m/s^2 per N; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy,
+    /// plate.y_m.npy, plate.x_m.npy)
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
     /// Print JSON
@@ -368,7 +370,8 @@ pub struct Transient {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub unit: Unit,
-    /// An actuator, its frequency, force amplitude and phase of the cosine in degrees (default -90, a sine); can be repeated
+    /// A drive: ID of the actuator, frequency in Hz, force amplitude in N and phase of the cosine in degrees (default
+    /// -90, which gives a sine); can be repeated
     #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_deg, required = true)]
     pub drive: Vec<DriveText>,
     /// Duration in s
@@ -433,7 +436,7 @@ pub struct At {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Px)]
     pub unit: Unit,
-    /// Peak acceleration wanted, in g
+    /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
 }
@@ -447,10 +450,10 @@ pub struct Verify {
     /// Number of points, spread over the surface
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub points: u32,
-    /// Peak acceleration wanted at each, in g
+    /// Requested peak acceleration at each point, in g
     #[arg(long, value_name = "A", default_value_t = crate::planner::DEFAULT_INTENSITY_G, allow_negative_numbers = true)]
     pub intensity_g: f64,
-    /// Largest relative difference that counts as agreement
+    /// Largest allowed relative difference between prediction and simulation
     #[arg(long, value_name = "REL", default_value_t = 0.05)]
     pub limit: f64,
     /// Print JSON
@@ -465,7 +468,7 @@ pub struct Replay {
     /// File that `era serve --record` wrote
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Speed relative to the recording
+    /// Speed relative to the recording, 0.01 to 100
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_replay_speed)]
     pub speed: f64,
 }
@@ -481,13 +484,14 @@ pub struct Latency {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// Peak acceleration wanted, in g [default: that of a touch request without one]
+    /// Requested peak acceleration, in g [default: the default of a touch request]
     #[arg(long, value_name = "A")]
     pub intensity_g: Option<f64>,
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub touches: u32,
-    /// Instead of touches, measure N clicks that begin with the rails at zero, and N clicks after `POST /v1/arm`
+    /// Instead of touches, measure N clicks that begin with discharged high-voltage rails, and N clicks that begin
+    /// after `POST /v1/arm`
     #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub first_clicks: Option<u32>,
     /// Print JSON

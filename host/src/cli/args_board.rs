@@ -6,15 +6,15 @@ use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
 pub struct Flash {
-    /// The image, an ELF file [default: what `cargo xtask firmware` has built]
+    /// Firmware image, an ELF file [default: the image that `cargo xtask firmware` has built]
     pub image: Option<PathBuf>,
     /// Use a debug probe with the program probe-rs (the default if probe-rs is installed and finds a probe)
     #[arg(long, conflicts_with = "dfu")]
     pub probe: bool,
-    /// Use the USB of the board's chip (pins PA11 and PA12) and the chip's bootloader
+    /// Use the USB interface of the board's chip (pins PA11 and PA12) and the bootloader of the chip
     #[arg(long)]
     pub dfu: bool,
-    /// auto (the default), or the path of the board's serial port
+    /// Board: auto (finds the connected board, the default), or the path of the board's serial port
     #[arg(long, value_name = "PORT")]
     pub port: Option<Target>,
     /// Do not ask whether the high-voltage supply is off: this option confirms that the supply is off
@@ -31,13 +31,13 @@ pub struct Flash {
 
 #[derive(Clone, Debug, Args)]
 pub struct Monitor {
-    /// auto (the default), emulated, or the path of the board's serial port
+    /// Board: auto (finds the connected board, the default), emulated, or the path of the board's serial port
     #[arg(long, value_name = "PORT", conflicts_with = "probe")]
     pub port: Option<Target>,
     /// Use a debug probe with the program probe-rs
     #[arg(long)]
     pub probe: bool,
-    /// The image that the board runs [default: what `cargo xtask firmware` has built]
+    /// Image of the firmware that the board runs [default: the image that `cargo xtask firmware` has built]
     #[arg(long, value_name = "IMAGE")]
     pub elf: Option<PathBuf>,
     /// Print a line of JSON for each line of the log

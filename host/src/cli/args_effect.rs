@@ -17,13 +17,13 @@ pub struct EffectOptions {
     pub keep: CacheOptions,
     #[command(flatten)]
     pub at: At,
-    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g)
+    /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g)
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
-    /// Which effect
+    /// Name of the effect
     #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect")]
     pub name: Option<NamedEffect>,
-    /// The effect, given as an option
+    /// Name of the effect, as an option in place of NAME
     #[arg(long, value_name = "NAME", hide_possible_values = true)]
     pub effect: Option<NamedEffect>,
     /// Duration in ms
@@ -50,7 +50,7 @@ pub struct EffectFileOptions {
         conflicts_with_all = ["name", "effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db"]
     )]
     pub file: Option<PathBuf>,
-    /// Format of the file [default: the one that the file shows]
+    /// Format of the file [default: detected from the content of the file]
     #[arg(long, value_enum, requires = "file")]
     pub format: Option<FileFormat>,
     /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png

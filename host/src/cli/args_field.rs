@@ -22,42 +22,43 @@ pub struct Field {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Px)]
     pub unit: Unit,
-    /// Peak acceleration wanted, in g
+    /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
-    /// Instead of the field of one touch: map for every point the strongest possible peak and the highest possible contrast
-    /// of a weak touch, each with the frequencies of its drives
+    /// Instead of the field of one touch, map for every point the strongest possible peak and the highest possible
+    /// contrast of a weak touch, each with the frequencies of its drives
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
     pub reach: bool,
-    /// Instead of the field of one touch: compare three ways to drive the actuators by the lowest peak on the surface: one
+    /// Instead of the field of one touch, compare three drive schemes by their lowest peak on the surface: one
     /// frequency in phase, one frequency with chosen phases, distinct frequencies
     #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
     pub schemes: bool,
-    /// Instead of the field of one touch: design this effect, a `click`, at the middles of 12 x 8 cells (12 of a bar), and map
-    /// when it is quiet
+    /// Instead of the field of one touch, design this effect, which must be `click`, at the centres of 12 x 8 cells (12
+    /// cells of a bar), and map the time until the click is quiet
     #[arg(long, value_name = "NAME", hide_possible_values = true,
         conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub crispness: Crispness,
-    /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar only x counts
+    /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar, y is ignored
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true)]
     pub zone: Option<Corners>,
     /// For --schemes: use dB above the threshold of feeling at each frequency instead of g
     #[arg(long, conflicts_with_all = ["at", "reach"])]
     pub felt: bool,
-    /// Lowest frequency for --reach and --schemes in Hz [default: all that the planner uses]
+    /// Lowest frequency for --reach and --schemes in Hz [default: the lowest frequency of the planner]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub from: Option<f64>,
-    /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
+    /// Highest frequency for --reach and --schemes in Hz [default: the highest frequency of the planner]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub to: Option<f64>,
-    /// For a touch: compute how much the peak at the target changes if the panel differs from the scene, by default by up to
-    /// 20 % in springs, 10 % in Young's modulus, 5 % in thickness, 1 mm in places; takes some seconds
+    /// For a touch: compute how much the peak at the target changes if the panel differs from the scene, by default by
+    /// up to 20 % in spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some
+    /// seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
     pub spread: Option<Tolerances>,
-    /// Write a picture, of the type PNG
+    /// Write a picture to this PNG file
     #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
     pub png: Option<PathBuf>,
     /// Write the values as CSV, with one line x_mm,y_mm,... per point; `-` is standard output (the default for a

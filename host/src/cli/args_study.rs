@@ -10,15 +10,15 @@ pub struct Study {
     /// The study's file (see docs/src/studies.md)
     #[arg(value_name = "STUDY.toml")]
     pub study: PathBuf,
-    /// Folder of the results; existing results in it are not computed again [default: the name of
-    /// the study's file without its ending, with -results, in the current directory]
+    /// Folder of the results; designs whose results are already in this folder are not computed again [default:
+    /// STUDY-results in the current directory, for the file STUDY.toml]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Number of designs that are computed at the same time [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub workers: Option<u16>,
-    /// Compute only share I of N, for job arrays; all shares write to the same folder of --out, and --gather then makes the
-    /// results
+    /// Compute only share I of N, for job arrays; all shares write to the same folder of --out. When all shares are
+    /// complete, --gather makes the results
     #[arg(long, value_name = "I/N", conflicts_with = "gather")]
     pub shard: Option<Shard>,
     /// Make the results from the designs that are already in the folder of --out, without computing more designs

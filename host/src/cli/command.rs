@@ -13,10 +13,10 @@ use super::plan::PlanOptions;
 use super::told::LogFormat;
 use clap::{Parser, Subcommand};
 
-/// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
-/// panel, each at its own frequency, placed by a finite-element model.
+/// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) vibrate an
+/// elastically supported panel, each at its own frequency; a finite-element model plans the vibration.
 ///
-/// Without a command, `era` serves the example plate with a simulated device on http://127.0.0.1:7878.
+/// Without a command, `era` runs the daemon with the example plate and a simulated device on http://127.0.0.1:7878.
 #[derive(Debug, Parser)]
 #[command(
     name = "era",
@@ -24,19 +24,20 @@ use clap::{Parser, Subcommand};
     max_term_width = 100,
     after_help = "\
 Examples:
-  era                                          the daemon and its web page, no hardware needed
+  era                                          run the daemon and its web page; needs no hardware
   era touch 960 640 --intensity-g 0.3          make the middle of the screen vibrate
-  era modes --scene my-panel.toml --max-hz 400 what frequencies a panel has
-  era plan --at 480,640 --json                 what would be driven, without driving it
-  era field --at 480,640 --png map.png         where on the surface it would be felt"
+  era modes --scene my-panel.toml --max-hz 400 list the natural frequencies of a panel
+  era plan --at 480,640 --json                 plan the drives of a touch, without driving
+  era field --at 480,640 --png map.png         map the peak acceleration over the surface"
 )]
 pub struct Arguments {
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Log more (-v, -vv); the variable ERA_LOG takes a filter as tracing-subscriber understands it
+    /// Log debug messages (-v), or also trace messages (-vv); a filter of the Rust crate tracing-subscriber in the
+    /// environment variable ERA_LOG overrides this option
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
-    /// How the log and errors are written to standard error
+    /// Format of the log and of errors on standard error
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t, global = true)]
     pub log_format: LogFormat,
 }
@@ -46,34 +47,35 @@ pub enum Command {
     /// Run the daemon: device session, HTTP and WebSocket interface, web page
     #[command(after_help = "Example:\n  era serve --scene examples/scenes/plate.toml --listen 127.0.0.1:8080")]
     Serve(Serve),
-    /// Ask a running daemon for a touch at screen pixels X Y
+    /// Ask a running daemon to play a touch at the screen pixel X Y
     #[command(after_help = "Example:\n  era touch 960 640 --intensity-g 0.3 --duration-ms 500")]
     Touch(Touch),
-    /// Ask a running daemon to switch everything off
+    /// Ask a running daemon to stop all drives and to disarm its device
     #[command(after_help = "Example:\n  era stop")]
     Stop(DaemonOptions),
-    /// Ask a running daemon to clear its device's latched fault, once the cause is gone; this does not arm the device
+    /// Ask a running daemon to clear the latched fault of its device, after you have removed the cause; this does not
+    /// arm the device
     #[command(
         after_help = "Example:\n  era clear\n  era clear --url https://panel.local:7878 --ca era-cert.pem --token-file token"
     )]
     Clear(DaemonOptions),
-    /// Ask a running daemon to arm its device before a touch or after an outage; this begins with the self-test
+    /// Ask a running daemon to arm its device before a touch or after an outage; arming begins with the self-test
     #[command(after_help = "Example:\n  era arm")]
     Arm(DaemonOptions),
-    /// Show what a running daemon and its device are doing
+    /// Show the state of a running daemon and its device
     #[command(after_help = "Example:\n  era state --json")]
     State(DaemonOptions),
     /// Send the requests of a recording (`era serve --record`) to a running daemon again, at the recorded times, and compare
     /// the answers
     #[command(after_help = "Example:\n  era serve --record day.jsonl\n  era replay day.jsonl --speed 4")]
     Replay(Replay),
-    /// List a panel's modes: frequencies and damping ratios; write and draw their shapes
+    /// List the frequencies and damping ratios of a panel's modes; write or draw the mode shapes
     #[command(after_help = "\
 Examples:
   era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6
-  era modes --png modes.png --npy modes.npy        the shapes, as a picture and for NumPy")]
+  era modes --png modes.png --npy modes.npy        write the shapes as a picture and as NumPy arrays")]
     Modes(Modes),
-    /// Show the effect of a finger's press on the gaps of actuators, and the voltage that is still safe
+    /// Show how a finger's press changes the gaps of the actuators, and the highest voltage that is safe in these gaps
     #[command(after_help = "Example:\n  era press --scene examples/scenes/plate.toml --force-n 2")]
     Press(Press),
     /// Compute the acceleration at a point per newton at each actuator, over frequency
@@ -91,20 +93,22 @@ Examples:
     #[command(after_help = "\
 Examples:
   era plan --at 100,60 --unit mm --json
-  era plan --at 480,640 --also 1500,700:0.3 --quiet 960,640:15:0.02    two targets, and a place to be spared
-  era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     one after the other")]
+  era plan --at 480,640 --also 1500,700:0.3 --quiet 960,640:15:0.02    plan two targets and a quiet zone
+  era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     plan two targets with time windows")]
     Plan(PlanOptions),
     /// Design an effect at a point and predict the motion of the panel, without driving anything
     #[command(after_help = "Example:\n  era effect click --at 100,60 --unit mm --intensity-g 0.5")]
     Effect(EffectOptions),
-    /// Compute the peak acceleration at every point of the surface, of one touch or the largest possible, or how crisp clicks are; write CSV or PNG
+    /// Map over the surface the peak acceleration of one touch, the largest possible peaks, the lowest peaks of drive
+    /// schemes, or how crisp clicks are; write CSV or PNG
     #[command(after_help = "\
 Examples:
   era field --at 480,640 --png map.png --csv map.csv
-  era field --reach --png reach.png       the strongest and the most contrasted at every point
-  era field --effect click --png clicks.png    where clicks are crisp
-  era field --schemes                     dead zones: one frequency, phases, distinct frequencies
-  era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
+  era field --reach --png reach.png       map the strongest peak and the highest contrast
+  era field --effect click --png clicks.png    map where clicks are crisp
+  era field --schemes                     compare the dead zones of three drive schemes
+  era field --schemes --from 124 --zone 0,0,150,200 --felt
+                                          compare in this band and zone, in dB above the threshold")]
     Field(Field),
     /// Run a design study: vary places, springs and materials, and write the best designs as scenes
     #[command(after_help = "\
@@ -119,25 +123,26 @@ Examples:
     /// Measure the time from a touch request until the simulated device has received the last byte of the drives
     #[command(after_help = "Example:\n  era latency --touches 200")]
     Latency(Latency),
-    /// Write the firmware to a board, through a debug probe or over USB (not yet tried on a real board)
+    /// Write the firmware to a board, through a debug probe or over USB (not yet tested on a real board)
     #[command(after_help = "\
-Everything is checked before anything is erased: that the file is a firmware image for this chip and kind of board,
-and what runs on the board now. An update that was cut off is repaired by running the same command again.
-Switch the high-voltage supply off first: in its bootloader the chip drives pins of its own choosing.
+Before the command erases the flash, it checks that the file is a firmware image for this chip and kind of board, and
+it checks the firmware that the board runs now. If an update was interrupted, run the same command again.
+Switch the high-voltage supply off first: the bootloader of the chip drives some pins, and the firmware, which keeps
+the supply off, does not run.
 
-This has been tested against a bootloader in memory, not yet on a board.
+This command has been tested with a simulated bootloader, not yet on a board.
 
 Examples:
-  era flash                               the image of this checkout, to the board that is connected
-  era flash firmware.elf --port /dev/ttyACM0 --dfu
-  PROBE_RS_PROBE=0483:374e:0012 era flash --probe")]
+  era flash                               write the image of this checkout to the connected board
+  era flash firmware.elf --port /dev/ttyACM0 --dfu    write over USB to the board at this port
+  PROBE_RS_PROBE=0483:374e:0012 era flash --probe     write through this debug probe")]
     Flash(Flash),
     /// Show the log of a board's firmware continuously
     #[command(after_help = "\
 Examples:
-  era monitor                             over the link of the board that is connected
-  era monitor --port emulated             the firmware on the emulated board
-  era monitor --probe                     through a debug probe (not yet tried on a real board)")]
+  era monitor                             show the log of the connected board
+  era monitor --port emulated             show the log of the emulated board
+  era monitor --probe                     show the log through a debug probe (not yet tested)")]
     Monitor(Monitor),
     /// Find problems with the board, the daemon and this machine, and say what to do; nothing is driven
     #[command(after_help = "\
@@ -150,17 +155,18 @@ Examples:
     /// Install the udev rule for the board and the systemd unit for the daemon (Linux)
     #[command(after_help = "\
 Examples:
-  era install --print                     look first
-  sudo era install                        a service of the machine
-  era install --user                      a service of this user; then: sudo era install --only rule
-  era install --root pkg --program /usr/bin/era    for a package")]
+  era install --print                     print the files, without installing them
+  sudo era install                        install a service of the machine
+  era install --user                      install a service of this user
+  sudo era install --only rule            install the udev rule, which a service of a user also needs
+  era install --root pkg --program /usr/bin/era    write the files below pkg, for a package")]
     Install(Install),
-    /// Check the daemon's configuration file, or print one
+    /// Check a configuration file of the daemon, or print an example
     Config(Config),
     /// Print a completion script for a shell
     #[command(after_help = "Example:\n  era completions bash > ~/.local/share/bash-completion/completions/era")]
     Completions(Completions),
-    /// Print the program's man page, or write those of all commands
+    /// Print the program's man page, or write the man pages of all commands
     #[command(after_help = "Example:\n  era man --dir ~/.local/share/man/man1")]
     Man(Man),
 }

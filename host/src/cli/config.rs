@@ -31,10 +31,10 @@ pub struct Config {
 
 #[derive(Clone, Debug, Subcommand)]
 pub enum ConfigCommand {
-    /// Say what a configuration file makes `era serve` use, or what is wrong with it
+    /// List the values that `era serve` uses with a configuration file, or the mistakes in the file
     #[command(after_help = "Example:\n  era config check /etc/era/era.toml")]
     Check(ConfigCheck),
-    /// Print a configuration file with every key and its default, commented out
+    /// Print an example of a configuration file, with every key and its default commented out
     #[command(after_help = "Example:\n  era config example > era.toml")]
     Example,
 }
@@ -173,7 +173,10 @@ impl ConfigFile {
         for (i, setting) in settings.iter().enumerate() {
             let rival = settings[..i].iter().find(|other| setting.key.rival == Some(other.key.name));
             if let Some(rival) = rival {
-                let text = format!("{} and {} are given, but at most one is allowed", rival.key.name, setting.key.name);
+                let text = format!(
+                    "{} and {} are given, but at most one of them is allowed",
+                    rival.key.name, setting.key.name
+                );
                 mistakes.push(Mistake { line: setting.line, text });
             }
         }
@@ -296,7 +299,7 @@ fn read_value(value: &DeValue<'_>) -> (GivenValue, String) {
                     let told = format!("{texts:?}");
                     (GivenValue::Texts(texts), told)
                 }
-                None => (GivenValue::Other, "a list".into()),
+                None => (GivenValue::Other, "a list with values that are not strings".into()),
             }
         }
         DeValue::Table(_) => (GivenValue::Other, "a table".into()),
@@ -315,7 +318,7 @@ pub fn fill_in_options_from_config_file(options: &Serve) -> Result<Serve, Failur
         let place = line.map_or_else(|| "default".into(), |line| format!("{}:{line}", file.source));
         match value {
             Some(value) => tracing::debug!("{} = {value} ({place})", key.name),
-            None => tracing::debug!("{}: an option on the command line is used", key.name),
+            None => tracing::debug!("{}: an option on the command line overrides this key", key.name),
         }
     }
     Ok(file.fill_in_missing_options(options))
@@ -381,9 +384,9 @@ fn check_config_file(options: &ConfigCheck) -> Outcome {
 fn format_example_config() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line override this file.\n\
-         # Relative paths count from this file's folder. To drive your panel, set scene, and set device to \"auto\":\n\
-         # without device, the daemon drives the simulated device. `era config check FILE` shows the values that are\n\
-         # used.\n\nversion = {VERSION}"
+         # Relative paths are relative to the folder of this file. To drive your panel, set scene, and set device to\n\
+         # \"auto\": without device, the daemon drives the simulated device. `era config check FILE` shows the values\n\
+         # that are used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {
         let _ = write!(text, "\n\n# {help}. Default: {default}.\n# {name} = {example}");

@@ -113,7 +113,7 @@ pub const KEYS: &[Key] = &[
         name: "tolerance",
         help: "Relative tolerance of the model, in place of accuracy",
         allowed: "a number from 1e-8 to 0.1",
-        default: "that of accuracy",
+        default: "the tolerance of accuracy",
         example: "1e-3",
         rival: Some("accuracy"),
         is_given: |serve| serve.panel.tolerance.is_some(),
@@ -126,7 +126,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "explain",
-        help: "Log what was modelled, what was left out, and the time and gain of each step towards the tolerance",
+        help: "Log what the model contains, what it omits, and the time and the error bound of each mesh",
         allowed: "true or false",
         default: "false",
         example: "false",
@@ -139,7 +139,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "no_cache",
-        help: "Compute the plan table even if it is on disk",
+        help: "Compute the plan table: neither read it from disk nor write it to disk",
         allowed: "true or false",
         default: "false",
         example: "false",
@@ -152,7 +152,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "device",
-        help: "The device: auto for a board, the path of its serial port, emulated, or sim, which drives no board",
+        help: "Device: sim (simulated), emulated, auto (the connected board), or the path of a serial port",
         allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port, such as \"/dev/ttyACM0\"",
         default: "sim",
         example: "\"auto\"",
@@ -165,7 +165,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "listen",
-        help: "Listening address or name, with a port",
+        help: "Address or host name to listen on, with a port",
         allowed: "an address or a name, and a port, such as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
         default: DEFAULT_LISTEN,
         example: "\"127.0.0.1:7878\"",
@@ -178,7 +178,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "socket",
-        help: "Additional Unix socket, for this user alone; \"none\" for no socket",
+        help: "Path of an additional Unix socket, which only this user can open; \"none\" for no socket",
         allowed: "a path, or \"none\"",
         default: "era.sock in $XDG_RUNTIME_DIR, if this variable is set",
         example: "\"none\"",
@@ -205,7 +205,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_cert",
-        help: "Serve with TLS, with this certificate in PEM; needs tls_key",
+        help: "Serve over TLS with the certificate in this file, in PEM; requires tls_key",
         allowed: "the path of a file",
         default: "none",
         example: "\"tls_cert.pem\"",
@@ -218,7 +218,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_key",
-        help: "Private key of tls_cert, in PEM",
+        help: "File with the private key of tls_cert, in PEM",
         allowed: "the path of a file",
         default: "none",
         example: "\"tls_key.pem\"",
@@ -231,7 +231,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_dir",
-        help: "Serve with TLS, with the certificate and key in this folder; the daemon makes them if there are none",
+        help: "Serve over TLS with the certificate and key in this folder; if there are none, the daemon makes both",
         allowed: "the path of a folder",
         default: "none",
         example: "\"tls\"",
@@ -244,7 +244,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "allow_origin",
-        help: "Origins of other pages that may use the daemon",
+        help: "Origins of other web pages that may use the daemon",
         allowed: "a list of origins, such as [\"http://kiosk.example:8080\"]",
         default: "none",
         example: "[\"http://kiosk.example:8080\"]",
@@ -258,8 +258,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "allow_host",
-        help: "Other names that clients may use for the daemon",
-        allowed: "a list of names, such as [\"panel.local\"]",
+        help: "Other host names that clients may use for the daemon",
+        allowed: "a list of host names, such as [\"panel.local\"]",
         default: "none",
         example: "[\"panel.local\"]",
         rival: None,
@@ -272,7 +272,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "idle_s",
-        help: "Disarm the board after this time in s without a touch",
+        help: "Disarm the board after this time without a touch, in s",
         allowed: "a number from 0.1 to 3600, in s",
         default: "5",
         example: "5",
@@ -286,7 +286,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "clear_silence",
-        help: "Let the next touch clear the fault host-silent (the board heard nothing from this daemon)",
+        help: "Let the next touch clear the fault host-silent (the board received nothing from this daemon)",
         allowed: "true or false",
         default: "false",
         example: "false",
@@ -312,7 +312,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record",
-        help: "Where to record requests and their results: a folder, which gets a file for each start, or a new file",
+        help: "New file or folder to record requests and their results to; in a folder, each start makes a new file",
         allowed: "the path of an existing folder, of a new folder (with a slash at the end), or of a new file",
         default: "none",
         example: "\"records/\"",
@@ -325,7 +325,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_file_mb",
-        help: "Largest size in MB of one file of a recording; the recording then continues in a new file",
+        help: "Size in MB of a file of a recording above which the recording continues in a new file",
         allowed: "a number from 1 to 1000000, in MB",
         default: "256",
         example: "256",
@@ -338,7 +338,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_total_mb",
-        help: "Largest size in MB of all files of a recording together; above this size, the oldest file is removed",
+        help: "Size in MB of all files of a recording together above which the daemon removes the oldest file",
         allowed: "a number from 1 to 1000000, in MB",
         default: "2000",
         example: "2000",

@@ -26,7 +26,10 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         return Err(Failure::usage_error(format!("{option} is given, but is allowed only with --file")));
     }
     let scene = options.panel.load_scene()?;
-    let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage_error("no effect is named"))?;
+    let effect = options
+        .name
+        .or(options.effect)
+        .ok_or_else(|| Failure::usage_error("no effect is named: use `era effect NAME`"))?;
     let request = EffectRequest {
         effect,
         duration_ms: options.duration_ms,

@@ -105,7 +105,7 @@ fn export_acceleration(
 
 fn describe_reading(path: &Path, view: &ReadingView) -> String {
     let mut text = format!(
-        "{}: {} events within {:.0} ms, read as {}",
+        "{}: {} events in {:.0} ms, file format {}",
         view.name.clone().unwrap_or_else(|| path.display().to_string()),
         view.event_count,
         view.duration_ms,
@@ -120,7 +120,7 @@ fn describe_reading(path: &Path, view: &ReadingView) -> String {
     let _ = write!(
         text,
         "\n{:>10} {:>9} {:>6}  {:9} {:>9} {:>9} {:>8}",
-        "from ms", "for ms", "place", "kind", "intensity", "sharpness", "peak g"
+        "begin ms", "length ms", "place", "kind", "intensity", "sharpness", "peak g"
     );
     for part in view.parts.iter().take(PRINTED_PARTS) {
         let PartView { begin_ms, duration_ms, place, kind, intensity, sharpness, peak_g, limited_by, .. } = part;

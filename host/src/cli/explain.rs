@@ -39,13 +39,13 @@ fn describe_modelled_scene(scene: &Scene) -> String {
         (scene.patches.len(), "patches of other thickness or material"),
         (scene.cutouts.len(), "cut-outs"),
         (scene.supports.len(), "point supports"),
-        (held, "edges held"),
+        (held, "pinned or clamped edges"),
         (scene.edges.len() - held, "elastic edges"),
         (lossy, "supports and edges with a loss factor"),
         (scene.masses.len(), "attached masses"),
-        (inertial, "inertial ERAs, each with an unknown for its mass"),
+        (inertial, "inertial ERAs, each with one unknown for its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
-        (biased, "ERAs softened by their voltage"),
+        (biased, "ERAs softened by a bias voltage"),
         (charging, "ERAs whose electrodes charge through resistors"),
     ];
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
@@ -76,15 +76,19 @@ fn describe_modelled_scene(scene: &Scene) -> String {
 pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
     let mut text = describe_modelled_scene(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, the air except where it is listed above, the \
-         finger except at a touched place, the effect of the voltage on an ERA's stiffness except for its \
+        "\nnot modelled: shear and rotary inertia, stretching in the plane, the air except where it is listed above, \
+         the finger except at a touched place, the effect of the voltage on an ERA's stiffness except for its \
          bias_voltage_v; residual shapes of the actuators, the dashpots and the point replace the modes above the \
          computed modes",
     );
-    let _ =
-        write!(text, "\n order  cells    unknowns  point forces  stiff points  known modes      time   error at most");
+    let _ = write!(
+        text,
+        "\nmeshes (order: order of the elements; cells: along x and y; point forces: functions for point forces; stiff \
+         points: points whose deflection is an unknown; known modes: rigid and slow modes known before the iteration)\n \
+         order  cells    unknowns  point forces  stiff points  known modes      time   error at most"
+    );
     for step in steps {
-        let bound = if step.bound.is_finite() { format!("{:.0e}", step.bound) } else { String::from("(to compare)") };
+        let bound = if step.bound.is_finite() { format!("{:.0e}", step.bound) } else { String::from("not known") };
         let cells = format!("{}x{}", step.parts.cells[0], step.parts.cells[1]);
         let _ = write!(
             text,
@@ -102,12 +106,12 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLe
     let best = steps.iter().map(|step| step.bound).reduce(f64::min);
     let _ = match best {
         Some(bound) if accuracy.time_limit().is_some() && bound.is_finite() => {
-            write!(text, "\nerror bound {bound:.0e} reached within the allowed time, {total:.1} ms in all")
+            write!(text, "\nerror bound {bound:.0e} reached within the allowed time, total time {total:.1} ms")
         }
-        Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
+        Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, total time {total:.1} ms"),
         // A table of plans: each plan has its own.
-        Some(f64::INFINITY) => write!(text, "\n{total:.1} ms in all; each answer has its own bound"),
-        _ => write!(text, "\ntolerance {tolerance:.0e} not met by the finest mesh, {total:.1} ms in all"),
+        Some(f64::INFINITY) => write!(text, "\ntotal time {total:.1} ms; each answer has its own error bound"),
+        _ => write!(text, "\ntolerance {tolerance:.0e} not met by the finest mesh, total time {total:.1} ms"),
     };
     text
 }
@@ -122,10 +126,10 @@ mod tests {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 300.0).unwrap();
         let text = explain_accuracy(&scene, Accuracy::BALANCED, &found.steps);
-        for piece in ["a beam", "2 grounded ERAs", "hysteretic", "left out: shear", "tolerance 1e-3 met"] {
+        for piece in ["a beam", "2 grounded ERAs", "hysteretic", "not modelled: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
-        assert_eq!(text.lines().count(), 2 + 1 + found.steps.len() + 1, "{text}");
+        assert_eq!(text.lines().count(), 2 + 2 + found.steps.len() + 1, "{text}");
         let mut lossy = scene.clone();
         lossy.supports.extend(Scene::parse("plate", crate::scene::STARTING_PLATE).unwrap().supports);
         lossy.supports[1].loss_factor = 0.3;

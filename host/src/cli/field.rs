@@ -34,7 +34,11 @@ pub fn run_field(options: &Field) -> Outcome {
         _ if options.reach => return reach::compute_and_write_reach_maps(options),
         _ if options.schemes => return reach::compare_schemes(options),
         Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
-        None => return Err(Failure::usage_error("--at X,Y, --effect click, --reach or --schemes is needed")),
+        None => {
+            return Err(Failure::usage_error(
+                "one of the options --at X,Y, --effect click, --reach and --schemes is required",
+            ));
+        }
     };
     let scene = options.panel.load_scene()?;
     let target = make_target_from_at_option(&scene, &at)?;

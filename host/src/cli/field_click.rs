@@ -72,7 +72,7 @@ fn describe_click_map(map: &ClickMap) -> String {
     );
     if let Some(weakest) = map.find_weakest_place() {
         let place = format_place([weakest.x_mm, weakest.y_mm]);
-        let _ = write!(text, "\nleast peak: {:.3} g at {place}", weakest.peak_g);
+        let _ = write!(text, "\nlowest peak: {:.3} g at {place}", weakest.peak_g);
     }
     let median = map.compute_median_quiet_time_ms().map_or_else(|| "never".to_owned(), |ms| format!("{ms:.1} ms"));
     let _ = write!(text, "\nquiet time (median): {median}");
@@ -94,7 +94,7 @@ fn describe_click_map(map: &ClickMap) -> String {
         );
     }
     if rest.len() > listed {
-        let _ = write!(text, "\n  and {} more (--csv writes all places)", rest.len() - listed);
+        let _ = write!(text, "\n  and {} more places (--csv writes all places)", rest.len() - listed);
     }
     text
 }

@@ -163,7 +163,7 @@ impl FlashJob<'_> {
             }
         };
         if !allowed {
-            self.check_image_and_ask_before_flashing(before, "USB, in its bootloader")?;
+            self.check_image_and_ask_before_flashing(before, "the USB bootloader")?;
         }
         let bar = ProgressBar::new(0);
         if let Ok(style) = ProgressStyle::with_template("{msg:9} {bar:40} {bytes}/{total_bytes} ({elapsed})") {
@@ -188,8 +188,8 @@ impl FlashJob<'_> {
     fn check_image_and_ask_before_flashing(&self, before: Option<InstalledFirmware>, place: &str) -> Outcome {
         let after = Version(self.image.header.firmware);
         match before {
-            Some(before) => tell!("board    {}, at {place} -> {after}", Version(before.firmware)),
-            None => tell!("board    no ERA firmware on it, at {place} -> {after}"),
+            Some(before) => tell!("board    {} at {place}; to be replaced by {after}", Version(before.firmware)),
+            None => tell!("board    no ERA firmware at {place}; to be written: {after}"),
         }
         check_image(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::runtime_error)?;
         if self.options.yes {
@@ -207,7 +207,7 @@ impl FlashJob<'_> {
         if matches!(answer.trim(), "y" | "Y" | "yes") {
             return Ok(());
         }
-        Err(Failure::runtime_error("nothing was changed"))
+        Err(Failure::runtime_error("the command was cancelled, and the board was not changed"))
     }
 
     /// Waits for the new firmware; whether it answers. Over which port it would is not known if none was named.
@@ -215,12 +215,16 @@ impl FlashJob<'_> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
             Ok(board) if board.identity.firmware == self.image.header.firmware => {
-                tell!("done     {} answers at {}", Version(board.identity.firmware), board.path());
+                tell!(
+                    "done     the board at {} answers with firmware {}",
+                    board.path(),
+                    Version(board.identity.firmware)
+                );
                 Ok(true)
             }
             Ok(board) => Err(Failure::runtime_error(format!(
-                "the image was written and read back, but the board at {} answers with {}: check that this board is the board \
-                 that was flashed; if so, power the board down and up",
+                "the image was written and read back, but the board at {} answers with firmware {}: check that \
+                 this board is the board that was flashed; if so, power the board down and up",
                 board.path(),
                 Version(board.identity.firmware)
             ))),

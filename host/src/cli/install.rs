@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 /// One of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Part {
-    /// The udev rule: who may drive the board
+    /// The udev rule, which sets who may drive the board
     Rule,
-    /// The systemd unit: the daemon as a service
+    /// The systemd unit, which runs the daemon as a service
     Service,
 }
 
@@ -25,19 +25,19 @@ pub struct Install {
     /// Install a service of this user instead of the machine, without the udev rule, which needs root
     #[arg(long)]
     pub user: bool,
-    /// Only one of the two files
+    /// Install or remove only one of the two files
     #[arg(long, value_name = "PART", value_enum)]
     pub only: Option<Part>,
     /// The service's configuration file [default: /etc/era/era.toml, with --user ~/.config/era/era.toml]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The program that the service runs [default: this one]
+    /// The program that the service runs [default: this program]
     #[arg(long, value_name = "PATH")]
     pub program: Option<PathBuf>,
     /// The group of users who may drive the board
     #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group_name)]
     pub group: String,
-    /// The group of users who may write the board's firmware [default: none; only root may]
+    /// The group of users who may write the board's firmware [default: none, so only root may write it]
     #[arg(long, value_name = "NAME", value_parser = parse_group_name)]
     pub flash_group: Option<String>,
     /// Write below this folder in place of /, for packages
@@ -46,7 +46,7 @@ pub struct Install {
     /// Print the files, and write nothing
     #[arg(long, conflicts_with = "remove")]
     pub print: bool,
-    /// Remove the files
+    /// Remove the installed files
     #[arg(long)]
     pub remove: bool,
     /// Also overwrite or remove files that this command did not write
@@ -179,7 +179,7 @@ fn find_service_program(options: &Install) -> Result<PathBuf, Failure> {
     match &options.program {
         Some(program) => std::path::absolute(program).map_err(Failure::runtime_error),
         None => std::env::current_exe().map_err(|error| {
-            Failure::runtime_error(format!("this program's own path is not known: {error}; use --program"))
+            Failure::runtime_error(format!("the path of this program is not known: {error}; name it with --program"))
         }),
     }
 }
@@ -261,7 +261,11 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
         }
         for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
             if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {
-                tell!("`{key}` is {}, but the service may write only below {}", path.display(), unit::STATE);
+                tell!(
+                    "`{key}` is {}, but the service may write only below {}: name a path there",
+                    path.display(),
+                    unit::STATE
+                );
             }
         }
     }
@@ -283,8 +287,8 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
     }
     if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {
         tell!(
-            "the user of the service may have no right to read the files in `{run}`: put program and configuration \
-             into folders that every user can read (/usr/local/bin, /etc/era), or use --user"
+            "the user of the service may have no right to read the files that `{run}` names: put program and \
+             configuration into folders that every user can read (/usr/local/bin, /etc/era), or use --user"
         );
     }
 }
@@ -325,7 +329,10 @@ fn list_commands_to_run_next(options: &Install, changed: &[Part], config: &Path)
         }
         if ConfigFile::read(config).map_or(true, |file| file.note_if_device_is_simulated().is_some()) {
             let editor = if options.user { "${EDITOR:-vi}" } else { "sudoedit" };
-            steps.push(format!("{editor} {}    # set the scene and the device, such as scene = \"panel.toml\", device = \"auto\"", config.display()));
+            steps.push(format!(
+                "{editor} {}    # set the scene and the device, such as scene = \"panel.toml\", device = \"auto\"",
+                config.display()
+            ));
         }
         steps.push(format!("era config check {}", config.display()));
         steps.push(format!("{manager} daemon-reload"));

@@ -55,10 +55,10 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
         if !answer.status().is_success() {
             // Nothing was driven that could be timed. A few are told; more are no measurement.
             let problem: serde_json::Value = answer.body_mut().read_json().unwrap_or_default();
-            refused.push(problem["detail"].as_str().unwrap_or("no reason given").to_owned());
+            refused.push(problem["detail"].as_str().unwrap_or("the daemon gave no reason").to_owned());
             if refused.len() > MOST_REFUSED {
                 return Err(Failure::runtime_error(format!(
-                    "{} of {} touches were refused; the last one: {}",
+                    "{} of {} touches were refused; the last refusal: {}",
                     refused.len(),
                     i + 1,
                     refused.last().map_or("", String::as_str)
@@ -86,10 +86,11 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
         }));
     }
     print_text(&format!(
-        "{} touches on {}; the daemon and the simulated device run in one process, and the times include planning\n\
+        "{} touches on {}; the daemon and the simulated device run in one process, and each time includes \
+         the planning\n\
          time from POST /v1/touch       median      p99      max\n\
-         to the drive's last byte     {device}\n\
-         to the answer                {answer}\n\
+         until the drive's last byte  {device}\n\
+         until the answer             {answer}\n\
          touches that waited until earlier vibration had decayed: {delayed}, {longest_ms:.1} ms at most; refused touches: {}",
         options.touches,
         scene.name,

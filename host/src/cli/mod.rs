@@ -101,7 +101,7 @@ pub fn main() -> ExitCode {
             let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
             print_argument_error_and_exit(
                 &error,
-                &format!("Options follow a command. The options of the daemon follow `serve`: era serve {wrong} ..."),
+                &format!("Write options after a command, those of the daemon after `serve`: era serve {wrong} ..."),
             );
         }
         print_argument_error_and_exit(&error, "")

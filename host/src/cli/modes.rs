@@ -139,7 +139,7 @@ fn format_mode_table<'a>(heading: &str, modes: impl Iterator<Item = (&'a PanelMo
             let _ =
                 write!(text, "   (decays without oscillation: real poles {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
         } else if mode.damping_ratio == 0.0 {
-            text.push_str("   (undamped: unbounded at resonance)");
+            text.push_str("   (undamped: the response at resonance is unbounded)");
         }
     }
     text

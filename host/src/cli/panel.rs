@@ -333,7 +333,8 @@ fn tell_assumed_finger_if_explaining(panel: &PanelOptions, scene: &Scene) {
     if let Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m }) = scene.finger.filter(|_| panel.explain) {
         let mass_g = mass_kg * 1e3;
         tell!(
-            "the model includes a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m at the requested place"
+            "the model includes a finger at the requested place: mass {mass_g} g, damping {damping_n_s_per_m} N s/m, \
+             stiffness {stiffness_n_per_m} N/m"
         );
     }
 }

@@ -39,17 +39,17 @@ pub struct PlanOptions {
     pub keep: CacheOptions,
     #[command(flatten)]
     pub at: At,
-    /// Peak acceleration wanted, in dB above the threshold of feeling (in place of --intensity-g); also for targets of --also
-    /// without their own peak
+    /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g); also for targets
+    /// of --also without their own peak
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     #[command(flatten)]
     pub wishes: PlanWishes,
-    /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
+    /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar, y is ignored
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
     /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in
-    /// springs, 10 % in Young's modulus, 5 % in thickness, 1 mm in places; takes some seconds
+    /// spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,
@@ -126,8 +126,8 @@ fn prepare_request_table_refusing_finger_with_windows(
     let PlanOptions { panel, keep, .. } = options;
     if scene.finger.is_some() && has_time_windows {
         return Err(Failure::usage_error(
-            "time windows cannot be combined with the scene's [finger], because each place has its finger only during \
-             its own window: omit the time windows, or use a scene without [finger]",
+            "time windows cannot be combined with the scene's [finger], because a finger is on each place only during \
+             the window of this place: omit the time windows, or use a scene without [finger]",
         ));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
@@ -277,7 +277,7 @@ fn format_plan_answer(answer: &PlanAnswer) -> String {
                 let _ = write!(text, "{:.0} to {:.0} ms: ", stretch.span.from_ms, stretch.span.to_ms);
                 match &stretch.plan {
                     Some(plan) => write_plan(&mut text, plan),
-                    None => text.push_str("nothing"),
+                    None => text.push_str("no drives"),
                 }
                 if let Some(times) = &stretch.times {
                     write_rise_and_decay_times(&mut text, times);
@@ -305,7 +305,7 @@ fn write_plan(text: &mut String, plan: &Plan) {
             drive.actuator, drive.frequency_hz, drive.voltage_v, drive.pulse_width, drive.force_n
         );
         if drive.phase_rad != 0.0 {
-            let _ = write!(text, "  {:.1} degrees", drive.phase_rad.to_degrees());
+            let _ = write!(text, "  phase {:.1} degrees", drive.phase_rad.to_degrees());
         }
     }
     let predicted = plan.predicted;
@@ -321,7 +321,7 @@ fn write_plan(text: &mut String, plan: &Plan) {
         for target in &plan.targets {
             let _ = write!(
                 text,
-                "\n  target at {:.1} mm, {:.1} mm: {:.3} g ({:.3} g wanted)",
+                "\n  target at {:.1} mm, {:.1} mm: {:.3} g ({:.3} g requested)",
                 1e3 * target.x_m,
                 1e3 * target.y_m,
                 target.peak_g,
@@ -438,8 +438,12 @@ fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
             text.push_str("\npeaks of the targets, for different limits of the quiet zones:");
         }
         let zones = point.at_most_g.as_ref().map_or_else(|| "no limit".into(), |g| format!("{} g", list(g)));
-        let _ =
-            write!(text, "\n  {zones}:  {} g, {:.1} % of the wanted peaks", list(&point.peaks_g), 100.0 * point.part);
+        let _ = write!(
+            text,
+            "\n  {zones}:  {} g, {:.1} % of the requested peaks",
+            list(&point.peaks_g),
+            100.0 * point.part
+        );
     }
 }
 

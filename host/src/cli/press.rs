@@ -46,15 +46,15 @@ fn describe_unknown_press_errors_by_reason(table: &PlanTable) -> Vec<String> {
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
         "{}: a press of {} N, for each actuator at the point where the press moves its mass furthest\n \
-         actuator            at mm      alone   error at most      sag   error at most   held by            gap left   holds\n",
+         actuator            at mm      alone   error at most      sag   error at most  end stop        remaining gap safe up to\n",
         table.scene.name, table.scene.press_n
     );
     for (i, (actuator, pressed)) in table.scene.actuators.iter().zip(&table.pressed).enumerate() {
         let PressEffect { at_m, alone_m, sag_m, stop, stop_m, .. } = pressed;
         let held = match stop {
-            Stop::None => "its springs".into(),
-            Stop::Given => format!("stop, {:.0} um", stop_m * 1e6),
-            Stop::Assumed => format!("no stop yet, {:.0} um", stop_m * 1e6),
+            Stop::None => "none needed".into(),
+            Stop::Given => format!("at {:.0} um", stop_m * 1e6),
+            Stop::Assumed => format!("assumed, {:.0} um", stop_m * 1e6),
         };
         let (bound, of_sag) = (
             format_bound(crate::planner::press_bounds::bound_relative_press_travel_error(table, i)),
@@ -64,7 +64,7 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);
         let _ = writeln!(
             text,
-            " {:12} {at:>12} {:7.0} um {bound:>15} {:5.0} um {of_sag:>15}   {held:18} {:5.0} um {:5.0} V",
+            " {:12} {at:>12} {:7.0} um {bound:>15} {:5.0} um {of_sag:>15}  {held:15} {:10.0} um {:8.0} V",
             actuator.id,
             alone_m * 1e6,
             sag_m * 1e6,
@@ -77,7 +77,9 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     }
     text.push_str(
         "Alone: travel of the mass with no voltage and no end stop. Sag: travel with the end stop and with the pull \
-         of the electrodes at the highest voltages. Holds: highest voltage at which the air in the remaining gap does not break down.",
+         of the electrodes at the highest voltages. Assumed: the scene has no end stop for this mass, and plans assume \
+         one. Safe up to: highest voltage, within the voltage limits of the scene, at which the air in the remaining \
+         gap does not break down.",
     );
     text
 }

@@ -68,7 +68,7 @@ impl StudyProgressDisplay {
             return String::new();
         }
         format!(
-            "{rate:.1} designs per second, about {} left",
+            "{rate:.1} designs per second, about {} remaining",
             describe_duration(Duration::from_secs_f64((left as f64 / rate).min(1e9)))
         )
     }
@@ -108,7 +108,11 @@ impl StudyObserver for StudyProgressDisplay {
         if Instant::now() >= next.0 {
             next.1 = (2 * next.1).min(LAST_LINE);
             next.0 = Instant::now() + next.1;
-            tell!("{now} of {} designs, {}", self.all.load(Ordering::Relaxed), self.describe_rate_and_time_left());
+            tell!(
+                "{now} of {} designs computed, {}",
+                self.all.load(Ordering::Relaxed),
+                self.describe_rate_and_time_left()
+            );
         }
     }
 }
@@ -122,7 +126,8 @@ pub fn make_signal_stop_flag_second_signal_exits() -> Arc<AtomicBool> {
         runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
         flag.store(true, Ordering::Relaxed);
         tell!(
-            "stopping after the chunks that have begun; a second Ctrl-C ends the study at once and loses only these chunks"
+            "stopping after the chunks of designs that have begun; a second Ctrl-C ends the study at once \
+             and loses only these chunks"
         );
         runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
         standard_error::wait_until_queue_is_written_or_timeout();

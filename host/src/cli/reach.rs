@@ -58,7 +58,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
             format!("{value:.2} {unit} at {} ({frequencies})", format_place(at_mm))
         };
         format!(
-            "{name}: least {}, median {:.2} {unit}, most {}",
+            "{name}: lowest {}, median {:.2} {unit}, highest {}",
             end(spread.least, spread.least_at_mm),
             spread.median,
             end(spread.most, spread.most_at_mm)
@@ -69,7 +69,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
         let _ = write!(
             text,
-            " (relative error of the least peak at most {bound:.1e}; the bound is computed for the weakest place only)"
+            " (relative error of the lowest peak at most {bound:.1e}; the bound is computed for the weakest place only)"
         );
     }
     if let Some(contrast) = contrast {
@@ -126,9 +126,9 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     }
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
-        "{}, {}, all at full safe force, peaks in {unit}\n\
-         (one frequency: best of {ratios} amplitude ratios in phase and of {phases} with phases at each frequency, \
-         then refined; distinct frequencies: proven optimum for masses at rest)\n",
+        "{}, {}, all schemes with the largest safe forces, peaks in {unit}\n\
+         (one frequency: best of {ratios} amplitude ratios in phase, or of {phases} combinations of amplitudes \
+         and phases, at each frequency, then refined; distinct frequencies: proven optimum for masses at rest)\n",
         scene.name,
         describe_searched_frequencies(&table, options)
     );
@@ -139,7 +139,8 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     for (title, of) in spreads {
         let _ = write!(
             text,
-            "\n{title}\n\n| scheme | least | at | 10 % below | median | most | dead | weaker | least over the first's |\n\
+            "\n{title}\n\n| scheme | lowest | at | 10th percentile | median | highest | dead | weaker | \
+             lowest, relative to the first scheme |\n\
              |---|---|---|---|---|---|---|---|---|\n"
         );
         for scheme in &schemes {
@@ -149,8 +150,8 @@ pub fn compare_schemes(options: &Field) -> Outcome {
         }
     }
     text.push_str(
-        "\n(dead: percentage of the surface with a peak below a tenth of the largest peak; weaker: percentage with a peak below \
-         the lowest peak of distinct frequencies)\n",
+        "\n(10th percentile: 10 % of the surface has a lower peak; dead: percentage of the surface with a peak below a \
+         tenth of the largest peak; weaker: percentage with a peak below the lowest peak of distinct frequencies)\n",
     );
     text.push_str(&format_scheme_settings(&schemes, measure));
     text.push_str(&explain_if_one_frequency_beats_distinct(&schemes, first_bending_hz));
@@ -219,8 +220,8 @@ fn explain_if_one_frequency_beats_distinct(schemes: &[SchemeReach], first_bendin
             text,
             "\nFor this scene, one frequency has the highest lowest peak: at {hz} Hz, {} of the motion (mean square) is the motion \
              of a rigid body, which has no nodes. At this frequency, the motions of all actuators add in phase; of distinct \
-             frequencies, at least {MIN_SPACING_HZ} Hz apart, only one can be near this frequency. `--from {:.0}` leaves the \
-             rigid motion out.",
+             frequencies, at least {MIN_SPACING_HZ} Hz apart, only one can be near this frequency. `--from {:.0}` excludes \
+             the rigid motion.",
             format_fraction_as_percent(scheme.rigid.unwrap_or_default()),
             first_bending_hz.unwrap_or(hz).ceil()
         );
@@ -237,7 +238,7 @@ fn format_peak_in_g_or_db(measure: Measure, peak: f64) -> String {
     match measure {
         Measure::G => format!("{peak:.3}"),
         Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(peak)
-            .map_or_else(|| String::from("nothing"), |db| format!("{db:.1}")),
+            .map_or_else(|| String::from("no motion"), |db| format!("{db:.1}")),
     }
 }
 

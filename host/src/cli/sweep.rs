@@ -106,7 +106,11 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
     for ((actuator, extremes), bound) in scene.actuators.iter().zip(&extremes).zip(&found.bounds) {
         let error = bound.limit_if_known().map_or_else(
             || String::from("no bound of the model error is known"),
-            |bound| format!("model error at each point at most {bound:.0e} times the peak of the point over frequency"),
+            |bound| {
+                format!(
+                    "model error at each point at most {bound:.0e} times the largest value of this point over frequency"
+                )
+            },
         );
         let ((x, y), (u, v)) = (place(extremes.most.point), place(extremes.least.point));
         let _ = write!(

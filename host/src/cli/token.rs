@@ -17,7 +17,9 @@ pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;
     let token = parse_last_word_as_token(&text).map_err(wrong)?;
-    token.map(Some).ok_or_else(|| wrong("the file contains no token: one line of the file must have a secret".into()))
+    token
+        .map(Some)
+        .ok_or_else(|| wrong("the file contains no token: write the token into the file, in a line of its own".into()))
 }
 
 /// That of the variable; one that is set to nothing is none.

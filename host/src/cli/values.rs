@@ -50,12 +50,12 @@ pub fn parse_finite_number(text: &str) -> Result<f64, String> {
 
 /// Names of files are refused before anything is computed.
 pub fn parse_npy_path(text: &str) -> Result<PathBuf, String> {
-    parse_path_with_extension(text, "npy", "arrays are NumPy files: the name must end in .npy")
+    parse_path_with_extension(text, "npy", "the name of a NumPy file must end in .npy")
 }
 
 /// The extension says of what type a picture is.
 pub fn parse_png_path(text: &str) -> Result<PathBuf, String> {
-    parse_path_with_extension(text, "png", "pictures are PNG files: the name must end in .png")
+    parse_path_with_extension(text, "png", "the name of a picture must end in .png")
 }
 
 /// The extension says what is written.
@@ -87,7 +87,9 @@ pub fn parse_url(text: &str) -> Result<String, String> {
     let scheme = scheme.to_ascii_lowercase();
     if !matches!(scheme.as_str(), "http" | "https") {
         let text = hide_secret_parts(text);
-        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// and https:// only"));
+        return Err(format!(
+            "{text:?} begins with {scheme}://, but the address of a daemon begins with http:// or https:// only"
+        ));
     }
     // Not repeated: there may be a password or a token in them.
     if let Some(part) = [('@', "a user name"), ('#', "text after #"), ('?', "text after ?")]
@@ -95,7 +97,7 @@ pub fn parse_url(text: &str) -> Result<String, String> {
         .find_map(|(sign, part)| rest.contains(*sign).then_some(*part))
     {
         return Err(format!(
-            "the daemon's address must have the form http://HOST:PORT (with a path if the daemon is behind another \
+            "the address of the daemon must have the form http://HOST:PORT (with a path if the daemon is behind another \
              server), but contains {part}: remove this part, and use --token-file or ERA_TOKEN for a token"
         ));
     }
@@ -144,8 +146,8 @@ pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers: three fractions from 0 to {MOST_PART} for springs, Young's modulus and thickness, \
-             and a distance from 0 to {MOST_MM} mm for places"
+            "must be four numbers, separated by commas: three fractions from 0 to {MOST_PART} for springs, Young's \
+             modulus and thickness, and a distance from 0 to {MOST_MM} mm for places"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

@@ -58,7 +58,7 @@ fn format_predicted_and_simulated_peaks(
 ) -> String {
     let mut text = format!(
         "{scene_name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
-         \x20             drives                     fundamentals (eq. 23)     from linear  whole waveform to 1 kHz\n\
+         \x20             drives                     fundamentals              from linear  whole waveform to 1 kHz\n\
          \x20 x mm   y mm  Hz                       predicted simulated  diff   diff         predicted simulated  diff"
     );
     for c in results {
@@ -77,6 +77,12 @@ fn format_predicted_and_simulated_peaks(
             c.band_difference * 100.0
         );
     }
-    let _ = write!(text, "\nlargest difference {:.2} %", largest_difference * 100.0);
+    let _ = write!(
+        text,
+        "\ndiff: relative difference of the simulated from the predicted peak; from linear: relative difference of the \
+         simulated fundamentals from the prediction with the forces at the rest gaps\n\
+         largest difference, without the column \"from linear\": {:.2} %",
+        largest_difference * 100.0
+    );
     text
 }

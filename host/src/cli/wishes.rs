@@ -10,10 +10,10 @@ use clap::Args;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = PLANNER)]
 pub struct PlanWishes {
-    /// Time window of the target, in ms from the beginning [default: the whole time]
+    /// Time window of the target, in ms from the start of the touch [default: the whole touch]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
     pub window: Option<Window>,
-    /// Another target, with its peak in g and its time window; can be repeated
+    /// Another target, with its requested peak in g and its time window in ms; can be repeated
     #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_additional_target, allow_hyphen_values = true)]
     pub also: Vec<AdditionalTarget>,
     /// A quiet zone, with its radius in mm and its largest peak acceleration in g; can be repeated
@@ -25,8 +25,8 @@ pub struct PlanWishes {
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
-    /// How accelerations of different frequencies count; `felt` weighs each acceleration by the sensitivity of the skin at its
-    /// frequency, relative to the sensitivity at 150 Hz
+    /// Weights of accelerations of different frequencies; `felt` weights each acceleration by the sensitivity of the
+    /// skin at its frequency, relative to the sensitivity at 150 Hz
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,
 }

@@ -61,11 +61,12 @@ impl HostPort {
                 .map(|ip| SocketAddr::new(ip, self.port))
                 .to_vec());
         }
-        let unknown =
-            |why: String| io::Error::new(io::ErrorKind::NotFound, format!("{} has no address: {why}", self.host));
+        let unknown = |why: String| {
+            io::Error::new(io::ErrorKind::NotFound, format!("the name {} has no IP address: {why}", self.host))
+        };
         let found: Vec<SocketAddr> =
             (self.host.as_str(), self.port).to_socket_addrs().map_err(|error| unknown(error.to_string()))?.collect();
-        if found.is_empty() { Err(unknown("none is known".into())) } else { Ok(found) }
+        if found.is_empty() { Err(unknown("the resolver found no address".into())) } else { Ok(found) }
     }
 
     /// Connects to the first of its addresses that takes a connection, within a time that they share: each has its part of what is left.
@@ -140,7 +141,7 @@ impl FromStr for HostPort {
             "" => return Err(format!("the address before the port is missing; for example 127.0.0.1{text}")),
             "*" => {
                 return Err(format!(
-                    "* is not an address: for all addresses of this machine, use 0.0.0.0:{number} (IPv4) or [::]:{number} (also IPv6)"
+                    "* is not an address: for all addresses of this machine, use 0.0.0.0:{number} (IPv4) or [::]:{number} (IPv4 and IPv6)"
                 ));
             }
             _ => {}

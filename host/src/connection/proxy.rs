@@ -22,7 +22,7 @@ pub struct ProxyError {
 /// [`ProxyError`] inside.
 pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream> {
     let told = |what: String| io::Error::other(ProxyError { proxy: proxy.to_string(), what });
-    let failed = |error: io::Error| told(format!("cannot be used: {error}"));
+    let failed = |error: io::Error| told(format!("cannot be reached: {error}"));
     let mut stream = proxy.connect_within(CONNECT).map_err(failed)?;
     stream.set_read_timeout(Some(PATIENCE)).and_then(|()| stream.set_write_timeout(Some(PATIENCE))).map_err(failed)?;
     let request = format!("CONNECT {target} HTTP/1.1\r\nHost: {target}\r\n\r\n");

@@ -5,12 +5,15 @@
 #[must_use]
 pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&str>) -> (String, String) {
     let Some(location) = location else {
-        let found = format!("{url}{path} answers {status} (a redirect) without a new address, so nothing was done");
+        let found = format!(
+            "{url}{path} answers {status} (a redirect) without a new address, so the command was not carried out"
+        );
         return (found, "an era daemon does not redirect: check the address in --url".into());
     };
     let new = resolve_location(&format!("{url}{path}"), location);
     let found = format!(
-        "{url}{path} answers {status} and names another address, {new}; nothing was sent there, and nothing was done"
+        "{url}{path} answers {status} and names another address, {new}. era sends no request to another \
+         address, so the command was not carried out"
     );
     let (without_query, _) = new.split_once(['?', '#']).unwrap_or((&new, ""));
     let advice = match without_query.strip_suffix(path) {

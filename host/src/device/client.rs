@@ -34,7 +34,7 @@ pub enum LinkError {
     },
     /// The port takes no bytes: the board hangs, or its USB controller does.
     #[error(
-        "the device's port took no bytes for {waited:?}. Check that the board has power and that its cable is connected"
+        "the device's port accepted no bytes for {waited:?}. Check that the board has power and that its cable is connected"
     )]
     Blocked {
         /// How long was waited.

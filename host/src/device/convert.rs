@@ -102,7 +102,7 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
             )
         }
         Refusal::StillThere(code) => {
-            format!("the cause of fault {} ({}) is still there. {}", code.number(), code.name(), code.advice())
+            format!("the cause of fault {} ({}) is still present. {}", code.number(), code.name(), code.advice())
         }
         Refusal::NoDrive { channel } => {
             format!("channel {channel} has no drive: set a drive on this channel before you send an effect")
@@ -129,7 +129,10 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Restarting => "the board is about to restart into its bootloader".into(),
         Refusal::OtherFault { number } => {
-            format!("fault number {number} was latched meanwhile, so no fault was cleared; read the faults again")
+            format!(
+                "no fault was cleared, because another fault (number {number} since the start of the board) is latched; \
+                 read the faults again"
+            )
         }
         Refusal::Sequence(error) => describe_sequence_error(error),
         Refusal::Current { requested_microamps, max_microamps } => format!(
@@ -148,13 +151,13 @@ fn describe_sequence_error(error: &SequenceError) -> String {
             )
         }
         SequenceError::Width { window, requested_ticks, min_ticks, max_ticks } => format!(
-            "window {window} is {} us wide, but must be {} to {} us wide",
+            "the width of window {window} is {} us, but must be {} to {} us",
             us(requested_ticks),
             us(min_ticks),
             us(max_ticks)
         ),
         SequenceError::Wait { window, requested_ticks, min_ticks, max_ticks } => format!(
-            "window {window} begins {} us after the window before, but must begin {} to {} us after that window",
+            "the pause before window {window} is {} us, but must be {} to {} us",
             us(requested_ticks),
             us(min_ticks),
             us(max_ticks)

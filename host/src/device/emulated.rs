@@ -108,18 +108,18 @@ impl EmulatedBoard {
             .map_err(|error| make_start_error("python3 tools/emulator/launch.py", error))?;
         let streams = child.stdin.take().zip(child.stdout.take());
         let (input, output) =
-            streams.ok_or_else(|| make_start_error("the pipes of its process", "they are missing"))?;
+            streams.ok_or_else(|| make_start_error("opening the pipes of the emulator", "the pipes are missing"))?;
         let mut control = BridgePipes { input, output: BufReader::new(output) };
         let path = control.read_json_line().and_then(|first| match first["pty"].as_str() {
             Some(path) => Ok(path.to_owned()),
-            None => Err(format!("unexpected first line {first}")),
+            None => Err(format!("the line {first} has no key \"pty\"")),
         });
         match path {
             Ok(path) => Ok(Self { path, elf, child, control: Mutex::new(control) }),
             Err(reason) => {
                 let _ = child.kill();
                 let _ = child.wait();
-                Err(make_start_error("the bridge's first line", reason))
+                Err(make_start_error("reading the first line of the emulator", reason))
             }
         }
     }
@@ -151,7 +151,7 @@ impl EmulatedBoard {
                     let value = answer["timers"][name][key].as_u64().and_then(|value| u32::try_from(value).ok());
                     value.ok_or_else(|| EmulatedError::Control {
                         op: "timers".into(),
-                        reason: format!("no register {key} of {name} in {answer}"),
+                        reason: format!("the answer {answer} has no register {key} of the timer {name}"),
                     })
                 };
                 let at_pins = ["a", "b"].iter().any(|side| pins["pins"][format!("era{era}_{side}")]["mode"] == "timer");
@@ -183,7 +183,7 @@ impl EmulatedBoard {
         if answer["ok"] == true {
             return Ok(answer);
         }
-        Err(failed(answer["error"].as_str().unwrap_or("no reason given").to_owned()))
+        Err(failed(answer["error"].as_str().unwrap_or("the emulator gave no reason").to_owned()))
     }
 }
 
@@ -199,7 +199,7 @@ impl BridgePipes {
     fn read_json_line(&mut self) -> Result<Value, String> {
         let mut line = String::new();
         match self.output.read_line(&mut line) {
-            Ok(0) => Err("its process ended; standard error has the reason".into()),
+            Ok(0) => Err("the process of the emulator ended; its standard error has the reason".into()),
             Ok(_) => serde_json::from_str(&line).map_err(|error| format!("{error} in {line:?}")),
             Err(error) => Err(error.to_string()),
         }
@@ -217,7 +217,9 @@ fn find_firmware_in_environment_or_build(source: &Path) -> Result<PathBuf, Emula
     if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
         return Ok(path.into());
     }
-    tracing::info!("building the firmware and its build tool: this takes minutes the first time, and seconds later");
+    tracing::info!(
+        "building the firmware and its build tool: this takes minutes at the first start, and seconds at later starts"
+    );
     // Its input ends with this process, however that ends, and cargo with all that it started then does, too.
     let mut child = Command::new("python3")
         .arg(source.join("tools/emulator/leash.py"))

@@ -68,8 +68,8 @@ pub enum TargetError {
     },
     /// No port answered.
     #[error(
-        "no ERA board is among the serial ports ({ports}). Connect a board, name its port if it is connected \
-         through an ST-LINK, or use --device sim"
+        "no ERA board is among the serial ports ({ports}). Connect a board, name the port of the board if it \
+         is connected through an ST-LINK, or use --device sim"
     )]
     NoneFound {
         /// Ports there are.
@@ -252,7 +252,7 @@ impl OpenDevice {
         if let DeviceBackend::Emulated(board) = &mut self.keeper
             && let Some(status) = board.exit_status_if_ended()
         {
-            tracing::warn!(%status, "the emulator has ended; it is started again");
+            tracing::warn!(%status, "the emulator has ended; the daemon starts the emulator again");
             *board = board.start_another_with_same_image()?;
             self.path = board.port_path().to_owned();
         }

@@ -120,7 +120,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
             "AttackTime" | "DecayTime" | "ReleaseTime" if value == 0.0 => {}
             "AttackTime" | "DecayTime" | "ReleaseTime" => {
                 list.warn(format!(
-                    "{id} of {name} is left out: Apple does not publish which times the values 0 to 1 stand for"
+                    "{id} of {name} is left out: Apple does not publish the times that the values 0 to 1 represent"
                 ));
             }
             _ => list.warn(format!("{id} of {name} is left out: this parameter is not known")),
@@ -137,7 +137,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         return list.add_event_within_limits(name, HapticEvent::new_transient(time_s, strength, sharp_at(time_s)));
     }
     let Some(duration_s) = number_at(event, "EventDuration") else {
-        return list.warn(format!("{name} is left out: a HapticContinuous needs EventDuration"));
+        return list.warn(format!("{name} is left out: an event of the type HapticContinuous needs EventDuration"));
     };
     let duration_s = if duration_s > 0.0 {
         list.clamp_with_warning(&format!("EventDuration of {name} in s"), duration_s, (0.0, LONGEST_S))

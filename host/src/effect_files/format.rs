@@ -12,9 +12,9 @@ const MAX_SOUND_BYTES: usize = 12 * 1024 * 1024;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum FileFormat {
-    /// This program's own, as TOML
+    /// The format of this program, as TOML
     Toml,
-    /// This program's own, as JSON
+    /// The format of this program, as JSON
     Json,
     /// Apple Haptic and Audio Pattern
     Ahap,
@@ -24,7 +24,7 @@ pub enum FileFormat {
     Hmpg,
     /// Lofelt's `.haptic`, version 1
     Haptic,
-    /// A sound, whose loudness becomes intensity
+    /// A sound, whose loudness over time is used as the intensity
     Wav,
 }
 

@@ -51,15 +51,15 @@ pub fn read_hmpg_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
     let mut file = BitReader::new(bytes);
     while !file.is_at_end() {
         let (duration, length) =
-            read_unit_head(&mut file).ok_or_else(|| broken("it ends within the header of a unit"))?;
+            read_unit_head(&mut file).ok_or_else(|| broken("the file ends within the header of a unit"))?;
         let unit = file.take_bytes(length).ok_or_else(|| broken("a unit is longer than the file"))?;
         let mut packets = BitReader::new(unit);
         while !packets.is_at_end() {
             let (kind, payload) = read_packet(&mut packets).ok_or_else(|| broken("a unit ends within a packet"))?;
             if stream.read_payload(kind, payload, &mut list).is_none() {
                 list.warn(format!(
-                    "a packet of type {kind} is left out: it is too short, or refers to something that no earlier \
-                     packet describes"
+                    "a packet of type {kind} is left out: the packet is too short, has an unknown type or value, or refers to a \
+                     perception, channel or band that no earlier packet describes"
                 ));
             }
         }
@@ -436,6 +436,8 @@ mod tests {
                 let _ = read_hmpg_bytes(&changed);
             }
         }
-        assert!(read_hmpg_bytes(&whole[..3]).unwrap_err().to_string().contains("it ends within the header of a unit"));
+        assert!(
+            read_hmpg_bytes(&whole[..3]).unwrap_err().to_string().contains("the file ends within the header of a unit")
+        );
     }
 }

@@ -58,7 +58,9 @@ pub fn read_lofelt_text(text: &str) -> Result<EventList, ReadError> {
         points.iter_mut().for_each(|point| point.time_s -= first.time_s);
         let mean = find_mean_level(&sharpness).unwrap_or(0.0);
         if sharpness.iter().any(|point| (point.level - mean).abs() > 0.1) {
-            list.warn(format!("the frequency changes over time: the mean sharpness {mean:.2} is used"));
+            list.warn(format!(
+                "the frequency of the vibration changes over time: the mean sharpness {mean:.2} is used"
+            ));
         }
         list.add_event_within_limits(
             "envelopes.amplitude",

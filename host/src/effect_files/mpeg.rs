@@ -135,7 +135,7 @@ pub fn add_events_of_haptics(list: &mut EventList, haptics: &MpegHaptics) {
                 }
                 if band.kind == BandKind::Curve {
                     list.warn(format!(
-                        "{name} is a curve of the motion itself: its absolute value is used as the intensity"
+                        "{name} contains the motion itself (band_type Curve): its absolute value is used as the intensity"
                     ));
                 }
                 let scope = Scope { perception, channel, band, ticks_per_s: haptics.ticks_per_s, steps: &steps };
@@ -215,7 +215,7 @@ impl Scope<'_> {
             })
             .collect();
         if is_above_full {
-            list.warn(format!("amplitudes of {name}, times the gain of its channel, are above 1: 1 is used"));
+            list.warn(format!("amplitudes of {name}, multiplied by the gain of the channel, are above 1: 1 is used"));
         }
         let frequencies: Vec<EnvelopePoint> =
             keyframes.iter().filter_map(|keyframe| Some(point(keyframe, keyframe.frequency_hz?))).collect();

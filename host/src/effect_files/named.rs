@@ -9,21 +9,21 @@ use utoipa::ToSchema;
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[schema(as = NamedEffect)]
 pub struct NamedEffectView {
-    /// As requests and files name it.
+    /// Name of the effect in requests and files.
     pub name: &'static str,
     /// Where the name is used.
     pub used_in: NameUse,
-    /// What it feels like.
+    /// What the effect feels like.
     pub feel: &'static str,
-    /// How long it lasts if nothing else is asked for, in ms; null for pulses, whose length the panel gives.
+    /// Default duration in ms; null for pulses, whose duration depends on the panel.
     pub duration_ms: Option<f64>,
-    /// Android's constant of `VibrationEffect.Composition`; null if it has none.
+    /// Constant of Android's `VibrationEffect.Composition`; null without one.
     pub android: Option<&'static str>,
-    /// The waveform of HID's usage page 0x0E; null if it has none.
+    /// Waveform of HID's usage page 0x0E; null without one.
     pub hid: Option<&'static str>,
 }
 
-/// Where a name is used.
+/// Where a name is used: `touch` as `effect` of a touch, `file` as `primitive` of an effect file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NameUse {
@@ -47,10 +47,10 @@ pub fn list_named_effects() -> Vec<NamedEffectView> {
     let touches = [
         (NamedEffect::Click, "a crisp click", None),
         (NamedEffect::DoubleClick, "two clicks, 120 ms apart", None),
-        (NamedEffect::Buzz, "an even vibration", Some(200.0)),
-        (NamedEffect::Swell, "a vibration that rises, holds and falls", Some(500.0)),
+        (NamedEffect::Buzz, "a vibration of constant intensity", Some(200.0)),
+        (NamedEffect::Swell, "a vibration that grows, stays constant and fades", Some(500.0)),
         (NamedEffect::PulseTrain, "five pulses, one every 60 ms", Some(300.0)),
-        (NamedEffect::Texture, "ridges under a finger, one every 50 ms", Some(1000.0)),
+        (NamedEffect::Texture, "a ridged surface under the finger, one ridge every 50 ms", Some(1000.0)),
     ];
     let file = |primitive: Primitive| NamedEffectView {
         name: primitive.name(),

@@ -6,59 +6,59 @@ use super::panel::{PanelEffect, PanelPart, PartKind, ScaleView};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// What was read of an effect file, and what the panel makes of it.
+/// The contents of an effect file as they were read, and the parts that the board plays.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = EffectFileReading)]
 pub struct ReadingView {
-    /// What the file calls it; null if it has no name.
+    /// Name of the effect in the file; null without a name.
     pub name: Option<String>,
-    /// What the file was read as.
+    /// Format as which the file was read.
     pub format: FileFormat,
-    /// How many events it has, with all loops played out.
+    /// Number of events, with all repeats counted.
     pub event_count: usize,
-    /// From its begin to the end of its last event, in ms.
+    /// Time from the begin of the effect to the end of its last event, in ms.
     pub duration_ms: f64,
     /// What of the file is left out or changed, and why.
     pub warnings: Vec<String>,
-    /// Where something is played.
+    /// The places at which parts are played.
     pub places: Vec<PlaceView>,
-    /// What intensity 1 is, by place and kind.
+    /// Peak acceleration of intensity 1, for each place and kind.
     pub scales: Vec<ScaleView>,
-    /// What is played, by its begin.
+    /// The parts that the board plays, in the order of their begins.
     pub parts: Vec<PartView>,
 }
 
-/// A place of an effect.
+/// A place at which a part of an effect is played.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = EffectPlace)]
 pub struct PlaceView {
-    /// From the left edge in mm.
+    /// Distance from the left edge of the surface in mm.
     pub x_mm: f64,
-    /// From the top edge in mm.
+    /// Distance from the top edge of the surface in mm.
     pub y_mm: f64,
 }
 
-/// One thing that is played.
+/// A part of an effect.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = EffectPart)]
 pub struct PartView {
-    /// From the effect's begin, in ms.
+    /// Begin of the part in ms from the begin of the effect.
     pub begin_ms: usize,
-    /// For how long it is driven, in ms.
+    /// Time for which the part is driven, in ms.
     pub duration_ms: f64,
-    /// Number of its place, from 0.
+    /// Number of the place in `places`, from 0.
     pub place: usize,
-    /// How it is made.
+    /// How the panel produces the part.
     pub kind: PartKind,
-    /// 0 to 1; of an envelope the largest.
+    /// Intensity, 0 to 1; for an envelope, the largest intensity.
     pub intensity: f64,
-    /// 0 to 1, as it was asked for.
+    /// Sharpness in the file, 0 to 1.
     pub sharpness: f64,
-    /// Peak that it makes, in g.
+    /// Predicted peak acceleration in g.
     pub peak_g: f64,
-    /// When its peak comes, in ms from the part's begin.
+    /// Time of the peak in ms from the begin of the part.
     pub peak_at_ms: f64,
-    /// What keeps it below what was asked for; null if nothing does.
+    /// The limit that keeps the peak below the wanted peak; null if the peak reaches it.
     pub limited_by: Option<String>,
 }
 

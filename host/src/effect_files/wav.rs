@@ -41,7 +41,7 @@ pub fn read_wav_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
     let mono: Vec<f64> =
         samples.chunks(channels).map(|frame| frame.iter().sum::<f64>() / f64::from(spec.channels)).collect();
     if usize::try_from(reader.duration()).is_ok_and(|frames| frames > mono.len()) {
-        list.warn(format!("what follows the first {MAX_DURATION_S} s is left out"));
+        list.warn(format!("the part of the sound after the first {MAX_DURATION_S} s is left out"));
     }
     if channels > 1 {
         list.warn(format!("the sound has {channels} channels: their mean is used"));
@@ -114,7 +114,7 @@ mod tests {
         let float = WavSpec { channels: 2, sample_rate: 1000, bits_per_sample: 32, sample_format: SampleFormat::Float };
         let list = read_wav_bytes(&sound(float, (0..80_000).map(|k| f64::from(k % 4 / 2)))).unwrap();
         let said = list.warnings.join("\n");
-        assert!(said.contains("what follows the first 30 s") && said.contains("2 channels"), "{said}");
+        assert!(said.contains("after the first 30 s") && said.contains("2 channels"), "{said}");
         let silent = read_wav_bytes(&sound(float, (0..2000).map(|_| 0.0))).unwrap_err().to_string();
         assert!(silent.contains("the sound is silent"), "{silent}");
         assert!(read_wav_bytes(b"RIFFxxxxWAVE").is_err());

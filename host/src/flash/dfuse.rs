@@ -59,7 +59,7 @@ const MOST_POLLS: u32 = 30;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PipeError {
     /// The device refuses the request.
-    #[error("refused by the device")]
+    #[error("the bootloader refused the request")]
     Stall,
     /// The device has gone.
     #[error("the device is no longer connected")]
@@ -115,8 +115,8 @@ pub enum DfuError {
     },
     /// It is in a state in which it should not be.
     #[error(
-        "{step} at {address:#010x}: the bootloader is in the unexpected state {state}. Power the board down and \
-         up, then run the same command again"
+        "{step} at {address:#010x}: the bootloader is in the unexpected state {state}. Switch the power of the board \
+         off and on, then run the same command again"
     )]
     State {
         /// What was done.
@@ -130,11 +130,11 @@ pub enum DfuError {
 
 const fn describe_status(status: u8) -> &'static str {
     match status {
-        1 => "the address is not in its flash (errTARGET)",
-        3 => "it could not write (errWRITE)",
-        4 => "it could not erase (errERASE)",
-        6 => "it could not program (errPROG): the flash there was not erased",
-        7 => "the bytes that it reads back differ from the written bytes (errVERIFY)",
+        1 => "the address is not in the flash of the board (errTARGET)",
+        3 => "the bootloader could not write (errWRITE)",
+        4 => "the bootloader could not erase (errERASE)",
+        6 => "the bootloader could not program (errPROG): the flash at this address was not erased",
+        7 => "the bytes that the bootloader reads back differ from the written bytes (errVERIFY)",
         8 => "the address is out of range (errADDRESS)",
         11 => "the flash is protected (errVENDOR): remove the read protection with a debug probe; this erases the chip",
         _ => "see DFU 1.1, section 6.1.2",
@@ -285,7 +285,7 @@ impl<P: ControlPipe> Dfuse<P> {
     fn read_status(&mut self, step: DfuStep) -> Result<Status, DfuError> {
         let answer = self.pipe.control_in(request::GETSTATUS, 0, 6).map_err(|error| step.pipe_error(error))?;
         let &[status, low, middle, high, state, _] = answer.as_slice() else {
-            let text = format!("its status has {} bytes instead of 6", answer.len());
+            let text = format!("the status of the bootloader has {} bytes instead of 6", answer.len());
             return Err(step.pipe_error(PipeError::Other(text)));
         };
         let milliseconds = u32::from_le_bytes([low, middle, high, 0]);

@@ -54,7 +54,7 @@ pub enum ImageError {
         entry: u32,
     },
     /// Something of it is to be loaded outside the flash.
-    #[error("the image loads {length} bytes to {address:#010x}, outside the flash ({FLASH_START:#010x} and 512 KiB)")]
+    #[error("the image loads {length} bytes to {address:#010x}, outside the flash (512 KiB from {FLASH_START:#010x})")]
     OutsideFlash {
         /// Where to.
         address: u32,
@@ -75,20 +75,20 @@ pub enum ImageError {
     },
     /// The header is missing, or not known here.
     #[error("{}", match .0 {
-        HeaderError::Missing => "there is no image header: this is not the firmware of an ERA board, or it is too old".to_owned(),
+        HeaderError::Missing => "there is no image header: this is not the firmware of an ERA board, or the firmware is too old".to_owned(),
         HeaderError::Format(format) => format!("the image header has the format {format}, but this program knows only format 1: update this program"),
     })]
     Header(HeaderError),
     /// For another chip.
     #[error(
-        "the image is for the chip with the number {chip:#05x}, but this board has an STM32G474 ({CHIP_STM32G474:#05x})"
+        "the image is for the chip with the device ID {chip:#05x}, but this board has an STM32G474 ({CHIP_STM32G474:#05x})"
     )]
     Chip {
         /// As in the header.
         chip: u16,
     },
     /// Its end is not where its header says.
-    #[error("the image ends at {end:#010x}, but its header says {header_end:#010x}: the file is damaged")]
+    #[error("the image ends at {end:#010x}, but the end in its header is {header_end:#010x}: the file is damaged")]
     Truncated {
         /// Behind the last byte found.
         end: u32,

@@ -17,7 +17,7 @@ const UNIQUE_ID: u32 = 0x1FFF_7590;
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
     /// The program is missing.
-    #[error("probe-rs is not installed ({0}). Install it as described at https://probe.rs, or use --dfu")]
+    #[error("probe-rs is not installed ({0}). Install probe-rs as described at https://probe.rs, or use --dfu")]
     NotInstalled(std::io::Error),
     /// No probe.
     #[error("probe-rs finds no debug probe. Connect a probe and check that this user may use the probe, or use --dfu")]
@@ -38,7 +38,7 @@ pub enum ProbeError {
     },
     /// Another chip, or an answer that cannot be understood.
     #[error(
-        "the chip at the probe has the number {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
+        "the chip at the probe has the device ID {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
     )]
     OtherChip {
         /// As read.

@@ -22,7 +22,8 @@ pub enum ProgramError {
     Dfu(#[from] DfuError),
     /// What was read back is not what was written.
     #[error(
-        "the flash at {address:#010x} holds {found:#04x} instead of {wanted:#04x} after writing. Run the same command again; if it happens again, the chip's flash is worn or damaged"
+        "the flash at {address:#010x} contains {found:#04x} instead of {wanted:#04x} after writing. Run the same command again; if \
+         the error occurs again, the flash of the chip is worn or damaged"
     )]
     Verify {
         /// Where.

@@ -30,7 +30,7 @@ impl fmt::Display for FileChange {
             FileChange::Replaced => "replaced",
             FileChange::Unchanged => "unchanged",
             FileChange::Removed => "removed",
-            FileChange::Absent => "not there",
+            FileChange::Absent => "absent",
         })
     }
 }

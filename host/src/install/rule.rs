@@ -17,7 +17,7 @@ pub const GROUP: &str = "plugdev";
 #[must_use]
 pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
     let rights = format!("GROUP=\"{group}\", MODE=\"0660\", TAG+=\"uaccess\"");
-    let flashers = flash_group.map_or_else(|| "root alone".into(), |group| format!("root and the group {group}"));
+    let flashers = flash_group.map_or_else(|| "only root".into(), |group| format!("root and the group {group}"));
     let flash_rights = flash_group.map_or_else(String::new, |group| format!(", GROUP=\"{group}\", MODE=\"0660\""));
     let matching = |(vendor, product): (u16, u16), attribute: &str| {
         format!("{attribute}{{idVendor}}==\"{vendor:04x}\", {attribute}{{idProduct}}==\"{product:04x}\"")
@@ -26,13 +26,13 @@ pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
     let usb = "SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\"";
     format!(
         "{MARK}\n\
-         # Whoever sits at the machine and the group {group} may use the board's serial port; ModemManager does not try it for a modem.\n\
+         # The user who is logged in at the machine and the group {group} may use the board's serial port; ModemManager does not probe it.\n\
          ACTION==\"remove\", GOTO=\"era_end\"\n\n\
-         # The board: its numbers are shared with other devices, its name is not. Its USB device stays root's.\n\
+         # The board: other devices have the same USB numbers, but another name. Only root may use the USB device itself.\n\
          {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"\n\
          SUBSYSTEM==\"tty\", {parent}, ATTRS{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", \
          ENV{{ID_MM_PORT_IGNORE}}=\"1\", {rights}\n\n\
-         # The bootloader in the chip's ROM, for `era flash`: for {flashers}, as it takes any firmware.\n\
+         # The bootloader in the chip's ROM, which accepts any firmware: {flashers} may use it (`era flash`).\n\
          {usb}, {bootloader}, ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"{flash_rights}\n\n\
          LABEL=\"era_end\"\n"
     )

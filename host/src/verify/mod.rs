@@ -62,7 +62,9 @@ pub enum VerifyError {
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] MotionError),
     /// What a plan leaves when it ends cannot be told.
-    #[error("the remaining motion of the plan cannot be computed: a drive is at the resonance of an undamped mode")]
+    #[error(
+        "the motion that remains after the plan cannot be computed: a drive is at the resonance of an undamped mode"
+    )]
     Unknown,
     /// No force moves the place.
     #[error("the plan drives nothing: no actuator moves this place of the panel")]

@@ -97,8 +97,8 @@ impl StudyBounds {
         }
         places += spec.apart.iter().map(|apart| count(&apart.places)).sum::<usize>();
         places += spec.uncertain.iter().map(|own| count(&own.paths)).sum::<usize>();
-        check_count_at_most("study", places, "numbers of the scene that its keys address", self.places)?;
-        check_count_at_most("study", written, "bytes that a design writes into the scene", self.written)
+        check_count_at_most("study", places, "references to keys of the scene", self.places)?;
+        check_count_at_most("study", written, "bytes to write into the scene for each design", self.written)
     }
 
     /// How often designs are looked at; `samples` are those of what may be off.
@@ -112,6 +112,6 @@ impl StudyBounds {
         samples: usize,
     ) -> Result<(), ExceededBound> {
         let looks = count_designs_of_method(method, space.dimensions()).saturating_mul(samples.saturating_add(1));
-        check_count_at_most("method.designs", looks, "evaluations of designs", self.looks)
+        check_count_at_most("method.designs", looks, "evaluations (designs x (samples + 1))", self.looks)
     }
 }

@@ -98,7 +98,7 @@ impl ToleranceKind {
             Self::Springs => "springs",
             Self::YoungsModulus => "Young's modulus",
             Self::Thickness => "thickness",
-            Self::Places => "places",
+            Self::Places => "positions",
         }
     }
 }
@@ -218,7 +218,7 @@ impl Spread {
              panels; the peak of a real panel may change more)"
         );
         for OneTolerance { what, range } in &self.of {
-            let _ = write!(text, "\n  only {}, by up to {}: {}", what.name(), by(*what), ends(range));
+            let _ = write!(text, "\n  with a change of {} only, by up to {}: {}", what.name(), by(*what), ends(range));
         }
         text
     }

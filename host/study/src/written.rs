@@ -156,7 +156,7 @@ impl StudyResults {
     /// The scene as it is and the best designs as a table: their figures as they were computed anew, with bounds beside those that have them.
     fn format_markdown_table_of_scene_and_best_designs(&self, study: &Study) -> String {
         let finals = &self.finals;
-        let all: Vec<(String, &Finalist)> = std::iter::once(("as it is".to_owned(), &finals.base))
+        let all: Vec<(String, &Finalist)> = std::iter::once(("unchanged scene".to_owned(), &finals.base))
             .chain(finals.best.iter().enumerate().map(|(k, own)| (format!("best {}", k + 1), own)))
             .collect();
         let bound = |own: &Finalist, k: usize| own.verified.as_ref().ok()?.bounds.get(k).copied().flatten();
@@ -193,7 +193,7 @@ impl StudyResults {
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {
-            let _ = write!(text, "; the tolerance may not be met for {}", missed.join(", "));
+            let _ = write!(text, "; the errors of {} may exceed this tolerance", missed.join(", "));
         }
         if is_bounded.contains(&false) {
             text.push_str("; the errors of figures without an error column are not known");
@@ -207,7 +207,7 @@ impl StudyResults {
     pub fn summarise_as_text(&self, study: &Study, path: &Path) -> String {
         let Self { table, finals } = self;
         let mut text = format!(
-            "{}: {} designs by {}: {} keep all limits, {} break at least one limit, {} failed",
+            "{}: {} designs (method {}): {} keep all limits, {} break at least one limit, {} failed",
             study.spec.name,
             table.entries.len(),
             study.spec.method.way.name(),
@@ -265,7 +265,7 @@ impl StudyResults {
                 let _ = write!(text, " The first failed because: {reason}");
             }
         }
-        let _ = write!(text, "\n\nresults in {}", path.display());
+        let _ = write!(text, "\n\nthe results are in {}", path.display());
         text
     }
 }

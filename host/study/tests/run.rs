@@ -167,7 +167,7 @@ fn designs_that_fail_are_rows_with_their_reasons() {
         let reason = if (x - 225.0).hypot(y - 100.0) < 50.0 {
             "left and right are"
         } else if spring >= 4900.0 {
-            "the program itself failed at this design"
+            "the program failed at this design because of a bug"
         } else if x < 30.0 {
             "no "
         } else {
@@ -258,7 +258,7 @@ fn a_grid_has_a_limit_and_few_chunks() {
     let refused = grid("levels = 1000\n").unwrap_err();
     let told: Vec<(usize, &str)> =
         refused.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
-    let expected = "method.levels is 1000, which together with the levels and steps of the variables makes \
+    let expected = "method.levels is 1000. Together with the levels and steps of the variables, this makes \
                     1000000000000 designs, but at most 100000000 are allowed";
     assert_eq!(told, [(14, expected)]);
     let large = grid("levels = 100\n").unwrap();
@@ -288,11 +288,11 @@ fn places_off_the_surface_and_narrow_bands_are_told() {
     let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 to 300, y 0 to 200";
     hold(of(thickness, places), &[beyond, (13, before)]);
     let length = "key = \"surface.length_mm\"\nfrom = 400\nto = 600";
-    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 and above, y 0 to 200";
+    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x at least 0, y 0 to 200";
     hold(of(length, places), &[(13, before)]);
     let weakest = "[[wish]]\nfigure = \"weakest_g\"\n";
     let narrow = "[method]\nfrom_hz = 100\nto_hz = 110\n";
-    let apart = "so that 2 actuators have frequencies 20 Hz apart";
+    let apart = "so that 2 actuators can have frequencies 20 Hz apart";
     let end = format!("method.to_hz is 110, but must be at least 120, {apart}");
     hold(of(thickness, &format!("{weakest}{narrow}")), &[(12, end.as_str())]);
     let start = format!("method.from_hz is 390, but must be at most 380, {apart}");

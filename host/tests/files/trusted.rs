@@ -100,18 +100,18 @@ fn what_others_could_have_changed_is_not_used() {
     fs::write(&elsewhere, &whole).unwrap();
     let is_root = fs::metadata(folder.path()).is_ok_and(|known| std::os::unix::fs::MetadataExt::uid(&known) == 0);
     let mut ways: Vec<Way<'_>> = vec![
-        ("its mode is 0620", Box::new(|| mode(&table, 0o620))),
-        ("its mode is 0602", Box::new(|| mode(&table, 0o602))),
-        ("its mode is 0666", Box::new(|| mode(&table, 0o666))),
+        ("the mode is 0620", Box::new(|| mode(&table, 0o620))),
+        ("the mode is 0602", Box::new(|| mode(&table, 0o602))),
+        ("the mode is 0666", Box::new(|| mode(&table, 0o666))),
         (
-            "it is a symbolic link",
+            "a symbolic link was found",
             Box::new(|| {
                 fs::remove_file(&table).unwrap();
                 symlink(&elsewhere, &table).unwrap();
             }),
         ),
         (
-            "it is a pipe",
+            "a pipe was found",
             Box::new(|| {
                 fs::remove_file(&table).unwrap();
                 assert!(Command::new("mkfifo").arg(&table).status().unwrap().success());
@@ -121,7 +121,7 @@ fn what_others_could_have_changed_is_not_used() {
     if is_root {
         // Only root can give files away.
         ways.push((
-            "it belongs to the user with the number 65534",
+            "the owner is the user with the number 65534",
             Box::new(|| chown(&table, Some(65_534), None).unwrap()),
         ));
     }
@@ -137,13 +137,13 @@ fn what_others_could_have_changed_is_not_used() {
         assert!(!plan(&scene, Some(&cache)).1.contains("is not used"), "{reason}");
     }
     let mut ways: Vec<Way<'_>> = vec![
-        ("its mode is 0770", Box::new(|| mode(&cache, 0o770))),
-        ("its mode is 0702", Box::new(|| mode(&cache, 0o702))),
-        ("its mode is 1777", Box::new(|| mode(&cache, 0o1777))),
+        ("the mode is 0770", Box::new(|| mode(&cache, 0o770))),
+        ("the mode is 0702", Box::new(|| mode(&cache, 0o702))),
+        ("the mode is 1777", Box::new(|| mode(&cache, 0o1777))),
     ];
     if is_root {
         ways.push((
-            "it belongs to the user with the number 65534",
+            "the owner is the user with the number 65534",
             Box::new(|| {
                 mode(&cache, 0o700);
                 chown(&cache, Some(65_534), None).unwrap();

@@ -78,7 +78,7 @@ fn serve_takes_the_file_and_the_command_line_before_it() {
     let told = text(&output.stderr);
     assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
     assert!(
-        told.contains("listen: an option on the command line is used") && told.contains("device = \"/dev/none\""),
+        told.contains("listen: an option on the command line overrides") && told.contains("device = \"/dev/none\""),
         "{told}"
     );
 }

@@ -45,7 +45,7 @@ fn rule_and_unit_are_written_once_and_removed_again() {
     let removed = text(&install(root, &["--remove"]).stdout);
     assert_eq!(removed.matches("removed ").count(), 2, "{removed}");
     assert!(!root.join(RULE).exists() && !root.join(UNIT).exists());
-    assert_eq!(text(&install(root, &["--remove"]).stdout).matches("not there ").count(), 2);
+    assert_eq!(text(&install(root, &["--remove"]).stdout).matches("absent ").count(), 2);
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn a_line_that_takes_nothing_is_told() {
     let keeps = Reader::with_open(board.port_path());
     let begun = Instant::now();
     let PortAnswer::Silent(told) = era::doctor::board::ask_board(board.port_path()) else { panic!("it answers") };
-    assert!(told.contains("took no bytes") && told.contains("sh (process"), "{told}");
+    assert!(told.contains("accepted no bytes") && told.contains("sh (process"), "{told}");
     assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
     drop(keeps);
 }

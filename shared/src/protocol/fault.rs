@@ -154,42 +154,46 @@ impl FaultCode {
     pub const fn advice(self) -> &'static str {
         match self {
             FaultCode::HostSilent => {
-                "The host that armed the board fell silent, so the board switched everything off. Check the cable and \
-                 that the daemon runs, then clear the fault."
+                "The host that armed the board sent nothing for longer than the dead-man time, so the board switched \
+                 everything off. Check the cable, check that the daemon runs, then clear the fault."
             }
             FaultCode::ArmFailed => {
-                "The board could not make its outputs ready. Nothing is energised. Look at the board's log, then clear \
-                 the fault and arm again."
+                "The board could not prepare its outputs for arming. Nothing is energised. Read the board's log, then \
+                 clear the fault and arm the board again."
             }
             FaultCode::DriveFailed => {
-                "The board could not set the drives as commanded and switched everything off. Look at the board's log; \
-                 if the fault comes back, replace the board."
+                "The board could not set the commanded drives and switched everything off. Read the board's log, then \
+                 clear the fault. If the fault occurs again, replace the board."
             }
             FaultCode::Panic | FaultCode::HardFault => {
-                "The firmware failed, switched everything off and started again. Keep the log and report the \
+                "The firmware failed, switched everything off and restarted. Save the board's log and report the \
                  failure, then clear the fault."
             }
             FaultCode::ReadBack => {
-                "A register did not hold the written value, so the board switched everything off. Power the board down \
-                 and up again; if the fault comes back, replace the board."
+                "A register of the board's chip did not contain the value that the firmware had written, so the board \
+                 switched everything off. Switch the board's power off and on. If the fault occurs again, replace the \
+                 board."
             }
             FaultCode::OverCurrent | FaultCode::ShortCircuit => {
-                "Too much current, or a rail that does not come up: an arc or a short in an actuator or its cable. \
-                 Disconnect the supply, wait until the rails are discharged, look at the actuators, then clear the fault."
+                "Too much current flowed, or a rail did not reach its voltage: an arc or a short circuit in an actuator \
+                 or in its cable. Disconnect the supply, wait until the rails are discharged, inspect the actuators \
+                 and cables, then clear the fault."
             }
             FaultCode::OverVoltage | FaultCode::RailImplausible => {
-                "A rail is not at the voltage it was set to. Check the supply, its set-point and the divider that measures \
-                 it before clearing the fault."
+                "The voltage of a rail differs from the set-point. Check the supply, the set-point and the divider \
+                 that measures the rail, then clear the fault."
             }
             FaultCode::RailCollapsed => {
-                "A rail lost its voltage at once, like in an arc. Look for traces of an arc in the actuators and at \
-                 the connectors; lower the voltage if the air is humid or dusty."
+                "A rail lost voltage within 1 ms, as happens in an arc. Look for traces of an arc in the actuators and \
+                 at the connectors. If the air is humid or dusty, lower the voltage. Then clear the fault."
             }
-            FaultCode::InterlockOpen => "The enclosure is open. Close it, then clear the fault.",
-            FaultCode::EmergencyStop => "The emergency stop is pressed. Release it, then clear the fault.",
+            FaultCode::InterlockOpen => "The enclosure is open. Close the enclosure, then clear the fault.",
+            FaultCode::EmergencyStop => {
+                "The emergency stop is pressed. Release the emergency stop, then clear the fault."
+            }
             FaultCode::EarthOpen => {
-                "The panel or a moving mass is not bonded to protective earth. Do not touch the panel or the masses; mend \
-                 the bond, then clear the fault."
+                "The panel or a moving mass is not bonded to protective earth. Do not touch the panel or the masses. \
+                 Repair the bond, then clear the fault."
             }
             FaultCode::DischargeFailed => {
                 "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a \
@@ -197,25 +201,31 @@ impl FaultCode {
                  broken."
             }
             FaultCode::SelfTest => {
-                "The self-test failed: a part that switches off or measures (a comparator, a break, the supply's enable, a \
-                 divider) did not work. Do not use the board; the table of the self-test's details names this part."
+                "The self-test failed: a part that must switch off or measure (a comparator, a break input, the enable \
+                 input of the supply, a divider) did not work. Do not use the board. The manual (troubleshooting, \
+                 details of the self-test) lists the part for each detail of the fault."
             }
             FaultCode::Watchdog => {
-                "The firmware hung, and the watchdog reset the board. Keep the log and report the failure, then clear \
+                "The firmware stopped responding, so the watchdog reset the board. Save the board's log and report the \
+                 failure, then clear the fault. The detail 1000 means that the watchdog does not work: replace the \
+                 board."
+            }
+            FaultCode::BrownOut => {
+                "The 3.3 V supply of the board failed for a moment. Check the cable and the power supply, then clear \
                  the fault."
             }
-            FaultCode::BrownOut => "The board's own supply failed for a moment. Check the cable and the power supply.",
             FaultCode::TimerStopped => {
-                "A timer that should alternate the electrodes stands still. Power the board down and up again; if the \
-                 fault comes back, replace the board."
+                "A timer that switches the electrodes has stopped. Switch the board's power off and on. If the fault \
+                 occurs again, replace the board."
             }
             FaultCode::DischargeSlow => {
-                "A rail falls too slowly: its discharge switch does not close, or the supply still feeds it. Do not open the \
-                 enclosure before the rails are measured to be harmless; repair the switch before you use the board."
+                "The voltage of a rail falls too slowly: the discharge switch does not close, or the supply still \
+                 feeds the rail. Do not open the enclosure before you have measured that the rails are discharged. \
+                 Repair the cause before you use the board."
             }
             FaultCode::ResetWhileLive => {
-                "The board was reset while high voltage was on. Find out what reset it (reset button, debug probe, \
-                 interference), then clear the fault."
+                "The board was reset while high voltage was on. Find the cause of the reset (reset button, debug \
+                 probe, interference), then clear the fault."
             }
             FaultCode::Reference => {
                 "The board's 3.3 V reference is wrong by more than 3 %, so every set-point and measurement is wrong. \
@@ -223,20 +233,21 @@ impl FaultCode {
             }
             FaultCode::Electrode => {
                 "An electrode takes too little or too much current: the electrode, its cable or one of its switches is \
-                 open or shorted. Disconnect the supply, wait until the rails are discharged, and look at the \
-                 electrode that the detail names."
+                 open or shorted. Disconnect the supply, wait until the rails are discharged, then inspect the \
+                 electrode that the fault's detail names (table in the troubleshooting page of the manual)."
             }
             FaultCode::Permit => {
-                "The permit, which switches supply and electrodes off in hardware, does not work. Do not use the board; the \
-                 table of the fault codes says what was found."
+                "The permit, the line that switches supply and electrodes off in hardware, does not work. Do not use \
+                 the board. The table of fault codes in the troubleshooting page of the manual explains the fault's \
+                 detail."
             }
             FaultCode::Clock => {
-                "The processor's clock and the watchdog's clock disagree, so times and frequencies may be wrong. Power \
-                 the board down and up again; if the fault comes back, replace the board."
+                "The processor's clock and the watchdog's clock disagree, so durations and frequencies may be wrong. \
+                 Switch the board's power off and on. If the fault occurs again, replace the board."
             }
             FaultCode::OptionBytes => {
-                "An option byte of the chip takes a protection away. Set the option bytes as the page on bring-up says, and power \
-                 the board down and up."
+                "An option byte of the chip disables a protection. Set the option bytes as the bring-up page of the \
+                 manual describes, then switch the board's power off and on."
             }
         }
     }

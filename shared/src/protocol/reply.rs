@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(
     clippy::large_enum_variant,
-    reason = "there is no heap to put the large ones on, and one reply exists at a time"
+    reason = "the firmware has no heap for the large variants, and only one reply exists at a time"
 )]
 pub enum Reply {
     /// To `Hello`.

@@ -74,7 +74,10 @@ const fn least_fall_ppm(picofarads: u32) -> u64 {
     let charged_permille = least_charged_permille(TEST_PULSE_MICROSECONDS as u64 * 1_000) as u64;
     let share_ppm = electrode * charged_permille * 1_000 / (electrode + rail);
     let charged_ppm = fall_over_pulses_ppm(share_ppm);
-    assert!(charged_ppm >= MOST_BLEED_PPM + 2 * MEASUREMENT_PPM, "an electrode this small is not seen");
+    assert!(
+        charged_ppm >= MOST_BLEED_PPM + 2 * MEASUREMENT_PPM,
+        "the test cannot detect an electrode with so small a capacitance"
+    );
     (MOST_BLEED_PPM + charged_ppm) / 2
 }
 
@@ -89,7 +92,10 @@ const fn most_fall_ppm(picofarads: u32) -> u64 {
     let ohms = add_percent((ELECTRODE_OHMS + LOWER_SWITCH_OHMS) as u64, RESISTANCE_TOLERANCE_PERCENT);
     let time_constant_us = ohms * (add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT) + electrode) / 1_000_000;
     let drawn_ppm = least_decay_ppm(((TEST_PULSES - 1) * TEST_PULSE_MICROSECONDS) as u64, time_constant_us);
-    assert!(drawn_ppm >= charged_ppm + 2 * MEASUREMENT_PPM, "the test cannot distinguish a short from an electrode with this capacitance");
+    assert!(
+        drawn_ppm >= charged_ppm + 2 * MEASUREMENT_PPM,
+        "the test cannot distinguish a short circuit from an electrode with this capacitance"
+    );
     (drawn_ppm + charged_ppm) / 2
 }
 

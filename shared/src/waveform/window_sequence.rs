@@ -23,7 +23,7 @@ pub const LEAST_WIDTH_TICKS: u32 = 3_000;
 const _: () = assert!(
     // At least 86 %, two time constants, with all tolerances against it; a tick is 100 ns.
     least_charged_permille(LEAST_WIDTH_TICKS as u64 * 100) >= 860,
-    "the shortest window does not charge an electrode"
+    "the shortest window charges an electrode to less than 86 %"
 );
 /// Longest pause before a window in ticks: 1 s.
 pub const MOST_WAIT_TICKS: u32 = 10_000_000;

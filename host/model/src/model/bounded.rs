@@ -174,7 +174,8 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
             }
             tracing::warn!(
                 %error,
-                "a finer mesh could not be computed; the answer is from the coarser mesh with the smallest error bound"
+                "a finer mesh could not be computed, so the result is that of the coarser mesh with the smallest error \
+                 bound"
             );
             return ladder.into_answer_with_smallest_bound().ok_or(error);
         }

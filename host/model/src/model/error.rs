@@ -5,9 +5,9 @@
 pub enum ModelError {
     /// The mesh would have to be finer than is allowed.
     #[error(
-        "at {max_hz} Hz the waves on this surface are {wavelength_mm:.2} mm long, and the mesh for them would have \
-         {unknowns} unknowns, more than the {limit} allowed: choose a lower frequency or a larger tolerance{}",
-        if *is_short { "; such waves are hardly longer than the surface is thick: check that youngs_modulus_pa is right and in Pa" } else { "" }
+        "at {max_hz} Hz the bending waves of this surface are {wavelength_mm:.2} mm long; a mesh for these waves needs \
+         {unknowns} unknowns, but at most {limit} are allowed: choose a lower frequency or a larger tolerance{}",
+        if *is_short { "; the waves are hardly longer than the thickness of the surface: check that youngs_modulus_pa is correct and in Pa" } else { "" }
     )]
     TooFine {
         /// Highest frequency asked for.
@@ -23,8 +23,8 @@ pub enum ModelError {
     },
     /// More modes than are computed in a time worth waiting for.
     #[error(
-        "the answer needs all modes up to {max_hz:.0} Hz, but the surface has about {modes} of them, and at most {limit} are \
-         allowed: choose a lower frequency"
+        "the computation needs all modes up to {max_hz:.0} Hz, which are about {modes} modes of this surface, but at \
+         most {limit} modes are allowed: choose a lower frequency"
     )]
     TooManyModes {
         /// Frequency up to which they are needed.
@@ -58,7 +58,8 @@ pub enum ModelError {
     },
     /// The matrices could not be factored, or the factors do not solve them.
     #[error(
-        "the panel's matrices could not be factored ({reason}): check that the numbers of the scene are physically possible"
+        "the matrices of the panel could not be factored ({reason}): check that the values in the scene are physically \
+         possible"
     )]
     Factorisation {
         /// What was seen.
@@ -66,7 +67,7 @@ pub enum ModelError {
     },
     /// A design of another panel.
     #[error(
-        "[{part}] is not the same as in the scene that the model was computed for: only supports, masses and actuators may \
+        "[{part}] differs from the scene for which the model was computed, but only supports, masses and actuators may \
          differ"
     )]
     OtherPanel {

@@ -66,13 +66,13 @@ const ROUNDING_PER_ASPECT: f64 = 1e-15;
 const ROUNDING_PER_ASPECT_AT_POINTS: f64 = 2e-13;
 
 /// Why no bound exists for plates with rotational point springs.
-pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its slope there is not bounded by its energy), so the \
-    effect of a rotational spring at a point does not converge on finer meshes";
+pub(super) const POINT_MOMENT: &str = "plate theory puts no limit on the slope at a point, so the effect of a \
+    rotational spring at a point does not converge on finer meshes";
 /// Why there is none where the levels do not agree.
 pub(super) const NOT_SETTLED: &str =
-    "the answers of the finest meshes still differ too much: choose a larger tolerance or a lower frequency";
+    "the results of the finest meshes still differ too much: choose a larger tolerance or a lower frequency";
 /// The same of what stands still, in which no frequency has part.
-const NOT_SETTLED_AT_REST: &str = "the answers of the finest meshes still differ too much: choose another tolerance";
+const NOT_SETTLED_AT_REST: &str = "the results of the finest meshes still differ too much: choose another tolerance";
 /// A deflection under one point load converges more slowly than the curves' peaks that bounds are made for: 3.2 times their bound was
 /// seen.
 const SLOWER: f64 = 6.0;

@@ -41,7 +41,7 @@ const POLES_BEYOND_PER_ORDER: f64 = 0.08;
 /// Residual shapes of each load there.
 const SHAPES_FOR_POLES: usize = 3;
 /// Why a pole of a single level has no bound.
-const ONE_LEVEL: &str = "there is no other mesh for a comparison";
+const ONE_LEVEL: &str = "no other mesh was computed for a comparison";
 /// Residual shapes of each load of a reduced model.
 const SHAPES: usize = 2;
 /// The same for a ratio of damping, the root of a matrix that acts outside their span as well: with two, responses of a grounded

@@ -18,7 +18,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImplausibleStore {
     /// A size that does not go with the others.
-    #[error("its data for {what} have the size {found}, but must have the size {expected}")]
+    #[error("in the file, the size of the data for {what} is {found}, but must be {expected}")]
     Size {
         /// Of what.
         what: &'static str,
@@ -28,10 +28,10 @@ pub enum ImplausibleStore {
         expected: usize,
     },
     /// A number that is infinite or none at all.
-    #[error("its data for {0} contain an impossible number (infinite, not a number, or negative)")]
+    #[error("in the file, the data for {0} contain an impossible value (infinite, NaN or negative)")]
     NotFinite(&'static str),
     /// Something else that does not follow from the scene.
-    #[error("its data for {0} do not agree with the scene")]
+    #[error("in the file, the data for {0} do not agree with the scene")]
     Differs(&'static str),
 }
 

@@ -16,15 +16,15 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     let slenderness = thickest / length_of_shortest_side_that_bends_m(scene);
     if slenderness > THIN {
         doubts.push(format!(
-            "the surface's thickness is {slenderness:.3} of the length of the shortest side that bends, but thin-plate theory holds up to 0.033: \
-             the computed panel is some percent too stiff"
+            "the thickness of the surface is {slenderness:.3} times the length of the shortest side that bends, but \
+             thin-plate theory is accurate only up to 0.033: the computed panel is a few percent too stiff"
         ));
     }
     let too_high = relative_frequency_excess_of_thin_theory(scene, max_hz);
     if too_high > SHEAR {
         doubts.push(format!(
-            "at {max_hz} Hz the bending waves are so short compared with the thickness that computed frequencies are about {:.0} % too high: \
-             thin-plate theory leaves out shear and rotary inertia",
+            "at {max_hz} Hz the bending waves are so short compared with the thickness that computed frequencies are \
+             about {:.0} % too high, because thin-plate theory neglects shear and rotary inertia",
             100.0 * too_high
         ));
     }

@@ -24,8 +24,8 @@ pub use peak::{SineComponent, peak_of_sines_merging_equal_frequencies};
 pub enum ResponseError {
     /// Undamped and at a resonance: the response grows without bound (thesis, after equation 15).
     #[error(
-        "at {frequency_hz} Hz the panel is at the resonance of an undamped mode ({resonance_hz} Hz) and its response is \
-         unbounded: give the scene some damping (such as surface.damping.loss_factor), or leave this frequency out"
+        "at {frequency_hz} Hz the response of the panel is unbounded, because an undamped mode has its resonance at \
+         {resonance_hz} Hz: add damping to the scene (such as surface.damping.loss_factor), or omit this frequency"
     )]
     Unbounded {
         /// The frequency asked for.

@@ -48,8 +48,8 @@ impl<'r, 't> Electronics<'r, 't> {
         let picofarads = capacitance_f * 1e12;
         if times.rise_s > MOST_RISE_S {
             let text = format!(
-                "{} is {:e} ohm, but the electrodes and the cable of actuator {id:?} have {picofarads:.0} pF, so \
-                 the resistance must be at most {:.2e} ohm",
+                "{} is {:e} ohm, but must be at most {:.2e} ohm, because an electrode of actuator {id:?} with its \
+                 cable has a capacitance of {picofarads:.0} pF",
                 self.section.key_with_path("charging_resistance_ohm"),
                 self.charging_ohm,
                 MOST_RISE_S / capacitance_f
@@ -59,8 +59,8 @@ impl<'r, 't> Electronics<'r, 't> {
         if times.hold_s > times.rise_s {
             // A window could make more force than one whose electrodes charge at once.
             let text = format!(
-                "{} is {} us, but the electrodes and the cable of actuator {id:?} have {picofarads:.0} pF, so the \
-                 delay must be at most {:.3} us, the time constant of charging",
+                "{} is {} us, but must be at most {:.3} us, the time constant with which an electrode of actuator \
+                 {id:?} charges (its capacitance with its cable is {picofarads:.0} pF)",
                 self.section.key_with_path("discharging_delay_us"),
                 self.delay_s * 1e6,
                 times.rise_s * 1e6

@@ -42,7 +42,8 @@ pub(super) fn read_layers(sections: Vec<TomlSection<'_, '_>>, kind: SurfaceKind)
         let total_mm = 1e3 * (thickness_m + plies.iter().map(|ply| ply.thickness_m).sum::<f64>());
         if total_mm > MAX_THICKNESS_MM {
             let text = format!(
-                "{} makes the layers {total_mm} mm thick together, but at most {MAX_THICKNESS_MM} mm are allowed",
+                "{} makes the total thickness of the layers {total_mm} mm, but at most {MAX_THICKNESS_MM} mm are \
+                 allowed",
                 section.key_with_path("thickness_mm")
             );
             section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("thickness_mm"), text);
@@ -80,8 +81,8 @@ fn read_ply_elasticity(table: &TomlSection<'_, '_>, kind: SurfaceKind) -> PlyEla
     }
     if table.has_key("youngs_modulus_pa") {
         let text = format!(
-            "{} is given together with moduli of the axes ({}), but only one of the two is allowed: youngs_modulus_pa (the same \
-             in all directions), or the moduli of the axes",
+            "{} is given together with moduli of the axes ({}), but only one kind is allowed: give youngs_modulus_pa \
+             if the material is the same in all directions, otherwise the moduli of the axes",
             table.key_with_path("youngs_modulus_pa"),
             WITH_AXES.join(", ")
         );
@@ -100,8 +101,10 @@ pub(super) fn read_layered_thickness_m(surface: &TomlSection<'_, '_>, plies: &[P
     let thickness_m: f64 = plies.iter().map(|ply| ply.thickness_m).sum();
     let own_mm = surface.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
     if (own_mm / 1e3 - thickness_m).abs() > SAME_THICKNESS * thickness_m {
-        let allowed =
-            format!("{} (the sum of all [[layer]]), or left out", super::place::metres_to_rounded_mm(thickness_m));
+        let allowed = format!(
+            "{} (the sum of all [[layer]] tables), or left out",
+            super::place::metres_to_rounded_mm(thickness_m)
+        );
         surface.report_wrong_value("thickness_mm", own_mm.to_string(), &allowed);
     }
     if surface.has_key("material") {

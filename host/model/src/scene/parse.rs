@@ -209,8 +209,8 @@ fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
     let pairs = section.number_pairs_if_all_allowed_without_report(KEY, MODE_HZ, MODAL_RATIO);
     pairs.as_deref().and_then(ModalRatio::from_table_if_ascending).unwrap_or_else(|| {
         let wanted = format!(
-            "a number {MODAL_RATIO}, or 1 to {MOST_POINTS} pairs [frequency in Hz {MODE_HZ}, number {MODAL_RATIO}], in the \
-             order of rising frequency"
+            "a number {MODAL_RATIO}, or a list of 1 to {MOST_POINTS} pairs [frequency in Hz, damping ratio] with \
+             rising frequencies: each frequency {MODE_HZ}, each ratio {MODAL_RATIO}"
         );
         section.report_wrong_list(KEY, &wanted);
         ModalRatio::from_single_ratio(0.0)
@@ -258,7 +258,7 @@ fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Scre
                 section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(key), text);
             } else if *extent <= 0.0 {
                 let text = format!(
-                    "{} is {}, but must be below {} to leave an active area",
+                    "{} is {}, but must be below {}: otherwise the active area of the screen is empty",
                     section.key_with_path(start_key),
                     start * 1e3,
                     side * 1e3
@@ -328,14 +328,14 @@ fn read_edges(sections: Vec<TomlSection<'_, '_>>, size: &SurfaceSize) -> Vec<Edg
                 section.mistake_report().add_mistake_at(
                     &section.byte_range_of_value_or_section("side"),
                     format!(
-                        "{}: an earlier [[edge]] has this side already, but a side may have one [[edge]] only",
+                        "{}: an earlier [[edge]] has the same side, but each side may have only one [[edge]]",
                         section.key_with_path("side")
                     ),
                 );
             }
             if !size.do_cutouts_leave_part_of_side(side) {
                 let text = format!(
-                    "{}: the cut-outs leave nothing of this side, so the side cannot be held",
+                    "{}: the cut-outs remove this whole side, so the side cannot have an [[edge]]",
                     section.key_with_path("side")
                 );
                 section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("side"), text);
@@ -440,8 +440,8 @@ fn read_actuators(
         }
         if actuator.bias_voltage_v > 0.0 && actuator.effective_stiffness_n_per_m() <= 0.0 {
             let text = format!(
-                "{} is {}, but must be below {:.1} V: at this voltage the electrodes cancel the stiffness of the springs \
-                 ({} N/m) and pull the mass onto an electrode",
+                "{} is {}, but must be below {:.1} V: from this limit on, the electrodes cancel the stiffness of the \
+                 springs ({} N/m) and pull the mass onto an electrode",
                 section.key_with_path("bias_voltage_v"),
                 actuator.bias_voltage_v,
                 actuator.pull_in_voltage_v(),
@@ -451,7 +451,7 @@ fn read_actuators(
         }
         if !actuator.id.is_empty() && actuators.iter().any(|other| other.id == actuator.id) {
             let text = format!(
-                "{} is {:?}, but another actuator has that id already",
+                "{} is {:?}, but an earlier [[actuator]] already has this id",
                 section.key_with_path("id"),
                 actuator.id
             );

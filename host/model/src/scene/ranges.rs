@@ -33,7 +33,7 @@ impl SurfaceSize {
         let is_nowhere = self.left.as_ref().is_some_and(|left| left.layer_at_unless_cut_out(x_m, y_m).is_none());
         if is_nowhere && x_m.is_finite() && y_m.is_finite() {
             let text = format!(
-                "{} and y_mm: ({}, {}) lies in a [[cutout]], but must be on the surface",
+                "{} and y_mm: the point ({}, {}) lies in a [[cutout]], but must be on the surface",
                 section.key_with_path("x_mm"),
                 metres_to_rounded_mm(x_m),
                 metres_to_rounded_mm(y_m)

@@ -74,8 +74,8 @@ pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<De
         let text = match own {
             Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
                 format!(
-                    "not valid TOML: {own} is given twice, but a table in single brackets may be given once only; where the \
-                     file may have several such tables, each is written [{own}]"
+                    "not valid TOML: {own} is given twice, but a table in single brackets may be given only once; a \
+                     table that the file may contain several times is written [{own}]"
                 )
             }
             Some(own) => format!("not valid TOML: {told}: {own}"),
@@ -173,7 +173,7 @@ impl fmt::Display for AllowedNumbers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             AllowedNumbers::Positive => f.write_str("above 0"),
-            AllowedNumbers::NotNegative => f.write_str("0 and above"),
+            AllowedNumbers::NotNegative => f.write_str("at least 0"),
             AllowedNumbers::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
             AllowedNumbers::Within(min, max) => write!(f, "{} to {}", format_number(*min), format_number(*max)),
             AllowedNumbers::Along(min, side) => write!(f, "{min} to {side}"),
@@ -243,7 +243,7 @@ impl<'r, 't> TomlSection<'r, 't> {
 
     fn report_missing_key(&self, key: &'static str, wanted: &str) {
         let (field, allowed) = (self.key_with_path(key), wanted.to_owned());
-        let text = format!("{field} is missing ({wanted})");
+        let text = format!("{field} is missing, but must be {wanted}");
         self.report.record_mistake_at(
             &self.at,
             FileMistake { text, field: Some(field), allowed: Some(allowed), ..FileMistake::default() },
@@ -427,7 +427,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     pub fn read_tables(&self, key: &'static str) -> Vec<TomlSection<'r, 't>> {
         let Some(value) = self.value_of_key_marking_known(key) else { return Vec::new() };
         let DeValue::Array(list) = value else {
-            self.report_wrong_type(key, value, &format!("a list of tables, [[{key}]]"));
+            self.report_wrong_type(key, value, &format!("a list of tables, written [[{key}]]"));
             return Vec::new();
         };
         let mut sections = Vec::new();
@@ -438,7 +438,9 @@ impl<'r, 't> TomlSection<'r, 't> {
                     let path = format!("{key}[{}]", i + 1);
                     sections.push(TomlSection::new(self.report, table, path, entry.span()));
                 }
-                _ => self.report.add_mistake_at(&entry.span(), format!("{key}[{}] must be a table, [[{key}]]", i + 1)),
+                _ => self
+                    .report
+                    .add_mistake_at(&entry.span(), format!("{key}[{}] must be a table, written [[{key}]]", i + 1)),
             }
         }
         sections
@@ -466,7 +468,7 @@ impl<'r, 't> TomlSection<'r, 't> {
                 .min();
             let hint = match nearest {
                 Some((_, known)) => format!("did you mean {known}?"),
-                None => format!("known keys here: {}", known.join(", ")),
+                None => format!("allowed keys: {}", known.join(", ")),
             };
             self.report
                 .add_mistake_at(&key.span(), format!("unknown key {}; {hint}", self.key_with_path(key.get_ref())));

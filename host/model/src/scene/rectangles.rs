@@ -42,7 +42,7 @@ pub(super) fn read_patches(
     if let Some(section) = sections.first().filter(|_| surface.is_some_and(|surface| !surface.layers.is_empty())) {
         // Which layers go on beneath it, and about which plane, it does not say.
         let text = format!(
-            "{}: a [[patch]] is not allowed on a surface of [[layer]]: leave out the patches or the layers",
+            "{}: a [[patch]] is not allowed on a surface with [[layer]] tables: leave out the patches or the layers",
             section.path_in_messages()
         );
         section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("x_mm"), text);
@@ -104,7 +104,8 @@ pub(super) fn read_cutouts(
             report.add_mistake_at(
                 &place,
                 format!(
-                    "{path}: a bar has no cut-outs; to make a part of the bar narrower, use a [[patch]] with width_mm"
+                    "{path}: a bar cannot have cut-outs; to make a part of the bar narrower, use a [[patch]] with \
+                     width_mm"
                 ),
             );
             return Vec::new();
@@ -133,15 +134,15 @@ fn describe_cutout_problem_if_any(remaining_layout: &SurfaceLayout) -> Option<St
     if let Some(vertex) = remaining_layout.border_vertices().find(|vertex| vertex.is_pinch_point()) {
         let (x, y) = vertex.at;
         return Some(format!(
-            "leaves parts of the surface that meet in the point ({}, {}) mm only, but they must be joined along a line: \
-             let the cut-outs overlap, or move them apart",
+            "leaves parts of the surface that touch only at the point ({}, {}) mm, but these parts must be connected \
+             along a line: let the cut-outs overlap, or move the cut-outs apart",
             metres_to_rounded_mm(x),
             metres_to_rounded_mm(y)
         ));
     }
     match remaining_layout.count_connected_pieces() {
-        0 => Some(String::from("leaves nothing of the surface")),
+        0 => Some(String::from("removes the whole surface")),
         1 => None,
-        pieces => Some(format!("leaves the surface in {pieces} pieces, but must leave the surface in one piece")),
+        pieces => Some(format!("divides the surface into {pieces} pieces, but the surface must remain in one piece")),
     }
 }

@@ -22,7 +22,7 @@ pub struct Screen {
 
 /// A point that is not on the screen.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {value}, but the screen reaches from {min} to {max}")]
+#[error("{field} is {value}, but must be {min} to {max}, the range of the screen")]
 pub struct ScreenError {
     /// `x_px` or `y_px`, `x_mm` or `y_mm`.
     pub field: &'static str,

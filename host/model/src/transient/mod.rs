@@ -146,7 +146,7 @@ pub enum TransientError {
         difference: f64,
     },
     /// A mass matrix without mass in some direction.
-    #[error("m is not positive definite: some unknown or combination of unknowns has no mass")]
+    #[error("m is not positive definite: an unknown, or a combination of unknowns, has no mass")]
     NoMass,
     /// A number outside its range.
     #[error("{what} is {value}, but must be {min} to {max}")]
@@ -161,7 +161,9 @@ pub enum TransientError {
         max: f64,
     },
     /// An undamped resonance: no steady state (thesis, after equation 15).
-    #[error("at {omega_rad_s} rad/s a mode without damping is driven at its resonance, so there is no steady state")]
+    #[error(
+        "a force of {omega_rad_s} rad/s drives a mode without damping at its resonance, so there is no steady state"
+    )]
     Unbounded {
         /// Angular frequency of the force.
         omega_rad_s: f64,

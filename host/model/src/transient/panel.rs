@@ -21,8 +21,8 @@ const SETTLED: f64 = 0.1;
 /// drive over mode frequency.
 const SWITCHED_ON: f64 = 10.0;
 /// Why a motion has no bound: with the mesh, acceleration after switching on does not settle but gains ever higher modes.
-pub const NO_BOUND: &str = "switching on excites modes of any frequency, and the model does not contain the modes above its \
-    band; `era response` bounds the error of the steady state";
+pub const NO_BOUND: &str = "switching a force on excites modes of all frequencies, but the model does not contain the \
+    modes above its frequency band; `era response` gives an error bound for the steady state";
 
 /// Most times of a series.
 const MOST_TIMES: f64 = 1e6;

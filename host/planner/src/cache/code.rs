@@ -50,7 +50,7 @@ pub fn list_package_and_its_local_dependencies(cargo_lock: &str, package: &str) 
             open.extend(needs.iter().cloned());
         }
     }
-    if found.is_empty() { Err(format!("{package} is not a package of Cargo.lock")) } else { Ok(found) }
+    if found.is_empty() { Err(format!("Cargo.lock does not contain the package {package}")) } else { Ok(found) }
 }
 
 /// All files that count, seen from the package's folder, in order.
@@ -66,7 +66,7 @@ pub fn list_files_of_package_and_dependencies_to_hash(package_folder: &Path) -> 
     for package in packages {
         let Some((_, folder)) = FOLDERS.iter().find(|(name, _)| *name == package) else {
             let text =
-                format!("{package} is part of {}, but its folder is not known to the hash of code", FOLDERS[0].0);
+                format!("{} depends on {package}, but FOLDERS in code.rs has no folder of {package}", FOLDERS[0].0);
             return Err(io::Error::other(text));
         };
         for part in READ {

@@ -39,7 +39,7 @@ pub(super) fn write_private_file_making_directory(path: &Path, bytes: &[u8]) -> 
 pub(super) fn set_modified_time_to_now_if_possible(path: &Path) {
     let noted = fs::File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
     if let Err(error) = noted {
-        tracing::debug!("cannot record that {} was used: {error}", path.display());
+        tracing::debug!("cannot record that the plan table {} was used: {error}", path.display());
     }
 }
 
@@ -63,7 +63,7 @@ pub(super) fn remove_least_recently_used_tables(directory: &Path, most_files: us
         if (i >= most_files || bytes > most_bytes)
             && let Err(error) = fs::remove_file(path)
         {
-            tracing::debug!("cannot delete {}: {error}", path.display());
+            tracing::debug!("cannot delete the plan table {}: {error}", path.display());
         }
     }
 }

@@ -40,7 +40,11 @@ pub enum UnusableFile {
     #[error("other users may have changed the file: {0}")]
     NotOwn(NotOwn),
     /// Others may have put files into its directory.
-    #[error("other users may have changed the file, because they can write to its directory {}: {reason}. Correct the directory's owner and mode, or name another directory in ERA_CACHE_DIR", path.display())]
+    #[error(
+        "other users may have changed the file, because its directory {} is not protected: {reason}. Correct the owner \
+         and the mode of the directory, or set ERA_CACHE_DIR to another directory",
+        path.display()
+    )]
     Directory {
         /// The directory.
         path: PathBuf,
@@ -57,7 +61,7 @@ pub enum UnusableFile {
     #[error("the file belongs to another scene, another tolerance or another version of the program")]
     Key,
     /// Cut off, or with something behind it.
-    #[error("the file contains {found} bytes of the table, but its header says {said}")]
+    #[error("the table in the file has {found} bytes, but the header of the file states {said} bytes")]
     Length {
         /// According to its header.
         said: u64,

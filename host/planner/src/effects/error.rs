@@ -10,7 +10,8 @@ pub enum DesignError {
     Request(#[from] EffectError),
     /// A panel whose poles or response could not be found.
     #[error(
-        "the effect cannot be designed: the frequency of a drive is the resonance frequency of a mode without damping"
+        "the effect cannot be designed, because a drive has the resonance frequency of a mode without damping: add \
+         damping to the scene"
     )]
     Unbounded,
 }

@@ -76,7 +76,7 @@ pub fn write_mode_sheet_png(path: &Path, scene: &Scene, modes: &ModeShapes) -> R
                         area,
                         frame,
                         (-1.0, 1.0),
-                        "of the largest",
+                        "relative value",
                         blue_white_red_color,
                     )?;
                 }
@@ -91,8 +91,8 @@ fn sheet_title(modes: &ModeShapes, count: usize) -> String {
     match modes.frequencies_hz.len() {
         0 => "no modes".into(),
         all if all > count => format!("the first {count} of {all} modes"),
-        1 => "its mode".into(),
-        all => format!("its {all} modes"),
+        1 => "1 mode".into(),
+        all => format!("{all} modes"),
     }
 }
 
@@ -147,7 +147,7 @@ fn draw_mode_curve<DB: DrawingBackend>(
     area.draw(&PathElement::new([at(0.0, 0.0), at(length_mm, 0.0)], PINNED))?;
     let points = field.x_mm.iter().zip(&field.peak_g).filter_map(|(x, value)| Some(at(*x, (*value)?)));
     area.draw(&PathElement::new(points.collect::<Vec<_>>(), RGBColor(0, 90, 200).stroke_width(3)))?;
-    axes::draw_axes(area, frame, (length_mm, "x in mm"), (1.1, -1.1, "of largest"))
+    axes::draw_axes(area, frame, (length_mm, "x in mm"), (1.1, -1.1, "relative"))
 }
 
 /// What is drawn of something attached.

@@ -56,7 +56,7 @@ pub fn write_reach_maps_png(path: &Path, scene: &Scene, maps: &ReachMaps) -> Res
         SurfaceKind::Bar => sheets.map(|sheet| vec![sheet]).collect(),
         SurfaceKind::Plate => vec![sheets.collect()],
     };
-    write_sheets_png(path, scene, &format!("{}: what can be reached at every point", scene.name), &rows)
+    write_sheets_png(path, scene, &format!("{}: largest possible values at every point", scene.name), &rows)
 }
 
 /// Draws the schemes' fields: above with one setting for the whole surface, below with the best for every touch. On a
@@ -75,7 +75,7 @@ pub fn write_schemes_png(
     let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect::<Vec<_>>();
     let (counted, unit): (fn(f64) -> f64, _) = match measure {
         Measure::G => (|value| value, "peak in g"),
-        Measure::Thresholds => (|value| 20.0 * value.max(f64::MIN_POSITIVE).log10(), "dB over threshold"),
+        Measure::Thresholds => (|value| 20.0 * value.max(f64::MIN_POSITIVE).log10(), "dB above threshold"),
     };
     let field = |values: &[Option<f64>]| PeakField {
         x_mm: mm(&grid.x_m),
@@ -114,7 +114,7 @@ pub fn write_schemes_png(
     let title = match scene.surface.kind {
         SurfaceKind::Bar => format!("{}: three ways to drive", scene.name),
         SurfaceKind::Plate => format!(
-            "{}: above {one}, below {each}; red: less than distinct frequencies at their weakest place",
+            "{}: upper row: {one}; lower row: {each}; red: weaker than distinct frequencies at their weakest place",
             scene.name
         ),
     };

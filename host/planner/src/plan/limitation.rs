@@ -75,7 +75,7 @@ impl fmt::Display for Limitation {
             Self::Supply | Self::Node => f.write_str(self.code()),
             Self::QuietZone => f.write_str("quiet zone"),
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
-            Self::StillMoving => f.write_str("motion that earlier touches have left"),
+            Self::StillMoving => f.write_str("motion that remains from earlier touches"),
         }
     }
 }
@@ -86,13 +86,13 @@ impl utoipa::PartialSchema for Limitation {
         use utoipa::openapi::schema::{ObjectBuilder, SchemaType, Type};
         let code = ObjectBuilder::new()
             .schema_type(Type::String)
-            .description(Some("What limits, for programs; the same from version to version."))
+            .description(Some("Code of the limit, for programs. Codes do not change between versions."))
             .enum_values(Some(Self::list_limitation_codes()));
         let actuator = ObjectBuilder::new()
             .schema_type(SchemaType::Array(vec![Type::String, Type::Null]))
-            .description(Some("Whose limit it is, if an actuator's."));
+            .description(Some("The `id` of the actuator that has the limit; null for all other limits."));
         ObjectBuilder::new()
-            .description(Some("What keeps a plan or an effect below its wish."))
+            .description(Some("A limit that keeps a plan or an effect below the wanted peak."))
             .property("code", code)
             .property("actuator", actuator)
             .required("code")

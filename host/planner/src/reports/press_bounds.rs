@@ -15,7 +15,7 @@ pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> 
         return Bound::Unknown("no coarser model was computed for a comparison");
     };
     if table.pressed.get(actuator).is_some_and(|pressed| pressed.alone_m.is_infinite()) {
-        return Bound::Unknown("nothing holds the panel");
+        return Bound::Unknown("the panel can move freely");
     }
     let Some(pressed) = table.pressed.get(actuator).filter(|pressed| pressed.alone_m > 0.0) else {
         return Bound::Unknown("the press does not move the mass");
@@ -27,7 +27,7 @@ pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> 
         Some(model.shape_deflections_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
     };
     let (Some(fine), Some(middle), Some(coarse)) = (at(&table.model), at(middle), at(coarse)) else {
-        return Bound::Unknown("nothing holds the panel");
+        return Bound::Unknown("the panel can move freely");
     };
     let difference = |a: f64, b: f64| (a - b).abs() / fine.abs();
     estimator.steady_deflection_bound_from_differences(difference(coarse, middle), difference(middle, fine))
@@ -58,9 +58,9 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
     let assumed = table.scene.actuators.iter().zip(&table.pressed).filter(|(_, own)| own.stop == Stop::Assumed);
     let text = |(actuator, pressed): (&Actuator, &PressEffect)| {
         let how_far = match pressed.alone_m {
-            alone_m if alone_m > actuator.air_gap_m => "as far as its electrode".into(),
+            alone_m if alone_m > actuator.air_gap_m => "onto an electrode".into(),
             alone_m if alone_m > MAX_TRAVEL_FRACTION * actuator.air_gap_m => format!("by {:.0} um", alone_m * 1e6),
-            alone_m => format!("by {:.0} um, and its electrodes pull it further", alone_m * 1e6),
+            alone_m => format!("by {:.0} um, and the electrodes pull the mass further", alone_m * 1e6),
         };
         let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
             format!(
@@ -70,9 +70,9 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
             )
         });
         format!(
-            "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, but a mass may move by at most a third of \
-             its gap of {:.0} um. The scene has no stop for this mass, and plans assume one. Fit a stop and set stop_um = \
-             {:.0}{springs}, or set another press force with force_n in [press]",
+            "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, but a mass may move by at most a \
+             third of its gap of {:.0} um. The scene has no stop for this mass, but plans assume a stop. Fit a stop \
+             and set stop_um = {:.0}{springs}, or set another press force with force_n in [press]",
             table.scene.press_n,
             pressed.at_m.0 * 1e3,
             pressed.at_m.1 * 1e3,

@@ -164,7 +164,7 @@ pub enum PlanError {
         count: usize,
     },
     /// No target, or too many.
-    #[error("the request has {count} touches, but must have 1 to {MAX_TARGETS}")]
+    #[error("the request has {count} targets, but must have 1 to {MAX_TARGETS}")]
     Count {
         /// As given.
         count: usize,
@@ -193,7 +193,8 @@ pub enum PlanError {
     /// No frequencies keep their distance, or the response is unbounded everywhere.
     #[error(
         "there are no usable frequencies: either the band is too narrow for one frequency per actuator, at least \
-         {MIN_SPACING_HZ} Hz apart, or the response is unbounded at every frequency because the scene has no damping"
+         {MIN_SPACING_HZ} Hz apart, or the response is unbounded at every frequency because the scene has no damping. \
+         Use a wider band, or add damping to the scene"
     )]
     NoFrequencies,
     /// Whoever asked no longer waits.

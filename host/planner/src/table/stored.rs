@@ -46,7 +46,7 @@ fn restore_surface_figures_of_entry(
     rounding_level: f64,
 ) -> Result<(), ImplausibleStore> {
     if !kept.iter().all(|figure| figure.is_finite() && *figure >= 0.0) {
-        return Err(ImplausibleStore::NotFinite("the figures over the surface"));
+        return Err(ImplausibleStore::NotFinite("the values over the surface"));
     }
     [entry.mean, entry.most_square, entry.steepest] = kept;
     // No mean is above the root of the mean square, and no mean square above the largest: but for the points that they are taken at.
@@ -54,7 +54,7 @@ fn restore_surface_figures_of_entry(
     let is_motion = entry.most_square.sqrt() > rounding_level;
     if is_motion && (is_above(entry.mean.powi(2), entry.mean_square) || is_above(entry.mean_square, entry.most_square))
     {
-        return Err(ImplausibleStore::Differs("the figures over the surface"));
+        return Err(ImplausibleStore::Differs("the values over the surface"));
     }
     Ok(())
 }
@@ -166,7 +166,7 @@ fn recompute_and_compare_samples(table: &PlanTable) -> Result<(), ImplausibleSto
             .filter_map(|list| list[k].as_ref())
             .all(|kept| are_surface_figures_as_recomputed(table, kept))
         {
-            return Err(ImplausibleStore::Differs("the figures over the surface"));
+            return Err(ImplausibleStore::Differs("the values over the surface"));
         }
         let hz = table.frequencies_hz[k];
         for (model, kept) in table.coarser.iter().flat_map(|(models, _)| models).zip(&table.coarser_rows) {

@@ -33,7 +33,7 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
             post_json_or_fail(agent, &format!("{base}/v1/stop"), &Value::Null)?;
-            await_device_state(agent, base, "come to rest", |device| {
+            await_device_state(agent, base, "reach the state safe with discharged rails", |device| {
                 let rails = device["supply"]["rail_v"].as_array();
                 device["state"] == "safe"
                     && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
@@ -61,11 +61,11 @@ pub fn measure_first_click_latency_armed_and_unarmed(
         }));
     }
     print_text(&format!(
-        "{counted} first clicks of an idle board on {}; the daemon and the simulated device run in one process, and the times \
-         include planning\n\
+        "{counted} first clicks of an idle board on {}; the daemon and the simulated device run in one process, and \
+         each time includes the planning\n\
          from POST /v1/touch to the answer  median      p99      max\n\
          after POST /v1/arm              {armed}\n\
-         with the rails down             {unarmed}",
+         with discharged rails           {unarmed}",
         scene.name
     ))
 }
@@ -78,6 +78,6 @@ fn post_json_or_fail(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
         return Ok(());
     }
     let problem: Value = answer.body_mut().read_json().unwrap_or_default();
-    let detail = problem["detail"].as_str().unwrap_or("no reason given");
+    let detail = problem["detail"].as_str().unwrap_or("the daemon gave no reason");
     Err(Failure::runtime_error(format!("the request to {url} was refused with {}: {detail}", answer.status())))
 }

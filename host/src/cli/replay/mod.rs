@@ -54,8 +54,7 @@ pub fn run_replay(options: &Replay) -> Outcome {
         // Nothing is asked for after the stop.
         ended.store(true, Ordering::SeqCst);
         let stopped = client::request_body_failing_on_error_status(&driven, "POST", "/v1/stop", None);
-        let told =
-            stopped.map_or_else(|failure| failure.message(), |_| "the daemon has switched everything off".into());
+        let told = stopped.map_or_else(|failure| failure.message(), |_| "the daemon has stopped all drives".into());
         tell_why_command_failed(&format!("the replay was ended by {signal}: {told}"));
         std::process::exit(1);
     });
@@ -185,7 +184,7 @@ fn print_summary(
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
-        told.push(format!("  and {} more: see `otherwise` in --json", otherwise.len() - TOLD));
+        told.push(format!("  and {} more touches: see `otherwise` in --json", otherwise.len() - TOLD));
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
@@ -193,7 +192,7 @@ fn print_summary(
          errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
          touches whose answer differs from the recorded answer: {}{told}\n\
          touches whose drives were compared: {compared}; largest relative difference in frequency or voltage: {largest:.1e}\n\
-         lines that the daemon left out of the recording: {}",
+         lines that the recording lacks, because the disk was too slow: {}",
         done.len(),
         if list.is_empty() { "no answer".into() } else { list.join(", ") },
         pages.said,

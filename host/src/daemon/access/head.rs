@@ -29,7 +29,7 @@ pub fn check_head_and_find_authority(request: &Request) -> Result<Option<Authori
     if host.is_none() && request.version() >= Version::HTTP_11 {
         return Err(bad_header_problem(
             &header::HOST,
-            "is missing; HTTP/1.1 requires it in every request (RFC 9112, 3.2)",
+            "is missing; HTTP/1.1 requires this header in every request (RFC 9112, 3.2)",
         ));
     }
     let is_all = *request.method() == Method::OPTIONS && uri.path() == "*";

@@ -3,8 +3,8 @@
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
-const ORIGIN: &str = "must be an origin as browsers send it: a scheme, a name, a port if it is not the default one, and nothing after it, such as \
-                      https://kiosk.example:8443, tauri://localhost or chrome-extension://ID";
+const ORIGIN: &str = "must be an origin as browsers send it: a scheme, a host name, a port unless it \
+                      is the default port of the scheme, and no path, such as https://kiosk.example:8443, tauri://localhost or chrome-extension://ID";
 const NAME: &str = "must be a host name or an IP address, without a scheme, a port or a path, such as panel.local";
 
 /// An origin as it stands in the header `Origin`: of `https://Kiosk.Example:443` that is `https://kiosk.example`.
@@ -66,7 +66,7 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
 fn check_host_name(name: &str) -> Result<(), &'static str> {
     let last = name.rsplit('.').next().unwrap_or_default();
     if name.ends_with('.') {
-        Err("the name ends with a dot: leave the dot out")
+        Err("the name ends with a dot: remove the dot")
     } else if name.split('.').any(str::is_empty) {
         Err("the name begins with a dot, or has two dots in a row")
     } else if last.bytes().all(|byte| byte.is_ascii_digit()) || last.starts_with("0x") {

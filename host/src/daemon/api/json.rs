@@ -152,7 +152,7 @@ const fn name_json_kind(value: &Value) -> &'static str {
 fn describe_expected_type(serde_message: &str) -> Option<String> {
     // Of a number where one of several texts is wanted, serde_json only says that.
     if serde_message.starts_with("expected value") {
-        return Some("one of the texts that are allowed here".into());
+        return Some("one of the texts that this field allows".into());
     }
     let is_of_a_value =
         ["invalid type", "invalid value", "unknown variant"].iter().any(|what| serde_message.starts_with(what));
@@ -161,7 +161,7 @@ fn describe_expected_type(serde_message: &str) -> Option<String> {
     Some(match what {
         "f64" | "f32" => "a number".into(),
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
-        "unit" => "a text by itself, without a value".into(),
+        "unit" => "a text, not an object".into(),
         "i8" | "i16" | "i32" | "i64" => "a whole number".into(),
         "a boolean" => "true or false".into(),
         "a string" => "a text".into(),

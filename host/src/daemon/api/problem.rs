@@ -24,47 +24,47 @@ const LATE_AGAIN_MS: u64 = 100;
 #[serde(transparent)]
 pub struct Problem(Box<ProblemContent>);
 
-/// An error, as RFC 9457 has it.
+/// An error (RFC 9457).
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
 struct ProblemContent {
-    /// Kind of problem, stable for programs: `urn:era:problem:` and a word or two.
+    /// Type of the problem, which programs can rely on: `urn:era:problem:` and a name.
     #[serde(rename = "type")]
     kind: String,
-    /// The kind in words.
+    /// Short text for the type.
     title: &'static str,
-    /// HTTP status.
+    /// HTTP status of the answer.
     status: u16,
-    /// This case in words.
+    /// Text for this occurrence of the problem.
     detail: String,
-    /// The request's field, if one is wrong.
+    /// The field of the request that is wrong; absent if the problem is not about one field.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     field: Option<String>,
-    /// The finger's number, where one of a live socket's is wrong.
+    /// The `id` of the finger that the problem is about; only on a live socket.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     finger: Option<i64>,
-    /// Its value.
+    /// The value of `field`.
     #[serde(skip_serializing_if = "Option::is_none")]
     value: Option<Value>,
-    /// What is allowed.
+    /// The values that are allowed for `field`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     allowed: Option<String>,
-    /// Line of a scene, from 1.
+    /// Line of the mistake in the scene file, from 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false, minimum = 1)]
     line: Option<usize>,
-    /// When to ask again, in ms.
+    /// Time after which to send the request again, in ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     retry_after_ms: Option<u64>,
-    /// How many wait before this.
+    /// Number of requests, clients or sockets that already wait or are open.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     depth: Option<usize>,
-    /// All mistakes of a scene; the first is the one above.
+    /// All mistakes of the scene or the study; the fields above describe the first mistake.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mistakes: Vec<MistakeView>,
     /// What goes beside it into the head of an answer.
@@ -72,14 +72,14 @@ struct ProblemContent {
     headers: Vec<(HeaderName, HeaderValue)>,
 }
 
-/// One mistake of a scene.
+/// One mistake of a scene or a study.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Mistake)]
 struct MistakeView {
-    /// Its line, from 1; null if it has none.
+    /// Line of the mistake, from 1; null if the mistake has no line.
     #[schema(minimum = 1)]
     line: Option<usize>,
-    /// It in words.
+    /// The mistake in words.
     detail: String,
 }
 
@@ -147,7 +147,7 @@ impl Problem {
     pub fn out_of_range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
         let max = max.to_string();
         let (allowed, range) = if max == "inf" {
-            (format!("{min} and above"), format!("{min} and above"))
+            (format!("at least {min}"), format!("at least {min}"))
         } else {
             (format!("{min} to {max}"), format!("in {min} to {max}"))
         };

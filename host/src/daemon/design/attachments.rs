@@ -12,13 +12,13 @@ use utoipa::ToSchema;
 /// Tables of a scene whose entries are fixed to a place of the surface.
 pub const TABLES: [&str; 3] = ["support", "mass", "actuator"];
 
-/// Where an attachment is moved to.
+/// New place of an attachment (a support, a mass or an actuator).
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// From the surface's left edge in mm.
+    /// Distance from the left edge of the surface in mm.
     pub x_mm: f64,
-    /// From its top edge in mm; as it is if not given, and of no account on a bar.
+    /// Distance from the top edge of the surface in mm; unchanged if absent, and ignored on a bar.
     pub y_mm: Option<f64>,
 }
 

@@ -14,7 +14,7 @@ use utoipa::ToSchema;
 /// Longest time for a piece of work: ten times what the largest study of the example plate takes on one processor.
 const LONGEST: Duration = Duration::from_secs(300);
 
-/// How far a piece of work is.
+/// Progress of a study or a tolerance study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {

@@ -95,7 +95,7 @@ pub fn spawn_low_priority_thread<T: Send + 'static>(
     };
     let started = std::thread::Builder::new().name(name.into()).spawn(whole);
     started.map_err(|error| {
-        Problem::new(ProblemKind::PreviewFailed, format!("cannot start a thread for the {name}: {error}"))
+        Problem::new(ProblemKind::PreviewFailed, format!("cannot start a thread for the {name} computation: {error}"))
     })?;
     Ok(receiver)
 }
@@ -117,7 +117,7 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     tokio::select! {
         result = result => result.unwrap_or_else(|_| {
             let detail = format!(
-                "the {name} ended early because of an internal error: please report the error, with the request"
+                "the {name} computation ended early because of an internal error: please report the error, with the request"
             );
             Err(Problem::new(ProblemKind::PreviewFailed, detail))
         }),

@@ -46,39 +46,39 @@ const ACCURACY: Accuracy = Accuracy::FAST;
 /// What messages call a scene that came in a request.
 const SOURCE: &str = "scene";
 
-/// A scene to be tried, and the touch to try it with.
+/// A changed scene, and a touch on this scene.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[schema(examples(json!({"x_px": 960, "y_px": 640, "moves": {"support[1]": {"x_mm": 40, "y_mm": 30}}})))]
 #[serde(deny_unknown_fields)]
 pub struct PreviewRequest {
-    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    /// Distance of the touch from the left edge of the scene's screen in pixels: 0 to `width_px`.
     pub x_px: f64,
-    /// From its top edge: 0 to its `height_px`.
+    /// Distance of the touch from the top edge of the screen in pixels: 0 to `height_px`.
     pub y_px: f64,
-    /// Peak wanted in g; 0.5 if not given.
+    /// Wanted peak acceleration in g; 0.5 if absent.
     pub intensity_g: Option<f64>,
-    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    /// A complete scene file (TOML) as text; the daemon's scene if absent.
     pub scene: Option<String>,
-    /// Attachments to be moved, by their names in messages: `support[2]` is the second support of the file. What is moved stays
-    /// within the surface.
+    /// New places of supports, masses and actuators, by their names in messages: `support[2]` is the second support of the file. The new
+    /// places must be on the surface.
     #[serde(default)]
     pub moves: BTreeMap<String, Place>,
 }
 
-/// What the scene would do.
+/// The result of a preview.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Preview {
-    /// The plan for the touch, with its error bound.
+    /// The plan for the touch, with the error bound of the plan.
     pub plan: PlanView,
-    /// Its field.
+    /// The predicted peak acceleration over the surface.
     pub field: FieldView,
-    /// The scene with the moves, as a page draws it.
+    /// The scene with the moves, with the values that a page needs to draw it.
     pub scene: SceneView,
-    /// The scene file with the moves; everything else in it stays as it is.
+    /// The scene file with the moves; the rest of the file is unchanged.
     pub scene_toml: String,
-    /// Relative tolerance that the model was made for; `plan.error_bound` says what it is right to.
+    /// Relative tolerance for which the model was made; `plan.error_bound` is the bound on the actual error.
     pub tolerance: f64,
-    /// Time from scene to field in ms, waiting left out.
+    /// Time of the computation in ms, without the time in the queue.
     pub elapsed_ms: f64,
 }
 

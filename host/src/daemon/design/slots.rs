@@ -57,7 +57,7 @@ impl Slots {
         let _leaves = LeaveOnDrop { slots: self, ticket };
         self.give_free_slots_to_waiting_clients();
         slot.await.map_err(|_| {
-            let detail = "a newer request of this client replaced this request while this request waited";
+            let detail = "a newer request of this client replaced this request, which was still waiting";
             Problem::new(ProblemKind::PreviewSuperseded, detail)
         })
     }
@@ -73,7 +73,7 @@ impl Slots {
             Some(older) => *older = waiting,
             None if depth >= self.most_waiting => {
                 let detail = format!(
-                    "{depth} clients already wait for work of this kind, which is the maximum; try again in {RETRY_MS} ms"
+                    "{depth} clients already wait for a preview, which is the maximum; try again in {RETRY_MS} ms"
                 );
                 return Err(Problem::new(ProblemKind::QueueFull, detail).with_retry(RETRY_MS, Some(depth)));
             }

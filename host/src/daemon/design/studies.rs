@@ -32,68 +32,69 @@ const STUDY: &str = "study";
 /// What messages call its scene.
 const SCENE: &str = "scene";
 
-/// A study to be run.
+/// A study to run.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[schema(examples(json!({"study": "version = 1\nname = \"corners\"\nscene = \"plate.toml\"\n[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n[[wish]]\nfigure = \"weakest_g\"\n[method]\ndesigns = 32\n"})))]
 #[serde(deny_unknown_fields)]
 pub struct StudyRequest {
-    /// A study file (TOML) as text; the scene that it names is of no account.
+    /// A study file (TOML) as text; the daemon ignores the key `scene` of the study file.
     pub study: String,
-    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    /// A complete scene file (TOML) as text; the daemon's scene if absent.
     pub scene: Option<String>,
 }
 
-/// A study, as far as it is.
+/// The progress and the results of the newest study.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Study)]
 pub struct StudyView {
-    /// How far it is.
+    /// Progress of the study.
     stage: Stage,
-    /// Its name; null if there is none.
+    /// Name of the study; null before the first study.
     name: Option<String>,
-    /// Designs that have been looked at.
+    /// Number of designs that have been computed.
     there: usize,
-    /// Of so many.
+    /// Number of all designs of the study.
     all: usize,
-    /// The scene as it is; null until the study is done.
+    /// Results of the unchanged scene; null until the study is done.
     as_it_is: Option<DesignView>,
-    /// The best first; empty until the study is done.
+    /// The best designs, the best one first; empty until the study is done.
     best: Vec<DesignView>,
-    /// Where no design keeps all limits, the one that is least beyond them; null elsewhere, until the study is done, and if all have failed.
+    /// If no design keeps all limits, the design that exceeds the limits least. Null if a design keeps all limits, if all designs have failed,
+    /// and until the study is done.
     nearest: Option<NearestView>,
-    /// Where all designs have failed, why the first one has; null elsewhere, and until the study is done.
+    /// If all designs have failed, the reason why the first design has failed; otherwise null, and null until the study is done.
     all_failed: Option<String>,
-    /// Why it could not go on.
+    /// Why the study failed; null if it did not fail.
     problem: Option<String>,
 }
 
-/// A design that is nearer to the limits than all others, none of which keeps them.
+/// The design that exceeds the limits least, in a study in which no design keeps all limits.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Nearest)]
 pub struct NearestView {
-    /// Its number in the study, from 1.
+    /// Number of the design in the study, from 1.
     design: usize,
-    /// Which limits it breaks, with its figures.
+    /// Which limits the design exceeds, with the values of the design.
     reason: String,
 }
 
-/// A design that was computed anew.
+/// A finalist: a design that got the thorough evaluation at the end of the study.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Design)]
 pub struct DesignView {
-    /// Its number in the study, from 1; 0 for the scene as it is.
+    /// Number of the design in the study, from 1; 0 for the unchanged scene.
     design: usize,
-    /// What was wanted of it, by the names of a study's columns.
+    /// The figures of the design that the study names, by the names of the columns of a study.
     figures: BTreeMap<String, f64>,
-    /// Upper bound on the relative error of `weakest_g`; null where there is none, or that is not wanted.
+    /// Upper bound on the relative error of `weakest_g`; null if the bound is unknown, or if the study does not use `weakest_g`.
     error_bound: Option<f64>,
-    /// Of what is wished for the worst of what may be off, as it was looked at first; empty where nothing may.
+    /// The value of each wish for the worst sample of the uncertain values, from the quick evaluation; empty in a study without `[[uncertain]]`.
     worst: BTreeMap<String, f64>,
-    /// The limits that it breaks once it is computed anew; null if it keeps all.
+    /// The limits that the design exceeds in the thorough evaluation; null if it keeps all limits.
     breaks: Option<String>,
-    /// Why it could not be computed anew; null if it could.
+    /// Why the thorough evaluation failed; null if it did not fail.
     failed: Option<String>,
-    /// The scene file; `POST /v1/preview` takes it.
+    /// The scene file of the design; `POST /v1/preview` accepts this text as `scene`.
     scene_toml: String,
 }
 

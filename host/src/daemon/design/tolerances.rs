@@ -22,18 +22,18 @@ use utoipa::ToSchema;
 /// The field of a request that has [`WantedTolerances`].
 const TOLERANCES: &str = "tolerances";
 
-/// How far things may be off, either way.
+/// Manufacturing tolerances: largest deviation of each quantity in both directions.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[schema(as = WantedTolerances)]
 #[serde(deny_unknown_fields)]
 pub struct WantedTolerances {
-    /// Stiffness of supports, elastic edges and actuators, each by itself, as a part of it; 0.2 if not given.
+    /// Relative deviation of the stiffness of supports, elastic edges and actuators, independent for each; 0.2 if absent.
     pub springs: Option<f64>,
-    /// Young's modulus, the same everywhere, as a part of it; 0.1 if not given.
+    /// Relative deviation of Young's modulus, the same everywhere; 0.1 if absent.
     pub youngs_modulus: Option<f64>,
-    /// Thickness, the same everywhere, as a part of it; 0.05 if not given.
+    /// Relative deviation of the thickness, the same everywhere; 0.05 if absent.
     pub thickness: Option<f64>,
-    /// Places of supports, masses and actuators, each coordinate by itself, in mm; 1 if not given.
+    /// Deviation of the places of supports, masses and actuators in mm, independent for each coordinate; 1 if absent.
     pub places_mm: Option<f64>,
 }
 
@@ -50,23 +50,23 @@ impl WantedTolerances {
     }
 }
 
-/// The touch whose plan is looked at, and how far things may be off.
+/// The touch whose plan is examined, and the tolerances.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[schema(examples(json!({"x_px": 960, "y_px": 640, "tolerances": {"thickness": 0.02}})))]
 #[serde(deny_unknown_fields)]
 pub struct TolerancesRequest {
-    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    /// Distance of the touch from the left edge of the scene's screen in pixels: 0 to `width_px`.
     pub x_px: f64,
-    /// From its top edge: 0 to its `height_px`.
+    /// Distance of the touch from the top edge of the screen in pixels: 0 to `height_px`.
     pub y_px: f64,
-    /// Peak wanted in g; 0.5 if not given.
+    /// Wanted peak acceleration in g; 0.5 if absent.
     pub intensity_g: Option<f64>,
-    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    /// A complete scene file (TOML) as text; the daemon's scene if absent.
     pub scene: Option<String>,
-    /// Attachments to be moved, as in a preview. With this or `scene`, also if nothing is moved, the plan is that of
-    /// `POST /v1/preview`; without both it is that of `POST /v1/touch`.
+    /// New places of supports, masses and actuators, as in a preview. If `moves` (also an empty one) or `scene` is given, the plan is that of
+    /// `POST /v1/preview`; without both, the plan is that of `POST /v1/touch`.
     pub moves: Option<BTreeMap<String, Moved>>,
-    /// How far things may be off.
+    /// The tolerances; defaults for all that are absent.
     pub tolerances: Option<WantedTolerances>,
 }
 
@@ -83,24 +83,24 @@ impl TolerancesRequest {
     }
 }
 
-/// What tolerances do, as far as it is known.
+/// The progress and the results of the newest tolerance study.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct TolerancesView {
-    /// The daemon's number for it, from 1; 0 if none has been asked for yet. A larger one is somebody's newer question.
+    /// Number of the tolerance study, from 1; 0 before the first one. A number above yours belongs to a newer tolerance study of any client.
     id: u64,
-    /// How far it is.
+    /// Progress of the tolerance study.
     stage: Stage,
-    /// Panels that have been looked at.
+    /// Number of panels that have been computed.
     there: usize,
-    /// Of so many.
+    /// Number of all panels of the tolerance study.
     all: usize,
-    /// The plan that it is about, with its error bound; null if none has been asked for yet.
+    /// The plan that is examined, with its error bound; null before the first tolerance study.
     plan: Option<PlanView>,
-    /// What the plan's drives do where the panel is off; null until it is done.
+    /// Effect of the plan's drives on panels that differ from the scene; null until the tolerance study is done.
     off: Option<Spread>,
-    /// The same in words, as `era plan --spread` tells it; null until it is done.
+    /// `off` in words, as `era plan --spread` prints it; null until the tolerance study is done.
     words: Option<String>,
-    /// Why it could not go on.
+    /// Why the tolerance study failed; null if it did not fail.
     problem: Option<String>,
 }
 

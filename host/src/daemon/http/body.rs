@@ -96,7 +96,7 @@ pub async fn read_body_within_limit(
         }
         Ok(Err(error)) => unreadable_body_problem(&error, most).into_response(),
         Err(_) => {
-            let detail = format!("the body was not complete {time:?} after the headers");
+            let detail = format!("the body was not complete within {time:?} after the headers");
             Problem::new(ProblemKind::SlowBody, detail).into_response()
         }
     }

@@ -18,7 +18,7 @@ pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
                 std::thread::sleep(Duration::from_millis(10));
             }
             Err(TryLockError::WouldBlock) => {
-                let reason = format!("another process has kept the folder locked for {LONGEST_WAIT:?}");
+                let reason = format!("another process has locked the folder for more than {LONGEST_WAIT:?}");
                 return Err(io::Error::new(io::ErrorKind::WouldBlock, reason));
             }
             // A file system without locks: there the second of two daemons may be late.
@@ -33,12 +33,12 @@ pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
 pub(super) fn find_damaged_file(certificate: &Path, key: &Path) -> Option<(PathBuf, &'static str)> {
     let (text, secret) = (std::fs::read(certificate).ok(), std::fs::read(key).ok());
     if text.as_ref().is_some_and(|text| is_pem_cut_off(text)) {
-        return Some((certificate.to_owned(), "does not contain a whole certificate"));
+        return Some((certificate.to_owned(), "does not contain a complete certificate"));
     }
     if secret.as_ref().is_some_and(|secret| is_pem_cut_off(secret)) {
-        return Some((key.to_owned(), "does not contain a whole key"));
+        return Some((key.to_owned(), "does not contain a complete key"));
     }
-    (secret.is_some() && !certificate.exists()).then(|| (key.to_owned(), "has no certificate beside it"))
+    (secret.is_some() && !certificate.exists()).then(|| (key.to_owned(), "has no certificate in the same folder"))
 }
 
 /// Gives damaged files other names, with `.damaged` at their end, so that their places are free and nothing is lost.

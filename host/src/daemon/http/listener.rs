@@ -123,7 +123,8 @@ impl ListenError {
 fn advise_on_port_error(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::AddrNotAvailable => {
-            "This machine does not have this address: use 127.0.0.1 for connections from this machine, or 0.0.0.0 for all of its addresses"
+            "This machine does not have this address: use 127.0.0.1 for connections from this machine, or 0.0.0.0 for all \
+             addresses of this machine"
         }
         io::ErrorKind::PermissionDenied => "Ports below 1024 need root or the capability CAP_NET_BIND_SERVICE",
         _ => {
@@ -193,7 +194,8 @@ impl TlsFiles {
             (true, false) => Err(ListenError::Tls {
                 file: files.key.display().to_string(),
                 reason: format!(
-                    "is missing, but {} exists: move this file to another folder, and the daemon makes both files again",
+                    "the key is missing, but the certificate {} exists: move the certificate to another folder, and the daemon \
+                     makes a new certificate and a new key",
                     files.certificate.display()
                 ),
             }),

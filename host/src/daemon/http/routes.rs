@@ -116,7 +116,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
 fn declare_page_file_route(path: &'static str, content_type: &'static str) -> UtoipaMethodRouter<Arc<App>> {
     let text = ObjectBuilder::new().schema_type(Type::String).build();
     let file = ResponseBuilder::new()
-        .description("The file")
+        .description("The contents of the file")
         .content(content_type, ContentBuilder::new().schema(Some(text)).build())
         .build();
     let name = if path == "/" { "page".to_owned() } else { path.trim_start_matches('/').replace('.', "_") };
@@ -165,7 +165,7 @@ async fn answer_too_many_connections() -> Problem {
     Problem::new(ProblemKind::ConnectionsFull, detail).with_retry(1000, None)
 }
 
-/// Plan for a touch and drive it
+/// Plan a touch and drive the plan
 #[utoipa::path(
     post,
     path = "/v1/touch", operation_id = "touch",
@@ -174,9 +174,9 @@ async fn answer_too_many_connections() -> Problem {
     request_body = TouchRequest,
     responses((
         status = 200,
-        description = "The plan, and what the device achieves",
+        description = "The plan, and the drives that the device achieves",
         body = TouchedView,
-        headers(("x-request-id" = String, description = "The client's name for the request, or its number")),
+        headers(("x-request-id" = String, description = "The client's name for the request; without a name, the number of the request")),
     )),
 )]
 async fn post_touch(
@@ -219,12 +219,12 @@ fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> 
     }
 }
 
-/// What became of a touch; the last 256 are kept
+/// The outcome of a touch; the daemon keeps the outcomes of 256 touches
 #[utoipa::path(
     get,
     path = "/v1/requests/{id}", operation_id = "request",
-    params(("id" = String, Path, description = "The request's number (plan_id of its answer) or name")),
-    responses((status = 200, description = "The outcome of the request", body = RequestOutcome)),
+    params(("id" = String, Path, description = "The number of the request (plan_id of its answer), or the client's name for the request (x-request-id)")),
+    responses((status = 200, description = "The state of the request, and its answer or problem", body = RequestOutcome)),
 )]
 async fn get_request(
     State(app): State<Arc<App>>,
@@ -237,8 +237,8 @@ async fn get_request(
     Ok(Json(told).into_response())
 }
 
-/// Arm, if need be, so that the next touch need not wait for the self-test
-#[utoipa::path(post, path = "/v1/arm", operation_id = "arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
+/// Arm the device unless it is armed, so that the next touch does not wait for the self-test
+#[utoipa::path(post, path = "/v1/arm", operation_id = "arm", responses((status = 200, description = "The state after arming", body = StateView)))]
 async fn post_arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.record_line("arm", || json!({}));
     let armed = app.driver.arm_device(client).await;
@@ -247,15 +247,16 @@ async fn post_arm(State(app): State<Arc<App>>, client: Client) -> Result<Respons
     Ok(Json(app.build_state_view()).into_response())
 }
 
-/// Plan for a touch on a changed scene, and its field, without driving anything
+/// Compute the plan and the field of a touch on a changed scene, without driving anything
 ///
-/// Two previews are computed at a time, one of each client, and one of each client waits; a newer request takes the place of the one that waits, which
-/// is answered with 409. One ends when its sender closes the connection, and after 10 s. The model is made for a tolerance of 1e-2.
+/// The daemon computes two previews at a time, at most one for each client. One more preview of each client can wait; a newer request replaces
+/// the waiting one, which is then answered with 409. A preview ends if its client closes the connection, and after 10 s at the latest. The relative
+/// tolerance of the model is 1e-2.
 #[utoipa::path(
     post,
     path = "/v1/preview", operation_id = "preview",
     request_body = PreviewRequest,
-    responses((status = 200, description = "What the scene would do", body = Preview)),
+    responses((status = 200, description = "The plan, the field and the scene of the preview", body = Preview)),
 )]
 async fn post_preview(
     State(app): State<Arc<App>>,
@@ -270,7 +271,7 @@ async fn post_preview(
 
 /// Begin a small design study, without driving anything
 ///
-/// One runs at a time, on half of the processors. What it has found is kept until the next one begins.
+/// One study runs at a time, on half of the processors. The daemon keeps the results until the next study begins.
 #[utoipa::path(
     post,
     path = "/v1/study",
@@ -288,24 +289,24 @@ async fn begin_study(
     Ok(Json(app.studies.begin_study(&sender, read).await?).into_response())
 }
 
-/// How far the study is, and what it has found
-#[utoipa::path(get, path = "/v1/study", operation_id = "study", responses((status = 200, description = "The study", body = StudyView)))]
+/// The progress and the results of the study
+#[utoipa::path(get, path = "/v1/study", operation_id = "study", responses((status = 200, description = "The progress and the results of the study", body = StudyView)))]
 async fn get_study(State(app): State<Arc<App>>) -> Response {
     Json(app.studies.view_newest_study()).into_response()
 }
 
-/// End the study; designs that have begun are ended first
-#[utoipa::path(post, path = "/v1/study/stop", responses((status = 200, description = "The study", body = StudyView)))]
+/// End the study; `stage` becomes `stopped` when the designs that have begun have ended
+#[utoipa::path(post, path = "/v1/study/stop", responses((status = 200, description = "The progress and the results of the study", body = StudyView)))]
 async fn stop_study(State(app): State<Arc<App>>) -> Response {
     app.studies.stop_newest_study();
     Json(app.studies.view_newest_study()).into_response()
 }
 
-/// Begin to look at what tolerances do to a plan, without driving anything
+/// Begin to compute the effect of manufacturing tolerances on a plan, without driving anything
 ///
-/// The plan's drives stay as they are, and 128 panels are modelled whose springs, material, thickness and places are off: 64 with all of that at
-/// once, 16 with each by itself. One runs at a time, on half of the processors, and no study beside it. What it has found is kept until
-/// the next one begins.
+/// The drives of the plan stay the same. The daemon models 128 panels whose springs, material, thickness and places differ from the scene: 64
+/// panels with all differences together, and 16 panels with each kind of difference alone. One tolerance study or study runs at a time, on half of
+/// the processors. The daemon keeps the results until the next tolerance study begins.
 #[utoipa::path(
     post,
     path = "/v1/tolerances", operation_id = "begin_tolerances",
@@ -323,42 +324,43 @@ async fn begin_tolerance_study(
     Ok(Json(app.begin_tolerance_study(&asker, read).await?).into_response())
 }
 
-/// How far the look at tolerances is, and what it has found
+/// The progress and the results of the tolerance study
 #[utoipa::path(
     get,
     path = "/v1/tolerances", operation_id = "tolerances",
-    responses((status = 200, description = "The plan and the effect of tolerances on it", body = TolerancesView)),
+    responses((status = 200, description = "The plan, the progress of the tolerance study, and its results", body = TolerancesView)),
 )]
 async fn get_tolerances(State(app): State<Arc<App>>) -> Response {
     Json(app.tolerances.view_newest_study()).into_response()
 }
 
-/// End the look at tolerances; panels that have begun are ended first
+/// End the tolerance study; `stage` becomes `stopped` when the panels that have begun have ended
 #[utoipa::path(
     post,
     path = "/v1/tolerances/stop", operation_id = "stop_tolerances",
-    responses((status = 200, description = "The results of the tolerance study so far", body = TolerancesView)),
+    responses((status = 200, description = "The plan, the progress of the tolerance study, and its results", body = TolerancesView)),
 )]
 async fn stop_tolerance_study(State(app): State<Arc<App>>) -> Response {
     app.tolerances.stop_newest_study();
     Json(app.tolerances.view_newest_study()).into_response()
 }
 
-/// Everything off, session disarmed
+/// End all drives and disarm the device
 ///
-/// Where the device does not answer (502), it is told to stop all the same, and its dead-man timer switches it off 250 ms after the last frame that it heard.
-#[utoipa::path(post, path = "/v1/stop", operation_id = "stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
+/// If the device does not answer (502), the daemon sends the stop nevertheless, and the dead-man timer of the device switches the high voltage off
+/// 250 ms after the last frame that the device received.
+#[utoipa::path(post, path = "/v1/stop", operation_id = "stop", responses((status = 200, description = "The state after the stop", body = StateView)))]
 async fn post_stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.record_line("stop", || json!({}));
     app.stop_device().await?;
     Ok(Json(app.build_state_view()).into_response())
 }
 
-/// Clear the device's latched fault
+/// Clear the fault that the device has latched
 #[utoipa::path(
     post,
     path = "/v1/faults/clear", operation_id = "clear_faults",
-    responses((status = 200, description = "The state afterwards", body = StateView)),
+    responses((status = 200, description = "The state after the fault was cleared", body = StateView)),
 )]
 async fn post_clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.record_line("clear", || json!({}));
@@ -368,14 +370,14 @@ async fn post_clear_faults(State(app): State<Arc<App>>, client: Client) -> Resul
     Ok(Json(app.build_state_view()).into_response())
 }
 
-/// Device, plan, telemetry and link as last seen
-#[utoipa::path(get, path = "/v1/state", operation_id = "state", responses((status = 200, description = "The state", body = StateView)))]
+/// Latest state of the device, the plan, the telemetry and the link
+#[utoipa::path(get, path = "/v1/state", operation_id = "state", responses((status = 200, description = "The state of the device, the plan, the telemetry and the link", body = StateView)))]
 async fn get_state(State(app): State<Arc<App>>) -> Response {
     Json(app.build_state_view()).into_response()
 }
 
-/// The scene, as a page draws it
-#[utoipa::path(get, path = "/v1/scene", operation_id = "scene", responses((status = 200, description = "The scene", body = SceneView)))]
+/// The scene, with the values that a page needs to draw it
+#[utoipa::path(get, path = "/v1/scene", operation_id = "scene", responses((status = 200, description = "The scene that the daemon serves", body = SceneView)))]
 async fn get_scene(State(app): State<Arc<App>>) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], app.scene.answer.clone()).into_response()
 }
@@ -385,14 +387,14 @@ async fn get_scene(State(app): State<Arc<App>>) -> Response {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 struct FieldQuery {
-    /// Of a touch here, in pixels from the screen's left edge, which is not driven; of the current plan if neither it nor `y_px` is
-    /// given.
+    /// Distance of a touch, which is not driven, from the left edge of the screen in pixels. Without `x_px` and `y_px`, the field is that of the
+    /// current plan.
     #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     x_px: Option<f64>,
-    /// From the screen's top edge; with `x_px`.
+    /// Distance of the touch from the top edge of the screen in pixels; only together with `x_px`.
     #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     y_px: Option<f64>,
-    /// Peak wanted there in g; 0.5 if not given.
+    /// Wanted peak acceleration of the touch in g; 0.5 if absent.
     #[serde(default, deserialize_with = "crate::daemon::api::query::deserialize_present_query_number_as_some")]
     intensity_g: Option<f64>,
 }
@@ -402,7 +404,7 @@ struct FieldQuery {
     get,
     path = "/v1/field", operation_id = "field",
     params(FieldQuery),
-    responses((status = 200, description = "The field", body = FieldView)),
+    responses((status = 200, description = "The predicted peak acceleration at the points of a grid", body = FieldView)),
 )]
 async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
     let query: FieldQuery = crate::daemon::api::query::parse_query(
@@ -457,7 +459,7 @@ async fn get_metrics(State(app): State<Arc<App>>) -> Response {
 #[utoipa::path(
     get,
     path = "/openapi.json", operation_id = "openapi",
-    responses((status = 200, description = "OpenAPI 3.1", body = Object, content_type = "application/json")),
+    responses((status = 200, description = "The description of this interface (OpenAPI 3.1)", body = Object, content_type = "application/json")),
 )]
 async fn get_openapi() -> Response {
     ([(header::CONTENT_TYPE, "application/json")], openapi_description_json()).into_response()

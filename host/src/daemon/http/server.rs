@@ -196,8 +196,8 @@ impl ConnectionServer {
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
                         Ok(Ok(stream)) => serve_connection(stream, end, router, limits, closing).await,
-                        Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
-                        Err(_) => tracing::debug!("a handshake took too long"),
+                        Ok(Err(error)) => tracing::debug!(%error, "a TLS handshake failed"),
+                        Err(_) => tracing::debug!("a TLS handshake took too long"),
                     }
                 };
                 tasks.spawn(async move { guest.serve_until_evicted(serving).await })
@@ -269,7 +269,7 @@ async fn serve_connection<S>(
         }
     };
     if let Err(error) = result {
-        tracing::debug!(%error, "a connection ended");
+        tracing::debug!(%error, "a connection ended because of an error");
     }
 }
 

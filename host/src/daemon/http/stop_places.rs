@@ -33,7 +33,8 @@ impl StopConnection {
     pub async fn serve_until_evicted(&self, serving: impl Future<Output = ()>) {
         tokio::select! {
             () = self.leaves.notified() => tracing::debug!(
-                "closing a connection that has sent nothing, because a new connection needs its place"
+                "closing a connection that has sent nothing: the maximum number of connections is open, and a new connection \
+                 has arrived"
             ),
             () = serving => {}
         }

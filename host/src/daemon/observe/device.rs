@@ -9,58 +9,58 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Object;
 
-/// The device as last seen.
+/// Latest state of the device.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Device)]
 pub struct DeviceView {
-    /// What it is.
+    /// Kind of the device.
     #[schema(schema_with = device_kind_schema)]
     kind: &'static str,
-    /// Path of its serial port.
+    /// Path of the serial port of the device.
     port: String,
-    /// Whether it answers.
+    /// Whether the device answers.
     connected: bool,
-    /// Whether it does not answer just now and may be only late: it is asked on.
+    /// Whether the device does not answer at present, but may be only late; the daemon continues to ask.
     in_doubt: bool,
-    /// Why it does not; null if it does.
+    /// Why the device does not answer; null if it answers.
     problem: Option<String>,
-    /// Its safety state; null while it is not connected, or if it has not told any.
+    /// Safety state of the device; null while the device is not connected or has not sent a state.
     #[schema(schema_with = safety_state_schema)]
     state: Option<&'static str>,
-    /// The fault that it has latched.
+    /// The fault that the device has latched; null without a fault.
     fault: Option<FaultView>,
-    /// Version of its firmware.
+    /// Version of the firmware.
     firmware: Option<String>,
-    /// Name of its firmware's image; empty with protocol version 1.
+    /// Name of the firmware image; empty with protocol version 1.
     image: Option<String>,
-    /// Protocol version spoken with it.
+    /// Protocol version that the daemon and the device use.
     protocol: Option<u8>,
-    /// Unique identifier of its chip, in hexadecimal.
+    /// Unique identifier of the chip, in hexadecimal.
     board_id: Option<String>,
-    /// Different after every start of it.
+    /// A number that changes at every start of the device.
     boot_id: Option<u32>,
-    /// Why it last started.
+    /// Cause of the last start of the device.
     reset_cause: Option<String>,
-    /// What the previous run of the firmware said when it failed; null if it did not.
+    /// Error message of the previous run of the firmware; null if that run did not fail.
     failure: Option<String>,
-    /// Restarts of it noticed since the daemon began.
+    /// Number of restarts of the device that the daemon has detected.
     restarts: u32,
-    /// How often the link was lost since then.
+    /// Number of losses of the link since the start of the daemon.
     outages: u32,
-    /// How often it did not answer within 50 ms since then: late, or lost.
+    /// Number of requests after which the device sent nothing for 50 ms, since the start of the daemon: the answer was late or lost.
     doubts: u32,
-    /// How many faults were latched since then.
+    /// Number of faults that the device has latched since the start of the daemon.
     faults: u32,
-    /// Latched silences of the host that were cleared by policy.
+    /// Number of faults host-silent that the daemon cleared because of --clear-silence.
     silences_cleared: u32,
-    /// What of the board does not go with the scene.
+    /// How the board differs from what the scene needs; null if it does not differ.
     mismatch: Option<String>,
-    /// Whether it was away and waits for POST /v1/arm.
+    /// Whether the device had an outage and stays disarmed until POST /v1/arm.
     waits_to_be_armed: bool,
-    /// What the board measures of its supply and loops, and what each channel may still drive; null while it is not connected, and with
-    /// protocol version 1.
+    /// Measurements of the supply and the safety loops, and the remaining drive time of each channel; null while the device is not connected, and
+    /// with protocol version 1.
     supply: Option<SupplyView>,
-    /// How well the board's clock is known.
+    /// Estimate of the board's clock, with its errors.
     clock: Option<ClockView>,
 }
 
@@ -68,46 +68,46 @@ pub struct DeviceView {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Fault)]
 struct FaultView {
-    /// Its number.
+    /// Number of the fault.
     code: u8,
-    /// Its name.
+    /// Name of the fault.
     name: &'static str,
-    /// What it means and what to do about it.
+    /// Meaning of the fault, and the remedy.
     message: &'static str,
-    /// What takes it away: POST /v1/faults/clear.
+    /// Action that clears the fault: POST /v1/faults/clear.
     #[schema(schema_with = fault_action_schema)]
     action: &'static str,
-    /// A number that goes with it: the channel, the silence in ms, a program counter.
+    /// Detail of the fault as a number, such as the channel, the silence in ms or a program counter.
     detail: u32,
-    /// Faults raised since, this one included.
+    /// Number of faults since this fault was latched, including this fault.
     count: u16,
-    /// What was known of the link when it was seen.
+    /// Values of the link when the daemon detected the fault.
     link: FaultLinkView,
 }
 
-/// What was known of the link when a fault was seen.
+/// Values of the link when the daemon detected a fault.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = FaultLink)]
 struct FaultLinkView {
-    /// Longest time in ms in which the device answered nothing, no sign of life either, since it had been seen without this fault.
+    /// Longest time in ms without any answer of the device, since the daemon last read a state without this fault.
     keep_alive_age_ms: f64,
-    /// Longest time between two signs of life to the armed device until then, in ms.
+    /// Longest time between two answers of the device (signs of life) while it was armed, until the fault, in ms.
     longest_gap_ms: f64,
-    /// Median of the last round trips in ms.
+    /// Median of the last 64 round trips in ms.
     round_trip_ms_median: Option<f64>,
-    /// Longest of the last round trips in ms.
+    /// Longest of the last 64 round trips in ms.
     round_trip_ms_worst: Option<f64>,
-    /// Mean difference between one of the last round trips and the next in ms.
+    /// Mean difference between consecutive round trips of the last 64, in ms.
     round_trip_ms_jitter: Option<f64>,
-    /// Frames sent again until then as no answer came.
+    /// Number of frames that were sent again until the fault, because no answer came in time.
     repeats: u64,
-    /// Stretches of received bytes until then that were no frame.
+    /// Number of sequences of received bytes until the fault that were not a valid frame.
     crc_errors: u64,
-    /// How often the link was lost until then.
+    /// Number of losses of the link until the fault.
     outages: u32,
 }
 
-/// Supply, loops and what each channel may still drive.
+/// Supply, safety loops, and the remaining drive time of each channel.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Supply)]
 struct SupplyView {
@@ -123,49 +123,50 @@ struct SupplyView {
     stop_released: bool,
     /// Whether panel and moving masses are bonded to earth.
     earth_bonded: bool,
-    /// For how long each channel may still drive at its largest force in the long run, in s.
+    /// Credit of each channel: time in s for which the channel may still drive with its largest force.
     credit_s: Vec<f64>,
-    /// How driving is charged: every drive its time, or its time times the square of its part of the channel's largest force.
+    /// How a drive uses up the credit of its channel: by its time, or by its time multiplied by (force / largest force of the channel)^2.
     #[schema(schema_with = charge_rule_schema)]
     credit_rule: &'static str,
-    /// For how long each channel may go on as it drives now, bursts and rests aside, in s; null where it never runs out. Null
-    /// altogether with a board of protocol version 2, which does not tell.
+    /// Time in s after which the present drive of each channel has used up the credit, without regard to bursts and rests; null for a channel whose
+    /// credit lasts without limit. Null for all channels with protocol version 2.
     credit_lasts_s: Option<Vec<Option<f64>>>,
 }
 
-/// How well the board's clock is known.
+/// Estimate of the board's clock, with its errors.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Clock)]
 struct ClockView {
-    /// How much faster than the host's it runs, in parts per million.
+    /// How much faster the board's clock runs than the host's clock, in parts per million.
     rate_ppm: f64,
-    /// Least half round trip in us, the bound on the error of its offset.
+    /// Half of the shortest round trip in us, which is the bound on the error of the offset.
     half_round_trip_us: f64,
-    /// Root mean square of the last prediction errors in us.
+    /// Root mean square of the last 32 errors of the predicted board time in us.
     residual_rms_us: f64,
-    /// Largest of them in us.
+    /// Largest of the last 32 errors of the predicted board time in us.
     residual_worst_us: f64,
-    /// Samples taken, those left out included.
+    /// Number of samples, including those that were not used.
     samples: u64,
-    /// Samples left out as late.
+    /// Number of samples that were not used because they came late.
     outliers: u64,
 }
 
 fn device_kind_schema() -> Object {
-    text_choice_schema(TARGET_KINDS, false, "What it is.")
+    text_choice_schema(TARGET_KINDS, false, "Kind of the device.")
 }
 
 fn safety_state_schema() -> Object {
-    let text = "Its safety state; null while it is not connected, or if it has not told any.";
+    let text = "Safety state of the device; null while the device is not connected or has not sent a state.";
     text_choice_schema(SafetyState::ALL.map(SafetyState::name), true, text)
 }
 
 fn fault_action_schema() -> Object {
-    text_choice_schema(["clear"], false, "What takes it away: POST /v1/faults/clear.")
+    text_choice_schema(["clear"], false, "Action that clears the fault: POST /v1/faults/clear.")
 }
 
 fn charge_rule_schema() -> Object {
-    let text = "How driving is charged: every drive its time, or its time times the square of its part of the channel's largest force.";
+    let text = "How a drive uses up the credit of its channel: by its time, or by its time multiplied by (force / largest force of \
+                the channel)^2.";
     text_choice_schema([ChargeRule::Time, ChargeRule::ForceSquared].map(ChargeRule::name), false, text)
 }
 

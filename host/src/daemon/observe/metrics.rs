@@ -62,19 +62,20 @@ impl Metrics {
         metric("era_previews_total", "counter", "Previews of changed scenes computed.", &load(&self.previews));
         let failures = load(&self.preview_failures);
         metric("era_preview_failures_total", "counter", "Previews answered with an error.", &failures);
-        metric("era_device_connected", "gauge", "1 if the device answers.", &u8::from(device.connected));
-        metric("era_device_restarts_total", "counter", "Restarts of the device noticed.", &device.restarts);
+        metric("era_device_connected", "gauge", "1 if the device answers, 0 if not.", &u8::from(device.connected));
+        let help = "Restarts of the device that the daemon detected.";
+        metric("era_device_restarts_total", "counter", help, &device.restarts);
         let help = "Requests that wait for the planner.";
         metric("era_requests_waiting", "gauge", help, &admission.count_waiting_for_planner());
         let help = "Requests refused because too many requests were waiting.";
         metric("era_requests_refused_total", "counter", help, &admission.count_requests_refused_by_full_queue());
-        metric("era_device_outages_total", "counter", "Times that the link was lost.", &device.outages);
-        let help = "Times that the device sent nothing for 50 ms after a request: it was late or lost.";
+        metric("era_device_outages_total", "counter", "Losses of the link to the device.", &device.outages);
+        let help = "Requests after which the device sent nothing for 50 ms: the answer was late or lost.";
         metric("era_device_doubts_total", "counter", help, &device.doubts);
         metric("era_device_faults_total", "counter", "Faults latched by the device.", &device.faults);
-        let help = "Faults host-silent that the daemon has cleared because of --clear-silence.";
+        let help = "Faults of the type host-silent that the daemon cleared because of --clear-silence.";
         metric("era_device_silences_cleared_total", "counter", help, &device.cleared);
-        let help = "Longest time between two signs of life to the armed device.";
+        let help = "Longest time between two answers of the device (signs of life) while the device was armed.";
         metric("era_link_longest_gap_seconds", "gauge", help, &device.longest_gap.as_secs_f64());
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
         metric(
@@ -86,7 +87,7 @@ impl Metrics {
         metric(
             "era_link_bad_frames_total",
             "counter",
-            "Stretches of bytes from the device that were not a valid frame.",
+            "Sequences of bytes from the device that were not a valid frame.",
             &device.link.bad_frames,
         );
         if let Some(peak_g) = peak_g {
@@ -95,15 +96,20 @@ impl Metrics {
         }
         let trips = device.round_trips;
         for (name, help, time) in [
-            ("era_link_round_trip_seconds", "Median time of the last round trips (request and answer).", trips.median),
+            (
+                "era_link_round_trip_seconds",
+                "Median duration of the last 64 round trips (request and answer).",
+                trips.median,
+            ),
             (
                 "era_link_round_trip_worst_seconds",
-                "Longest time of the last round trips (request and answer).",
+                "Longest duration of the last 64 round trips (request and answer).",
                 trips.worst,
             ),
             (
                 "era_link_round_trip_jitter_seconds",
-                "Jitter of the round trips (request and answer): mean absolute difference between the durations of successive round trips.",
+                "Jitter of the last 64 round trips (request and answer): mean absolute difference between the durations of \
+                 successive round trips.",
                 trips.jitter,
             ),
             ("era_link_keep_alive_age_seconds", "Time since the device last answered.", heard_ago),
@@ -113,7 +119,7 @@ impl Metrics {
             }
         }
         if let Some(clock) = device.clock {
-            let help = "Root mean square error of the prediction of the board's time.";
+            let help = "Root mean square of the last 32 errors of the prediction of the board's time.";
             metric("era_clock_residual_rms_seconds", "gauge", help, &clock.residual_rms_s);
             let help = "Largest of the last 32 errors of the prediction of the board's time.";
             metric("era_clock_residual_worst_seconds", "gauge", help, &clock.residual_worst_s);
@@ -122,8 +128,8 @@ impl Metrics {
             let help = "Samples of the board's clock that were not used because they came late.";
             metric("era_clock_outliers_total", "counter", help, &clock.outliers);
         }
-        let _ =
-            writeln!(out, "# HELP era_device_state 1 for the state the device is in.\n# TYPE era_device_state gauge");
+        let help = "1 for the present state of the device, 0 for all other states.";
+        let _ = writeln!(out, "# HELP era_device_state {help}\n# TYPE era_device_state gauge");
         for state in SafetyState::ALL {
             let here = u8::from(device.connected && device.state() == Some(state));
             let _ = writeln!(out, "era_device_state{{state=\"{}\"}} {here}", state.name());

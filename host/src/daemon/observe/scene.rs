@@ -33,57 +33,57 @@ impl SceneTexts {
     }
 }
 
-/// The scene, as a page draws it.
+/// The scene, with the values that a page needs to draw it.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Scene)]
 pub struct SceneView {
-    /// Its name.
+    /// Name of the scene.
     name: String,
-    /// Plate or bar.
+    /// Kind of the surface: plate or bar.
     kind: SurfaceKind,
-    /// Along x in mm.
+    /// Length of the surface along x in mm.
     length_mm: f64,
-    /// Along y in mm.
+    /// Width of the surface along y in mm.
     width_mm: f64,
-    /// In mm.
+    /// Thickness of the surface in mm.
     thickness_mm: f64,
-    /// Where its pixels are.
+    /// The screen on the surface.
     screen: ScreenView,
-    /// Places of other thickness.
+    /// Rectangles with another thickness.
     patches: Vec<PatchView>,
-    /// Holes.
+    /// Rectangular holes.
     cutouts: Vec<RectangleView>,
-    /// Springs to ground.
+    /// Springs between the surface and the ground.
     supports: Vec<SupportView>,
-    /// Sides that are held.
+    /// Sides of the surface that are held.
     edges: Vec<EdgeView>,
     /// Masses on the surface.
     masses: Vec<MassView>,
     /// Actuators, in the order of the board's channels.
     actuators: Vec<ActuatorView>,
-    /// What the scene says of the finger that touches, which is in no plan of the daemon; null where it says nothing.
+    /// The finger that the scene describes, which the plans of the daemon do not include; null if the scene describes no finger.
     finger: Option<FingerView>,
-    /// Depth of the sealed cavity behind the panel in mm; null where there is none.
+    /// Depth of the sealed cavity behind the panel in mm; null without a cavity.
     sealed_depth_mm: Option<f64>,
     /// Mass of the air that moves with the surface in kg/m^2.
     added_mass_kg_per_m2: f64,
 }
 
-/// A screen's pixels on the surface.
+/// The screen: its pixels, and its place on the surface.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Screen)]
 struct ScreenView {
-    /// Pixels from left to right.
+    /// Number of pixels from left to right.
     width_px: u32,
-    /// Pixels from top to bottom.
+    /// Number of pixels from top to bottom.
     height_px: u32,
-    /// Its left edge, from the surface's, in mm.
+    /// Distance of the left edge of the screen from the left edge of the surface in mm.
     x_mm: f64,
-    /// Its top edge, from the surface's, in mm.
+    /// Distance of the top edge of the screen from the top edge of the surface in mm.
     y_mm: f64,
-    /// In mm.
+    /// Width of the screen in mm.
     width_mm: f64,
-    /// In mm.
+    /// Height of the screen in mm.
     height_mm: f64,
 }
 
@@ -91,50 +91,50 @@ struct ScreenView {
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Rectangle)]
 struct RectangleView {
-    /// Its left edge in mm.
+    /// Distance of the left edge of the rectangle from the left edge of the surface in mm.
     x_mm: f64,
-    /// Its top edge in mm.
+    /// Distance of the top edge of the rectangle from the top edge of the surface in mm.
     y_mm: f64,
-    /// Along x in mm.
+    /// Length of the rectangle along x in mm.
     length_mm: f64,
-    /// Along y in mm.
+    /// Width of the rectangle along y in mm.
     width_mm: f64,
 }
 
-/// A place of another thickness.
+/// A rectangle with another thickness.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Patch)]
 struct PatchView {
-    /// Where.
+    /// Place of the rectangle.
     #[serde(flatten)]
     place: RectangleView,
-    /// In mm.
+    /// Thickness in mm.
     thickness_mm: f64,
 }
 
-/// A spring to ground.
+/// A spring between the surface and the ground.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Support)]
 struct SupportView {
-    /// From the left edge in mm.
+    /// Distance from the left edge of the surface in mm.
     x_mm: f64,
-    /// From the top edge in mm.
+    /// Distance from the top edge of the surface in mm.
     y_mm: f64,
-    /// In N/m.
+    /// Stiffness in N/m.
     stiffness_n_per_m: f64,
-    /// Of its springs: 0 for none.
+    /// Loss factor of the spring; 0 without damping.
     loss_factor: f64,
 }
 
-/// A side that is held.
+/// A side of the surface that is held.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Edge)]
 struct EdgeView {
-    /// Which.
+    /// The side.
     side: Side,
-    /// How, as scene files say it.
+    /// How the side is held, by the name in scene files.
     kind: &'static str,
-    /// Of an elastic edge's springs: 0 for none.
+    /// Loss factor of the springs of an elastic edge; 0 without damping.
     loss_factor: f64,
 }
 
@@ -142,23 +142,23 @@ struct EdgeView {
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = Mass)]
 struct MassView {
-    /// From the left edge in mm.
+    /// Distance from the left edge of the surface in mm.
     x_mm: f64,
-    /// From the top edge in mm.
+    /// Distance from the top edge of the surface in mm.
     y_mm: f64,
-    /// In grams.
+    /// Mass in g.
     mass_g: f64,
 }
 
-/// What a finger is to the place that it touches.
+/// Mass, damping and stiffness of a finger at the touched place.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = FingerLoad)]
 struct FingerView {
-    /// In grams.
+    /// Mass in g.
     mass_g: f64,
-    /// In N s/m.
+    /// Damping in N s/m.
     damping_n_s_per_m: f64,
-    /// In N/m.
+    /// Stiffness in N/m.
     stiffness_n_per_m: f64,
 }
 
@@ -166,23 +166,23 @@ struct FingerView {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Actuator)]
 struct ActuatorView {
-    /// Its name.
+    /// Name of the actuator.
     id: String,
-    /// From the left edge in mm.
+    /// Distance from the left edge of the surface in mm.
     x_mm: f64,
-    /// From the top edge in mm.
+    /// Distance from the top edge of the surface in mm.
     y_mm: f64,
-    /// How it is mounted.
+    /// How the actuator is mounted.
     mount: Mount,
-    /// Most voltage in V.
+    /// Highest voltage in V.
     max_voltage_v: f64,
-    /// Of a round electrode of its area, in mm.
+    /// Diameter in mm of a round electrode with the area of the electrode.
     electrode_diameter_mm: f64,
-    /// Of what hangs on each electrode beside it, its cable and its switches, in pF.
+    /// Capacitance of the cable and the switches of each electrode in pF.
     cable_capacitance_pf: f64,
-    /// Time constant in ms with which an electrode charges; 0: at once.
+    /// Time constant in ms with which an electrode charges; 0 if it charges at once.
     charging_ms: f64,
-    /// Time constant in ms with which an electrode discharges; 0: at once.
+    /// Time constant in ms with which an electrode discharges; 0 if it discharges at once.
     discharging_ms: f64,
 }
 

@@ -18,19 +18,19 @@ use utoipa::ToSchema;
 /// Touches whose peaks are told.
 pub const MOST_PEAKS: usize = 16;
 
-/// Device, plan, measurements and link as last seen.
+/// Latest state of the device, the plan, the measurements and the link.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = State)]
 pub struct StateView {
     /// The device.
     device: DeviceView,
-    /// What is driven; null if nothing is.
+    /// The plan that is driven; null if nothing is driven.
     plan: Option<PlanView>,
-    /// The number of that plan, which is its request's.
+    /// Number of that plan, which is also the number of its request; null if nothing is driven.
     plan_id: Option<u64>,
-    /// The fingers or targets that it is for.
+    /// The fingers or targets for which the plan is driven.
     touches: Vec<Finger>,
-    /// What the device measures; null while it is not connected, and until it has told.
+    /// Measurements of the device; null while the device is not connected, and before its first measurement.
     telemetry: Option<TelemetryView>,
     /// The link to the device.
     link: LinkView,
@@ -53,47 +53,48 @@ pub struct MeasuredView {
     telemetry: Option<TelemetryView>,
 }
 
-/// What the device measures.
+/// Measurements of the device.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Telemetry)]
 struct TelemetryView {
-    /// Since the board started, in ms.
+    /// Time since the start of the board in ms.
     uptime_ms: u64,
-    /// Largest acceleration at the board's sensor in g since the newest touch began, kept until the next one begins, whoever reads it; of a board
-    /// that is not simulated as `acceleration_recent_g`. Null without a sensor.
+    /// Largest acceleration at the board's sensor in g since the newest touch began. Reading does not reset this value. For a board that is not
+    /// simulated, the same as `acceleration_recent_g`. Null without a sensor.
     acceleration_peak_g: Option<f64>,
-    /// Largest acceleration at the board's sensor in g since the daemon last asked the board, some ten times a second; null without a sensor.
+    /// Largest acceleration at the board's sensor in g since the previous measurement of the daemon (about ten measurements per second); null
+    /// without a sensor.
     acceleration_recent_g: Option<f64>,
-    /// The same for each of the last 16 touches, the newest first: under its finger, until the next touch began. Empty for boards that are not
-    /// simulated.
+    /// Largest acceleration under the finger of each of the last 16 touches until the next touch began, the newest touch first. Empty for boards
+    /// that are not simulated.
     touch_peaks: Vec<TouchPeakView>,
-    /// One per channel.
+    /// State of each channel.
     channels: Vec<ChannelView>,
 }
 
-/// What the sensor has shown under a touch.
+/// Peak acceleration that the sensor has measured during a touch.
 #[derive(Clone, Copy, Debug, Serialize, ToSchema)]
 #[schema(as = TouchPeak)]
 struct TouchPeakView {
-    /// The touch's number, which is its plan's.
+    /// Number of the touch, which is also the number of its plan.
     plan_id: u64,
-    /// Largest acceleration in g from its beginning until the next touch began, or until now.
+    /// Largest acceleration in g from the begin of the touch until the next touch began, or until now.
     peak_g: f64,
 }
 
-/// What a channel does.
+/// State of a channel.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Channel)]
 struct ChannelView {
-    /// The scene's actuator that is on it; null if none is.
+    /// The `id` of the scene's actuator on this channel; null for a channel without an actuator.
     actuator: Option<String>,
-    /// Whether it drives.
+    /// Whether the channel drives.
     active: bool,
-    /// Fundamental of its force in Hz, while it drives.
+    /// Fundamental frequency of the force in Hz; null while the channel does not drive.
     frequency_hz: Option<f64>,
-    /// Electrode voltage in V, while it drives.
+    /// Voltage of the electrodes in V; null while the channel does not drive.
     voltage_v: Option<f64>,
-    /// Part of its half period for which an electrode is on, while it drives.
+    /// Fraction of each half period for which an electrode is on; null while the channel does not drive.
     pulse_width: Option<f64>,
 }
 
@@ -101,21 +102,21 @@ struct ChannelView {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Link)]
 struct LinkView {
-    /// Median of the last round trips in ms.
+    /// Median of the last 64 round trips in ms.
     round_trip_ms_median: Option<f64>,
-    /// Longest of the last round trips in ms.
+    /// Longest of the last 64 round trips in ms.
     round_trip_ms_worst: Option<f64>,
-    /// Mean difference between one of the last round trips and the next in ms.
+    /// Mean difference between consecutive round trips of the last 64, in ms.
     round_trip_ms_jitter: Option<f64>,
-    /// Time since the device last answered in ms, to a sign of life if to nothing else; null if it never did.
+    /// Time since the last answer of the device in ms; null if the device has never answered.
     keep_alive_age_ms: Option<f64>,
-    /// Frames sent, repeats included.
+    /// Number of frames that were sent, including repeats.
     frames_sent: u64,
-    /// Frames sent again as no answer came.
+    /// Number of frames that were sent again because no answer came in time.
     repeats: u64,
-    /// Stretches of received bytes that were no frame.
+    /// Number of sequences of received bytes that were not a valid frame.
     crc_errors: u64,
-    /// Longest time between two signs of life to the armed device, in ms.
+    /// Longest time between two answers of the device (signs of life) while it was armed, in ms.
     longest_gap_ms: f64,
 }
 
@@ -123,9 +124,9 @@ struct LinkView {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Daemon)]
 struct DaemonView {
-    /// Its version.
+    /// Version of the daemon.
     version: &'static str,
-    /// For how long it has run, in s.
+    /// Time since the start of the daemon in s.
     uptime_s: f64,
 }
 

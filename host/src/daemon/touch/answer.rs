@@ -14,78 +14,79 @@ use serde::Serialize;
 use std::time::Duration;
 use utoipa::ToSchema;
 
-/// The answer to a touch: the plan, of several stretches that in which the first target begins, and what the device achieves.
+/// The answer to a touch: the plan, and the drives that the device achieves. With time windows, the plan is that of the stretch in which the
+/// first target begins.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Touched)]
 pub struct TouchedView {
     /// The plan.
     #[serde(flatten)]
     pub plan: PlanView,
-    /// The request's number, which is its plan's.
+    /// Number of the request, which is also the number of its plan.
     pub plan_id: u64,
-    /// What the device achieves of what begins at once.
+    /// The drives that the device achieves for the part that begins at once.
     pub device: Achieved,
-    /// With time windows: what is driven when. The plan above is that of the stretch in which the first target begins; `device` is
-    /// for what begins at once.
+    /// The stretches of time with their plans; only with time windows. The plan outside of `stretches` is that of the stretch in which the first
+    /// target begins; `device` is for the stretch that begins at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub stretches: Option<Vec<Stretch>>,
-    /// What can be had instead, where it cannot be had in full and that was asked for.
+    /// Other results that are possible instead; only if the request had `trade` and cannot be met completely.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub trade: Option<TradeOffs>,
 }
 
-/// What the device achieves.
+/// The drives that the device achieves.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Achieved {
-    /// Whether it drives; false where nothing begins at once.
+    /// Whether the device has accepted the drives; false if nothing begins at once.
     acknowledged: bool,
-    /// One per drive of the plan.
+    /// The achieved values of each drive of the plan.
     achieved: Vec<AchievedView>,
-    /// With an effect: what is played on each drive, and what it should do at the first target.
+    /// With an effect: what the board plays on each drive, and the predicted result at the first target.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     effect: Option<PlayedEffect>,
-    /// How long the drive was held up in ms, at most 30, as it is at least twice as strong for what was left of the touches
-    /// before to decay; absent if it was not.
+    /// Delay of the drive in ms (at most 30), in which the vibration of earlier touches decayed so that the drive is at least twice as strong; absent
+    /// without a delay.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     delayed_ms: Option<f64>,
 }
 
-/// What a channel drives, as near to the plan as its timers and its supply come.
+/// The drive of a channel, as near to the plan as the timers and the supply of the board allow.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = AchievedDrive)]
 struct AchievedView {
-    /// The actuator's `id`; null for a channel without one.
+    /// The `id` of the actuator; null for a channel without an actuator.
     actuator: Option<String>,
-    /// The board's channel, from 0.
+    /// Channel of the board, from 0.
     channel: u8,
-    /// Fundamental of the force in Hz.
+    /// Fundamental frequency of the force in Hz.
     frequency_hz: f64,
-    /// Electrode voltage in V.
+    /// Voltage of the electrodes in V.
     voltage_v: f64,
-    /// Part of its half period for which an electrode is on.
+    /// Fraction of each half period for which an electrode is on.
     pulse_width: f64,
-    /// Phase of the windows in rad.
+    /// Phase of the windows (the times in which an electrode is on) in rad.
     phase_rad: f64,
-    /// Time for which neither electrode is on, at each change, in us.
+    /// Time at each change of the electrode for which neither electrode is on, in us.
     guard_us: f64,
 }
 
-/// An effect that is played.
+/// An effect that the board plays.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct PlayedEffect {
     /// The effect.
     #[serde(flatten)]
     effect: EffectView,
-    /// When it begins, in us of the board's time.
+    /// Start of the effect in us of the board's time.
     start_board_us: u64,
-    /// From this answer to its start in ms, 0 or more, as the host's clock has it.
+    /// Time from this answer to the start of the effect in ms of the host's clock, 0 or more.
     #[schema(minimum = 0)]
     starts_in_ms: f64,
-    /// How long it lasts, in ms.
+    /// Duration of the effect in ms.
     duration_ms: f64,
 }
 

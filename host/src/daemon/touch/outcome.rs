@@ -8,33 +8,33 @@ use serde_json::Value;
 use utoipa::ToSchema;
 use utoipa::openapi::schema::Object;
 
-/// What became of a touch.
+/// The outcome of a touch.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Outcome)]
 pub struct RequestOutcome {
-    /// The request's number, which is its plan's.
+    /// Number of the request, which is also the number of its plan.
     pub id: u64,
-    /// As its client called it, in x-request-id.
+    /// Name that the client gave the request in x-request-id; null without a name.
     pub name: Option<String>,
-    /// Where it is.
+    /// Progress of the request.
     #[schema(schema_with = outcome_state_schema)]
     pub state: &'static str,
-    /// Since it arrived, in ms.
+    /// Time since the request arrived, in ms.
     pub age_ms: f64,
-    /// From its arrival to its outcome, in ms.
+    /// Time from the arrival of the request to its outcome, in ms; null while the request waits.
     pub took_ms: Option<f64>,
-    /// HTTP status of its answer.
+    /// HTTP status of the answer; null while the request waits.
     pub status: Option<u16>,
-    /// Its answer, as it was given.
+    /// The answer, as the daemon sent it; null without an answer.
     #[schema(value_type = Option<TouchedView>)]
     pub answer: Option<Value>,
-    /// Largest acceleration in g that the board's sensor has shown under it until the next touch began, or until now; null without a simulated
-    /// sensor, and before it is driven.
+    /// Largest acceleration in g that the board's sensor measured under the touch until the next touch began, or until now; null without a
+    /// simulated sensor, and before the touch is driven.
     pub acceleration_peak_g: Option<f64>,
-    /// What was wrong with it.
+    /// The problem with which the request failed; null if it did not fail.
     pub problem: Option<Problem>,
 }
 
 fn outcome_state_schema() -> Object {
-    text_choice_schema(["waiting", "done", "failed"], false, "Where it is.")
+    text_choice_schema(["waiting", "done", "failed"], false, "Progress of the request.")
 }

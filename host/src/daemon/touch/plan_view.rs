@@ -5,18 +5,18 @@ use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// A plan as sent to clients.
+/// A plan, with its rise and decay times.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = TimedPlan)]
 pub struct PlanView {
     #[serde(flatten)]
     plan: Plan,
-    /// When the first target vibrates under it, and when it has stopped.
+    /// When the vibration at the first target has risen, and when it has decayed.
     times: Times,
     /// Of an effect: the plan of its even motion, and the part of that which the effect reaches; its map is as much of the even motion's.
     #[serde(skip)]
     even: Option<(Box<Plan>, f64)>,
-    /// What part of its forces is driven, and why, where that is not all.
+    /// The fraction of the forces of the plan that is driven, and the reason; absent if all forces are driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     thinned: Option<Thinned>,
@@ -77,17 +77,17 @@ impl PlanView {
     }
 }
 
-/// That a plan is driven with less than it has, or not at all for a moment.
+/// A plan is driven with a fraction of its forces, or not at all during a rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Thinned {
-    /// The part of the plan's forces that is driven.
+    /// Fraction of the plan's forces that is driven.
     #[schema(minimum = 0, maximum = 1)]
     pub part: f64,
-    /// Why.
+    /// Why the plan is driven with less force.
     pub reason: Reason,
 }
 
-/// What a drive is thinned out for.
+/// Why a plan is driven with less force: the credit of a channel, or the rest after a burst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[schema(as = ThinnedFor)]
 #[serde(rename_all = "lowercase")]
@@ -113,19 +113,19 @@ impl Thinned {
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Field)]
 pub struct FieldView {
-    /// Points from left to right.
+    /// Number of points from left to right.
     nx: usize,
-    /// Points from top to bottom.
+    /// Number of points from top to bottom.
     ny: usize,
-    /// Their places from the left edge in mm.
+    /// Distances of the points from the left edge of the surface in mm.
     x_mm: Vec<f64>,
-    /// Their places from the top edge in mm.
+    /// Distances of the points from the top edge of the surface in mm.
     y_mm: Vec<f64>,
-    /// Peaks in g: ny rows of nx, y down; null in cut-outs.
+    /// Peak accelerations in g: ny rows of nx values, the top row first; null in cut-outs.
     peak_g: Vec<Option<f64>>,
-    /// The largest of them in g.
+    /// The largest peak acceleration in g.
     max_g: f64,
-    /// The plan's number; 0 where nothing is driven.
+    /// Number of the plan; 0 for a plan that is not driven.
     plan_id: u64,
 }
 

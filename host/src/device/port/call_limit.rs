@@ -88,7 +88,9 @@ pub fn run_calls_within<T: Send + 'static>(
     thread.map_err(failed)?;
     results.recv_timeout(limit).map_err(|error| match error {
         RecvTimeoutError::Timeout => make_late_error(path, step.name(), since.elapsed()),
-        RecvTimeoutError::Disconnected => failed(std::io::Error::other("a mistake in this program")),
+        RecvTimeoutError::Disconnected => {
+            failed(std::io::Error::other("an internal error of this program; please report the error"))
+        }
     })
 }
 

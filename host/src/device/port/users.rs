@@ -58,12 +58,12 @@ impl PortUsers {
     pub fn sentence_about_users_of_faulty_port_or_empty(&self) -> String {
         match self.joined_names_if_any() {
             Some(names) => format!(
-                ". {names} has this port open as well and takes bytes that are for era: end {names}{}",
+                ". This port is also open in {names}, which can read bytes that are meant for era: end {names}{}",
                 self.modem_manager_hint_if_it_has_port()
             ),
             None if self.are_some_hidden => {
-                ". Another program may have this port open, and this process may not see it: `sudo era doctor` \
-                 names that program (`sudo era install --only rule` makes ModemManager ignore boards)"
+                ". Another program may have this port open, but this process has no permission to see that program: \
+                 `sudo era doctor` names that program (`sudo era install --only rule` makes ModemManager ignore boards)"
                     .into()
             }
             None => String::new(),
@@ -184,17 +184,17 @@ impl PortDenial {
         let rule = "run `sudo era install --only rule` and connect the board again";
         match &self.access {
             PortGroupAccess { group: Some(group), is_member: false } => format!(
-                "the user {user} may not open the port {port_path}, because {user} is not in the group {group}: run \
-                 `sudo usermod -aG {group} {user}`, then sign in again (or restart the service); or {rule}"
+                "the user {user} has no permission to open the port {port_path}, because {user} is not in the group \
+                 {group}: run `sudo usermod -aG {group} {user}`, then sign in again (or restart the service); or {rule}"
             ),
             PortGroupAccess { group: Some(group), is_member: true } => format!(
-                "the user {user} may not open the port {port_path}, although {user} is in its group {group}: check \
-                 the port's mode with `ls -l {port_path}` (in a container, check that the container has the device); \
-                 or {rule}"
+                "the user {user} has no permission to open the port {port_path}, although {user} is in the group \
+                 {group} of the port: check the port's mode with `ls -l {port_path}` (in a container, check \
+                 that the container has the device); or {rule}"
             ),
             PortGroupAccess { group: None, .. } => {
                 format!(
-                    "the user {user} may not open the port {port_path}, and no group has access to this port: {rule}"
+                    "the user {user} has no permission to open the port {port_path}, and no group has access to this port: {rule}"
                 )
             }
         }

@@ -74,8 +74,8 @@ impl SessionWorker {
         let oldest = self.device.timing().arming.saturating_add(ORDER);
         if self.again_since.is_some_and(|since| asked_at < since) || asked_at.elapsed() > oldest {
             let reason = format!(
-                "the device did not answer for a while, or this program did not run; this request is {:.0?} old \
-                 and is not carried out: send the request again",
+                "the device did not answer for a while, or the daemon did not run; this request is {:.0?} old, so the \
+                 daemon does not carry out this request: send the request again",
                 asked_at.elapsed()
             );
             return Err(SessionError::Late { path: self.device.port_path().to_owned(), reason });
@@ -96,7 +96,7 @@ impl SessionWorker {
         self.client.as_ref()?;
         tracing::warn!(
             paused_s = paused.as_secs_f64(),
-            "this program did not run (the computer slept, or the process was suspended): the daemon stops the board and \
+            "the daemon did not run (the computer slept, or the process was suspended): the daemon stops the board and \
              refuses earlier requests"
         );
         self.again_since = Some(Instant::now() + SETTLE);
@@ -289,9 +289,9 @@ impl SessionWorker {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "the device did not answer for {:.0} ms, and the daemon sends its request again. If an armed board \
-                 stays silent, the daemon stops the board. An armed board that receives nothing for 250 ms switches \
-                 off by itself",
+                "the device did not answer for {:.0} ms, and the daemon sends the request again. If an armed board \
+                 still does not answer, the daemon stops the board. An armed board that receives nothing for 250 ms \
+                 switches its high voltage off",
                 waited.as_secs_f64() * 1e3
             ));
         });

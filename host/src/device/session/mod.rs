@@ -86,10 +86,12 @@ pub enum SessionError {
         reason: String,
     },
     /// Everything was stopped after this drive had been asked for.
-    #[error("everything was stopped while this request was being planned")]
+    #[error("a stop ended this request before it was completed")]
     Stopped,
     /// The device went off, faulted or was away after this drive had been asked for.
-    #[error("the device has switched off, reported a fault or had an outage since this request arrived")]
+    #[error(
+        "the device has switched its high voltage off, reported a fault or had an outage since this request arrived"
+    )]
     Broken,
     /// The session has ended.
     #[error("the daemon is shutting down")]
@@ -483,7 +485,7 @@ impl Drop for Session {
         if thread.is_finished() {
             let _ = thread.join();
         } else {
-            tracing::error!("{HANGS}; the daemon exits without waiting for it");
+            tracing::error!("{HANGS}; the daemon exits without waiting for the session");
         }
     }
 }

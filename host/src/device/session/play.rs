@@ -29,7 +29,10 @@ impl SessionWorker {
         let mut result = self.arm_if_needed_and_schedule_once(order.clone());
         // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
         if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
-            tracing::info!(plan = order.id, "the start of the effect had passed: sending the effect again");
+            tracing::info!(
+                plan = order.id,
+                "the board received the effect after its start time: sending the effect again with a later start"
+            );
             result = self.arm_if_needed_and_schedule_once(order);
         }
         if let Err(SessionError::Link(error)) = &result {

@@ -246,7 +246,7 @@ impl SessionWorker {
         });
         if restarted {
             tracing::warn!("the device has restarted");
-            self.require_manual_arming_if_policy("it restarted");
+            self.require_manual_arming_if_policy("the device restarted");
         }
         Ok(StatusFindings { restarted, measured: is_down })
     }

@@ -177,7 +177,11 @@ impl SessionWorker {
                     if self.client.is_some()
                         && let Err(error) = self.stop_unless_obeyed_and_refresh_state(u64::MAX)
                     {
-                        tracing::warn!(%error, "could not stop the device at the end of the session; its dead-man timer stops it");
+                        tracing::warn!(
+                            %error,
+                            "could not stop the device at the end of the session; the device's dead-man timer switches its \
+                             high voltage off"
+                        );
                     }
                     return;
                 }
@@ -379,7 +383,7 @@ impl SessionWorker {
         if self.client.is_some() {
             return Ok(());
         }
-        let reason = self.publish.borrow().problem.clone().unwrap_or_else(|| "it has not answered yet".into());
+        let reason = self.publish.borrow().problem.clone().unwrap_or_else(|| "the device has not answered yet".into());
         Err(SessionError::Disconnected { path: self.device.port_path().to_owned(), reason })
     }
 
@@ -505,5 +509,5 @@ impl Drop for SessionWorker {
 }
 
 pub(super) fn unexpected_reply_error(request: &'static str) -> LinkError {
-    LinkError::Unexpected { request, reply: "another kind of answer".into() }
+    LinkError::Unexpected { request, reply: "a reply of another type".into() }
 }

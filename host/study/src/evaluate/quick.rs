@@ -95,7 +95,7 @@ fn compute_weakest_peak_figures_others_nan(
         found.values.push(match measure {
             Measure::G => weakest.peak,
             Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(weakest.peak).ok_or_else(|| {
-                EvaluateError::Figure { figure: wanted.column_name(), reason: "nothing moves at the weakest place" }
+                EvaluateError::Figure { figure: wanted.column_name(), reason: "no drive moves the weakest place" }
             })?,
         });
     }

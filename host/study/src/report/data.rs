@@ -17,13 +17,13 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
         "The large dot is the design with the best figure. Numbered red rings are the best designs of the thorough evaluation."
     };
     let off = if table.has_ends {
-        " Figures that a wish or a limit uses are the worst over the samples of the uncertain values."
+        " Figures that a wish uses are the worst over the samples of the uncertain values."
     } else {
         ""
     };
     let all = table.entries.len();
     let shown = if all > MOST {
-        format!(" The plots show {MOST} of {all} designs: the best, and an even selection of the others.")
+        format!(" The plots show at most {MOST} of {all} designs: the best, and an even selection of the others.")
     } else {
         String::new()
     };
@@ -33,12 +33,14 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
         "No design meets the limits, so each line is a design that has figures."
     };
     format!(
-        "<p>{what} Crosses are designs that do not meet the limits; the diamond is the scene as it is. Point at a mark \
-         to read its design.{off}{shown}</p>\n\
-         <p class=\"axes\"><label>across <select id=\"across\"></select></label> <label>up <select id=\"up\"></select></label></p>\n\
+        "<p>{what} Crosses are designs that do not meet the limits; the diamond is the unchanged scene. Point at a \
+         mark to read the values of its design.{off}{shown}</p>\n\
+         <p class=\"axes\"><label>horizontal axis <select id=\"across\"></select></label> <label>vertical axis <select \
+         id=\"up\"></select></label></p>\n\
          <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
-         <h3>Side by side</h3>\n<p>{lines} The best designs have light lines. Drag along an axis to see only the \
-         lines in this range; click the axis to remove the range.</p>\n<div id=\"parallel\"></div>\n"
+         <h3>All columns side by side</h3>\n<p>{lines} The lighter a line, the better its design meets the first wish. \
+         Drag along an axis to see only the lines in this range; click the axis to remove the range.</p>\n<div \
+         id=\"parallel\"></div>\n"
     )
 }
 

@@ -25,7 +25,7 @@ const COLORS: [[f64; 3]; 6] = [
 /// The maps of the scene of the file and of the best design side by side, as HTML.
 pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &VerifiedFinalists) -> String {
     let Some(best) = finals.best.first() else { return "<p>There is no best design.</p>\n".into() };
-    let both: Vec<(&str, &Finalist, &VerifiedFigures)> = [("as it is", &finals.base), ("best 1", best)]
+    let both: Vec<(&str, &Finalist, &VerifiedFigures)> = [("unchanged scene", &finals.base), ("best 1", best)]
         .into_iter()
         .filter_map(|(name, own)| Some((name, own, own.verified.as_ref().ok()?)))
         .collect();
@@ -40,8 +40,8 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
             .into();
     }
     let mut html = format!(
-        "<p>The largest possible peak at each place, with a setting for every touch, from {} g (dark) to {} g (light), \
-         colours by ratio; circles are actuators, squares are supports, the cross is the weakest place.</p>\n\
+        "<p>The largest possible peak at each place, with a setting for every touch, from {} g (dark) to {} g (light) \
+         on a logarithmic scale; circles are actuators, squares are supports, the cross is the weakest place.</p>\n\
          <div class=\"maps\">\n",
         format_four_digits(least),
         format_four_digits(most)

@@ -26,14 +26,14 @@ pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFi
     add_html_section(
         &mut html,
         "maps",
-        "Where the panel is strong",
+        "Largest possible peak at each place",
         &maps::write_peak_maps_of_base_and_best_html(study, finals),
     );
-    add_html_section(&mut html, "effects", "What the variables do", &pictures::write_effects_html(study, table));
+    add_html_section(&mut html, "effects", "Effects of the variables", &pictures::write_effects_html(study, table));
     add_html_section(
         &mut html,
         "doubts",
-        "What was not converged, and what failed",
+        "Accuracy, convergence and failures",
         &tables::write_accuracy_convergence_and_failures_html(study, table, finals),
     );
     let data = data::write_plot_data_json(study, table, finals);

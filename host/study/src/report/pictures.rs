@@ -23,15 +23,15 @@ const MOST_PAIRS: usize = 6;
 pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
     let dimensions = study.space.dimensions();
     let mut html = String::from(
-        "<p>Main effects: the mean of a figure over all designs whose variable lies in one section of its range. The percentage \
-         is the share of the variance that the variable explains (sum of squares between the sections, divided by the total \
-         sum of squares); the number in brackets is the share that chance alone would give. Interactions: the share that a \
-         pair of variables explains beyond the two main effects.</p>\n",
+        "<p>Main effects: the mean of a figure over all designs whose variable lies in the same section of its range. \
+         The percentage is the share of the variance that the variable explains (sum of squares between the sections, \
+         divided by the total sum of squares); the number in brackets is the share that chance alone would give. \
+         Interactions: the share that a pair of variables explains beyond the two main effects.</p>\n",
     );
     if study.spec.method.way == PointMethod::Evolution {
         html.push_str(
-            "<p>An evolution chose these designs: most of them are near the best design, so the effects hold for this region only. \
-             A grid, a Latin hypercube or a Sobol sequence shows the whole range.</p>\n",
+            "<p>An evolution chose these designs: most of them are near the best design, so the effects are valid for \
+             this region only. A grid, a Latin hypercube or a Sobol sequence shows the whole range.</p>\n",
         );
     }
     for (k, wish) in study.spec.wishes.iter().enumerate() {
@@ -171,7 +171,8 @@ fn draw_main_effects_html(study: &Study, dimensions: &[CubeDimension], found: &E
         for (level, mean) in points {
             let _ = writeln!(
                 html,
-                "<circle class=\"effect\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}: {}, {} designs</title></circle>\n\
+                "<circle class=\"effect\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}: mean {}, {} \
+                 designs</title></circle>\n\
                  <text x=\"{:.1}\" y=\"{:.0}\" class=\"middle\">{}</text>",
                 x(level),
                 y(mean),
@@ -236,7 +237,8 @@ fn draw_largest_interactions_html(study: &Study, dimensions: &[CubeDimension], f
         }
         let _ = writeln!(
             html,
-            "</svg>\n<figcaption>{} (across) and {} (down): {:.1} % (chance {:.1} %), {} to {}</figcaption>\n</figure>",
+            "</svg>\n<figcaption>{} (horizontal) and {} (vertical): {:.1} % (chance {:.1} %), means {} to \
+             {}</figcaption>\n</figure>",
             escape_html(&one.name),
             escape_html(&other.name),
             100.0 * pair.part,

@@ -114,7 +114,7 @@
       const found = rows.find(([, row]) => row[0] === design);
       if (found) write(placeOf(found[1]), `best ${rank + 1}`);
     });
-    write(own, 'as it is');
+    write(own, 'unchanged scene');
   };
 
   const shade = (part) => {

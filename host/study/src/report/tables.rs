@@ -17,8 +17,8 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     let count = |status: DesignStatus| table.entries.iter().filter(|entry| entry.status == status).count();
     let method = &study.spec.method;
     let mut html = format!(
-        "<p>{} designs by {}, for frequencies from {:.0} to {:.0} Hz: {} keep all limits, {} break at least one limit, \
-         {} failed.",
+        "<p>{} designs (method {}), for frequencies from {:.0} to {:.0} Hz: {} keep all limits, {} break at least one \
+         limit, {} failed.",
         table.entries.len(),
         escape_html(method.way.name()).replace('_', " "),
         method.from_hz,
@@ -38,7 +38,7 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     for variable in study.space.variables() {
         let _ = writeln!(html, "<li>{}</li>", escape_html(&describe_variable(variable)));
     }
-    html.push_str("</ul>\n<p>Wanted: ");
+    html.push_str("</ul>\n<p>Wishes: ");
     let wishes = study.spec.wishes.iter().map(|wish| format!("{} {}", wish.goal.name(), wish.wanted.column_name()));
     html.push_str(&escape_html(&wishes.collect::<Vec<_>>().join(", ")));
     let limits = study.spec.limits.iter().map(|limit| {
@@ -51,7 +51,7 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     });
     let limits: Vec<String> = limits.collect();
     if !limits.is_empty() {
-        let _ = write!(html, "; {}", escape_html(&limits.join(", ")));
+        let _ = write!(html, "; limits: {}", escape_html(&limits.join(", ")));
     }
     html.push_str(".</p>\n");
     html.push_str(&write_html_table_of_scene_and_best_designs(study, table, finals));
@@ -64,7 +64,7 @@ fn write_html_table_of_scene_and_best_designs(
     table: &DesignTable,
     finals: &VerifiedFinalists,
 ) -> String {
-    let mut html = String::from("<table>\n<tr><th></th><th>as it is</th>");
+    let mut html = String::from("<table>\n<tr><th></th><th>unchanged scene</th>");
     for number in 1..=finals.best.len() {
         let _ = write!(html, "<th>best {number}</th>");
     }
@@ -125,7 +125,10 @@ fn write_html_table_of_scene_and_best_designs(
         }
         html.push_str("</p>\n");
     } else {
-        html.push_str("<p>The best designs are beside this report as <code>best-1.toml</code> and so on, for <code>era serve --scene</code>.</p>\n");
+        html.push_str(
+            "<p>The scene files of the best designs are in the folder of this report: <code>best-1.toml</code> and so \
+             on. <code>era serve --scene best-1.toml</code> starts the daemon with such a scene.</p>\n",
+        );
     }
     html
 }
@@ -190,9 +193,12 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
     finals: &VerifiedFinalists,
 ) -> String {
     let mut html = format!(
-        "<p>All designs were evaluated {}; the scene itself and the best designs were computed again with models made for a relative \
-         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in frequencies of modes and in sag_um; for other figures the program computes no bound.</p>\n\
-         <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed again</th><th>difference</th><th>error at most</th></tr>\n",
+        "<p>All designs were evaluated {}; the scene itself and the best designs were computed again with models made \
+         for a relative tolerance of {:.0e}. The last column is an upper bound of the relative error of the model. It \
+         is known for the strongest peak at the weakest place, for frequencies of modes and for sag_um; for other \
+         figures the program computes no bound.</p>\n\
+         <table>\n<tr><th>design</th><th>figure</th><th>first value</th><th>computed \
+         again</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thoroughly" } else { "quickly" },
         finals.tolerance
     );
@@ -261,7 +267,7 @@ fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &Desi
             format_four_digits(wish.goal.loss_of_figure(last))
         )
     } else {
-        format!("<p>The last quarter of the designs has no design with a better {name}.</p>\n")
+        format!("<p>No design of the last quarter has a better {name} than the designs before it.</p>\n")
     }
 }
 
@@ -280,7 +286,8 @@ fn write_html_table_of_failure_and_broken_limit_reasons(table: &DesignTable) -> 
     let mut all: Vec<_> = counts.into_values().collect();
     all.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut html = String::from(
-        "<table>\n<tr><th>designs</th><th>the first of them</th><th>why it failed, or breaks a limit</th></tr>\n",
+        "<table>\n<tr><th>number of designs</th><th>first design</th><th>why the design failed, or which limit it \
+         breaks</th></tr>\n",
     );
     for (count, first, reason) in all.iter().take(MOST_REASONS) {
         let _ = writeln!(html, "<tr><td>{count}</td><td>{first}</td><td>{}</td></tr>", escape_html(reason));

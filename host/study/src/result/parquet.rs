@@ -15,7 +15,7 @@ const GROUP: usize = 65_536;
 
 /// A table that cannot be written as Parquet.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write the table: {0}")]
+#[error("cannot write the table of designs: {0}")]
 pub struct TableError(#[from] ParquetError);
 
 /// A column: its name, and the value of each entry.

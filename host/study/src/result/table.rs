@@ -71,7 +71,7 @@ pub enum GatherError {
     #[error(transparent)]
     Folder(#[from] FolderError),
     /// It is not all there.
-    #[error("{missing} of {all} designs are not computed yet: run the study, or its shards, again")]
+    #[error("{missing} of {all} designs are not computed yet: run the study again, or run all of its shards")]
     Missing {
         /// How many are missing.
         missing: usize,

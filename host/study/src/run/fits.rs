@@ -41,10 +41,10 @@ fn check_grid_within_most_designs(method: &TomlSection<'_, '_>, spec: &StudySpec
         return;
     }
     // What cannot be counted is the largest number.
-    let count = if designs == usize::MAX { "more than can be counted".to_owned() } else { designs.to_string() };
+    let count = if designs == usize::MAX { "too many".to_owned() } else { designs.to_string() };
     let text = format!(
-        "method.levels is {}, which together with the levels and steps of the variables makes {count} designs, \
-         but at most {MOST_DESIGNS} are allowed",
+        "method.levels is {}. Together with the levels and steps of the variables, this makes {count} designs, but at \
+         most {MOST_DESIGNS} are allowed",
         spec.method.levels
     );
     method.mistake_report().add_mistake_at(&method.byte_range_of_value_or_section("levels"), text);
@@ -75,7 +75,7 @@ fn check_band_has_room_for_distinct_frequencies(
     if to_hz - from_hz >= between - ROUNDING {
         return;
     }
-    let why = format!("so that {fewest} actuators have frequencies {MIN_SPACING_HZ} Hz apart");
+    let why = format!("so that {fewest} actuators can have frequencies {MIN_SPACING_HZ} Hz apart");
     if method.has_key("to_hz") {
         method.report_wrong_value("to_hz", to_hz.to_string(), &format!("at least {}, {why}", from_hz + between));
     } else {
@@ -89,7 +89,7 @@ fn check_figure_place_is_within_known_sides(section: &TomlSection<'_, '_>, wante
     let sides_mm = space.sides_unchanged_by_variables_mm();
     let is_on = |at: f64, side: Option<f64>| at >= 0.0 && side.is_none_or(|side| at <= side * (1.0 + ROUNDING));
     if !at_mm.into_iter().zip(sides_mm).all(|(at, side)| is_on(at, side)) {
-        let range = |side: Option<f64>| side.map_or_else(|| "0 and above".to_owned(), |side| format!("0 to {side}"));
+        let range = |side: Option<f64>| side.map_or_else(|| "at least 0".to_owned(), |side| format!("0 to {side}"));
         let [x, y] = sides_mm.map(range);
         section.report_wrong_list("at_mm", &format!("on the surface: x {x}, y {y}"));
     }

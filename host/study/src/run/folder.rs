@@ -43,8 +43,8 @@ pub enum FolderError {
     },
     /// It has the results of something else.
     #[error(
-        "{} has results of another study, or of another version of the study, the scene or this program: give another folder, or \
-         remove this folder",
+        "the folder {} has results of another study, or of another version of the study, the scene or this program: \
+         name another folder, or delete this folder",
         path.display()
     )]
     Other {
@@ -62,7 +62,7 @@ impl StudyFolder {
         let folder = Self { path: path.into(), key };
         let rows = folder.path.join(ROWS);
         fs::create_dir_all(&rows).map_err(|error| FolderError::Io {
-            doing: "make the folder",
+            doing: "create the folder",
             path: rows.clone(),
             error,
         })?;
@@ -71,7 +71,7 @@ impl StudyFolder {
         match fs::read_to_string(&known) {
             Ok(text) if text.trim() == own => Ok(folder),
             Ok(text) if !is_complete_hex_key(&text) && folder.is_without_rows_of_other_studies()? => {
-                tracing::warn!("{} is incomplete and is written again", known.display());
+                tracing::warn!("the file {} is incomplete, so the program writes the file again", known.display());
                 folder.write_key_file()
             }
             Ok(_) => Err(FolderError::Other { path: folder.path }),
@@ -122,7 +122,10 @@ impl StudyFolder {
         };
         let rows = decode_task_rows_if_of_study_and_task(&self.key, task, &bytes);
         if rows.is_none() {
-            tracing::warn!("{} is incomplete; its designs are computed again", path.display());
+            tracing::warn!(
+                "the file {} is incomplete or damaged, so the program computes the designs of this file again",
+                path.display()
+            );
         }
         Ok(rows)
     }
@@ -134,7 +137,7 @@ impl StudyFolder {
     pub fn write_task_rows(&self, task: StudyTask, rows: &[DesignRow]) -> Result<(), FolderError> {
         let encoded = encode_task_rows(&self.key, task, rows);
         let name = format!("{ROWS}/{}", task.rows_file_name());
-        let failed = |error| FolderError::Io { doing: "encode", path: self.path.join(&name), error };
+        let failed = |error| FolderError::Io { doing: "encode the rows of", path: self.path.join(&name), error };
         self.write_file_atomically(&name, &encoded.map_err(failed)?)
     }
 

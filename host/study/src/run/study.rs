@@ -171,14 +171,15 @@ impl Study {
             && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting_on_whole_surface())
         {
             return Err(refused(format!(
-                "{} is wanted with one setting for the whole surface, but such a setting cannot follow the [finger] of the scene: leave out this figure, or [finger] in the scene",
+                "the figure {} needs one setting for the whole surface, but a scene with a [finger] needs another \
+                 setting for each touched place: leave out this figure, or leave out [finger] in the scene",
                 one.column_name()
             )));
         }
         if has_corners && !can_try_all_corners(off) {
             return Err(refused(format!(
-                "method.robust is \"corners\", which allows at most 8 uncertain values, but there are {off}: \
-                 let several of them vary together, or use \"latin_hypercube\""
+                "method.robust is \"corners\", which allows at most 8 uncertain values, but there are {off}: set vary \
+                 = \"together\" in [[uncertain]], or use \"latin_hypercube\""
             )));
         }
         let scenarios = UncertaintySamples::new(off, spec.method.robust, spec.method.seed);
@@ -186,7 +187,8 @@ impl Study {
         if spec.method.way == PointMethod::Sobol && dimensions.len() > MOST_SOBOL {
             let count = dimensions.len();
             return Err(refused(format!(
-                "method.way is \"sobol\", which allows at most {MOST_SOBOL} dimensions, but the variables have {count}"
+                "method.way is \"sobol\", which allows at most {MOST_SOBOL} dimensions, but the variables have \
+                 {count}: use another way"
             )));
         }
         let points = match KnownPoints::new(&spec.method, dimensions) {
@@ -357,7 +359,9 @@ impl Study {
             self.evaluate_figures_with_mass_and_cost(&scene, design, evaluator)
         }));
         let figures = found.map_err(|_| {
-            String::from("the program itself failed at this design (a bug): please report this message with the scene")
+            String::from(
+                "the program failed at this design because of a bug: please report this message with the scene",
+            )
         })?;
         figures.map_err(|error: EvaluateError| error.to_string())
     }

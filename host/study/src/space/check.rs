@@ -77,7 +77,7 @@ impl DesignSpace {
             {
                 lines.report_mistake_in_line(
                     variable.line,
-                    format!("{name}: mirror_of is {from}, but must be the place of an earlier variable"),
+                    format!("{name}: mirror_of is {from}, but must be the `place` of an earlier [[variable]]"),
                 );
                 continue;
             }
@@ -112,8 +112,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: two variables change {place}, this variable and variable[{}] ({}) in line {}: \
-                     only one variable may change a place",
+                    "{}: this variable and variable[{}] ({}) in line {} both change {place}, but only one variable may \
+                     do so",
                     name_variable_in_message(number, own),
                     before + 1,
                     other.name,
@@ -173,7 +173,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: its column in the table of designs would be {:?}, but {whose} has a column of this name: give the variable another `name`",
+                    "{}: the column of this variable in the table of designs would be {:?}, but {whose} has a column \
+                     with this name: give the variable another `name`",
                     name_variable_in_message(number, own),
                     column.name
                 ),
@@ -188,7 +189,7 @@ impl DesignSpace {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
                 lines.report_mistake_in_line(
                     own.line,
-                    format!("{name}: `key` leads to a place without a number in the scene file"),
+                    format!("{name}: `key` must lead to a number, but the scene file has no number at this path"),
                 );
             }
         }
@@ -221,7 +222,8 @@ impl DesignSpace {
                 let x = [place.as_slice(), &[PathStep::Key("x_mm".into())]].concat();
                 if document::number_at_place_if_any(&self.base, &x).is_none() {
                     let told = format!(
-                        "apart[{entry_number}]: {path} is not a place, because the path leads to no table with an x_mm"
+                        "apart[{entry_number}]: the path {path} must lead to a table with x_mm, such as an actuator, \
+                         but does not"
                     );
                     lines.report_mistake_in_line(minimum_distance.line, told);
                     return;
@@ -257,8 +259,8 @@ impl DesignSpace {
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "uncertain[{}] ({}): two entries make {place} uncertain, this entry and uncertain[{}] ({}) \
-                         in line {}: only one entry may make a place uncertain",
+                        "uncertain[{}] ({}): this entry and uncertain[{}] ({}) in line {} both make {place} uncertain, \
+                         but only one entry may do so",
                         number + 1,
                         own.name,
                         before + 1,
@@ -304,7 +306,8 @@ impl DesignSpace {
                 lines.report_mistake_in_line(
                     own.line,
                     format!(
-                        "{}: the scene is not valid with any of the values of this variable that were tried: {reason}",
+                        "{}: the program tried several values of this variable, but the scene is valid with none of \
+                         them: {reason}",
                         name_variable_in_message(number, own)
                     ),
                 );

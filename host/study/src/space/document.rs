@@ -58,7 +58,11 @@ pub(super) fn check_variables_can_be_set_in_document(
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
             let places = of.find_places_allowing_new_last_key(base)?;
             let is_one = matches!(places.as_slice(), [place] if find_table_at_place(base, place).is_some());
-            if is_one { Ok(()) } else { Err(missing(of, "single table at this path".into())) }
+            if is_one {
+                Ok(())
+            } else {
+                Err(missing(of, "table at this path, or more than one table; exactly one is needed".into()))
+            }
         }
         VariableKind::Count { list, to, .. } => {
             let Some(tables) = base.get(list).and_then(Item::as_array_of_tables) else {

@@ -193,12 +193,9 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
     let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (4, "the scene has no support[7]"),
-        (
-            8,
-            "the scene is not valid with any of the values of this variable that were tried: surface.thickness_mm is 200, but must be 0.001 to 100",
-        ),
-        (12, "must be the place of an earlier variable"),
-        (16, "the scene has 2 [[actuator]], but `to` is 3"),
+        (8, "the scene is valid with none of them: surface.thickness_mm is 200, but must be 0.001 to 100"),
+        (12, "must be the `place` of an earlier [[variable]]"),
+        (16, "`to` is 3, but the scene has only 2 [[actuator]] tables"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
     hold(&error, &expected);
@@ -237,7 +234,7 @@ fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
     let thick = format!("{longer}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n");
     hold(
         &space_of(&thick, &shorter).unwrap_err(),
-        &[(11, "variable[3] (surface.thickness_mm): the scene is not valid with any")],
+        &[(11, "variable[3] (surface.thickness_mm): the program tried several values")],
     );
 }
 
@@ -254,26 +251,33 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
     let expected = [
         (
             9,
-            "variable[2] (other): two variables change support[1].x_mm, this variable and variable[1] \
-             (support[1].x_mm) in line 4",
+            "variable[2] (other): this variable and variable[1] (support[1].x_mm) in line 4 both change \
+             support[1].x_mm",
         ),
-        (14, "variable[3] (status): its column in the table of designs would be \"status\", but the table itself has"),
+        (
+            14,
+            "variable[3] (status): the column of this variable in the table of designs would be \"status\", but the \
+             table itself has",
+        ),
         (
             19,
-            "variable[4] (weakest_g_low): its column in the table of designs would be \"weakest_g_low\", but a figure has",
+            "variable[4] (weakest_g_low): the column of this variable in the table of designs would be \
+             \"weakest_g_low\", but a figure has",
         ),
         (
             28,
-            "variable[6] (a.y_mm): its column in the table of designs would be \"a.y_mm\", but variable[5] in line 24 has",
+            "variable[6] (a.y_mm): the column of this variable in the table of designs would be \"a.y_mm\", but \
+             variable[5] in line 24 has",
         ),
-        (32, "two variables change actuator[1].x_mm, this variable and variable[5] (a) in line 24"),
+        (32, "this variable and variable[5] (a) in line 24 both change actuator[1].x_mm"),
     ];
     hold(&space_of(study, STARTING_PLATE).unwrap_err(), &expected);
     // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
     let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
     let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
     let error = space_of(&format!("{key}{table}"), STARTING_PLATE).unwrap_err();
-    hold(&error, &[(8, "two variables change surface.material.density_kg_m3, this variable and variable[1]")]);
+    let both = "in line 4 both change surface.material.density_kg_m3";
+    hold(&error, &[(8, both)]);
     let space = space(&format!("{table}{key}"));
     assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
 }
@@ -287,7 +291,7 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
     let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
-        (13, "uncertain[1] (surface.kind): `key` leads to a place without a number in the scene file"),
+        (13, "uncertain[1] (surface.kind): `key` must lead to a number, but the scene file has no number at this path"),
         (16, "uncertain[2]: support[9].x_mm: the scene has no support[9]"),
     ];
     hold(&error, &expected);
@@ -352,9 +356,12 @@ fn what_is_held_apart_has_places() {
         let study = format!("{table}[[apart]]\nplaces = {places}\ndistance_mm = 50\n");
         hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(8, expected)]);
     };
-    told("[\"surface\"]", "apart[1]: surface is not a place, because the path leads to no table with an x_mm");
-    told("[\"actuator\"]", "apart[1]: actuator is not a place");
-    told("[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]", "apart[1]: actuator.left.x_mm is not a place");
+    told("[\"surface\"]", "apart[1]: the path surface must lead to a table with x_mm, such as an actuator, but");
+    told("[\"actuator\"]", "apart[1]: the path actuator must lead to a table");
+    told(
+        "[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]",
+        "apart[1]: the path actuator.left.x_mm must lead to a table",
+    );
     told(
         "[\"actuator.left\", \"actuator[1]\"]",
         "apart[1]: the number of places that the paths lead to is 1, but must be at least 2",
@@ -382,7 +389,7 @@ fn a_value_is_off_in_one_way() {
     let table = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n";
     let off = |key: &str| format!("[[uncertain]]\nkey = \"{key}\"\npart = 0.1\n");
     let study = format!("{table}{}{}", off("support.*.stiffness_n_per_m"), off("support[1].stiffness_n_per_m"));
-    let expected = "two entries make support[1].stiffness_n_per_m uncertain, this entry and \
-                    uncertain[1] (support.*.stiffness_n_per_m) in line";
+    let expected = "this entry and uncertain[1] (support.*.stiffness_n_per_m) in line 9 both make \
+                    support[1].stiffness_n_per_m uncertain";
     hold(&space_of(&study, STARTING_PLATE).unwrap_err(), &[(12, expected)]);
 }

@@ -126,7 +126,7 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
                 section.read_required_positive_count_or_1("to", 1000) as usize,
             );
             if from > to {
-                section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
+                section.report_wrong_value("from", from.to_string(), &format!("at most {to}, the value of `to`"));
             }
             (format!("number of {}", pluralise_list_name(&list)), Some(VariableKind::Count { list, from, to }))
         }
@@ -174,7 +174,7 @@ fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allo
     let (from, to) =
         (section.read_required_number_or_nan("from", allowed), section.read_required_number_or_nan("to", allowed));
     if from > to {
-        section.report_wrong_value("from", from.to_string(), &format!("at most `to`, {to}"));
+        section.report_wrong_value("from", from.to_string(), &format!("at most {to}, the value of `to`"));
     }
     let words = [("linear", NumberScale::Linear), ("log", NumberScale::Log)];
     let scale = if section.has_key("scale") { section.read_required_word("scale", &words) } else { None };
@@ -224,7 +224,7 @@ fn read_choice_variable(
         section.report_wrong_value(
             "names",
             format!("a list of {} names", names.len()),
-            &format!("a list with one name for each value, {} in all", values.len()),
+            &format!("a list with one name for each value: {} names", values.len()),
         );
     }
     let costs = costs.unwrap_or_else(|| vec![0.0; values.len()]);
@@ -330,7 +330,7 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     }
     let at_mm = if figure.depends_on_place() {
         if !section.has_key("at_mm") {
-            section.report_wrong_value("at_mm", "missing".into(), "the place, [x, y] in mm");
+            section.report_wrong_value("at_mm", "missing".into(), "[x, y] in mm, the place of the figure");
         }
         Some(section.read_numbers_if_given("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
     } else {
@@ -377,7 +377,7 @@ fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
     let least = section.read_optional_number_or_nan("least", f64::NEG_INFINITY, ANY);
     let most = section.read_optional_number_or_nan("most", f64::INFINITY, ANY);
     if least > most {
-        section.report_wrong_value("least", least.to_string(), &format!("at most `most`, {most}"));
+        section.report_wrong_value("least", least.to_string(), &format!("at most {most}, the value of `most`"));
     }
     section.report_unknown_keys();
     Some(FigureLimit { wanted: wanted?, least, most })
@@ -441,7 +441,7 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         report_given_keys_that_must_be_left_out(
             &section,
             ["designs", "seed"],
-            "because `levels` sets the designs of a grid",
+            "because `levels` alone determines the designs of a grid",
         );
     } else {
         report_given_keys_that_must_be_left_out(&section, ["levels"], "because `way` is not \"grid\"");
@@ -456,7 +456,7 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         if method.population < 4 {
             section.report_wrong_value("population", method.population.to_string(), "4 to 10000");
         } else if method.designs < least {
-            let wanted = format!("at least {least}, one generation of each run (population x runs)");
+            let wanted = format!("at least {least} (population x runs), one generation of each run");
             section.report_wrong_value("designs", method.designs.to_string(), &wanted);
         }
         report_given_keys_that_must_be_left_out(
@@ -477,7 +477,7 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
         section.report_wrong_value(
             "from_hz",
             method.from_hz.to_string(),
-            &format!("at most `to_hz`, {}", method.to_hz),
+            &format!("at most {}, the value of `to_hz`", method.to_hz),
         );
     }
     let words = [("quick", false), ("thorough", true)];
@@ -491,7 +491,7 @@ fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> Stud
             report_given_keys_that_must_be_left_out(
                 &section,
                 ["samples"],
-                "because the corners of the ranges are the samples",
+                "because `robust` is \"corners\": the corners of the ranges are the samples",
             );
             method.robust = UncertaintySampling::Corners;
         } else {

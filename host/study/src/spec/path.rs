@@ -29,15 +29,15 @@ enum PathSegment {
 pub enum PathError {
     /// Not of a path's form.
     #[error(
-        "{path:?} is not a place in a scene; examples of places: surface.thickness_mm, support[1].x_mm, \
-         support.*.x_mm, actuator.left.x_mm, edge.top.kind"
+        "{path:?} is not a path to a key or table of a scene; examples of paths: surface.thickness_mm, \
+         support[1].x_mm, support.*.x_mm, actuator.left.x_mm, edge.top.kind"
     )]
     Form {
         /// As written.
         path: String,
     },
     /// A list is too short.
-    #[error("the scene has {found} [[{list}]], but `to` is {wanted}")]
+    #[error("`to` is {wanted}, but the scene has only {found} [[{list}]] tables")]
     Few {
         /// The list.
         list: String,

@@ -23,18 +23,18 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
     let expected = [
         (1, "version is 2, but must be 1"),
         (4, "unknown key speed"),
-        (6, "\"support[0].x_mm\" is not a place in a scene"),
-        (7, "variable[1].from is 3, but must be at most `to`, 1"),
+        (6, "\"support[0].x_mm\" is not a path to a key or table of a scene"),
+        (7, "variable[1].from is 3, but must be at most 1, the value of `to`"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
         (14, "variable[3].from is 0, but must be above 0, because the scale is \"log\""),
-        (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value, 2 in all"),
+        (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value: 2 names"),
         (22, "variable[5]: exactly one of the keys `key`, `place` and `count` is needed"),
         (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
-        (25, "wish[2].at_mm is missing, but must be the place, [x, y] in mm"),
+        (25, "wish[2].at_mm is missing, but must be [x, y] in mm, the place of the figure"),
         (28, "limit[1]: at least one of the keys `least` and `most` is needed"),
         (30, "uncertain[1]: exactly one of the keys `part` and `by` is needed"),
         (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
-        (35, "method.designs is 10, but must be at least 32, one generation of each run"),
+        (35, "method.designs is 10, but must be at least 32 (population x runs), one generation of each run"),
     ];
     let told = told(text);
     assert_eq!(told.len(), expected.len(), "{told:#?}");
@@ -61,7 +61,8 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{wish}[[uncertain]]\nkey = \"a.b\"\nby = 1\n[method]\nrobust = \"corners\"\nsamples = 9\n"),
             11,
-            "method.samples is 9, but must be left out, because the corners of the ranges are the samples",
+            "method.samples is 9, but must be left out, because `robust` is \"corners\": the corners of the ranges are \
+             the samples",
         ),
         (
             format!("{wish}[method]\nway = \"evolution\"\nchunk = 3\n"),

@@ -129,18 +129,19 @@ pub struct Motion {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
     /// It would go further than half the gap.
-    #[error("the mass of actuator {actuator} (counted from 0) would move by more than {FOLLOWED} of its air gap")]
+    #[error("the mass of actuator {actuator} (counted from 0) would move by more than {FOLLOWED} times its air gap")]
     Travel {
         /// Which, counted from 0.
         actuator: usize,
     },
     /// The electrodes take more off a spring, or feed more into a resonance, than there is: any motion grows.
-    #[error("the pull of the electrodes takes away too much stiffness, so a resonance becomes unstable")]
+    #[error("the pull of the electrodes reduces the stiffness of the springs so far that a resonance becomes unstable")]
     Unstable,
     /// Not the numbers of actuators, drives and lines that belong together.
     #[error(
-        "{actuators} actuators, {excitations} drives and {lines} lines were given, but there must be one drive per actuator, at most \
-         {MAX_ACTUATORS} actuators, at most {MAX_LINES} lines of harmonics 1, 3 or 5, and the fundamental of every drive"
+        "{actuators} actuators, {excitations} drives and {lines} spectral lines were given, but there must be one \
+         drive per actuator, at most {MAX_ACTUATORS} actuators, at most {MAX_LINES} lines of harmonics 1, 3 or 5, and \
+         the fundamental of every drive"
     )]
     Shape {
         /// As given.

@@ -172,7 +172,9 @@ impl Admission {
                 || known.name.as_deref() == Some(key) && known.client.shares_request_names_with(&client)
         };
         let Some(known) = known.iter().rev().find(is_it) else {
-            let detail = format!("this client has no request {key:?}; the daemon keeps the last {KEPT} requests");
+            let detail = format!(
+                "this client has no request {key:?}; the daemon keeps at most {KEPT} requests of all clients together"
+            );
             return Err(Problem::new(ProblemKind::NotFound, detail));
         };
         let ms = |until: Instant| until.saturating_duration_since(known.arrived).as_secs_f64() * 1e3;
