@@ -89,7 +89,7 @@ fn format_touch_answer(answer: &Value) -> String {
                 ),
                 _ => write!(
                     text,
-                    " felt, {:.3} g on an accelerometer, {windows} windows",
+                    " in the band that is felt, {:.3} g below 1 kHz (accelerometer); {windows} electrode windows",
                     read_number_or_nan(&played["peak_most_g"]),
                 ),
             };
@@ -113,7 +113,7 @@ fn format_touch_answer(answer: &Value) -> String {
     for target in targets.iter().filter(|_| targets.len() > 1) {
         let of = |name: &str| read_number_or_nan(&target[name]);
         let (x, y, peak, wanted) = (of("x_mm"), of("y_mm"), of("peak_g"), of("wanted_g"));
-        let _ = write!(text, "\n  target at {x:.1} mm, {y:.1} mm: {peak:.3} g ({wanted:.3} g wanted)");
+        let _ = write!(text, "\n  target at {x:.1} mm, {y:.1} mm: {peak:.3} g ({wanted:.3} g requested)");
     }
     for stretch in answer["stretches"].as_array().into_iter().flatten() {
         let _ = write!(
@@ -123,7 +123,7 @@ fn format_touch_answer(answer: &Value) -> String {
             read_number_or_nan(&stretch["to_ms"])
         );
         match stretch["plan"]["targets"].as_array() {
-            None => text.push_str(" nothing"),
+            None => text.push_str(" no drives"),
             Some(targets) => {
                 let peaks: Vec<String> =
                     targets.iter().map(|t| format!("{:.3} g", read_number_or_nan(&t["peak_g"]))).collect();
@@ -202,7 +202,8 @@ fn format_state(answer: &Value) -> String {
     if !clock.is_null() {
         let _ = write!(
             text,
-            "\nclock of the board: {:+.1} ppm against the clock of the daemon's computer; error of the predicted board time {:.0} us rms, {:.0} us at most",
+            "\nclock of the board: {:+.1} ppm relative to the clock of the daemon's computer; error of the \
+             predicted board time {:.0} us rms, {:.0} us at most",
             read_number_or_nan(&clock["rate_ppm"]),
             read_number_or_nan(&clock["residual_rms_us"]),
             read_number_or_nan(&clock["residual_worst_us"]),
@@ -311,7 +312,7 @@ pub fn request_answer(
         (_, None) => add_bearer_token(agent.post(&url), bearer).send_empty(),
     };
     let mut answer = sent.map_err(|error| {
-        match RequestTrouble::from_request_error(&error, &daemon.url)
+        match RequestTrouble::from_request_error(&error, &daemon.url, daemon.proxy.is_some())
             .describe_with_advice(&daemon.url, daemon.ca.is_some())
         {
             Some((found, advice)) => Failure::runtime_error(format!("{found}: {advice}")),
@@ -328,7 +329,8 @@ pub fn request_answer(
     }
     let body: Value = answer.body_mut().read_json().map_err(|error| {
         Failure::runtime_error(format!(
-            "{url} answered {status}, but not with JSON ({error}): check that this is the address of an era daemon"
+            "{url} answered with the status {status}, but the answer is not JSON ({error}): check that this \
+             is the address of an era daemon"
         ))
     })?;
     Ok(DaemonAnswer { status: status.as_u16(), body })
@@ -348,9 +350,10 @@ pub fn request_body_failing_on_error_status(
     if (200..300).contains(&status) {
         return Ok(body);
     }
-    let mut detail = body["detail"].as_str().unwrap_or("no reason given").to_owned();
+    let no_reason = || format!("the daemon answered with the status {status} and gave no reason");
+    let mut detail = body["detail"].as_str().map_or_else(no_reason, str::to_owned);
     if status == 401 {
-        detail.push_str(" (for `era`: --token-file FILE, or the variable ERA_TOKEN)");
+        detail.push_str(" (use --token-file FILE, or the environment variable ERA_TOKEN)");
     }
     Err(if status == 400 { Failure::Usage(detail) } else { Failure::Failed(detail) })
 }

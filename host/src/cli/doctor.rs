@@ -26,24 +26,26 @@ pub struct Doctor {
     /// Without this option, the doctor looks for a board by its USB identity and writes to no other port
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<Target>,
-    /// The daemon's configuration file; the doctor checks the file, its device and its address
+    /// The daemon's configuration file; the doctor checks the file, and the device and the address in it
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// A scene file to check
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
-    /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: that of the configuration, or
-    /// http://127.0.0.1:7878]
+    /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: the address in the
+    /// configuration, or http://127.0.0.1:7878]
     #[arg(long, value_name = "URL", value_parser = parse_url)]
     pub url: Option<String>,
-    /// File with the token, if the daemon needs one; the variable ERA_TOKEN has the same effect [default: that of the
-    /// configuration]
+    /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
+    /// [default: the token file of the configuration]
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Trusted certificate in PEM for the connection to the daemon [default: that of the configuration]
+    /// File with the trusted certificate in PEM for the connection to the daemon [default: the certificate of the
+    /// configuration]
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
-    /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
+    /// HTTP proxy for the connection to the daemon (method CONNECT), such as http://HOST:PORT; proxy variables of the
+    /// environment are ignored
     #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
@@ -62,8 +64,10 @@ pub fn run_doctor(options: &Doctor) -> Outcome {
     }
     match problems {
         0 => Ok(()),
-        1 => Err(Failure::runtime_error("1 problem; the line below it says what to do")),
-        many => Err(Failure::runtime_error(format!("{many} problems; the line below each says what to do"))),
+        1 => Err(Failure::runtime_error("1 problem was found; the line below the problem says what to do")),
+        many => Err(Failure::runtime_error(format!(
+            "{many} problems were found; the line below each problem says what to do"
+        ))),
     }
 }
 
@@ -159,8 +163,8 @@ fn find_url_and_ask_daemon(options: &Doctor, serve: &Serve) -> Result<(String, D
         (None, _) => read_token(None)?,
     };
     let contact = DaemonContact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
-    let found =
-        daemon::ask_daemon(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
+    let way = daemon::WayToDaemon { has_ca: ca.is_some(), has_proxy: options.proxy.is_some() };
+    let found = daemon::ask_daemon(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), way);
     Ok((url, found))
 }
 

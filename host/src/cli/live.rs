@@ -48,7 +48,7 @@ pub fn open_live_socket(daemon: &DaemonOptions, query: &str) -> Result<Socket, F
         }
         Err(HandshakeError::Failure(Error::Io(error))) => {
             let error = ureq::Error::Io(error);
-            let told = RequestTrouble::from_request_error(&error, &daemon.url)
+            let told = RequestTrouble::from_request_error(&error, &daemon.url, daemon.proxy.is_some())
                 .describe_with_advice(&daemon.url, daemon.ca.is_some());
             Err(told.map_or_else(|| failed(&error), |(found, advice)| failed(&format!("{found}: {advice}"))))
         }

@@ -40,7 +40,10 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         return Err(Failure::Usage(mistake));
     }
     let access = read_access_rules(options)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::runtime_error)?;
+    // Said here, so that `TOKIO_WORKER_THREADS` counts for nothing; two at least, so that a stop does not wait for what is read.
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).max(2);
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(threads).enable_all().build();
+    let runtime = runtime.map_err(Failure::runtime_error)?;
     // A port in use is told before the panel is computed, or a certificate made.
     let has_tokens = !access.tokens.is_empty();
     let place = listen_place_or_default(options)?;
@@ -69,7 +72,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     if table.scene.finger.is_some() {
         tracing::warn!(
             "the daemon's plans ignore the scene's [finger], because a drive must be safe when the finger is \
-             lifted; `era plan` and `era field` include it"
+             lifted; `era plan` and `era field` include the finger"
         );
     }
     let target = options.device.clone().unwrap_or(Target::Sim);
@@ -110,7 +113,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     if let Some(plan) = first {
         let own_us = plan.elapsed_us;
         tracing::info!(
-            "first plan {:.0} ms after the start (planning alone took {own_us:.0} us)",
+            "first plan {:.0} ms after the start (the planning itself took {own_us:.0} us)",
             duration_ms(planned)
         );
     }
@@ -328,8 +331,8 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             names.extend((!is_every).then(|| place.host().to_owned()));
             let files = find_or_make_certificate(folder, &names).map_err(convert_listen_error)?;
             let advice = format!(
-                "the daemon keeps the certificate, because clients trust it; for another certificate, move era-cert.pem and \
-                 era-key.pem out of {}, restart the daemon, and give the new era-cert.pem to every client",
+                "the daemon keeps the certificate, because clients trust it; to get a new certificate with these names, move \
+                 era-cert.pem and era-key.pem out of {}, restart the daemon, and give the new era-cert.pem to every client",
                 folder.display()
             );
             warn_of_names_missing_in_certificate(&files, &names, &advice);
@@ -361,7 +364,7 @@ fn warn_of_names_missing_in_certificate(files: &TlsFiles, names: &[String], advi
     let lacking = list_names_missing_in_certificate(files, names);
     if !lacking.is_empty() {
         tracing::warn!(
-            "the certificate {} does not contain {}: {advice}",
+            "the certificate {} does not contain the names {}: {advice}",
             files.certificate.display(),
             lacking.join(", ")
         );

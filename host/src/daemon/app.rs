@@ -43,6 +43,8 @@ pub struct App {
     pub access: Arc<Access>,
     /// How often each client is answered.
     pub pace: Arc<RequestRateLimiter>,
+    /// How often messages on live sockets of each client are read.
+    pub(super) live_pace: RequestRateLimiter,
     /// Writes down what is asked and what becomes of it, where that is wanted.
     pub record: Option<Recorder>,
     /// What connections may take.
@@ -91,6 +93,7 @@ impl App {
             started: Instant::now(),
             access: Arc::new(access),
             pace: Arc::default(),
+            live_pace: RequestRateLimiter::default(),
             record: None,
             limits: Limits::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
@@ -129,7 +132,10 @@ impl App {
             Err(_) => Some(SessionError::Hangs),
         };
         if let Some(error) = problem {
-            tracing::warn!(%error, "could not stop the device at shutdown; its dead-man timer switches it off");
+            tracing::warn!(
+                %error,
+                "could not stop the device at shutdown; the device's dead-man timer switches its high voltage off"
+            );
         }
     }
 

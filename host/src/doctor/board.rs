@@ -109,5 +109,5 @@ fn measure_clock_quality_if_two_samples(client: &mut Client) -> Result<Option<Cl
 }
 
 fn unexpected_reply_error(request: &'static str) -> LinkError {
-    LinkError::Unexpected { request, reply: "another kind of answer".into() }
+    LinkError::Unexpected { request, reply: "a reply of another type".into() }
 }

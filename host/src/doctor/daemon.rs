@@ -23,10 +23,19 @@ pub fn replace_unspecified_by_loopback(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
+/// How a daemon is asked.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WayToDaemon {
+    /// Whether a certificate of the user's is trusted.
+    pub has_ca: bool,
+    /// Whether a proxy was named.
+    pub has_proxy: bool,
+}
+
 /// Asks whoever listens at `url`, over `agent`, which takes no status for an error and follows no redirect; `bearer` is what the header
-/// `Authorization` says, `has_ca` whether a certificate of the user's is trusted.
+/// `Authorization` says.
 #[must_use]
-pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: bool) -> Daemon {
+pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: WayToDaemon) -> Daemon {
     let mut request = agent.get(format!("{url}{STATE}"));
     if let Some(bearer) = bearer {
         request = request.header("Authorization", bearer);
@@ -34,8 +43,8 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: 
     let mut answer = match request.call() {
         Ok(answer) => answer,
         Err(error) => {
-            let trouble = RequestTrouble::from_request_error(&error, url);
-            return match (trouble.describe_with_advice(url, has_ca), &error) {
+            let trouble = RequestTrouble::from_request_error(&error, url, way.has_proxy);
+            return match (trouble.describe_with_advice(url, way.has_ca), &error) {
                 (Some((found, advice)), _) => Daemon::Hidden { found, advice },
                 (
                     None,
@@ -55,13 +64,13 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: 
         return Daemon::Hidden { found, advice };
     }
     let Ok(state) = answer.body_mut().read_json::<Value>() else {
-        return Daemon::Stranger(format!("it answers {status}, but not with JSON"));
+        return Daemon::Stranger(format!("the status of its answer is {status}, and the answer is not JSON"));
     };
     if matches!(status.as_u16(), 401 | 403) {
         return Daemon::Guarded(parse_string(&state["detail"]).unwrap_or_else(|| status.to_string()));
     }
     if !status.is_success() {
-        return Daemon::Stranger(format!("it answers {status}"));
+        return Daemon::Stranger(format!("the status of its answer is {status}"));
     }
     parse_daemon_state(&state)
 }
@@ -83,10 +92,10 @@ pub fn parse_daemon_state(state: &Value) -> Daemon {
     let (Some(version), Some(kind), Some(port)) =
         (parse_string(&daemon["version"]), parse_string(&device["kind"]), parse_string(&device["port"]))
     else {
-        return Daemon::Stranger("it answers with JSON, but not with the state of a daemon".into());
+        return Daemon::Stranger("its answer is JSON, but is not the state of a daemon".into());
     };
     let problem = (device["connected"] == false)
-        .then(|| parse_string(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
+        .then(|| parse_string(&device["problem"]).unwrap_or_else(|| "the daemon gave no reason".into()));
     let heard = parse_string(&device["firmware"]).map(|firmware| Box::new(parse_board_report(firmware, state)));
     Daemon::Runs { version, port, kind, problem, heard }
 }

@@ -82,17 +82,17 @@ fn judge_board_presence(facts: &Facts) -> Finding {
                  This is normal if the board is connected through a UART"
             ),
         ),
-        (_, [one]) => Finding::ok("board", format!("at {one}")),
-        (Wanted::Port(path), _) => Finding::ok("board", format!("at {path}")),
+        (_, [one]) => Finding::ok("board", format!("a board is connected at {one}")),
+        (Wanted::Port(path), _) => Finding::ok("board", format!("a board is connected at {path}")),
         (_, [first, ..]) => Finding::warning(
             "board",
             format!("{} boards are connected: {}", boards.len(), boards.join(", ")),
-            format!("name one of these ports with --device; this check used {first}"),
+            format!("name one of these ports with --device; the checks below use {first}"),
         ),
         (wanted, []) => {
             let (found, advice) = match (facts.bootloader, probe) {
                 (Some(true), _) => (
-                    "a chip is in its bootloader".into(),
+                    "a chip is in its bootloader and does not run the firmware".into(),
                     "an update was interrupted, or the pin BOOT0 is high: run `era flash` (see docs/src/bring-up.md)"
                         .into(),
                 ),
@@ -117,7 +117,7 @@ fn judge_board_presence(facts: &Facts) -> Finding {
 fn judge_udev_rule(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
         [] => Finding::warning("udev-rule", "no udev rule lets users open the board's port", RULE),
-        [rule, ..] => Finding::ok("udev-rule", rule.path.clone()),
+        [rule, ..] => Finding::ok("udev-rule", format!("the udev rule is in {}", rule.path)),
     })
 }
 
@@ -156,21 +156,28 @@ fn judge_daemon(facts: &Facts) -> Finding {
         Daemon::Guarded(reason) => Finding::warning(
             "daemon",
             format!("a daemon runs at {address} and needs a token, so its device was not checked: {reason}"),
-            "use era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role `view` is sufficient",
+            "use era doctor --token-file FILE, or put a token into the environment variable ERA_TOKEN; a token of the \
+             role `view` is sufficient",
         ),
         Daemon::Hidden { found, advice } => Finding::warning("daemon", found.clone(), advice.clone()),
         Daemon::Runs { version, port, problem: Some(problem), .. } => Finding::problem(
             "daemon",
-            format!("version {version} runs at {address}, but its device at {port} is not connected: {problem}"),
-            "see the checks of the port below; the daemon connects again by itself",
+            format!(
+                "a daemon of version {version} runs at {address}, but its device at {port} is not connected: {problem}"
+            ),
+            "see the checks of the port below; the daemon connects again when the cause is removed",
         ),
         Daemon::Runs { version, port, kind, .. } => {
             let own = env!("CARGO_PKG_VERSION");
-            let found = format!("version {version} runs at {address} with the device {kind} at {port}");
+            let found = format!("a daemon of version {version} runs at {address} with the device {kind} at {port}");
             if version == own {
                 Finding::ok("daemon", found)
             } else {
-                Finding::warning("daemon", format!("{found}; this program is version {own}"), "restart the daemon")
+                Finding::warning(
+                    "daemon",
+                    format!("{found}; this program has version {own}"),
+                    "restart the daemon with the newer version",
+                )
             }
         }
     }
@@ -184,7 +191,7 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
     let Chosen { path, access, holders, answer } = chosen;
     let mut all = vec![match answer {
         PortAnswer::Denied => {
-            let own = if access.is_member { ", and this user is a member" } else { "" };
+            let own = if access.is_member { ", of which this user is a member" } else { "" };
             let (group, join) = match &access.group {
                 Some(group) => (
                     format!(" (group {group}{own})"),
@@ -193,12 +200,16 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
                 None => (String::new(), String::new()),
             };
             let first = if has_rule { "connect the board again, so that the udev rule takes effect" } else { RULE };
-            Finding::problem("permission", format!("this user may not open {path}{group}"), format!("{first}{join}"))
+            Finding::problem(
+                "permission",
+                format!("this user has no permission to open {path}{group}"),
+                format!("{first}{join}"),
+            )
         }
         PortAnswer::Missing => Finding::problem(
             "permission",
             format!("there is no port {path}"),
-            "name one of the ports above, or connect the board",
+            "name one of the ports in the check `ports` above, or connect the board",
         ),
         PortAnswer::Failed(reason) => Finding::problem(
             "permission",
@@ -206,9 +217,9 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
             "check that this path is a serial port; disconnect the board and connect it again",
         ),
         PortAnswer::NotAsked | PortAnswer::Busy => {
-            Finding::ok("permission", format!("not tried, because {path} is in use"))
+            Finding::ok("permission", format!("not checked, because {path} is in use"))
         }
-        _ => Finding::ok("permission", format!("this user may open {path}")),
+        _ => Finding::ok("permission", format!("this user has the permission to open {path}")),
     }];
     let own = matches!(daemon, Daemon::Runs { port, .. } if port == path);
     let name = |it: &PortHolder| format!("{} (process {})", it.name, it.pid);
@@ -218,18 +229,20 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         _ if own && !beside.is_empty() => Finding::problem(
             "port",
             format!("{path} is open in the running daemon, but also in {}", beside.join(", ")),
-            "end that program, because it takes bytes from the daemon",
+            "end the other program, because it receives bytes that the daemon needs",
         ),
-        _ if own => Finding::ok("port", format!("the running daemon has {path} open, and has answered for its device")),
+        _ if own => {
+            Finding::ok("port", format!("the running daemon has {path} open, and reports the state of the device"))
+        }
         PortAnswer::NotAsked => Finding::problem(
             "port",
             format!("{path} is open in {}", names.join(", ")),
-            "end that program; two programs on one port take bytes from each other",
+            "end that program, because only one program at a time can use a port",
         ),
         PortAnswer::Busy => Finding::problem(
             "port",
-            format!("{path} is held by another program"),
-            "end that program; `sudo era doctor` names the program",
+            format!("{path} is open in another program"),
+            "end that program; `sudo era doctor` shows its name",
         ),
         PortAnswer::Denied | PortAnswer::Missing | PortAnswer::Failed(_) => return all,
         _ => Finding::ok("port", format!("no other program has {path} open, as far as this user can see")),
@@ -244,7 +257,7 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         PortAnswer::Version(reason) => Finding::problem(
             "firmware",
             reason.clone(),
-            "`era flash` updates an older board; a newer board needs a newer version of era",
+            "if the firmware is too old, update it with `era flash`; if it is too new, install a newer version of era",
         ),
         _ => return all,
     });
@@ -253,7 +266,10 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
 
 fn judge_realtime_priority(priority_limit: u64) -> Finding {
     if priority_limit > 0 {
-        return Finding::ok("realtime", format!("threads may have real-time priority (up to {priority_limit})"));
+        return Finding::ok(
+            "realtime",
+            format!("threads of this user can get real-time priority (up to {priority_limit})"),
+        );
     }
     Finding::warning(
         "realtime",

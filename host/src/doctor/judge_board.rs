@@ -32,7 +32,7 @@ pub fn judge_board_report(report: &BoardReport) -> Vec<Finding> {
     if again > 0 {
         let found = format!("{again} of {sent} frames had to be sent again");
         all.push(if again.saturating_mul(REPEATS) > sent {
-            Finding::warning("link", found, "use another or shorter cable, or another USB port")
+            Finding::warning("link", found, "use another cable, a shorter cable, or another USB port")
         } else {
             Finding::ok("link", found)
         });
@@ -45,7 +45,9 @@ fn judge_protocol_version_of_firmware(report: &BoardReport) -> Finding {
     match protocol {
         Some(spoken) if *spoken < CURRENT_VERSION => Finding::warning(
             "firmware",
-            format!("{firmware}, protocol version {spoken}; this program also speaks version {CURRENT_VERSION}"),
+            format!(
+                "{firmware}, protocol version {spoken}; this program also supports the newer version {CURRENT_VERSION}"
+            ),
             "`era flash` updates the firmware: effects, the clock and measurements of the supply need the newer version",
         ),
         Some(spoken) => Finding::ok("firmware", format!("{firmware}, protocol version {spoken}")),
@@ -92,7 +94,7 @@ fn judge_safety_loops(supply: &Supply) -> Finding {
     .map(|(_, open)| open)
     .collect();
     if open.is_empty() {
-        return Finding::ok("interlock", "enclosure closed, emergency stop released, earth bonded");
+        return Finding::ok("interlock", "enclosure closed, emergency stop released, panel and masses bonded to earth");
     }
     let found: Vec<&str> = open.iter().map(|(found, _)| *found).collect();
     let advice: Vec<&str> = open.iter().map(|(_, advice)| *advice).collect();
@@ -120,7 +122,8 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
         );
     }
     if is_off {
-        let cost = "the next touch arms the board, which tests the supply and takes some 0.1 s; `--idle-s` keeps the board armed for longer";
+        let cost = "the next touch arms the board, which tests the supply and takes some 0.1 s; `era serve --idle-s` \
+                    keeps the board armed for longer";
         return Finding::ok("supply", format!("{found}; {cost}"));
     }
     Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in an unknown state")))
@@ -133,8 +136,8 @@ fn judge_clock(clock: Clock) -> Finding {
         return Finding::problem(
             "clock",
             format!(
-                "the board's clock differs from this computer's by {:+.1} % ({rate:+.0} ppm); a working oscillator is \
-                 within 1 %",
+                "the board's clock differs from this computer's by {:+.1} % ({rate:+.0} ppm); the error of a working \
+                 oscillator is at most 1 %",
                 rate / 1e4
             ),
             "measure the frequencies of the drives with a frequency counter; power the board down and up; if this does \
@@ -151,7 +154,7 @@ fn judge_clock(clock: Clock) -> Finding {
     if known_s > KNOWN_S {
         return Finding::warning(
             "clock",
-            format!("{found}: effects keep their shape, but begin later"),
+            format!("{found}: effects keep their shape, but can begin late"),
             "the computer or the USB link is busy: give the daemon real-time priority (see the check \"realtime\"), \
              and use a USB port without a hub",
         );

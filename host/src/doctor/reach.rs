@@ -1,9 +1,8 @@
 //! Why nobody answers at a daemon's address: what each end speaks, and whose certificate it is.
 
 use crate::certificate::describe_date_fault;
-use crate::connection::ProxyError;
+use crate::connection::{HostPort, ProxyError};
 use std::io::{Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 use tokio_rustls::rustls::{self, CertificateError, InvalidMessage};
 
@@ -30,9 +29,9 @@ pub enum RequestTrouble {
 }
 
 impl RequestTrouble {
-    /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS.
+    /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS, but not past a proxy.
     #[must_use]
-    pub fn from_request_error(error: &ureq::Error, url: &str) -> Self {
+    pub fn from_request_error(error: &ureq::Error, url: &str, has_proxy: bool) -> Self {
         match find_tls_error(error) {
             Some(rustls::Error::InvalidCertificate(
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },
@@ -50,7 +49,8 @@ impl RequestTrouble {
         }
         match url.strip_prefix("http://") {
             Some(place)
-                if matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_))
+                if !has_proxy
+                    && matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_))
                     && answers_plain_http_with_tls_alert(place) =>
             {
                 Self::SpeaksTls
@@ -77,10 +77,10 @@ impl RequestTrouble {
                 (format!("{place} does not speak TLS, but the request was sent over TLS"), format!("use --url http://{place}"))
             }
             Self::Untrusted(reason) if has_ca => (
-                format!("the certificate of {url} is not the one that --ca trusts ({reason})"),
-                "if the daemon made its certificate itself, copy the certificate again (era-cert.pem in its \
-                 --tls-dir); if an authority signed it, the file of --tls-cert must have the intermediate \
-                 certificates after the daemon's own, and --ca must name the authority's root"
+                format!("the certificate of {url} is not trusted, although --ca is given ({reason})"),
+                "if the daemon made its certificate itself, copy era-cert.pem again from its --tls-dir; if an \
+                 authority signed the certificate, the file of --tls-cert must contain the intermediate certificates \
+                 after the daemon's own certificate, and --ca must name the root certificate of the authority"
                     .into(),
             ),
             Self::Untrusted(reason) => (
@@ -89,9 +89,9 @@ impl RequestTrouble {
             ),
             Self::Dates(told) => (
                 format!("the certificate of {url} {told}"),
-                "if the clock is right, give the daemon another certificate (if the daemon made it: move \
-                 era-cert.pem and era-key.pem out of its --tls-dir, and restart the daemon), and give the new \
-                 certificate to every client with --ca"
+                "if the clock is right, replace the certificate of the daemon (if the daemon made the certificate: \
+                 move era-cert.pem and era-key.pem out of its --tls-dir, and restart the daemon), and use the new \
+                 certificate in --ca of every client"
                     .into(),
             ),
             Self::Proxy(told) => (
@@ -102,8 +102,8 @@ impl RequestTrouble {
             Self::OtherName(reason) => (
                 format!("the certificate of {url} is for other names ({reason})"),
                 format!(
-                    "use one of these names, or let the daemon make a certificate with --allow-host {host} \
-                     (remove the old certificate from its folder, and give the new one to clients)"
+                    "use one of these names in --url; or move era-cert.pem and era-key.pem out of the daemon's \
+                     --tls-dir, restart the daemon with --allow-host {host}, and give the new era-cert.pem to every client"
                 ),
             ),
         })
@@ -123,14 +123,12 @@ fn find_tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
 fn answers_plain_http_with_tls_alert(host_port_and_path: &str) -> bool {
     // A daemon may be below a prefix.
     let place = host_port_and_path.split('/').next().unwrap_or(host_port_and_path);
-    let place = if place.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
-        place.to_owned()
-    } else {
-        format!("{place}:80")
+    let (host, port) = match place.rsplit_once(':').map(|(host, port)| (host, port.parse::<u16>())) {
+        Some((host, Ok(port))) => (host, port),
+        _ => (place, 80),
     };
     let first_bytes = || -> std::io::Result<[u8; 2]> {
-        let address = place.to_socket_addrs()?.next().ok_or(std::io::ErrorKind::NotFound)?;
-        let mut stream = TcpStream::connect_timeout(&address, WAIT)?;
+        let mut stream = HostPort::new(host, port).connect_within(WAIT)?;
         stream.set_read_timeout(Some(WAIT))?;
         stream.set_write_timeout(Some(WAIT))?;
         stream.write_all(b"GET / HTTP/1.0\r\n\r\n")?;

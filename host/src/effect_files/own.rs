@@ -13,24 +13,27 @@ const VERSION: u32 = 1;
 const MAX_DEPTH: usize = 8;
 /// Most events and sequences, with all loops played out.
 const MAX_STEPS: usize = 10 * MAX_EVENTS;
+/// How often something is repeated at most.
+const MAX_REPEATS: f64 = 1000.0;
 /// Most points of an envelope.
-const MAX_ENVELOPE_POINTS: usize = 100;
+pub const MAX_ENVELOPE_POINTS: usize = 100;
 /// Furthest from the touched place in mm: 2 m.
 const MAX_OFFSET_MM: f64 = 2000.0;
 
-/// An effect as a file of this program's own format has it.
+/// An effect file in the format of this program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EffectFile {
-    /// 1.
+    /// Version of the format: 1.
+    #[serde(deserialize_with = "crate::whole_numbers::deserialize_whole_number")]
     pub version: u32,
-    /// What the effect is called.
+    /// Name of the effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Plays the whole effect several times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeat: Option<Repeat>,
-    /// What is played.
+    /// The primitives and sequences that are played.
     pub events: Vec<FileEvent>,
 }
 
@@ -38,38 +41,39 @@ pub struct EffectFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FileEvent {
-    /// What is played; absent with `events`.
+    /// The primitive that is played; absent with `events`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub primitive: Option<Primitive>,
     /// A sequence that is played as one event; absent with `primitive`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(no_recursion)]
     pub events: Option<Vec<FileEvent>>,
-    /// When it begins, in ms from the begin of what it is in; absent with `pause_ms`. Without both it begins when the event before it has ended.
+    /// Begin of the event in ms from the begin of the effect or sequence that contains it; absent with `pause_ms`. Without both, the event begins at
+    /// the end of the previous event.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_ms: Option<f64>,
-    /// From the end of the event before it to its begin, in ms.
+    /// Time from the end of the previous event to the begin of this event, in ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pause_ms: Option<f64>,
-    /// Its duration in ms; for primitives that have one.
+    /// Duration in ms; only for primitives that have a duration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duration_ms: Option<f64>,
-    /// Strength, 0 to 1; 1 if not given. It multiplies that of the primitive, and of all events of a sequence.
+    /// Strength, 0 to 1; 1 if absent. It multiplies the intensity of the primitive, or of all events of the sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub intensity: Option<f64>,
-    /// 0 (dull) to 1 (sharp), in the place of the primitive's own; not of a sequence.
+    /// 0 (dull) to 1 (sharp); replaces the sharpness of the primitive. Not allowed for a sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharpness: Option<f64>,
-    /// What the intensity is multiplied by over time, in the place of the primitive's own envelope; for primitives that have a duration.
+    /// Factors of the intensity over time; replaces the envelope of the primitive. Only for primitives that have a duration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub envelope: Option<Vec<FilePoint>>,
-    /// Plays it several times.
+    /// Plays the event several times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repeat: Option<Repeat>,
-    /// To the right of the touched place, in mm; 0 if not given. It adds to that of the sequence.
+    /// Distance to the right of the touched place in mm; 0 if absent. It is added to the distance of the sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dx_mm: Option<f64>,
-    /// Below the touched place, in mm; 0 if not given.
+    /// Distance below the touched place in mm; 0 if absent. It is added to the distance of the sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dy_mm: Option<f64>,
 }
@@ -78,9 +82,9 @@ pub struct FileEvent {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilePoint {
-    /// From the event's begin in ms.
+    /// Time from the begin of the event in ms.
     pub time_ms: f64,
-    /// What the intensity is multiplied by, 0 to 1.
+    /// Factor of the intensity, 0 to 1.
     pub level: f64,
 }
 
@@ -88,12 +92,33 @@ pub struct FilePoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Repeat {
-    /// 1 to 1000.
+    /// Number of repeats, 1 to 1000.
+    #[serde(deserialize_with = "crate::whole_numbers::deserialize_whole_number")]
     pub count: u32,
-    /// From one begin to the next, in ms; as long as it lasts if not given.
+    /// Time from one begin to the next in ms; the duration of what is repeated if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub period_ms: Option<f64>,
 }
+
+/// Numbers in effect files: the structure's name in the interface's description, the field's name, and the least and most that it takes.
+pub const FIELD_RANGES: [(&str, &str, (f64, f64)); 12] = {
+    const LONGEST_MS: f64 = 1e3 * MAX_DURATION_S;
+    const OFFSET: (f64, f64) = (-MAX_OFFSET_MM, MAX_OFFSET_MM);
+    [
+        ("EffectFile", "version", (1.0, 1.0)),
+        ("Repeat", "count", (1.0, MAX_REPEATS)),
+        ("Repeat", "period_ms", (1.0, LONGEST_MS)),
+        ("FileEvent", "time_ms", (0.0, LONGEST_MS)),
+        ("FileEvent", "pause_ms", (0.0, LONGEST_MS)),
+        ("FileEvent", "duration_ms", (1.0, LONGEST_MS)),
+        ("FileEvent", "intensity", (0.0, 1.0)),
+        ("FileEvent", "sharpness", (0.0, 1.0)),
+        ("FileEvent", "dx_mm", OFFSET),
+        ("FileEvent", "dy_mm", OFFSET),
+        ("FilePoint", "time_ms", (0.0, LONGEST_MS)),
+        ("FilePoint", "level", (0.0, 1.0)),
+    ]
+};
 
 /// Reads a text of TOML or JSON.
 ///
@@ -112,19 +137,19 @@ pub fn read_own_text(text: &str, format: FileFormat) -> Result<EventList, ReadEr
         serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text))
             .map_err(|error| syntax(error.path().to_string(), error.inner().to_string()))?
     };
-    list_events_of_file(&file, format)
+    list_events_of_file(file, format)
 }
 
 /// The events of a file, with all loops played out.
 ///
 /// # Errors
 /// [`ReadError`] with the field.
-pub fn list_events_of_file(file: &EffectFile, format: FileFormat) -> Result<EventList, ReadError> {
+pub fn list_events_of_file(file: EffectFile, format: FileFormat) -> Result<EventList, ReadError> {
     if file.version != VERSION {
         return Err(ReadError::new_field_error("version", file.version, VERSION.to_string()));
     }
-    let whole = FileEvent { events: Some(file.events.clone()), repeat: file.repeat, ..FileEvent::default() };
-    let mut expansion = Expansion { list: EventList::new(format, file.name.clone()), made: 0, steps: 0 };
+    let whole = FileEvent { events: Some(file.events), repeat: file.repeat, ..FileEvent::default() };
+    let mut expansion = Expansion { list: EventList::new(format, file.name), made: 0, steps: 0 };
     expansion.add_event(&whole, "", Place { begin_s: 0.0, intensity: 1.0, dx_mm: 0.0, dy_mm: 0.0, depth: 0 })?;
     expansion.list.finish()
 }
@@ -167,7 +192,7 @@ impl Expansion {
         let Some(Repeat { count, period_ms }) = event.repeat else {
             return self.add_event_once(event, path, place);
         };
-        let count = check("repeat.count", Some(f64::from(count)), 1.0, (1.0, 1e3))?;
+        let count = check("repeat.count", Some(f64::from(count)), 1.0, (1.0, MAX_REPEATS))?;
         let period_ms =
             period_ms.map(|ms| check("repeat.period_ms", Some(ms), ms, (1.0, 1e3 * MAX_DURATION_S))).transpose()?;
         let (mut begin_s, mut end_s) = (place.begin_s, place.begin_s);
@@ -184,7 +209,7 @@ impl Expansion {
         let name = |field: &str| if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") };
         self.steps += 1;
         if self.steps > MAX_STEPS {
-            let allowed = format!("at most {MAX_STEPS} events and sequences, with all loops played out");
+            let allowed = format!("at most {MAX_STEPS} events and sequences, with all repeats counted");
             return Err(ReadError::new_field_error(name("events"), "too long", allowed));
         }
         match (event.primitive, &event.events) {
@@ -203,7 +228,7 @@ impl Expansion {
                     ));
                 }
                 if place.depth > MAX_DEPTH {
-                    let allowed = format!("at most {MAX_DEPTH} sequences inside each other");
+                    let allowed = format!("nested at most {MAX_DEPTH} levels deep");
                     return Err(ReadError::new_field_error(name("events"), "nested too deeply", allowed));
                 }
                 self.add_sequence(events, path, place)
@@ -290,11 +315,12 @@ impl Expansion {
         self.made += 1;
         if self.made > MAX_EVENTS {
             let (field, allowed) = (format!("the number of events up to {path}"), format!("at most {MAX_EVENTS}"));
-            return Err(ReadError::new_field_error(field, self.made, allowed + ", with all loops played out"));
+            return Err(ReadError::new_field_error(field, self.made, allowed + ", with all repeats counted"));
         }
         if event.end_s() > MAX_DURATION_S {
             let (end_ms, most_ms) = ((1e3 * event.end_s()).round(), 1e3 * MAX_DURATION_S);
-            return Err(ReadError::new_field_error(format!("end of {path} in ms"), end_ms, format!("0 to {most_ms}")));
+            let (field, allowed) = (format!("the end of {path} in ms"), format!("0 to {most_ms}"));
+            return Err(ReadError::new_field_error(field, end_ms, allowed));
         }
         self.list.add_event_within_limits(path, event);
         Ok(())
@@ -423,6 +449,6 @@ mod tests {
             (0..9).fold("{\"primitive\": \"click\"}".to_owned(), |inner, _| format!("{{\"events\": [{inner}]}}"));
         let deep = format!("{{\"version\": 1, \"events\": [{deep}]}}");
         let found = read_own_text(&deep, FileFormat::Json).unwrap_err().to_string();
-        assert!(found.contains("at most 8 sequences inside each other"), "{found}");
+        assert!(found.contains("nested at most 8 levels deep"), "{found}");
     }
 }

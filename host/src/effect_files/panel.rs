@@ -57,7 +57,8 @@ pub struct PanelPart {
     pub design: EffectDesign,
 }
 
-/// How something is made on this panel.
+/// How the panel produces a part of an effect: `tick` (single windows, quiet after 30 ms), `click` (single windows, quiet after 45 ms), `thud` (a push
+/// of a few cycles with a brake), or `envelope` (segments at the frequencies of the plan).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PartKind {
@@ -71,23 +72,23 @@ pub enum PartKind {
     Envelope,
 }
 
-/// What intensity 1 is on this panel.
+/// The peak acceleration that intensity 1 has on this panel.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[schema(as = EffectScale)]
 pub struct ScaleView {
-    /// Number of the place, from 0.
+    /// Number of the place in `places`, from 0.
     pub place: usize,
-    /// How it is made.
+    /// How the panel produces the parts of this scale.
     pub kind: PartKind,
-    /// Peak that was asked for, in g.
+    /// Wanted peak acceleration in g.
     pub asked_g: f64,
-    /// Peak that the panel makes of it, in g.
+    /// Predicted peak acceleration in g.
     pub peak_g: f64,
-    /// What keeps it below what was asked for; null if nothing does.
+    /// The limit that keeps the peak below the wanted peak; null if the peak reaches it.
     pub limited_by: Option<String>,
-    /// From when on a pulse is below a tenth of its peak, in ms; null for envelopes, and if it is not within 300 ms of its end.
+    /// Time in ms after which a pulse stays below a tenth of its peak; null for envelopes, and if this takes longer than 300 ms after the end of the pulse.
     pub quiet_ms: Option<f64>,
-    /// Frequencies of the drives in Hz; empty for single windows.
+    /// Frequencies of the drives in Hz; empty for single windows (`tick` and `click`).
     pub frequencies_hz: Vec<f64>,
 }
 
@@ -141,13 +142,49 @@ pub fn design_parts_for_panel(
     table: &PlanTable,
     poles: &PanelPoles,
     parts: &[Part],
-    (touched_m, asked_g): ((f64, f64), f64),
+    touch: ((f64, f64), f64),
     plays_windows: bool,
 ) -> Result<PanelEffect, PanelEffectError> {
-    let mut effect = PanelEffect { places: Vec::new(), scales: Vec::new(), parts: Vec::new() };
-    let mut pulses: Vec<(usize, PartKind, EffectDesign)> = Vec::new();
-    for part in parts {
-        let (x_m, y_m) = place_of_part_m(part, touched_m);
+    let mut designer = PartDesigner::new(table, poles, touch, plays_windows);
+    parts.iter().try_for_each(|part| designer.add_part(part))?;
+    Ok(designer.effect)
+}
+
+/// Designs one part after the other, so that whoever asks can end in between.
+#[derive(Debug)]
+pub struct PartDesigner<'a> {
+    table: &'a PlanTable,
+    poles: &'a PanelPoles,
+    touched_m: (f64, f64),
+    asked_g: f64,
+    plays_windows: bool,
+    /// At intensity 1.
+    pulses: Vec<(usize, PartKind, EffectDesign)>,
+    /// What has been designed.
+    pub effect: PanelEffect,
+}
+
+impl<'a> PartDesigner<'a> {
+    /// Nothing is designed yet; arguments as of [`design_parts_for_panel`].
+    #[must_use]
+    pub const fn new(
+        table: &'a PlanTable,
+        poles: &'a PanelPoles,
+        (touched_m, asked_g): ((f64, f64), f64),
+        plays_windows: bool,
+    ) -> Self {
+        let effect = PanelEffect { places: Vec::new(), scales: Vec::new(), parts: Vec::new() };
+        Self { table, poles, touched_m, asked_g, plays_windows, pulses: Vec::new(), effect }
+    }
+
+    /// Designs a part behind those before it.
+    ///
+    /// # Errors
+    /// [`PanelEffectError`].
+    pub fn add_part(&mut self, part: &Part) -> Result<(), PanelEffectError> {
+        let Self { table, poles, touched_m, asked_g, plays_windows, pulses, effect } = self;
+        let (table, poles, asked_g) = (*table, *poles, *asked_g);
+        let (x_m, y_m) = place_of_part_m(part, *touched_m);
         let known = effect.places.iter().position(|place| (place.x_m, place.y_m) == (x_m, y_m));
         let place = match known {
             Some(place) => place,
@@ -161,7 +198,7 @@ pub fn design_parts_for_panel(
                 effect.places.len() - 1
             }
         };
-        let Some(PanelPlace { plan, .. }) = effect.places.get(place) else { continue };
+        let Some(PanelPlace { plan, .. }) = effect.places.get(place) else { return Ok(()) };
         let (kind, design) = match &part.content {
             PartContent::Envelope(segments) => {
                 let envelope = Effect { segments: segments.iter().copied().collect(), times: 1 };
@@ -169,8 +206,8 @@ pub fn design_parts_for_panel(
             }
             PartContent::Pulse(kind, intensity) => {
                 let kind = match kind {
-                    PulseKind::Tick if plays_windows => PartKind::Tick,
-                    PulseKind::Click if plays_windows => PartKind::Click,
+                    PulseKind::Tick if *plays_windows => PartKind::Tick,
+                    PulseKind::Click if *plays_windows => PartKind::Click,
                     _ => PartKind::Thud,
                 };
                 let known = pulses.iter().position(|(of, own, _)| (*of, *own) == (place, kind));
@@ -181,7 +218,7 @@ pub fn design_parts_for_panel(
                         pulses.len() - 1
                     }
                 };
-                let Some((_, _, full)) = pulses.get(known) else { continue };
+                let Some((_, _, full)) = pulses.get(known) else { return Ok(()) };
                 (kind, full.weaken(*intensity))
             }
         };
@@ -191,8 +228,8 @@ pub fn design_parts_for_panel(
         }
         let Part { begin_ms, intensity, sharpness, .. } = *part;
         effect.parts.push(PanelPart { begin_ms, place, kind, intensity, sharpness, design });
+        Ok(())
     }
-    Ok(effect)
 }
 
 fn design_pulse(

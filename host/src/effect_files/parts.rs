@@ -23,6 +23,8 @@ const STEP: f64 = 0.2;
 const PAUSE_MS: usize = 80;
 /// Longest line, and length from which on an envelope ends, in ms: with the next line it stays within a burst of the board, 10 s.
 const LONG_MS: usize = 4000;
+/// Most places at which an effect has vibrations: each needs 30 000 levels. Players take at most 100 parts.
+const MAX_PLACES: usize = 100;
 /// Most envelopes of an effect; beyond it they are coarser.
 const MAX_ENVELOPES: usize = 64;
 
@@ -74,12 +76,12 @@ pub fn choose_pulse_kind(sharpness: f64) -> PulseKind {
 /// The parts of a list, by their begins, and what was left out.
 ///
 /// # Errors
-/// [`ReadError::NothingFelt`].
+/// [`ReadError::NothingFelt`], or [`ReadError::Field`]: vibrations at too many places.
 pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>), ReadError> {
     let mut warnings = Vec::new();
     let mut parts = choose_pulses(list, &mut warnings);
     let pulses: Vec<usize> = parts.iter().map(|part| part.begin_ms).collect();
-    let mut curves = draw_curves(list, &mut warnings);
+    let mut curves = draw_curves(list, &mut warnings)?;
     let mut interrupted = 0;
     for curve in &mut curves {
         for begin in &pulses {
@@ -164,8 +166,10 @@ struct Curve {
     pulses: Vec<usize>,
 }
 
-fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Vec<Curve> {
+fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Result<Vec<Curve>, ReadError> {
     let mut curves: Vec<Curve> = Vec::new();
+    // For every ms the place whose vibration is felt then: there is one at most.
+    let mut felt_at: Vec<Option<usize>> = Vec::new();
     let (mut elsewhere, mut clipped) = (0, false);
     for event in &list.events {
         let HapticEvent {
@@ -181,24 +185,32 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Vec<Curve> {
         };
         let (begin, offset_mm) = (round_to_ms(*time_s), (*dx_mm, *dy_mm));
         let end = round_to_ms(time_s + duration_s).max(begin + 1);
-        let is_busy = |other: &Curve| {
-            other.levels.get(begin..).is_some_and(|rest| rest.iter().take(end - begin).any(|level| *level >= NOTHING))
-        };
-        if curves.iter().any(|other| other.offset_mm != offset_mm && is_busy(other)) {
+        let place = curves.iter().position(|own| own.offset_mm == offset_mm).unwrap_or(curves.len());
+        let mut felt = felt_at.iter().skip(begin).take(end - begin).flatten();
+        if felt.any(|other| *other != place) {
             elsewhere += 1;
             continue;
         }
-        let own = curves.iter().position(|own| own.offset_mm == offset_mm).unwrap_or_else(|| {
+        if place == MAX_PLACES {
+            let allowed = format!("at most {MAX_PLACES}");
+            return Err(ReadError::new_field_error("the number of places with vibrations", place + 1, allowed));
+        }
+        if place == curves.len() {
             curves.push(Curve { offset_mm, sharpness: Vec::new(), levels: Vec::new(), pulses: Vec::new() });
-            curves.len() - 1
-        });
-        let Some(own) = curves.get_mut(own) else { continue };
+        }
+        let Some(own) = curves.get_mut(place) else { continue };
+        felt_at.resize(felt_at.len().max(end), None);
         own.sharpness.push((begin, *sharpness));
         own.levels.resize(own.levels.len().max(end), 0.0);
-        for (ms, level) in (0_u32..).zip(own.levels.get_mut(begin..end).unwrap_or_default()) {
+        let levels = own.levels.get_mut(begin..end).unwrap_or_default().iter_mut();
+        let felt = felt_at.get_mut(begin..end).unwrap_or_default().iter_mut();
+        for ((ms, level), felt) in (0_u32..).zip(levels).zip(felt) {
             *level += intensity * envelope_level_at(envelope, 1e-3 * (f64::from(ms) + 0.5)).clamp(0.0, 1.0);
             clipped |= *level > 1.0;
             *level = level.min(1.0);
+            if *level >= NOTHING {
+                *felt = Some(place);
+            }
         }
     }
     if elsewhere > 0 {
@@ -208,7 +220,7 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Vec<Curve> {
     if clipped {
         warnings.push("intensities of vibrations at the same time add up to more than 1: 1 is played".into());
     }
-    curves
+    Ok(curves)
 }
 
 /// A straight line over some ms.
@@ -386,6 +398,19 @@ mod tests {
         assert_eq!(places, [(0, 0.0), (500, 20.0)]);
         assert!((played(&parts, 50) - 0.7).abs() < 1e-9 && played(&parts, 150) == 1.0);
         assert_eq!(warnings.len(), 2, "{warnings:?}");
+    }
+
+    /// Weak vibrations at one place more than are allowed, each at the same time: nothing keeps them from being counted.
+    #[test]
+    fn vibrations_at_too_many_places_are_refused() {
+        let weak = |k: usize| HapticEvent { dx_mm: k as f64, ..make_vibration(0.0, 30.0, 0.01, &[]) };
+        let error = cut_events_into_parts(&make_event_list((0..=MAX_PLACES).map(weak).collect())).unwrap_err();
+        assert_eq!(error.to_string(), "the number of places with vibrations is 101, but must be at most 100");
+        let (parts, _) = cut_events_into_parts(&make_event_list(
+            (1..MAX_PLACES).map(weak).chain([make_vibration(1.0, 1.0, 0.5, &[])]).collect(),
+        ))
+        .unwrap();
+        assert_eq!(parts.len(), 1);
     }
 
     #[test]

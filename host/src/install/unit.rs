@@ -18,12 +18,12 @@ pub const SYSTEM_PATH: &str = "etc/systemd/system/era.service";
 pub const USERS_PATH: &str = "etc/systemd/user/era.service";
 /// Seconds without a sign of life after which the daemon is started anew.
 const WATCHDOG_S: u32 = 10;
-/// Most memory in MB. A daemon of the example plate has 50 (`cargo xtask soak`); each of the five pieces of work that may be computed aside (two
-/// previews, a study or a look at tolerances, one that is begun, a trade) is reckoned with 100, a model of 6000 unknowns with its factors and modes; 576
-/// connections with a body of 272 kB each are 160, and 8 a recording whose disk does not answer: 720. Nearly three times that for larger scenes of one's own.
+/// Most memory in MB. A daemon of the example plate has 50 (`cargo xtask soak`); each of the seven pieces of work that may be computed aside (two
+/// previews, two effect files, a study or a look at tolerances, one that is begun, a trade) is reckoned with 100, a model of 6000 unknowns with its factors
+/// and modes; 576 connections with a body of 528 KiB each are 310, and 8 a recording whose disk does not answer: 1070. Twice that for larger scenes of one's own.
 const MEMORY_MAX_MB: u32 = 2048;
-/// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the five pieces of work that may be
-/// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 84 on a machine with 16 processors.
+/// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the seven pieces of work that may be
+/// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 100 on a machine with 16 processors.
 const TASKS_MAX: u32 = 512;
 /// Highest real-time priority that the daemon's threads may have.
 const PRIORITY: u32 = 20;
@@ -74,10 +74,10 @@ impl Unit<'_> {
         let after = if self.is_user { "" } else { "After=network.target\n" };
         Ok(format!(
             "{MARK}\n\
-             # `{manager} edit {NAME}` changes settings beside this file, and they stay.\n\
+             # `{manager} edit {NAME}` keeps changed settings in another file, which `era install` does not replace.\n\
              [Unit]\n\
              Description=ERA haptics daemon\n\
-             {after}# A board may be plugged in at any time: starts are not counted.\n\
+             {after}# A board may be connected at any time, so systemd does not limit the number of starts.\n\
              StartLimitIntervalSec=0\n\n\
              [Service]\n\
              Type=notify\n\
@@ -88,10 +88,10 @@ impl Unit<'_> {
              WatchdogSec={WATCHDOG_S}\n\
              Restart=on-failure\n\
              RestartSec=2\n\
-             # A mistake in the configuration or the scene: another start would not help.\n\
+             # Exit status 2 is a mistake in the configuration or the scene, which another start does not correct.\n\
              RestartPreventExitStatus=2\n\
              LimitRTPRIO={PRIORITY}\n\
-             # Several times what it takes with all that it lets clients ask for at once.\n\
+             # Several times the memory that the daemon needs for the largest load that it accepts.\n\
              MemoryMax={MEMORY_MAX_MB}M\n\
              TasksMax={TASKS_MAX}\n\
              Environment=ERA_CACHE_DIR=%C/era\n\
@@ -114,7 +114,7 @@ impl Unit<'_> {
 /// What only the machine's own service manager can do. `RestrictRealtime` is left out on purpose.
 fn format_system_section(group: &str) -> String {
     format!(
-        "# Where it may write: plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
+        "# The daemon may write plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
          CacheDirectory=era\n\
          CacheDirectoryMode=0700\n\
          StateDirectory=era\n\
@@ -122,11 +122,11 @@ fn format_system_section(group: &str) -> String {
          RuntimeDirectory=era\n\
          RuntimeDirectoryMode=0700\n\
          Environment=XDG_RUNTIME_DIR=%t/era\n\
-         # A user of its own, without a home, that may use the board and the pseudo-terminal of the simulated device.\n\
+         # A separate user without a home directory, who may use the board and the pseudo-terminal of the simulated device.\n\
          DynamicUser=yes\n\
          SupplementaryGroups={group}\n\
          DevicePolicy=closed\n\
-         # USB serial ports (ttyACM, ttyUSB) by number: their names are known only once a driver is loaded.\n\
+         # USB serial ports (ttyACM, ttyUSB) by major number, because their names are unknown until a driver is loaded.\n\
          DeviceAllow=char-166 rw\n\
          DeviceAllow=char-188 rw\n\
          DeviceAllow=/dev/ptmx rw\n\
@@ -164,7 +164,7 @@ fn format_credentials(secrets: &Secrets) -> Result<(String, String), String> {
     if !lines.is_empty() {
         lines.insert_str(
             0,
-            "# Of the configuration file when this was written; read by root. `era install` writes them anew.\n",
+            "# Secret files that the configuration named when `era install` wrote this unit; systemd reads them as root.\n",
         );
     }
     Ok((lines, options))

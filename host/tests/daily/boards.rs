@@ -205,7 +205,10 @@ fn a_board_that_takes_no_bytes_is_given_up() {
         client.request(&Request::Status).unwrap_err()
     };
     let blocked = error(false);
-    assert!(matches!(blocked, LinkError::Blocked { .. }) && blocked.to_string().contains("took no bytes"), "{blocked}");
+    assert!(
+        matches!(blocked, LinkError::Blocked { .. }) && blocked.to_string().contains("accepted no bytes"),
+        "{blocked}"
+    );
     assert!(matches!(error(true), LinkError::Silent { .. }));
 }
 

@@ -38,7 +38,7 @@ fn a_host_that_was_busy_tells_why_and_goes_on() {
             assert_eq!(status, 200, "{answer}");
         } else {
             assert_eq!((status, &answer["type"]), (409, &json!("urn:era:problem:device-fault")), "{answer}");
-            for piece in ["host-silent", "fell silent", "Check the cable", "`era clear`, or POST /v1/faults/clear"] {
+            for piece in ["host-silent", "dead-man time", "Check the cable", "`era clear`, or POST /v1/faults/clear"] {
                 assert!(answer["detail"].as_str().unwrap().contains(piece), "{piece}: {answer}");
             }
             assert_eq!(daemon.post("/v1/faults/clear", "").0, 200);

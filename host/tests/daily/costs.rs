@@ -200,6 +200,52 @@ fn a_client_has_one_preview_at_a_time_and_others_have_theirs_beside_it() {
     assert_eq!(statuses.iter().filter(|status| *status == "409").count(), 4, "{statuses:?}");
 }
 
+/// A touch of the example plate with an effect file of these events.
+fn effect_body(events: &str) -> String {
+    format!(r#"{{"x_px": 960, "y_px": 640, "intensity_g": 0.2, "effect": {{"version": 1, "events": [{events}]}}}}"#)
+}
+
+fn repeat_events(count: usize, event: impl Fn(usize) -> String) -> String {
+    (0..count).map(event).collect::<Vec<_>>().join(",")
+}
+
+/// Files of many places, of long envelopes and of nothing at all take neither memory nor a touch's place, and end with their senders.
+#[test]
+fn effect_files_cost_little_and_end_with_their_senders() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    let weak = |i: usize| {
+        let dx_mm = 0.001 * i as f64;
+        format!(r#"{{"primitive": "buzz", "time_ms": 0, "duration_ms": 30000, "intensity": 0.01, "dx_mm": {dx_mm}}}"#)
+    };
+    let before = peak_mb();
+    for (events, status, words) in [
+        (repeat_events(1000, weak), 400, "places"),
+        (repeat_events(170_000, |_| "{}".into()), 400, "events[0].primitive is missing"),
+        (format!(r#"{{"events": [{}], "repeat": {{"count": 1000}}}}"#, "{\"events\": []}"), 400, "event"),
+    ] {
+        for _ in 0..3 {
+            let (code, problem) = refused(&daemon, "/v1/effects", &effect_body(&events));
+            assert!(code == status && problem["detail"].as_str().unwrap().contains(words), "{words}: {problem}");
+        }
+    }
+    let grown = peak_mb().saturating_sub(before);
+    assert!(grown < 250, "{grown} MB");
+    // A hundred clicks at places of their own: seconds of work, which has an end, and beside which touches have their places.
+    let tick = |i: usize| format!(r#"{{"primitive": "tick", "time_ms": {}, "dx_mm": {}}}"#, 100 * i, i / 2);
+    let many = effect_body(&repeat_events(100, tick));
+    let mut greedy: Vec<_> = (0..2).map(|_| connect(&daemon)).collect();
+    for (i, stream) in greedy.iter_mut().enumerate() {
+        stream.write_all(post_with("/v1/effects", &format!("User-Agent: {i}\r\n"), &many).as_bytes()).unwrap();
+    }
+    let touch = json!({"x_px": 500, "y_px": 640, "intensity_g": 0.1}).to_string();
+    for _ in 0..5 {
+        assert_eq!(refused(&daemon, "/v1/touch", &touch).0, 200);
+    }
+    drop(greedy);
+    let (status, _, answer) = daemon.post("/v1/effects", &effect_body(r#"{"primitive": "click"}"#));
+    assert_eq!(status, 200, "{answer}");
+}
+
 /// A stop is carried out, and the daemon ends, whatever is computed.
 #[test]
 fn neither_a_stop_nor_the_end_waits_for_what_is_computed() {

@@ -58,6 +58,45 @@ fn a_whole_number_may_be_written_with_a_point() {
     assert_ne!(daemon.post("/v1/touch", &body("null")).0, 400);
 }
 
+/// The same in effect files, whose numbers have their ranges in the description.
+#[test]
+fn whole_numbers_of_effect_files_may_be_written_with_a_point() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    let asked = described().schema("/paths/~1v1~1effects/post/requestBody/content/application~1json/schema");
+    let body = |version: &str, event: &str| {
+        let place = r#""x_px": 900, "y_px": 600, "intensity_g": 0.1"#;
+        format!(r#"{{{place}, "effect": {{"version": {version}, "events": [{{"primitive": "tick"{event}}}]}}}}"#)
+    };
+    let mut check = |version: &str, event: &str, is_good: bool| {
+        let text = body(version, event);
+        assert_eq!(asked.is_valid(&serde_json::from_str(&text).unwrap()), is_good, "{text}");
+        let (status, _, answer) = daemon.post("/v1/effects", &text);
+        assert_eq!(![400, 422].contains(&status), is_good, "{text}: {answer}");
+    };
+    for version in ["1", "1.0", "1e0", "10e-1"] {
+        check(version, "", true);
+    }
+    for version in ["0", "2", "2.0", "1.5", "-1"] {
+        check(version, "", false);
+    }
+    for (count, is_good) in [("2", true), ("2.0", true), ("0.2e1", true), ("0", false), ("1001", false), ("2.5", false)]
+    {
+        check("1", &format!(r#", "repeat": {{"count": {count}, "period_ms": 60}}"#), is_good);
+    }
+    for (field, least, most) in [
+        ("time_ms", 0.0, 30_000.0),
+        ("pause_ms", 0.0, 30_000.0),
+        ("intensity", 0.0, 1.0),
+        ("sharpness", 0.0, 1.0),
+        ("dx_mm", -2000.0, 2000.0),
+        ("dy_mm", -2000.0, 2000.0),
+    ] {
+        for value in [least - 0.5, most + 0.5] {
+            check("1", &format!(r#", "{field}": {value:?}"#), false);
+        }
+    }
+}
+
 /// Numbers of fingers and of pulses on the live socket: a finger beside the screen is told by its number.
 #[test]
 fn fingers_are_numbered_by_any_whole_number() {

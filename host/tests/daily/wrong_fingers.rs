@@ -114,6 +114,28 @@ fn one_wrong_finger_takes_nothing_from_the_others() {
     }
 }
 
+/// An effect of one finger's own that does not go with what the message says of all: that finger is told, and the other one is driven.
+#[test]
+fn an_effect_that_does_not_go_with_the_message_is_its_fingers_own_mistake() {
+    let (daemon, _line) = daemon(CALM);
+    let mut socket = live(&daemon, "?send=plan");
+    for (effect, field) in [("click", "duration_ms"), ("double_click", "duration_ms")] {
+        let finger = json!({"id": 1, "x_px": 960, "y_px": 640});
+        let wrong = json!({"id": 2, "x_px": 400, "y_px": 500, "effect": effect});
+        let all = json!({"type": "touch", "touches": [finger, wrong], "duration_ms": 9000, "intensity_g": 0.1});
+        say(&mut socket, &all);
+        let problem = next_of(&mut socket, "error")["problem"].clone();
+        assert_eq!((&problem["field"], &problem["finger"]), (&json!(field), &json!(2)), "{effect}: {problem}");
+        assert_eq!(ids(&next_of(&mut socket, "plan")), [1], "{effect}");
+        say(&mut socket, &json!({"type": "touch", "touches": []}));
+        daemon.wait_for(|state| state["plan"].is_null() && state["device"]["state"] == "armed");
+    }
+    // Where no finger is left the message is refused as one.
+    let alone = json!({"id": 2, "x_px": 400, "y_px": 500, "effect": "click"});
+    say(&mut socket, &json!({"type": "touch", "touches": [alone], "duration_ms": 9000}));
+    assert_eq!(next_of(&mut socket, "error")["problem"]["field"], "duration_ms");
+}
+
 /// The only finger moves outside after it was down, or in a cut-out, or its place is no number: its vibration ends.
 #[test]
 fn a_finger_that_goes_wrong_does_not_vibrate_on() {

@@ -111,7 +111,12 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).proxy(None).build().into();
     let found = (0..100).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
-        match era::doctor::daemon::ask_daemon(&format!("http://{address}"), &agent, None, false) {
+        match era::doctor::daemon::ask_daemon(
+            &format!("http://{address}"),
+            &agent,
+            None,
+            era::doctor::daemon::WayToDaemon::default(),
+        ) {
             Daemon::Runs { heard: Some(heard), port, .. } if heard.supply.is_some() => Some((*heard, port)),
             _ => None,
         }

@@ -184,7 +184,7 @@ fn troubles_of_the_port_are_told() {
         facts.chosen.as_mut().unwrap().holders = vec![PortHolder { pid: 4711, name: "minicom".into() }];
     };
     is(&after("port", held), Problem, &["minicom (process 4711)"]);
-    is(&after("port", |facts| set_port_answer(facts, PortAnswer::Busy)), Problem, &["held by another program"]);
+    is(&after("port", |facts| set_port_answer(facts, PortAnswer::Busy)), Problem, &["open in another program"]);
     is(
         &after("firmware", |facts| set_port_answer(facts, PortAnswer::Silent("no answer".into()))),
         Problem,

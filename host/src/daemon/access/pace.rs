@@ -2,7 +2,8 @@
 //!
 //! Requests that are refused or answered from memory take some tens of microseconds each. A client that asks again as soon as it has an answer keeps every
 //! processor at that, and a stop then waits for the scheduler: up to a second was measured on two processors beside 50 000 requests a second. So
-//! requests beyond a pace wait, whatever they ask, but for a stop. Nobody is refused.
+//! requests beyond a pace wait, whatever they ask, but for a stop. Nobody is refused. Messages on live sockets have the same pace: the next one is
+//! read when it is due.
 
 use super::client::Peer;
 use axum::extract::{Request, State};
@@ -46,8 +47,19 @@ pub struct RequestRateLimiter {
 }
 
 impl RequestRateLimiter {
-    /// Counts a request of `peer` that has come at `now`, and returns how long it has to wait (the generic cell rate algorithm of ITU-T I.371).
-    fn count_request_and_find_wait(&self, peer: Peer, now: Instant) -> Duration {
+    /// Counts a message of `bytes` bytes on a live socket of `peer`, and returns how long the next one has to wait. Each 2 KiB count as one
+    /// request: to read them takes as long.
+    pub fn count_live_message_and_find_wait(&self, peer: Peer, bytes: usize) -> Duration {
+        self.count_requests_and_find_wait(peer, Instant::now(), Self::requests_that_a_message_counts_as(bytes))
+    }
+
+    fn requests_that_a_message_counts_as(bytes: usize) -> u32 {
+        u32::try_from(1 + bytes / 2048).unwrap_or(u32::MAX)
+    }
+
+    /// Counts `requests` requests of `peer` that have come at `now`, and returns how long they have to wait (the generic cell rate algorithm of
+    /// ITU-T I.371).
+    fn count_requests_and_find_wait(&self, peer: Peer, now: Instant, requests: u32) -> Duration {
         let mut due = self.due.lock().unwrap_or_else(PoisonError::into_inner);
         let client = peer.into();
         if due.len() >= MOST_CLIENTS && !due.contains_key(&client) {
@@ -60,7 +72,7 @@ impl RequestRateLimiter {
         let own = due.entry(client).or_insert(now);
         *own = (*own).max(now);
         let delay = own.saturating_duration_since(now).saturating_sub(AHEAD);
-        *own += BETWEEN;
+        *own += BETWEEN * requests;
         delay
     }
 }
@@ -73,7 +85,7 @@ pub async fn delay_requests_except_stop_above_rate(
 ) -> Response {
     let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
     if let Some(peer) = request.extensions().get::<Peer>().copied().filter(|_| !is_stop) {
-        let delay = pace.count_request_and_find_wait(peer, Instant::now());
+        let delay = pace.count_requests_and_find_wait(peer, Instant::now(), 1);
         if !delay.is_zero() {
             tokio::time::sleep(delay).await;
         }
@@ -102,21 +114,36 @@ mod tests {
         let (pace, start) = (RequestRateLimiter::default(), Instant::now());
         let one = parse_peer("192.0.2.1");
         for number in 0..=200 {
-            assert_eq!(pace.count_request_and_find_wait(one, start), Duration::ZERO, "{number}");
+            assert_eq!(pace.count_requests_and_find_wait(one, start, 1), Duration::ZERO, "{number}");
         }
-        assert_eq!(pace.count_request_and_find_wait(one, start), BETWEEN);
-        assert_eq!(pace.count_request_and_find_wait(one, start), 2 * BETWEEN);
-        assert_eq!(pace.count_request_and_find_wait(parse_peer("192.0.2.2"), start), Duration::ZERO);
-        assert_eq!(pace.count_request_and_find_wait(Peer::Process(Some(7)), start), Duration::ZERO);
+        assert_eq!(pace.count_requests_and_find_wait(one, start, 1), BETWEEN);
+        assert_eq!(pace.count_requests_and_find_wait(one, start, 1), 2 * BETWEEN);
+        assert_eq!(pace.count_requests_and_find_wait(parse_peer("192.0.2.2"), start, 1), Duration::ZERO);
+        assert_eq!(pace.count_requests_and_find_wait(Peer::Process(Some(7)), start, 1), Duration::ZERO);
         // One that asks a thousand times a second never waits; one that was too fast does no longer a second later.
         for number in 0..5000 {
             assert_eq!(
-                pace.count_request_and_find_wait(parse_peer("192.0.2.3"), start + 2 * BETWEEN * number),
+                pace.count_requests_and_find_wait(parse_peer("192.0.2.3"), start + 2 * BETWEEN * number, 1),
                 Duration::ZERO,
                 "{number}"
             );
         }
-        assert_eq!(pace.count_request_and_find_wait(one, start + Duration::from_secs(1)), Duration::ZERO);
+        assert_eq!(pace.count_requests_and_find_wait(one, start + Duration::from_secs(1), 1), Duration::ZERO);
+    }
+
+    /// Of messages of 256 KiB, the longest that are read, some 15 a second are read; of short ones as many as requests are answered.
+    #[test]
+    fn long_messages_wait_longer() {
+        for (bytes, per_second) in [(200, 2000), (16 * 1024, 222), (256 * 1024, 15)] {
+            let (pace, start, one) = (RequestRateLimiter::default(), Instant::now(), Peer::Process(None));
+            let requests = RequestRateLimiter::requests_that_a_message_counts_as(bytes);
+            let (mut now, mut count) = (start, 0);
+            while now < start + Duration::from_secs(10) {
+                now += pace.count_requests_and_find_wait(one, now, requests);
+                count += 1;
+            }
+            assert!((10 * per_second..=11 * per_second + 200).contains(&count), "{bytes}: {count}");
+        }
     }
 
     #[test]
@@ -124,16 +151,16 @@ mod tests {
         let (pace, start) = (RequestRateLimiter::default(), Instant::now());
         for number in 0..=200 {
             assert_eq!(
-                pace.count_request_and_find_wait(parse_peer(&format!("2001:db8:1:2::{number:x}")), start),
+                pace.count_requests_and_find_wait(parse_peer(&format!("2001:db8:1:2::{number:x}")), start, 1),
                 Duration::ZERO
             );
         }
-        assert!(pace.count_request_and_find_wait(parse_peer("2001:db8:1:2:ffff::1"), start) > Duration::ZERO);
+        assert!(pace.count_requests_and_find_wait(parse_peer("2001:db8:1:2:ffff::1"), start, 1) > Duration::ZERO);
         for number in 0..3 * u32::try_from(MOST_CLIENTS).unwrap() {
-            pace.count_request_and_find_wait(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start);
+            pace.count_requests_and_find_wait(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start, 1);
             assert!(pace.due.lock().unwrap().len() <= MOST_CLIENTS);
         }
         // Who waits longest is not forgotten.
-        assert!(pace.count_request_and_find_wait(parse_peer("2001:db8:1:2::1"), start) > Duration::ZERO);
+        assert!(pace.count_requests_and_find_wait(parse_peer("2001:db8:1:2::1"), start, 1) > Duration::ZERO);
     }
 }

@@ -8,4 +8,3 @@ pub mod kinds;
 pub mod problem;
 pub mod query;
 pub mod schema;
-pub mod whole_numbers;

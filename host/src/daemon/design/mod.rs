@@ -9,6 +9,6 @@ pub mod attachments;
 pub mod background;
 pub mod low_priority;
 pub mod preview;
-mod slots;
+pub mod slots;
 pub mod studies;
 pub mod tolerances;

@@ -4,6 +4,7 @@ use super::active::{ActivePlan, AskedAt, Update};
 use super::{DriveController, DriveEquipment};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::api::problem::Problem;
+use crate::daemon::design::slots::Slots;
 use crate::daemon::observe::metrics::Metrics;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::admission::Admission;
@@ -19,6 +20,11 @@ use std::task::Poll;
 use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
 
+/// Effect files that are designed at once, each of another client.
+const EFFECTS_AT_ONCE: usize = 2;
+/// Clients whose effect file may wait for one.
+const MOST_EFFECTS_WAITING: usize = 16;
+
 /// Everything that a touch needs once it has been checked.
 #[derive(Debug)]
 pub struct TouchDriver {
@@ -30,6 +36,8 @@ pub struct TouchDriver {
     pub metrics: Arc<Metrics>,
     pub(super) equipment: Arc<DriveEquipment>,
     pub(super) controller: DriveController,
+    /// For effect files, which take no place from touches.
+    pub(super) effect_slots: Arc<Slots>,
     closing: watch::Sender<bool>,
 }
 
@@ -44,6 +52,7 @@ impl TouchDriver {
             metrics,
             controller: DriveController::new(Arc::clone(&equipment)),
             equipment,
+            effect_slots: Slots::new(EFFECTS_AT_ONCE, MOST_EFFECTS_WAITING),
             closing: watch::channel(false).0,
         }
     }
@@ -86,11 +95,16 @@ impl TouchDriver {
             let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: Some(interruptions) };
             return self.plan_and_drive_time_spans(asker, place, request_id, touch, spans.clone(), asked_at).await;
         }
-        let plan = tokio::task::block_in_place(|| self.plan_touch_request(touch, &touch.request))?;
-        drop(place);
         let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: None };
-        let driven =
-            self.drive_plan(request_id, asked_at, plan.clone(), touch.fingers.clone(), touch.mode.clone()).await?;
+        // An effect is designed in the planner's place, too: a click takes longer than its plan.
+        let (plan, order) = tokio::task::block_in_place(|| -> Result<_, Problem> {
+            let plan = self.plan_touch_request(touch, &touch.request)?;
+            let (fingers, mode) = (touch.fingers.clone(), touch.mode.clone());
+            let order = self.equipment.prepare_touch_order(request_id, asked_at, plan.clone(), fingers, mode)?;
+            Ok((plan, order))
+        })?;
+        drop(place);
+        let driven = self.controller.drive_touch_order(order).await?;
         let trade = self.compute_trade_off_if_wanted_and_needed(asker, request_id, touch, &touch.request, &plan).await;
         Ok(TouchedView { trade, ..driven })
     }

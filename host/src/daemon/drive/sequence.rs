@@ -2,18 +2,24 @@
 
 use super::active::AskedAt;
 use super::driver::TouchDriver;
+use super::equipment::DriveEquipment;
 use super::order::TouchOrder;
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::{Problem, ProblemKind};
+use crate::daemon::design::low_priority::{Deadline, run_low_priority_until_deadline};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::effect_file::{CheckedEffectFile, PlayedEffectFileView};
 use crate::device::SessionError;
-use crate::effect_files::panel::{PanelEffect, PanelEffectError, design_parts_for_panel};
+use crate::effect_files::panel::{PanelEffect, PanelEffectError, PartDesigner};
 use crate::effect_files::view::ReadingView;
 use crate::effects::DesignError;
+use crate::planner::PlanTable;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::time::Instant;
+
+/// Longest time in which a file is read and its parts are designed: a hundred parts at places of their own take some 3 s.
+const LONGEST: Duration = Duration::from_secs(10);
 
 /// A part that is ready to be driven.
 #[derive(Debug)]
@@ -23,7 +29,7 @@ struct TimedOrder {
 }
 
 impl TouchDriver {
-    /// Designs all parts of an effect file, begins with the first one, and leaves the others to a task. A stop or a newer touch ends it, and
+    /// Reads an effect file with `read_file` and designs all of its parts, on a thread of low priority and in a slot of the client; begins with the first one, and leaves the others to a task. A stop or a newer touch ends it, and
     /// so does a board that has gone off, faulted or been away.
     ///
     /// # Errors
@@ -33,49 +39,72 @@ impl TouchDriver {
         asker: &Asker,
         id: u64,
         stop_count_at_arrival: u64,
-        file: &CheckedEffectFile,
+        read_file: impl FnOnce() -> Result<CheckedEffectFile, Problem> + Send + 'static,
     ) -> Result<PlayedEffectFileView, Problem> {
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
         let asked_at =
             AskedAt { stops: stop_count_at_arrival, interruptions: Some(self.count_unrequested_board_interruptions()) };
-        let place = self.admission.wait_for_planner_place_unless_queue_full(asker.client).await?;
-        self.controller.check_not_superseded(id)?;
-        if self.stop_count() != stop_count_at_arrival {
-            return Err(SessionError::Stopped.into());
-        }
-        let (effect, orders) = tokio::task::block_in_place(|| self.prepare_parts(id, asked_at, file))?;
-        drop(place);
+        let slot = tokio::select! {
+            slot = self.effect_slots.wait_for_slot(asker.client) => slot?,
+            () = asker.sender.wait_until_connection_closed() => {
+                return Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection"));
+            }
+        };
+        self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
+        let (table, equipment) = (Arc::clone(&self.table), Arc::downgrade(&self.equipment));
+        let work = move |deadline: &Deadline| {
+            // Until the work is done, also if nobody waits for it any more.
+            let _slot = slot;
+            let file = read_file()?;
+            deadline.check_not_cancelled_or_expired()?;
+            let (effect, orders) = prepare_parts(&table, &equipment, (id, asked_at), &file, deadline)?;
+            Ok((ReadingView::new(&file.list, &file.warnings, &effect), orders))
+        };
+        let (reading, orders) = run_low_priority_until_deadline("effect file", LONGEST, &asker.sender, work).await?;
+        self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
         let mut orders = orders.into_iter();
         let first = orders.next().ok_or(DesignError::Unbounded)?;
         let device = self.controller.drive_touch_order(first.order).await?.device;
         // From when the first one has begun: it may have waited for the board.
         let start = Instant::now() - first.begin;
         tokio::spawn(drive_orders_at_their_times(Arc::downgrade(self), id, start, orders.collect()));
-        Ok(PlayedEffectFileView { reading: ReadingView::new(&file.list, &file.warnings, &effect), plan_id: id, device })
+        Ok(PlayedEffectFileView { reading, plan_id: id, device })
     }
 
-    fn prepare_parts(
-        &self,
-        id: u64,
-        asked_at: AskedAt,
-        file: &CheckedEffectFile,
-    ) -> Result<(PanelEffect, Vec<TimedOrder>), Problem> {
-        let poles = self.table.panel_poles().ok_or(DesignError::Unbounded)?;
-        let asked = (file.touched_m, file.asked_g);
-        let effect = design_parts_for_panel(&self.table, poles, &file.parts, asked, self.equipment.plays_windows())?;
-        let mut orders = Vec::with_capacity(effect.parts.len());
-        for part in &effect.parts {
-            let Some(place) = effect.places.get(part.place) else { continue };
-            let mode = DriveMode::Designed(Arc::new(part.design.clone()));
-            let order =
-                self.equipment.prepare_touch_order(id, asked_at, place.plan.clone(), vec![file.finger], mode)?;
-            let begin = Duration::from_millis(u64::try_from(part.begin_ms).unwrap_or(u64::MAX));
-            orders.push(TimedOrder { begin, order });
-        }
-        Ok((effect, orders))
+    fn check_neither_superseded_nor_stopped(&self, id: u64, stop_count_at_arrival: u64) -> Result<(), Problem> {
+        self.controller.check_not_superseded(id)?;
+        if self.stop_count() == stop_count_at_arrival { Ok(()) } else { Err(SessionError::Stopped.into()) }
     }
+}
+
+/// Designs the parts and makes orders of them. The equipment is held for one part at a time, so that the daemon's end does not wait.
+fn prepare_parts(
+    table: &PlanTable,
+    equipment: &Weak<DriveEquipment>,
+    (id, asked_at): (u64, AskedAt),
+    file: &CheckedEffectFile,
+    deadline: &Deadline,
+) -> Result<(PanelEffect, Vec<TimedOrder>), Problem> {
+    let equipment = || equipment.upgrade().ok_or(SessionError::Closed);
+    let poles = table.panel_poles().ok_or(DesignError::Unbounded)?;
+    let mut designer = PartDesigner::new(table, poles, (file.touched_m, file.asked_g), equipment()?.plays_windows());
+    for part in &file.parts {
+        deadline.check_not_cancelled_or_expired()?;
+        designer.add_part(part)?;
+    }
+    let effect = designer.effect;
+    let mut orders = Vec::with_capacity(effect.parts.len());
+    for part in &effect.parts {
+        deadline.check_not_cancelled_or_expired()?;
+        let Some(place) = effect.places.get(part.place) else { continue };
+        let mode = DriveMode::Designed(Arc::new(part.design.clone()));
+        let order = equipment()?.prepare_touch_order(id, asked_at, place.plan.clone(), vec![file.finger], mode)?;
+        let begin = Duration::from_millis(u64::try_from(part.begin_ms).unwrap_or(u64::MAX));
+        orders.push(TimedOrder { begin, order });
+    }
+    Ok((effect, orders))
 }
 
 impl From<PanelEffectError> for Problem {

@@ -228,7 +228,7 @@ impl DriveTask {
             Err(problem) => {
                 tracing::info!(
                     plan = id,
-                    "the drive could not be sent again with the forces that are possible now: {}",
+                    "the drive could not be sent again with the forces that the credit and the earlier touches allow now: {}",
                     problem.detail()
                 );
                 // The board did not want to: what is not driven is not shown either.
@@ -253,7 +253,7 @@ impl DriveTask {
     fn keep_drive_unchanged(&mut self, held: SustainedDrive, problem: &Problem) {
         tracing::info!(
             plan = held.active.id,
-            "the forces of the drive could not be adapted, and the drive continues unchanged: {}",
+            "the forces of the drive could not be computed again, so the drive continues with its present forces: {}",
             problem.detail()
         );
         self.state.sustained = Some(held);

@@ -16,11 +16,11 @@ use std::sync::Arc;
 
 /// The effects that have names
 ///
-/// Those of touches are asked for with `effect` of a touch; those of files are what an effect file puts together.
+/// A touch names an effect in `effect`; an effect file names primitives in `primitive`.
 #[utoipa::path(
     get,
     path = "/v1/effects", operation_id = "named_effects",
-    responses((status = 200, description = "The effects", body = Vec<NamedEffectView>)),
+    responses((status = 200, description = "The effects that have names", body = Vec<NamedEffectView>)),
 )]
 pub async fn get_effects() -> Response {
     Json(list_named_effects()).into_response()
@@ -28,12 +28,18 @@ pub async fn get_effects() -> Response {
 
 /// Play an effect file
 ///
-/// All parts are designed before the first one begins, and are then played at their times. A stop, a newer touch or an outage ends it.
+/// The daemon designs all parts before the first part begins; the board then plays each part at its time. A stop, a newer touch or an outage
+/// ends the effect.
+/// Two files are designed at a time, one of each client, and one of each client waits; a newer request takes the place of the one that waits.
 #[utoipa::path(
     post,
     path = "/v1/effects", operation_id = "play_effect_file",
     request_body = EffectFileRequest,
-    responses((status = 200, description = "What is played, and what the device achieves of the first part", body = PlayedEffectFileView)),
+    responses((
+        status = 200,
+        description = "The parts that the board plays, and the drives that the device achieves for the first part",
+        body = PlayedEffectFileView,
+    )),
 )]
 pub async fn post_effects(
     State(app): State<Arc<App>>,
@@ -43,14 +49,17 @@ pub async fn post_effects(
 ) -> Result<Response, Problem> {
     let stops = app.driver.stop_count();
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: {"version": 1, "events": [...]} or "file"?: text, "format"?: "toml" | "json" | "ahap" | "hjif" | "haptic"}"#;
-    let request: EffectFileRequest = parse_json_body(&headers, &body, wanted)?;
     let id = app.driver.admission.allocate_request_number();
-    app.record_line(
-        "effect_file",
-        || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}),
-    );
-    let file = tokio::task::block_in_place(|| CheckedEffectFile::from_request(&request, &app.table.scene))?;
-    let played = app.driver.play_effect_file(&asker, id, stops, &file).await;
+    let (table, weak_app) = (Arc::clone(&app.table), Arc::downgrade(&app));
+    let read = move || {
+        let request: EffectFileRequest = parse_json_body(&headers, &body, wanted)?;
+        if let Some(app) = weak_app.upgrade() {
+            let line = || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()});
+            app.record_line("effect_file", line);
+        }
+        CheckedEffectFile::from_request(request, &table.scene)
+    };
+    let played = app.driver.play_effect_file(&asker, id, stops, read).await;
     app.metrics.count_touch(played.is_ok());
     Ok(Json(played?).into_response())
 }

@@ -6,11 +6,11 @@
 use super::PageMessage;
 use crate::daemon::api::json::{ExpectedForm, parse_json_object};
 use crate::daemon::api::problem::{Problem, ProblemKind};
-use crate::daemon::api::whole_numbers::to_exact_whole_number;
 use crate::daemon::touch::check::CheckedFinger;
 use crate::daemon::touch::request::Finger;
 use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
+use crate::whole_numbers::to_exact_whole_number;
 use serde::Deserialize;
 use serde_json::Value;
 use std::borrow::Cow;

@@ -11,43 +11,43 @@ use crate::planner::PlanTable;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// A message to a page.
+/// A message from the daemon to a page.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = LiveOut)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum LiveMessage {
-    /// The scene, once.
+    /// The scene; sent once, at the start.
     #[expect(dead_code, reason = "part of the description; `SceneTexts` writes it once for all pages")]
     Scene(Box<SceneView>),
-    /// The state, whenever it changes.
+    /// The state; sent whenever it changes.
     State(Box<StateView>),
-    /// A plan that is driven, or that none is any more.
+    /// A plan that is driven, or the message that no plan is driven any more.
     Plan(Box<PlanMessage>),
-    /// What is wrong with something that the page has said or done.
+    /// A problem with a message or a finger of the page.
     Error(ErrorMessage),
 }
 
-/// A plan that is driven.
+/// A plan that is driven, or none.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct PlanMessage {
-    /// The plan; null when the one that was told before is over, by its end or by a stop.
+    /// The plan; null if the previous plan has ended or was stopped.
     plan: Option<PlanView>,
-    /// Its number, which is its request's; null without a plan.
+    /// Number of the plan, which is also the number of its request; null without a plan.
     plan_id: Option<u64>,
-    /// Its field, where the page has asked for it.
+    /// Predicted peak acceleration over the surface; absent unless the page has requested `field`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     field: Option<FieldView>,
-    /// The fingers that it is for.
+    /// The fingers for which the plan is driven.
     touches: Vec<Finger>,
-    /// The effect that is played; null if none is.
+    /// The effect that the board plays; null if the board plays none.
     effect: Option<PlayedEffect>,
 }
 
-/// What is wrong.
+/// A problem with a message or a finger.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct ErrorMessage {
-    /// What is wrong; `field` names the finger, as `touches[0].x_px`.
+    /// The problem; `field` names the field of the message, such as `touches[0].x_px`.
     problem: Problem,
 }
 

@@ -10,12 +10,13 @@ mod incoming;
 pub mod message;
 mod writer;
 
-use crate::daemon::access::client::Client;
+use crate::daemon::access::client::{Client, Peer};
 use crate::daemon::access::head::read_single_header;
 use crate::daemon::access::permissions::Role;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::{App, SOCKETS};
 use crate::daemon::touch::Touch;
+use crate::daemon::touch::check::CheckedFinger;
 use crate::daemon::touch::request::Feel;
 use crate::daemon::touch::request::Finger;
 use crate::effects::NamedEffect;
@@ -49,7 +50,7 @@ const REPLIES: usize = 32;
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
 #[derive(Debug, Deserialize, ToSchema)]
-#[schema(as = LiveIn, description = "What a page says: the fingers that are down, or that everything is to be off.")]
+#[schema(as = LiveIn, description = "A message from a page: the fingers that are down, or a stop.")]
 #[schema(examples(
     json!({"type": "touch", "touches": [{"id": 1, "x_px": 960, "y_px": 640}], "intensity_g": 0.3}),
     json!({"type": "touch", "touches": []}),
@@ -57,31 +58,31 @@ const REPLIES: usize = 32;
 ))]
 #[serde(deny_unknown_fields)]
 pub struct PageMessage {
-    /// What it is about.
+    /// Type of the message: `touch` or `stop`.
     #[serde(rename = "type")]
     kind: PageMessageKind,
-    /// The fingers that are down now; none when all are lifted. With `touch` only.
+    /// All fingers that are down now; empty if all fingers are lifted. Only in a message of the type `touch`.
     touches: Option<Vec<Finger>>,
-    /// Peak wanted in g, for fingers that have none of their own.
+    /// Wanted peak acceleration in g for fingers without `intensity_g`.
     intensity_g: Option<f64>,
-    /// The same in dB above the threshold of feeling at the drives' frequencies; absent with `intensity_g`.
+    /// Wanted peak acceleration in dB above the threshold of feeling at the frequencies of the drives; absent with `intensity_g`.
     intensity_db: Option<f64>,
-    /// How long, in ms; with an effect its length.
+    /// Duration of the vibration in ms; with an effect, duration of the effect.
     duration_ms: Option<f64>,
-    /// Plays this when a finger comes down instead of driving evenly.
+    /// The effect that the board plays when a finger goes down; without an effect, the vibration has a constant intensity.
     effect: Option<NamedEffect>,
-    /// How many pulses a `pulse_train` has.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number_or_null")]
+    /// Number of pulses of a `pulse_train`.
+    #[serde(default, deserialize_with = "crate::whole_numbers::deserialize_whole_number_or_null")]
     count: Option<u32>,
-    /// From one click, pulse or crest to the next, in ms.
+    /// Time from one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
-    /// Longest time in ms until a click is below a tenth of its peak.
+    /// Longest time in ms until the vibration of a click is below a tenth of its peak.
     crisp_ms: Option<f64>,
-    /// What a click is where it cannot be both strong and crisp.
+    /// Which property a click keeps if it cannot be both strong and crisp.
     prefer: Option<Preference>,
 }
 
-/// What a page's message is about.
+/// Type of a message from a page.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = LiveKind)]
 #[serde(rename_all = "lowercase")]
@@ -105,14 +106,15 @@ enum WriterCommand {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 struct LiveQuery {
-    /// What to be told, with commas between: scene, state, plan, field; all but field, which brings plan with it, if not given.
+    /// Types of messages that the daemon sends, separated by commas: scene, state, plan, field. The default is scene, state and plan; field includes
+    /// plan.
     send: Option<String>,
-    /// Which taps are driven where they come faster than they can be felt: each of them, in order (`all`, if not given), or only the newest of those
-    /// that wait (`newest`).
+    /// Which taps the daemon drives if they arrive faster than they can be felt: each tap, in order (`all`, the default), or only the newest tap
+    /// of those that wait (`newest`).
     #[param(inline)]
     taps: Option<TapQueue>,
     // `access` has asked for it.
-    /// The token, which a page cannot send as a header.
+    /// The token. It is in the query because a page cannot set the headers of a WebSocket.
     #[serde(rename = "token")]
     _token: Option<String>,
 }
@@ -129,9 +131,9 @@ enum TapQueue {
 
 /// WebSocket: touches in, state, plans and telemetry out
 ///
-/// Text messages of JSON with a type, of at most 16 KiB: LiveIn from the page, with all fingers that are down (none when all are lifted), LiveOut
-/// to it. Every tap vibrates; an effect begins when a finger comes down, and not again as it moves. A page of which nothing was heard
-/// for 15 s, pings included, has lifted its fingers.
+/// Text messages in JSON with a `type`: LiveIn from the page (at most 16 KiB), with all fingers that are down (none if all are lifted), and LiveOut
+/// to the page. The daemon drives every tap. An effect begins when a finger goes down, and does not begin again when the finger moves. If the
+/// daemon receives nothing from a page for 15 s, not even the answer to a ping, the fingers of the page count as lifted.
 #[utoipa::path(
     get,
     path = "/v1/live",
@@ -142,6 +144,7 @@ enum TapQueue {
 pub async fn upgrade_to_live_socket(
     State(app): State<Arc<App>>,
     client: Client,
+    peer: Option<Extension<Peer>>,
     role: Option<Extension<Role>>,
     uri: Uri,
     headers: HeaderMap,
@@ -160,8 +163,10 @@ pub async fn upgrade_to_live_socket(
     })?;
     check_websocket_version_and_key_headers(&headers)?;
     let bad = |detail: String| Problem::new(ProblemKind::BadQuery, detail);
-    let query: LiveQuery =
-        crate::daemon::api::query::parse_query(&uri, "send=NAMES and taps=all or taps=newest, or is empty")?;
+    let query: LiveQuery = crate::daemon::api::query::parse_query(
+        &uri,
+        "send=NAMES&taps=all or send=NAMES&taps=newest; both parameters are optional",
+    )?;
     let only_newest_tap = query.taps == Some(TapQueue::Newest);
     let wants = match &query.send {
         None => PageTopics::DEFAULT,
@@ -178,7 +183,8 @@ pub async fn upgrade_to_live_socket(
         Problem::new(ProblemKind::SocketsFull, detail).with_retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
-        serve_page_socket(app, client, role, socket, wants, PageFingers::new(only_newest_tap)).await;
+        let page = PageIdentity::new(role, peer.map(|Extension(peer)| peer));
+        serve_page_socket(app, client, page, socket, wants, PageFingers::new(only_newest_tap)).await;
         drop(place);
     };
     // Of both: what is announced as longer is not waited for.
@@ -217,14 +223,11 @@ fn check_websocket_version_and_key_headers(headers: &HeaderMap) -> Result<(), Pr
 async fn serve_page_socket(
     app: Arc<App>,
     client: Client,
-    role: Role,
+    page: PageIdentity,
     socket: WebSocket,
     topics: PageTopics,
     fingers: PageFingers,
 ) {
-    // Names the page in recordings.
-    static PAGES: AtomicU64 = AtomicU64::new(0);
-    let page = PageIdentity { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role };
     let (sink, mut stream) = socket.split();
     let (letters, inbox) = mpsc::channel::<WriterCommand>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
@@ -244,6 +247,7 @@ async fn serve_page_socket(
             message = stream.next() => match message {
                 Some(Ok(message)) => {
                     heard = Instant::now();
+                    let bytes = length_of_message(&message);
                     match message {
                         Message::Binary(bytes) => {
                             stop_device_if_message_asks_and_page_may_touch(&app, page, &bytes, &fingers, &replies);
@@ -265,6 +269,10 @@ async fn serve_page_socket(
                         Message::Close(_) => break None,
                         _ => {}
                     }
+                    // After it was carried out, so that no stop waits for this: the next one does.
+                    if let Some(peer) = page.peer {
+                        tokio::time::sleep(app.live_pace.count_live_message_and_find_wait(peer, bytes)).await;
+                    }
                 }
                 Some(Err(error)) => break closing::close_frame_for_error(error),
                 None => break None,
@@ -274,7 +282,7 @@ async fn serve_page_socket(
             }
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
             () = tokio::time::sleep_until(heard + app.limits.silence) => {
-                tracing::info!("closing a live socket: nothing was received from the page in time");
+                tracing::info!("closing a live socket: the page sent nothing in time, not even the answer to a ping");
                 break Some(closing::close_frame_for_silence(app.limits.silence));
             }
             // The page takes nothing any more, or the daemon ends.
@@ -296,6 +304,14 @@ async fn serve_page_socket(
     }
 }
 
+fn length_of_message(message: &Message) -> usize {
+    match message {
+        Message::Text(text) => text.len(),
+        Message::Binary(bytes) | Message::Ping(bytes) | Message::Pong(bytes) => bytes.len(),
+        Message::Close(_) => 0,
+    }
+}
+
 /// Who is at the other end.
 #[derive(Clone, Copy, Debug)]
 struct PageIdentity {
@@ -303,6 +319,15 @@ struct PageIdentity {
     number: u64,
     /// What its token opens.
     role: Role,
+    /// Whose messages are read at one pace.
+    peer: Option<Peer>,
+}
+
+impl PageIdentity {
+    fn new(role: Role, peer: Option<Peer>) -> Self {
+        static PAGES: AtomicU64 = AtomicU64::new(0);
+        Self { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role, peer }
+    }
 }
 
 /// Carries out what a page said; what is wrong with it, if anything is.
@@ -372,23 +397,37 @@ fn queue_touch_of_message_reporting_wrong_fingers(
     for problem in &problems {
         let _ = replies.try_send(build_error_message(problem));
     }
-    let feel = Feel {
-        intensity_g: rest.intensity_g,
-        intensity_db: rest.intensity_db,
-        duration_ms: rest.duration_ms,
-        effect: rest.effect.or_else(|| fingers.choose_effect_of_newest_finger(&down)),
-        count: rest.count,
-        period_ms: rest.period_ms,
-        crisp_ms: rest.crisp_ms,
-        prefer: rest.prefer,
-    };
-    match Touch::from_fingers(&down, feel) {
-        Ok(touch) => fingers.queue_fingers_down_dropping_oldest_if_full(touch, app.driver.stop_count()).err(),
-        Err(problem) => {
+    let mut down = down;
+    loop {
+        let own_effect = if rest.effect.is_none() { fingers.choose_effect_of_newest_finger(&down) } else { None };
+        let feel = Feel {
+            intensity_g: rest.intensity_g,
+            intensity_db: rest.intensity_db,
+            duration_ms: rest.duration_ms,
+            effect: rest.effect.or(own_effect),
+            count: rest.count,
+            period_ms: rest.period_ms,
+            crisp_ms: rest.crisp_ms,
+            prefer: rest.prefer,
+        };
+        let problem = match Touch::from_fingers(&down, feel) {
+            Ok(touch) => {
+                return fingers.queue_fingers_down_dropping_oldest_if_full(touch, app.driver.stop_count()).err();
+            }
+            Err(problem) => problem,
+        };
+        let (refused, others): (Vec<CheckedFinger>, Vec<CheckedFinger>) =
+            down.iter().partition(|checked| own_effect.is_some() && checked.finger.effect == own_effect);
+        if refused.is_empty() || others.is_empty() {
             let ids: Vec<i64> = down.iter().map(|checked| checked.finger.id).collect();
             let _ = fingers.lift_all_except_dropping_oldest_if_full(&ids, app.driver.stop_count());
-            Some(problem)
+            return Some(problem);
         }
+        // The effect that these fingers have of their own does not go with the message: that is wrong with them alone.
+        for checked in &refused {
+            let _ = replies.try_send(build_error_message(&problem.clone().with_finger_id(checked.finger.id)));
+        }
+        down = others;
     }
 }
 

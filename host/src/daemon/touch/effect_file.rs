@@ -16,7 +16,7 @@ use utoipa::ToSchema;
 /// Most parts of an effect that are played: each is a request to the board.
 const MAX_PARTS: usize = 100;
 
-/// An effect file that is to be played at a place.
+/// An effect file, and the touched place at which the board plays it.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[schema(as = EffectFileRequest)]
 #[schema(examples(
@@ -27,17 +27,18 @@ const MAX_PARTS: usize = 100;
 ))]
 #[serde(deny_unknown_fields)]
 pub struct EffectFileRequest {
-    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    /// Distance of the touch from the left edge of the scene's screen in pixels: 0 to `width_px`.
     pub x_px: f64,
-    /// From its top edge: 0 to its `height_px`.
+    /// Distance of the touch from the top edge of the screen in pixels: 0 to `height_px`.
     pub y_px: f64,
-    /// Peak of intensity 1 in g; 0.5 if not given. Where the panel cannot reach it, intensity 1 is what it can do.
+    /// Peak acceleration of intensity 1 in g; 0.5 if absent. If the panel cannot reach this peak, intensity 1 is the largest peak that it can
+    /// reach.
     pub intensity_g: Option<f64>,
-    /// The effect in this program's own format; absent with `file`.
+    /// The effect in the format of this program; absent with `file`.
     pub effect: Option<EffectFile>,
     /// The text of a file: TOML, JSON, AHAP, HJIF or Lofelt `.haptic`; absent with `effect`.
     pub file: Option<String>,
-    /// The format of `file`; if not given, the text shows it.
+    /// The format of `file`; if absent, the daemon detects the format from the text.
     pub format: Option<FileFormat>,
 }
 
@@ -58,16 +59,16 @@ pub struct CheckedEffectFile {
     pub asked_g: f64,
 }
 
-/// The answer to an effect file: what is played of it, and what the device achieves of the part that begins at once.
+/// The answer to an effect file: the parts that the board plays, and the drives that the device achieves for the first part.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = PlayedEffectFile)]
 pub struct PlayedEffectFileView {
     /// What was read, and what the panel makes of it.
     #[serde(flatten)]
     pub reading: ReadingView,
-    /// The request's number.
+    /// Number of the request, which is also the number of its plan.
     pub plan_id: u64,
-    /// What the device achieves of the first part.
+    /// The drives that the device achieves for the first part.
     pub device: Achieved,
 }
 
@@ -76,12 +77,13 @@ impl CheckedEffectFile {
     ///
     /// # Errors
     /// [`Problem`] that names the field.
-    pub fn from_request(asked: &EffectFileRequest, scene: &Scene) -> Result<Self, Problem> {
+    pub fn from_request(asked: EffectFileRequest, scene: &Scene) -> Result<Self, Problem> {
         check_intensity_range(asked.intensity_g)?;
         let finger = Finger { id: 0, x_px: asked.x_px, y_px: asked.y_px, intensity_g: asked.intensity_g, effect: None };
         let target = finger.check_on_scene(scene)?.target;
         let wrong = |field: &str, error: ReadError| Problem::bad_body(error.to_string()).with_field(field.to_owned());
-        let list = match (&asked.effect, &asked.file, asked.format) {
+        let has_file = asked.file.is_some();
+        let list = match (asked.effect, &asked.file, asked.format) {
             (Some(effect), None, None) => {
                 list_events_of_file(effect, FileFormat::Json).map_err(|error| wrong("effect", error))?
             }
@@ -108,8 +110,8 @@ impl CheckedEffectFile {
                 return Err(Problem::bad_body(detail.into()).with_field("effect".into()));
             }
         };
-        let (parts, warnings) = cut_events_into_parts(&list)
-            .map_err(|error| wrong(if asked.file.is_some() { "file" } else { "effect" }, error))?;
+        let (parts, warnings) =
+            cut_events_into_parts(&list).map_err(|error| wrong(if has_file { "file" } else { "effect" }, error))?;
         if parts.len() > MAX_PARTS {
             let detail = format!(
                 "the effect has {} parts that the board plays one after the other, but at most {MAX_PARTS} are allowed",

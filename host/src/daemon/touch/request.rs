@@ -15,7 +15,7 @@ pub const MAX_DURATION_MS: u32 = 10_000;
 /// would drive everything at its limits.
 pub const MAX_INTENSITY_G: f64 = 1000.0;
 
-/// A touch as the HTTP interface takes it.
+/// A request to drive a touch.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[schema(as = Touch)]
 #[schema(examples(
@@ -27,81 +27,83 @@ pub const MAX_INTENSITY_G: f64 = 1000.0;
 ))]
 #[serde(deny_unknown_fields)]
 pub struct TouchRequest {
-    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    /// Distance of the touch from the left edge of the scene's screen in pixels: 0 to `width_px`.
     pub x_px: f64,
-    /// From its top edge: 0 to its `height_px`.
+    /// Distance of the touch from the top edge of the screen in pixels: 0 to `height_px`.
     pub y_px: f64,
-    /// Peak wanted in g; 0.5 if neither it nor `intensity_db` is given. What cannot be reached is delivered as far as it goes.
+    /// Wanted peak acceleration in g; 0.5 if `intensity_g` and `intensity_db` are absent. If the panel cannot reach this peak, the daemon drives the
+    /// largest peak that is possible.
     pub intensity_g: Option<f64>,
-    /// The same in dB above the threshold of feeling at the drives' frequencies; absent with `intensity_g`.
+    /// Wanted peak acceleration in dB above the threshold of feeling at the frequencies of the drives; absent with `intensity_g`.
     pub intensity_db: Option<f64>,
-    /// How long, in ms; any number in the range, 1000 if not given. With an effect its length (buzz 200, swell 500, texture 1000),
-    /// absent with those that have none.
+    /// Duration of the vibration in ms; 1000 if absent. With an effect, duration of the effect (default: buzz 200, swell 500, texture 1000); absent
+    /// with effects that have no duration.
     pub duration_ms: Option<f64>,
-    /// Plays this on the board's own clock instead of driving evenly.
+    /// The effect that the board plays by its own clock; without an effect, the vibration has a constant intensity.
     pub effect: Option<NamedEffect>,
-    /// How many pulses a `pulse_train` has; 5 if not given.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number_or_null")]
+    /// Number of pulses of a `pulse_train`; 5 if absent.
+    #[serde(default, deserialize_with = "crate::whole_numbers::deserialize_whole_number_or_null")]
     pub count: Option<u32>,
-    /// From one click, pulse or crest to the next, in ms: `double_click` 50 to 500 (120 if not given), `pulse_train` 10 to 1000 (60),
-    /// `texture` 25 to 125 (50).
+    /// Time from one click, pulse or crest to the next in ms: `double_click` 50 to 500 (default 120), `pulse_train` 10 to 1000 (default 60),
+    /// `texture` 25 to 125 (default 50).
     pub period_ms: Option<f64>,
-    /// Longest time in ms until a `click` is below a tenth of its peak; 45 if not given. A double click keeps its own times.
+    /// Longest time in ms until the vibration of a `click` is below a tenth of its peak; 45 if absent. A `double_click` does not use this time.
     pub crisp_ms: Option<f64>,
-    /// What a `click` is where it cannot be both: as strong as was asked for (`strength`, if not given), or quiet in time (`crispness`).
+    /// Which property a `click` keeps if it cannot have both: the wanted peak (`strength`, the default), or the time `crisp_ms` (`crispness`).
     pub prefer: Option<Preference>,
-    /// When the target begins to be wanted, in ms from now; 0 if only `to_ms` is given. Not with an effect.
+    /// Begin of the time window of the target in ms from now; 0 if only `to_ms` is given. Not allowed with an effect.
     pub from_ms: Option<f64>,
-    /// When that ends, in ms from now, at least 1 later; `duration_ms`, or the latest of all, if only `from_ms` is given. Not with an
-    /// effect.
+    /// End of the time window of the target in ms from now, at least 1 ms after `from_ms`. If only `from_ms` is given, the window ends after
+    /// `duration_ms`; without `duration_ms`, with the latest window of all targets. Not allowed with an effect.
     pub to_ms: Option<f64>,
-    /// Other targets.
+    /// Further targets of the same touch.
     pub also: Option<Vec<OtherTarget>>,
-    /// Places to be spared.
+    /// Zones in which the acceleration stays below a limit.
     pub quiet: Option<Vec<QuietZone>>,
-    /// What is made least, or most: least mean square elsewhere (`contrast`, if not given), the strongest minimum over the surface
-    /// (`reach`), or least electrical power (`power`).
+    /// What the planner optimises: the smallest mean square of the acceleration elsewhere (`contrast`, the default), the largest minimum of the
+    /// acceleration over the surface (`reach`), or the smallest electrical power (`power`).
     pub objective: Option<Objective>,
-    /// Which actuators share a frequency: own frequencies (`distinct`, if not given), or one shared with phases (`shared`), for one
-    /// target, without quiet zones, for contrast.
+    /// Frequencies of the actuators: a different frequency for each actuator (`distinct`, the default), or one frequency for all actuators, with
+    /// phases (`shared`). `shared` is possible only for one target, without quiet zones, with the objective `contrast`.
     pub grouping: Option<Grouping>,
-    /// How accelerations of different frequencies count: all the same (`equal`, if not given), or as they are felt (`felt`); quiet
-    /// zones keep their limits in g.
+    /// Weights of accelerations of different frequencies: equal weights (`equal`, the default), or weights by how strongly a finger feels the
+    /// frequency (`felt`). The limits of quiet zones are in g in both cases.
     pub weigh: Option<Weigh>,
-    /// Whether the answer says what can be had where it cannot be had in full; takes up to some seconds, after the drive has begun.
+    /// Whether the answer has other possible results (`trade`) if the touch cannot be met completely. The computation takes up to some seconds after
+    /// the drive has begun.
     pub trade: Option<bool>,
 }
 
-/// Another target.
+/// A further target of a touch.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = Also)]
 #[serde(deny_unknown_fields)]
 pub struct OtherTarget {
-    /// In pixels of the scene's screen, from its left edge.
+    /// Distance of the target from the left edge of the scene's screen in pixels.
     pub x_px: f64,
-    /// From its top edge.
+    /// Distance of the target from the top edge of the screen in pixels.
     pub y_px: f64,
-    /// Peak wanted in g; the touch's own intensity if not given.
+    /// Wanted peak acceleration of the target in g; the intensity of the touch if absent.
     pub intensity_g: Option<f64>,
-    /// When it begins to be wanted, in ms from now; 0 if only `to_ms` is given. Not with an effect.
+    /// Begin of the time window of the target in ms from now; 0 if only `to_ms` is given. Not allowed with an effect.
     pub from_ms: Option<f64>,
-    /// When that ends, in ms from now, at least 1 later; `duration_ms`, or the latest of all, if only `from_ms` is given. Not with an
-    /// effect.
+    /// End of the time window of the target in ms from now, at least 1 ms after `from_ms`. If only `from_ms` is given, the window ends after
+    /// `duration_ms`; without `duration_ms`, with the latest window of all targets. Not allowed with an effect.
     pub to_ms: Option<f64>,
 }
 
-/// A place to be spared.
+/// A circular zone in which the acceleration stays below a limit.
 #[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
 #[schema(as = QuietZone)]
 #[serde(deny_unknown_fields)]
 pub struct QuietZone {
-    /// Its middle in pixels of the scene's screen, from its left edge.
+    /// Distance of the centre of the zone from the left edge of the scene's screen in pixels.
     pub x_px: f64,
-    /// From its top edge.
+    /// Distance of the centre of the zone from the top edge of the screen in pixels.
     pub y_px: f64,
-    /// Its radius in mm.
+    /// Radius of the zone in mm.
     pub radius_mm: f64,
-    /// Most peak acceleration at its middle and on its rim, in g.
+    /// Largest allowed peak acceleration at the centre and on the rim of the zone, in g.
     pub at_most_g: f64,
 }
 
@@ -136,21 +138,21 @@ pub struct Feel {
     pub prefer: Option<Preference>,
 }
 
-/// One finger.
+/// A finger on the screen.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Finger {
-    /// The page's number for it.
-    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::deserialize_whole_number")]
+    /// Number that the page gives the finger.
+    #[serde(default, deserialize_with = "crate::whole_numbers::deserialize_whole_number")]
     pub id: i64,
-    /// In pixels of the scene's screen.
+    /// Distance from the left edge of the scene's screen in pixels.
     pub x_px: f64,
-    /// In pixels of the scene's screen.
+    /// Distance from the top edge of the scene's screen in pixels.
     pub y_px: f64,
-    /// Peak wanted for it alone, in g.
+    /// Wanted peak acceleration of this finger alone, in g.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intensity_g: Option<f64>,
-    /// Played when it goes down; one panel plays one effect, the first finger's that has one.
+    /// The effect that the board plays when the finger goes down. A panel plays one effect at a time: that of the newest finger that has an effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effect: Option<NamedEffect>,
 }

@@ -50,6 +50,43 @@ fn make_large_touch_body(turn: u32, extra_keys: &Value) -> String {
     body.to_string()
 }
 
+fn make_effect_touch_body(turn: u32, effect: &str) -> String {
+    let (x_px, y_px) = (f64::from(turn * 733 % 1920), f64::from(turn * 541 % 1280));
+    json!({"x_px": x_px, "y_px": y_px, "intensity_g": 0.3, "effect": effect}).to_string()
+}
+
+/// Ten targets with time windows that overlap, so that each end begins another plan.
+fn make_windows_touch_body(turn: u32) -> String {
+    let target = |k: u32| {
+        let (x_px, y_px) = ((turn * 733 + k * 379) % 1920, (turn * 541 + k * 251) % 1280);
+        json!({"x_px": x_px, "y_px": y_px, "intensity_g": 0.1, "from_ms": 100 * k, "to_ms": 100 * k + 950})
+    };
+    let mut body = target(0);
+    body["also"] = (1..10).map(target).collect();
+    body.to_string()
+}
+
+/// `events` may end with a comma.
+fn make_effect_body(turn: u32, events: &str) -> String {
+    let events = events.trim_end_matches(',');
+    let x_px = 200 + 97 * turn;
+    format!(r#"{{"x_px": {x_px}, "y_px": 640, "intensity_g": 0.1, "effect": {{"version": 1, "events": [{events}]}}}}"#)
+}
+
+fn make_many_clicks_effect_body(turn: u32) -> String {
+    let click =
+        |i: u32| format!(r#"{{"primitive": "tick", "time_ms": {}, "dx_mm": {}}},"#, 100 * i, f64::from(i) / 4.0);
+    make_effect_body(turn, &(0..100).map(click).collect::<String>())
+}
+
+fn make_weak_vibrations_effect_body() -> String {
+    let buzz = |i: u32| {
+        let dx_mm = f64::from(i) / 1000.0;
+        format!(r#"{{"primitive": "buzz", "time_ms": 0, "duration_ms": 30000, "intensity": 0.01, "dx_mm": {dx_mm}}},"#)
+    };
+    make_effect_body(0, &(0..1000).map(buzz).collect::<String>())
+}
+
 fn make_scene_with_masses(count: usize) -> String {
     let one = |i: usize| {
         let (x, y) = (15 + 10 * (i % 27), 20 + (37 * i) % 160);
@@ -116,6 +153,42 @@ pub fn list_cases() -> Vec<Case> {
             (0..4).map(|turn| make_large_touch_body(turn, &json!({"trade": true}))).collect(),
         ),
         make_case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
+        make_case(
+            "the same with an effect, at ever new places",
+            "as a touch",
+            "POST",
+            "/v1/touch",
+            (0..200).map(|turn| make_effect_touch_body(turn, "click")).collect(),
+        ),
+        make_case(
+            "the same with ten time windows",
+            "as a touch",
+            "POST",
+            "/v1/touch",
+            (0..8).map(make_windows_touch_body).collect(),
+        ),
+        make_get_case("`GET /v1/effects`", "made once", "/v1/effects"),
+        make_case(
+            "`POST /v1/effects`, 100 clicks at places of their own",
+            "2 at a time, one of each client, 16 wait, 10 s, ends with its sender",
+            "POST",
+            "/v1/effects",
+            (0..4).map(make_many_clicks_effect_body).collect(),
+        ),
+        make_case(
+            "the same, 1000 weak vibrations at places of their own",
+            "1000 events, 100 places",
+            "POST",
+            "/v1/effects",
+            vec![make_weak_vibrations_effect_body()],
+        ),
+        make_case(
+            "the same, 520 kB of empty events",
+            "528 KiB",
+            "POST",
+            "/v1/effects",
+            vec![make_effect_body(0, &"{},".repeat(173_000))],
+        ),
         make_get_case("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
         make_case(
             "`POST /v1/preview`, the starting plate",
@@ -203,6 +276,7 @@ pub fn list_cases() -> Vec<Case> {
         make_get_case("`GET /v1/state`", "some kB", "/v1/state"),
         make_get_case("`GET /v1/scene`", "made once", "/v1/scene"),
         make_get_case("`GET /v1/field?x_px=&y_px=`", "as `POST /v1/touch`", "/v1/field?x_px=960&y_px=640"),
+        make_get_case("`GET /v1/field`", "one at a time, made once for what is driven", "/v1/field"),
         make_get_case("`GET /metrics`", "some kB", "/metrics"),
         make_get_case("`GET /openapi.json`", "made once", "/openapi.json"),
         make_get_case("`GET /`, and its files", "made once", "/"),
@@ -218,5 +292,36 @@ pub fn list_cases() -> Vec<Case> {
             "16 KiB answered, 256 KiB read",
             vec![json!({"type": "x".repeat(15_000)}).to_string()],
         ),
+        live(
+            "the same, 250 kB that are no message",
+            "16 KiB answered, 256 KiB read; each 2 KiB count as one request at the pace",
+            vec![format!(r#"{{"type": "touch", "touches": [{}]}}"#, r#"{"id":1},"#.repeat(27_000))],
+        ),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the interface offers costs something: each of its operations is measured, but for the stop, which is measured beside each.
+    #[test]
+    fn every_operation_of_the_interface_has_a_case() {
+        let description: Value = serde_json::from_str(era::daemon::description()).unwrap();
+        let cases = list_cases();
+        let requests: Vec<(&str, &str)> =
+            cases.iter().flat_map(|case| &case.requests).map(|(method, path, _)| (*method, path.as_str())).collect();
+        for (path, operations) in description["paths"].as_object().unwrap() {
+            // A path that has a parameter is one with anything in its place.
+            let begin = path.split('{').next().unwrap();
+            let is_file = path == "/" || path.ends_with(".css") || path.ends_with(".js") || path.ends_with(".svg");
+            for method in operations.as_object().unwrap().keys().map(|method| method.to_uppercase()) {
+                let is_measured = requests.iter().any(|(of, to)| {
+                    let to = to.split('?').next().unwrap();
+                    *of == method && if begin == path.as_str() { to == path } else { to.starts_with(begin) }
+                });
+                assert!(is_measured || is_file || path == "/v1/stop", "{method} {path} has no case");
+            }
+        }
+    }
 }

@@ -13,14 +13,14 @@ use serde_json::{Map, Value, json};
 use utoipa::openapi::OpenApi;
 
 const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes drives for electrostatic actuators. All numbers \
-    are SI unless the name says another unit. Requests of pages other than the daemon's own are refused unless --allow-origin names \
-    their origin. If the daemon requires tokens, every request needs a token; `x-role` is the role that the path needs. A path that is \
-    not described here is answered with 404 (`#/components/responses/NotFound`), and a described path with another method is answered \
-    with 405 (`#/components/responses/WrongMethod`). HEAD is possible wherever GET is; pages that --allow-origin names may send \
-    OPTIONS first.";
-const SERVER: &str = "The daemon that sent this description: at the scheme, name and port of the request, or at its \
-    socket in the file system";
-const TOKEN: &str = "Needed if the daemon was started with --token-file; for /v1/live, ?token=TOKEN is also possible";
+    are in SI units unless the name of the field has another unit. The daemon refuses requests of pages other than its own page, unless \
+    --allow-origin names the origin of the page. If the daemon requires tokens, every request needs a token; `x-role` is the role that \
+    the path needs. The daemon answers a path that is not described here with 404 (`#/components/responses/NotFound`), and a described \
+    path with another method with 405 (`#/components/responses/WrongMethod`). Every path that accepts GET also accepts HEAD. Browsers \
+    may send OPTIONS before a request of a page whose origin --allow-origin names.";
+const SERVER: &str = "The daemon that sent this description, at the scheme, host name and port of the request, or at \
+    the daemon's Unix socket";
+const TOKEN: &str = "Required if the daemon was started with --token-file; /v1/live also accepts ?token=TOKEN";
 
 /// The whole description as JSON text, of what the routes declare.
 #[must_use]

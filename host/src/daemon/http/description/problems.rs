@@ -192,7 +192,7 @@ fn build_problem_response(kinds: &[ProblemKind]) -> Value {
     let mut headers = Map::new();
     if kinds.iter().any(|kind| may_have_retry_time(*kind)) {
         headers.insert("retry-after".into(), json!({
-            "description": "When to send the request again, in whole seconds; `retry_after_ms` is the same time in ms. \
+            "description": "Time after which to send the request again, in whole seconds; `retry_after_ms` is the same time in ms. \
                 Absent if this time is not known",
             "schema": {"type": "integer", "minimum": 1},
         }));
@@ -211,7 +211,7 @@ const fn describe_answer_header_besides_retry_after(kind: ProblemKind) -> Option
     match kind {
         ProblemKind::Token | ProblemKind::Role => Some((
             "www-authenticate",
-            "That a token is required (RFC 6750), and what is wrong with the token in the request",
+            "Says that a token is required (RFC 6750), and why the token in the request is not sufficient",
         )),
         ProblemKind::ContentCoding => Some(("accept-encoding", "`identity`: compression is not accepted")),
         ProblemKind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The WebSocket version of the daemon: 13")),

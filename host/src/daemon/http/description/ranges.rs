@@ -6,6 +6,7 @@ use crate::daemon::design::preview::MAX_SCENE;
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
 use crate::effect_files::MAX_TEXT_BYTES;
+use crate::effect_files::own::{FIELD_RANGES, MAX_ENVELOPE_POINTS};
 use crate::effects::intensity::{MAX_DB, MIN_DB};
 use crate::effects::named::{COUNTS, PERIODS_MS};
 use crate::planner::MAX_QUIET_ZONES;
@@ -78,7 +79,23 @@ pub fn insert_field_ranges(document: &mut Value) {
             moves["propertyNames"] = json!({"pattern": format!("^({})\\[[1-9][0-9]*\\]$", TABLES.join("|"))});
         }
     }
+    insert_effect_file_ranges(document);
     insert_parameter_ranges(document);
+}
+
+fn insert_effect_file_ranges(document: &mut Value) {
+    let mut find_property = |schema: &str, field: &str, change: &dyn Fn(&mut Value)| {
+        let properties = find_component_schema(document, schema).and_then(|schema| schema.get_mut("properties"));
+        if let Some(property) = properties.and_then(|properties| properties.get_mut(field)) {
+            change(property);
+        }
+    };
+    for (schema, field, (least, most)) in FIELD_RANGES {
+        find_property(schema, field, &|property| set_minimum_and_maximum(property, least, most));
+    }
+    find_property("FileEvent", "envelope", &|points| {
+        (points["minItems"], points["maxItems"]) = (1.into(), MAX_ENVELOPE_POINTS.into());
+    });
 }
 
 fn insert_parameter_ranges(document: &mut Value) {

@@ -11,7 +11,7 @@ const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// A type of whole numbers.
 pub trait WholeNumber: TryFrom<i64> + TryFrom<u64> {
-    /// Its name where a message says what was expected; [`super::json`] puts it into words.
+    /// Its name where a message says what was expected; `daemon::api::json` puts it into words.
     const NAME: &'static str;
 }
 
