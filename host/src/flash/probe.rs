@@ -3,6 +3,8 @@
 use era_shared::image::{CHIP_STM32G474, HEADER_LENGTH, HEADER_OFFSET, IMAGE_START, ImageHeader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Output, Stdio};
+use std::sync::mpsc::sync_channel;
+use std::time::Duration;
 
 /// The chip by the name that probe-rs gives it.
 pub const CHIP: &str = "STM32G474RETx";
@@ -12,6 +14,9 @@ const DEV_ID: u32 = 0xFFF;
 
 /// The chip's unique identifier, 96 bits (RM0440, section 48.1).
 const UNIQUE_ID: u32 = 0x1FFF_7590;
+
+/// Longest time in which the program lists probes or reads some bytes, which takes a second or two.
+const READ_LIMIT: Duration = Duration::from_secs(30);
 
 /// Why the probe did not do it.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +41,16 @@ pub enum ProbeError {
         /// What it wrote to standard error, where that was not shown.
         said: String,
     },
+    /// It does not end.
+    #[error(
+        "{command} did not end within {limit:?}, and was ended. Disconnect the probe, connect it again, and run the same command again"
+    )]
+    Late {
+        /// What was run.
+        command: String,
+        /// How long it may take.
+        limit: Duration,
+    },
     /// Another chip, or an answer that cannot be understood.
     #[error(
         "the chip at the probe has the device ID {found}, but an STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
@@ -50,6 +65,8 @@ pub enum ProbeError {
 #[derive(Clone, Debug)]
 pub struct ProbeRs {
     program: PathBuf,
+    /// For what shows nothing while it runs.
+    limit: Duration,
 }
 
 impl Default for ProbeRs {
@@ -61,7 +78,13 @@ impl Default for ProbeRs {
 impl ProbeRs {
     /// The program under another name or path.
     pub fn new(program: impl Into<PathBuf>) -> Self {
-        Self { program: program.into() }
+        Self { program: program.into(), limit: READ_LIMIT }
+    }
+
+    /// The same with another limit for what shows nothing while it runs.
+    #[must_use]
+    pub fn with_time_limit(self, limit: Duration) -> Self {
+        Self { limit, ..self }
     }
 
     /// Finds a probe.
@@ -134,8 +157,15 @@ impl ProbeRs {
     }
 
     fn run_and_capture_output(&self, command: &mut Command) -> Result<String, ProbeError> {
-        let Output { status, stdout, stderr } =
-            command.stdin(Stdio::null()).output().map_err(ProbeError::NotInstalled)?;
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().map_err(ProbeError::NotInstalled)?;
+        let (id, (sender, ended)) = (child.id(), sync_channel(1));
+        std::thread::spawn(move || sender.send(child.wait_with_output()));
+        let Ok(output) = ended.recv_timeout(self.limit) else {
+            end_program(id);
+            return Err(ProbeError::Late { command: format_command(command), limit: self.limit });
+        };
+        let Output { status, stdout, stderr } = output.map_err(ProbeError::NotInstalled)?;
         if status.success() {
             return Ok(String::from_utf8_lossy(&stdout).into_owned());
         }
@@ -150,6 +180,17 @@ impl ProbeRs {
         }
         Err(ProbeError::Failed { command: format_command(command), status, said: String::new() })
     }
+}
+
+/// Ends a program that has not ended by itself.
+fn end_program(id: u32) {
+    #[cfg(unix)]
+    if let Some(process) = i32::try_from(id).ok().and_then(rustix::process::Pid::from_raw) {
+        // It may have ended meanwhile.
+        let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
+    }
+    #[cfg(not(unix))]
+    let _ = id;
 }
 
 fn format_command(command: &Command) -> String {

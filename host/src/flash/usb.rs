@@ -6,6 +6,7 @@ use crate::device::usb_ids::BOOTLOADER;
 use nusb::descriptors::language_id::US_ENGLISH;
 use nusb::transfer::{ControlIn, ControlOut, ControlType, Recipient, TransferError};
 use nusb::{Device, DeviceInfo, Interface, MaybeFuture};
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 const VENDOR: u16 = BOOTLOADER.0;
@@ -17,6 +18,8 @@ const FUNCTIONAL: u8 = 0x21;
 
 /// Longest wait for one transfer. The device answers at once, except while it erases a page.
 const TIMEOUT: Duration = Duration::from_secs(5);
+/// Longest wait until the bootloader is open, which takes three calls of the system and as many transfers.
+const OPEN_LIMIT: Duration = Duration::from_secs(30);
 /// Between two looks at the bus.
 const LOOK_AGAIN: Duration = Duration::from_millis(200);
 
@@ -108,6 +111,17 @@ pub fn await_bootloader(patience: Duration) -> Result<DeviceInfo, UsbError> {
 /// # Errors
 /// [`UsbError`].
 pub fn open_bootloader(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
+    let (info, (sender, opened)) = (info.clone(), sync_channel(1));
+    // The system's calls have no time limit: a thread that a driver keeps is left behind.
+    std::thread::spawn(move || sender.send(open_and_claim_flash_interface(&info)));
+    opened.recv_timeout(OPEN_LIMIT).unwrap_or_else(|_| {
+        let reason =
+            format!("the system did not answer within {OPEN_LIMIT:?}; disconnect the board and connect it again");
+        Err(UsbError::Open { step: "opening", reason, permission: false })
+    })
+}
+
+fn open_and_claim_flash_interface(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
     let device = info.open().wait().map_err(UsbError::open("opening"))?;
     let (interface, alternate, layout) = find_flash_interface(&device)?;
     let interface = device.detach_and_claim_interface(interface).wait().map_err(UsbError::open("claiming"))?;

@@ -62,3 +62,15 @@ fn what_is_wrong_is_told() {
     let mute = program(folder.path(), ONE_PROBE, "", &[], 0);
     assert!(matches!(mute.check_chip(), Err(ProbeError::OtherChip { .. })));
 }
+
+/// A program that waits for a probe that never answers is ended, with its name in the error.
+#[test]
+fn a_program_that_does_not_end_is_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("probe-rs");
+    std::fs::write(&path, "#!/bin/sh\nexec sleep 600\n").unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let hung = ProbeRs::new(&path).with_time_limit(std::time::Duration::from_millis(200));
+    let error = hung.check_probe_connected().unwrap_err();
+    assert!(matches!(error, ProbeError::Late { .. }) && error.to_string().contains("probe-rs list"), "{error}");
+}
