@@ -77,6 +77,7 @@ fn print_and_check_memory_against_budget(
     };
     let unbounded = |source| Error::Stack { path: image.to_path_buf(), source };
     let program = stack::Program::read(&data).map_err(unbounded)?;
+    check_that_isb_follows_each_sleep(image, &program)?;
     let levels = stack::find_worst_case_stack_levels(&program, &rules).map_err(unbounded)?;
     println!("stack, at most, each level on top of the one before:");
     for level in &levels {
@@ -100,6 +101,21 @@ fn print_and_check_memory_against_budget(
         BudgetRow::in_bytes("RAM", usage.ram, budget.ram.bytes),
         BudgetRow::in_bytes("stack", stack, budget.stack.bytes),
     ])
+}
+
+/// The errata sheet's way around a wrong first fetch after a sleep.
+fn check_that_isb_follows_each_sleep(image: &Path, program: &stack::Program) -> Result<(), Error> {
+    let wrong: Vec<&str> =
+        program.sleeps.iter().filter(|(_, has_isb)| !has_isb).map(|(function, _)| function.as_str()).collect();
+    let reason = match (program.sleeps.len(), &wrong[..]) {
+        (0, _) => "the image has no WFI, so that nothing was checked".to_owned(),
+        (_, []) => {
+            println!("an ISB follows each WFI ({})", program.sleeps.len());
+            return Ok(());
+        }
+        (_, wrong) => format!("no ISB follows the WFI in {}", wrong.join("; ")),
+    };
+    Err(Error::Image { path: image.to_path_buf(), reason })
 }
 
 fn compute_percent(part: u32, whole: u32) -> f64 {

@@ -234,6 +234,7 @@ mod tests {
             functions,
             address_taken: [3, 5, 8].into(),
             vectors: [(RESET, 0), (HARD_FAULT, 10), (FIRST_INTERRUPT, 6), (FIRST_INTERRUPT + 1, 9)].into(),
+            sleeps: Vec::new(),
         }
     }
 

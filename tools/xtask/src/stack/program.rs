@@ -6,6 +6,10 @@ use object::read::elf::ElfFile32;
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// The instruction WFI (ARMv7-M, A7.7.261) and ISB SY (A7.7.37).
+const WFI: u16 = 0xBF30;
+const ISB: [u16; 2] = [0xF3BF, 0x8F6F];
+
 /// One function of the image.
 #[derive(Clone, Debug)]
 pub struct Function {
@@ -26,6 +30,8 @@ pub struct Program {
     pub functions: Vec<Function>,
     /// Positions of those whose address is stored or computed somewhere: what an indirect call can reach.
     pub address_taken: BTreeSet<usize>,
+    /// Functions that sleep (WFI), and whether an ISB follows directly.
+    pub sleeps: Vec<(String, bool)>,
     /// Vector numbers (1: reset, 3: HardFault, 16 and up: interrupts) and positions of their handlers.
     pub vectors: BTreeMap<usize, usize>,
 }
@@ -76,7 +82,12 @@ impl Program {
             }
         }
         let starts: Vec<u32> = found.keys().copied().collect();
-        let mut program = Self { functions: Vec::new(), address_taken: BTreeSet::new(), vectors: BTreeMap::new() };
+        let mut program = Self {
+            functions: Vec::new(),
+            address_taken: BTreeSet::new(),
+            vectors: BTreeMap::new(),
+            sleeps: Vec::new(),
+        };
         for (index, (address, (size, names))) in found.into_iter().enumerate() {
             // Hand-written code may have no size: it then lasts until the next function.
             let next = starts.get(index + 1).copied().unwrap_or(address + 2);
@@ -116,6 +127,10 @@ impl Program {
             }
             let first = image.read_half_word(address).ok_or_else(|| unclear(address))?;
             let second = image.read_half_word(address + 2).unwrap_or(0);
+            if first == WFI {
+                let follows = [second, image.read_half_word(address + 4).unwrap_or(0)];
+                self.sleeps.push((names.join(", "), follows == ISB));
+            }
             match decode_effect(address, first, second) {
                 Effect::None => {}
                 Effect::Grow(bytes) => function.frame += bytes,
