@@ -8,7 +8,7 @@ use crate::{
     timers, trip,
 };
 use embassy_time::{Duration, Instant};
-use era_shared::board::{Board, BoardInfo};
+use era_shared::board::{Board, BoardInfo, KeptRun};
 use era_shared::protocol::{ChannelLimits, FaultCode};
 use era_shared::safety::ElectrodePulses;
 use era_shared::supply::{FaultFinding, RAILS, SensorReadings, SupplyCommand};
@@ -183,8 +183,8 @@ impl Board for Stm32Board {
         electrode_test::pulse_electrode(channel, electrode)
     }
 
-    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; CHANNELS]) {
-        run_record::keep_run_record(is_live, credit_ms);
+    fn keep_for_next_start(&mut self, run: KeptRun) {
+        run_record::keep_run_record(run);
     }
 
     fn apply_supply_command(&mut self, command: &SupplyCommand) {

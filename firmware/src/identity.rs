@@ -1,12 +1,11 @@
 //! Who this board is and why it started.
 
 use crate::image::FIRMWARE;
-use crate::pins::CHANNELS;
 use crate::{brown_out, fatal, watchdog};
 use embassy_stm32::pac::{RCC, RNG};
 use embassy_stm32::uid;
 use embassy_time::Instant;
-use era_shared::board::BoardInfo;
+use era_shared::board::{BoardInfo, KeptRun};
 use era_shared::protocol::{BoardKind, FAILURE_MESSAGE, FaultCode, ResetCause};
 use heapless::{String, Vec};
 
@@ -60,7 +59,7 @@ pub fn take_previous_failure(
 pub fn build_board_info_without_channels(
     reset_cause: ResetCause,
     previous_failure: Option<(FaultCode, u32, String<FAILURE_MESSAGE>)>,
-    credit_before_reset_ms: Option<[u32; CHANNELS]>,
+    kept_before_reset: Option<KeptRun>,
 ) -> BoardInfo {
     let (fault_before_reset, failure) = match previous_failure {
         Some((code, detail, text)) => (Some((code, detail)), text),
@@ -75,7 +74,7 @@ pub fn build_board_info_without_channels(
         firmware: FIRMWARE,
         channels: Vec::new(),
         fault_before_reset,
-        credit_before_reset_ms,
+        kept_before_reset,
         failure,
     }
 }

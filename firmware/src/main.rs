@@ -61,7 +61,7 @@ fn main() -> ! {
     // Before notes of the previous run are taken: it resets the chip once.
     let (reset_cause, is_watchdog_proven) = watchdog_proof::prove_watchdog(identity::take_reset_cause());
     let previous_run = run_record::read_run_record_of_previous_run();
-    let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.was_live));
+    let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.is_live));
     let peripherals = embassy_stm32::init(clocks::build_clock_config());
     priorities::set_driver_interrupt_priorities();
     outputs::init_electrode_and_supply_pins_low();
@@ -76,7 +76,7 @@ fn main() -> ! {
     average_current::init_average_current();
     clock_check::init_clock_check();
 
-    let info = identity::build_board_info_without_channels(reset_cause, failure, previous_run.map(|run| run.credit_ms));
+    let info = identity::build_board_info_without_channels(reset_cause, failure, previous_run);
     defmt::info!("era-firmware {}, commit {=[u8]:a}", env!("CARGO_PKG_VERSION"), info.firmware.commit);
     if let Some((code, detail)) = info.fault_before_reset {
         defmt::error!(

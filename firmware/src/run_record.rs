@@ -1,9 +1,10 @@
-//! What the next start must know of this run: whether high voltage may be on, and the channels' credit.
+//! What the next start must know of this run: whether high voltage may be on, whether rails are measured wrongly, and the channels' credit.
 //!
 //! It is in memory that the start-up code does not touch. A reset from outside while the board is live is a fault, and no reset gives a
 //! channel new credit, as long as memory has kept it.
 
 use crate::pins::CHANNELS;
+use era_shared::board::KeptRun;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
@@ -15,6 +16,7 @@ const MAGIC: u32 = 0x4552_4152;
 struct RunRecord {
     magic: u32,
     is_live: u32,
+    is_measurement_distrusted: u32,
     credit_ms: [u32; CHANNELS],
     /// Bitwise complement of the sum of the words above.
     check: u32,
@@ -22,7 +24,7 @@ struct RunRecord {
 
 impl RunRecord {
     fn compute_checksum(&self) -> u32 {
-        let words = [self.magic, self.is_live].into_iter().chain(self.credit_ms);
+        let words = [self.magic, self.is_live, self.is_measurement_distrusted].into_iter().chain(self.credit_ms);
         !words.fold(0_u32, |sum, word| sum.rotate_left(5).wrapping_add(word))
     }
 }
@@ -42,8 +44,14 @@ fn record_places() -> [*mut RunRecord; 2] {
 }
 
 /// Writes the record.
-pub fn keep_run_record(is_live: bool, credit_ms: [u32; CHANNELS]) {
-    let mut record = RunRecord { magic: MAGIC, is_live: u32::from(is_live), credit_ms, check: 0 };
+pub fn keep_run_record(run: KeptRun) {
+    let mut record = RunRecord {
+        magic: MAGIC,
+        is_live: u32::from(run.is_live),
+        is_measurement_distrusted: u32::from(run.is_measurement_distrusted),
+        credit_ms: run.credit_ms,
+        check: 0,
+    };
     record.check = record.compute_checksum();
     for place in record_places() {
         // SAFETY: within the memory above; only the device task writes it, and nobody reads it meanwhile.
@@ -51,16 +59,7 @@ pub fn keep_run_record(is_live: bool, credit_ms: [u32; CHANNELS]) {
     }
 }
 
-/// What the previous run left.
-#[derive(Clone, Copy)]
-pub struct KeptRun {
-    /// Whether it was live when it ended.
-    pub was_live: bool,
-    /// The credit of each channel in ms.
-    pub credit_ms: [u32; CHANNELS],
-}
-
-/// What the previous run left; `None` if memory has not kept it. Where the copies differ, the one that says live counts. To be called once, at
+/// What the previous run left; `None` if memory has not kept it. Where the copies differ, the one that says live, or distrusts, counts. To be called once, at
 /// boot.
 pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
     let records = record_places().map(|place| {
@@ -68,6 +67,10 @@ pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
         let record = unsafe { place.read_volatile() };
         (record.magic == MAGIC && record.check == record.compute_checksum()).then_some(record)
     });
-    let found = records.into_iter().flatten().max_by_key(|record| record.is_live)?;
-    Some(KeptRun { was_live: found.is_live != 0, credit_ms: found.credit_ms })
+    let found = records.into_iter().flatten().max_by_key(|record| (record.is_live, record.is_measurement_distrusted))?;
+    Some(KeptRun {
+        is_live: found.is_live != 0,
+        is_measurement_distrusted: found.is_measurement_distrusted != 0,
+        credit_ms: found.credit_ms,
+    })
 }

@@ -29,8 +29,19 @@ pub struct BoardInfo {
     pub fault_before_reset: Option<(FaultCode, u32)>,
     /// What it said then.
     pub failure: String<FAILURE_MESSAGE>,
-    /// The credit in ms that the previous run left its channels; `None` if it is not known, and then they begin with all of it.
-    pub credit_before_reset_ms: Option<[u32; MAX_CHANNELS]>,
+    /// What the previous run has kept; `None` if it is not known, and then channels begin with all of their credit.
+    pub kept_before_reset: Option<KeptRun>,
+}
+
+/// What the next start must know of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeptRun {
+    /// Whether high voltage may be on.
+    pub is_live: bool,
+    /// Whether the measurement of the rails was found wrong, so that a rail may be charged whatever it shows.
+    pub is_measurement_distrusted: bool,
+    /// The credit of each channel in ms.
+    pub credit_ms: [u32; MAX_CHANNELS],
 }
 
 /// The hardware under the device logic.
@@ -72,9 +83,8 @@ pub trait Board {
     /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low.
     fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding>;
 
-    /// Keeps what the next start must know of this run: whether high voltage may be on, and the channels' credit in ms. To be called every
-    /// ms, and whenever everything has been switched off.
-    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; MAX_CHANNELS]);
+    /// Keeps what the next start must know of this run. To be called every ms, and whenever everything has been switched off.
+    fn keep_for_next_start(&mut self, run: KeptRun);
 
     /// Enables or disables the supply, and sets its set-points and discharge switches.
     fn apply_supply_command(&mut self, command: &SupplyCommand);

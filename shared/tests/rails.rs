@@ -132,6 +132,17 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     bench.board.rails_show = [Some(0), None];
     assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
+    // Reset instead of waited for: the next run knows of it, and the bleeder has its time from there.
+    let mut bench = broken();
+    bench.ask(&Request::Stop);
+    bench.wait_ms(2);
+    let kept = bench.board.kept;
+    assert!(kept.is_some_and(|run| run.is_measurement_distrusted && !run.is_live), "{kept:?}");
+    bench.board.info.kept_before_reset = kept;
+    bench.device = era_shared::device::Device::new();
+    bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
+    is_safe_after_bleeding(&mut bench);
+    assert!(bench.board.kept.is_some_and(|run| !run.is_measurement_distrusted), "the next start is a sound one");
     // Armed again instead of waited for.
     let mut bench = broken();
     bench.ask(&Request::Stop);

@@ -2,6 +2,7 @@
 
 mod support;
 
+use era_shared::board::KeptRun;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::waveform::{Electrode, SequenceError, SequenceWindow};
@@ -29,7 +30,11 @@ fn make_set_drives_request(all: &[ChannelDrive]) -> Request {
 fn arm_bench(burst_ms: u16, credit_ms: u32) -> Bench {
     let mut bench = Bench::new();
     if credit_ms < 60_000 {
-        bench.board.info.credit_before_reset_ms = Some([credit_ms, 60_000, 60_000, 60_000]);
+        bench.board.info.kept_before_reset = Some(KeptRun {
+            is_live: false,
+            is_measurement_distrusted: false,
+            credit_ms: [credit_ms, 60_000, 60_000, 60_000],
+        });
         bench.device = era_shared::device::Device::new();
         bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
         bench.wait_ms(2);

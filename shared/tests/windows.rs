@@ -2,6 +2,7 @@
 
 mod support;
 
+use era_shared::board::KeptRun;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::waveform::{
@@ -415,7 +416,8 @@ fn a_wrong_reference_is_a_fault_in_every_state() {
 #[test]
 fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     let mut bench = Bench::new();
-    assert_eq!(bench.board.kept, Some((false, [60_000; 4])));
+    let idle = KeptRun { is_live: false, is_measurement_distrusted: false, credit_ms: [60_000; 4] };
+    assert_eq!(bench.board.kept, Some(idle));
     bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
     bench.wait_ms(support::ARMING_MS);
     let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) };
@@ -424,11 +426,13 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
         bench.wait_ms(500);
         bench.ask(&Request::KeepAlive);
     }
-    let Some((true, credit_ms)) = bench.board.kept else { panic!("{:?}", bench.board.kept) };
+    let Some(kept @ KeptRun { is_live: true, credit_ms, .. }) = bench.board.kept else {
+        panic!("{:?}", bench.board.kept)
+    };
     assert!(credit_ms[0] < 59_000 && credit_ms[1] == 60_000, "{credit_ms:?}");
     // As a board starts that finds this record.
     let mut next = Bench::new();
-    next.board.info.credit_before_reset_ms = Some(credit_ms);
+    next.board.info.kept_before_reset = Some(kept);
     next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
     next.device = era_shared::device::Device::new();
     next.device.complete_boot_to_discharging_or_fault(&mut next.board);
@@ -438,7 +442,7 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.ask(&Request::NumberedFault) else { panic!() };
     assert_eq!(fault.code, FaultCode::ResetWhileLive);
     bench.ask(&Request::Stop);
-    assert_eq!(bench.board.kept.map(|(is_live, _)| is_live), Some(false), "at once, and not a ms later");
+    assert_eq!(bench.board.kept.map(|run| run.is_live), Some(false), "at once, and not a ms later");
 }
 
 /// Hosts of version 3 are told of what they know, and nothing sounds safer to them than it is.

@@ -6,7 +6,7 @@ mod live;
 mod windows;
 
 use crate::MAX_CHANNELS;
-use crate::board::Board;
+use crate::board::{Board, KeptRun};
 use crate::link::{DecodeError, Decoder, Frame, FrameKind, MAX_ENCODED, encode_frame};
 use crate::protocol::{
     AchievedDrive, CURRENT_VERSION, FaultCode, LinkCounters, MIN_VERSION, Refusal, Reply, Request,
@@ -129,8 +129,9 @@ impl Device {
         let now_us = board.now_us();
         let _ = self.safety.apply_event(SafetyEvent::BootComplete);
         self.off_since_us = now_us;
-        if let Some(credit_ms) = board.info().credit_before_reset_ms {
-            self.budget.restore_credit(credit_ms);
+        if let Some(kept) = board.info().kept_before_reset {
+            self.budget.restore_credit(kept.credit_ms);
+            self.distrusted = kept.is_measurement_distrusted;
         }
         self.switch_all_off(board, now_us);
         if let Some((code, detail)) = board.info().fault_before_reset {
@@ -264,6 +265,10 @@ impl Device {
     }
 
     fn keep_for_next_start(&self, board: &mut impl Board, is_live: bool) {
-        board.keep_for_next_start(is_live, core::array::from_fn(|channel| self.budget.remaining_credit_ms(channel)));
+        board.keep_for_next_start(KeptRun {
+            is_live,
+            is_measurement_distrusted: self.distrusted,
+            credit_ms: core::array::from_fn(|channel| self.budget.remaining_credit_ms(channel)),
+        });
     }
 }

@@ -5,7 +5,7 @@ pub mod circuit;
 pub mod golden;
 
 use circuit::Circuit;
-use era_shared::board::{Board, BoardInfo};
+use era_shared::board::{Board, BoardInfo, KeptRun};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::{TEST_PAUSE_MICROSECONDS, TEST_PULSE_MICROSECONDS, TEST_PULSES};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
@@ -94,7 +94,7 @@ pub struct FakeBoard {
     /// What the chip's own reference shows of its supply.
     pub reference_millivolts: u32,
     /// What the board has kept for its next start.
-    pub kept: Option<(bool, [u32; 4])>,
+    pub kept: Option<KeptRun>,
     pub circuit: Circuit,
     /// The measurements of the rails are exchanged.
     pub crossed_rails: bool,
@@ -117,7 +117,7 @@ impl FakeBoard {
                 channels,
                 fault_before_reset: None,
                 failure: heapless::String::new(),
-                credit_before_reset_ms: None,
+                kept_before_reset: None,
             },
             now_us: 1_000,
             log: Vec::new(),
@@ -231,8 +231,8 @@ impl Board for FakeBoard {
         let (after_first_millivolts, after_last_millivolts) = (seen[0], *seen.last().unwrap());
         Ok(ElectrodePulses { after_first_millivolts, after_last_millivolts })
     }
-    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; 4]) {
-        self.kept = Some((is_live, credit_ms));
+    fn keep_for_next_start(&mut self, run: KeptRun) {
+        self.kept = Some(run);
     }
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         self.advance_circuit();

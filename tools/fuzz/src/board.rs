@@ -1,7 +1,7 @@
 //! A board that panics when it is asked for what must never be asked of a board. Its timers are modelled up to the pins.
 
 use era_shared::MAX_CHANNELS;
-use era_shared::board::{Board, BoardInfo};
+use era_shared::board::{Board, BoardInfo, KeptRun};
 use era_shared::limits::{GUARD_NANOSECONDS, MAX_RAIL_MILLIVOLTS};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
 use era_shared::safety::ElectrodePulses;
@@ -99,7 +99,7 @@ impl Default for WatchedBoard {
                 channels: std::iter::repeat_n(limits, MAX_CHANNELS).collect(),
                 fault_before_reset: None,
                 failure: heapless::String::new(),
-                credit_before_reset_ms: None,
+                kept_before_reset: None,
             },
             now_us: 0,
             supply: SupplyCommand { enabled: true, ..SupplyCommand::default() },
@@ -242,8 +242,8 @@ impl Board for WatchedBoard {
         Ok(ElectrodePulses { after_first_millivolts: 47_000, after_last_millivolts: 39_000 })
     }
 
-    fn keep_for_next_start(&mut self, is_live: bool, _credit_ms: [u32; MAX_CHANNELS]) {
-        assert!(is_live || !self.drives(), "the next start would not know that something was driven");
+    fn keep_for_next_start(&mut self, run: KeptRun) {
+        assert!(run.is_live || !self.drives(), "the next start would not know that something was driven");
     }
 
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {

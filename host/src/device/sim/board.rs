@@ -5,7 +5,7 @@ use super::panel::SimPanel;
 use super::rails::SimRail;
 use super::timer::SimTimer;
 use era_shared::MAX_CHANNELS;
-use era_shared::board::{Board, BoardInfo};
+use era_shared::board::{Board, BoardInfo, KeptRun};
 use era_shared::limits::REFERENCE_MILLIVOLTS;
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
 use era_shared::safety::ElectrodePulses;
@@ -81,7 +81,7 @@ pub struct SimBoard {
     defects: Defects,
     mistakes: Mistakes,
     /// What the board keeps over a reset: whether it was live, and its credit in ms.
-    kept: Option<(bool, [u32; MAX_CHANNELS])>,
+    kept: Option<KeptRun>,
     /// The timers run since this time in us.
     started_us: Option<u64>,
     leaving: bool,
@@ -126,7 +126,7 @@ impl SimBoard {
                 channels,
                 fault_before_reset: None,
                 failure: heapless::String::new(),
-                credit_before_reset_ms: None,
+                kept_before_reset: None,
             },
             clock,
             panel,
@@ -163,9 +163,9 @@ impl SimBoard {
 
     /// What the reset pin does: drives end and everything but the panel's motion and the rails' charge is forgotten.
     pub fn restart(&mut self) {
-        let was_live = self.kept.is_some_and(|(was_live, _)| was_live);
+        let was_live = self.kept.is_some_and(|run| run.is_live);
         self.info.fault_before_reset = was_live.then_some((FaultCode::ResetWhileLive, 0));
-        self.info.credit_before_reset_ms = self.kept.map(|(_, credit_ms)| credit_ms);
+        self.info.kept_before_reset = self.kept;
         self.switch_outputs_off();
         let now_s = self.board_time_s();
         let volts: [f64; RAILS] = std::array::from_fn(|rail| self.panel.rail(rail).volts_at(now_s));
@@ -337,8 +337,8 @@ impl Board for SimBoard {
         Ok(self.panel.pulse_electrode(channel, electrode))
     }
 
-    fn keep_for_next_start(&mut self, is_live: bool, credit_ms: [u32; MAX_CHANNELS]) {
-        self.kept = Some((is_live, credit_ms));
+    fn keep_for_next_start(&mut self, run: KeptRun) {
+        self.kept = Some(run);
     }
 
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {

@@ -63,6 +63,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "            if false && !within && measured > set && discharging_us",
     ),
     new_mutation(
+        "a reset makes a wrong measurement good",
+        "shared/src/device/mod.rs",
+        "self.distrusted = kept.is_measurement_distrusted;",
+        "self.distrusted = false && kept.is_measurement_distrusted;",
+    ),
+    new_mutation(
         "the first wrong ms does not count",
         "shared/src/supply/watch.rs",
         "Some((lasted.unwrap_or(0) + elapsed_us).min(",
