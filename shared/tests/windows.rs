@@ -106,6 +106,70 @@ proptest! {
         }
     }
 
+    /// Drives that take the place of windows at any moment: the guard is kept between every window and the drives, and no window that has begun
+    /// is cut short.
+    #[test]
+    fn drives_that_replace_playing_windows_keep_guards_and_whole_windows(
+        windows in any_windows(),
+        after in prop::collection::vec((10_000_u32..1_000_000, 0_u32..1_000_000, prop_oneof![20_000_u32..400_000, Just(1_000_000)]), 0..=4),
+        replaced_at in 0.0_f64..1.2,
+        lates_us in prop::collection::vec(0_u64..250, 1..50),
+    ) {
+        let mut model = ModelTimers::new(170, 5_000, OutputPair { a: 1, b: 3 });
+        let mut pulses: Vec<Vec<Pulse>> = vec![Vec::new(); 4];
+        let mut now_us = 5_000_u64;
+        let mut lates = lates_us.iter().cycle();
+        // As a device does: it looks at once after a request.
+        let mut run = |model: &mut ModelTimers, now_us: &mut u64, pulses: &mut Vec<Vec<Pulse>>, end_us: u64| {
+            let mut is_first = true;
+            while *now_us < end_us {
+                let due_us = if std::mem::take(&mut is_first) { *now_us } else { model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).min(*now_us + 1_000).max(*now_us + 1) };
+                *now_us = due_us + lates.next().unwrap();
+                let told = model.run_and_preload(*now_us, |channel, pulse| match pulses[channel].last_mut() {
+                    Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
+                    _ => pulses[channel].push(pulse),
+                });
+                assert_eq!(told, Ok(()));
+            }
+        };
+        run(&mut model, &mut now_us, &mut pulses, 8_000);
+        let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
+        let start = model.sequencer.earliest_sequence_start_clock(used, now_us);
+        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], &windows).unwrap();
+        placed.begin_at(start);
+        model.sequencer.play_windows_ending_all_drives(&placed, now_us);
+        let length_us = f64::from(placed.last_window_end_tick()) / 10.0;
+        let until_us = 5_000 + start / 170 + (length_us * replaced_at) as u64;
+        run(&mut model, &mut now_us, &mut pulses, until_us);
+        let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
+            let (frequency, phase, width) = *after.get(channel)?;
+            // What the guards leave of half a period of 5e11 ns over the frequency in mHz, as the widest window.
+            let guards_ppm = (f64::from(frequency) * f64::from(limits().min_guard_ns) * 2e-6).ceil() as u32;
+            let width = width.min(999_000 - guards_ppm);
+            let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: width, ..drive(0) };
+            Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
+        });
+        model.sequencer.set_or_end_drives_from_next_boundary(&goals, now_us);
+        let end_us = now_us + 300_000;
+        run(&mut model, &mut now_us, &mut pulses, end_us);
+        for (channel, expected) in expected_pulses(&windows).iter().enumerate() {
+            for two in pulses[channel].windows(2) {
+                prop_assert!(two[1].from - two[0].to >= GUARD_CLOCKS, "channel {channel}: {two:?}");
+            }
+            // Windows are those that were asked for, from the first one on, until the drives begin.
+            let expected = expected.iter().map(|pulse| Pulse { from: pulse.from + start, to: pulse.to + start, ..*pulse });
+            let whole = pulses[channel].iter().zip(expected).take_while(|(played, asked)| *played == asked).count();
+            let narrowest = after.get(channel).map_or(u64::MAX, |_| {
+                let program = goals[channel].unwrap().program;
+                u64::from(program.width) * u64::from(program.divider)
+            });
+            // The last one goes on.
+            for pulse in pulses[channel][whole..].iter().rev().skip(1) {
+                prop_assert!(pulse.to - pulse.from >= narrowest, "channel {channel}: {pulse:?} is neither a whole window nor of a drive");
+            }
+        }
+    }
+
     /// What is refused is named with its limits, and what is not keeps them.
     #[test]
     fn any_sequence_is_refused_or_keeps_its_limits(

@@ -63,6 +63,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "            if false && !within && measured > set && discharging_us",
     ),
     new_mutation(
+        "drives follow windows after three quarters of a guard",
+        "shared/src/waveform/window_sequence.rs",
+        "*half_guard = guard / 2;",
+        "*half_guard = guard / 4;",
+    ),
+    new_mutation(
         "a reset makes a wrong measurement good",
         "shared/src/device/mod.rs",
         "self.distrusted = kept.is_measurement_distrusted;",
