@@ -132,6 +132,18 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     bench.board.rails_show = [Some(0), None];
     assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
+    // The same with the set-point down already, so that only what was measured tells of the charge.
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    let high = [ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) }];
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&high).unwrap() });
+    bench.wait_ms(150);
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
+    bench.wait_ms(2);
+    bench.board.rails_show = [Some(0), None];
+    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    is_safe_after_bleeding(&mut bench);
     // Reset instead of waited for: the next run knows of it, and the bleeder has its time from there.
     let mut bench = broken();
     bench.ask(&Request::Stop);

@@ -69,6 +69,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "*half_guard = guard / 4;",
     ),
     new_mutation(
+        "a discharge is judged by the set-point alone",
+        "shared/src/device/mod.rs",
+        "number(&set_millivolts).max(number(&self.measured_millivolts))",
+        "number(&set_millivolts).max(number(&self.measured_millivolts).min(0))",
+    ),
+    new_mutation(
         "a reset makes a wrong measurement good",
         "shared/src/device/mod.rs",
         "self.distrusted = kept.is_measurement_distrusted;",
