@@ -40,7 +40,9 @@ pub fn check_trips(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table.run_part_adding_row_on_error("rail stays charged", |table| {
         check_undischarged_rail_faults_after_stop(board, table)
     });
-    table.run_part_adding_row_on_error("register changed", |table| check_changed_register(board, table));
+    for register in &CHANGED_REGISTERS {
+        table.run_part_adding_row_on_error(register.name, |table| check_changed_register(board, table, register));
+    }
 }
 
 fn list_trips_while_driving() -> Vec<InjectedTrip> {
@@ -315,14 +317,34 @@ fn check_undischarged_rail_faults_after_stop(board: &mut EmulatedBoard, table: &
     heal_faults_and_check_rearming(board, table, name)
 }
 
-/// A compare mode that changes by itself, although it is locked: TIM1.CCMR1 to 0, outputs frozen.
-fn check_changed_register(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
-    /// TIM1_CCMR1.
-    const CCMR1: u32 = 0x4001_2C18;
-    let name = "compare mode changed";
+/// A register that protects and changes by itself, although it is locked or written once: name, address, value.
+struct ChangedRegister {
+    name: &'static str,
+    address: u32,
+    value: u32,
+}
+
+/// One of each kind, addresses by RM0440. All of them are in the table of settings that are read after boot.
+const CHANGED_REGISTERS: [ChangedRegister; 7] = [
+    // TIM1_CCMR1: outputs frozen.
+    ChangedRegister { name: "compare mode changed", address: 0x4001_2C18, value: 0 },
+    ChangedRegister { name: "break of TIM8 without comparators (AF1)", address: 0x4001_3460, value: 0 },
+    ChangedRegister { name: "permit without comparators (TIM16_AF1)", address: 0x4001_4460, value: 0 },
+    ChangedRegister { name: "comparator of the current off (COMP4_CSR)", address: 0x4001_020C, value: 0 },
+    ChangedRegister { name: "comparator of rail 1 off (COMP1_CSR)", address: 0x4001_0200, value: 0 },
+    // To full scale: 2500 V, and 20 mA.
+    ChangedRegister { name: "over-voltage threshold raised (DAC3)", address: 0x5000_1008, value: 4095 },
+    ChangedRegister { name: "over-current threshold raised (DAC3)", address: 0x5000_1014, value: 4095 },
+];
+
+fn check_changed_register(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    &ChangedRegister { name, address, value }: &ChangedRegister,
+) -> Result<(), Error> {
     power_up_and_drive(board)?;
     let since = board.read_clock_cycles()?;
-    board.inject_fault(&json!({"register": {"address": CCMR1, "value": 0}}))?;
+    board.inject_fault(&json!({"register": {"address": address, "value": value}}))?;
     board.advance_time(5e-3)?;
     let pins = board.read_pins()?;
     let low = pins.iter().filter(|(pin, state)| pin.starts_with("era") && state.high == Some(false)).count();
