@@ -317,30 +317,39 @@ fn check_undischarged_rail_faults_after_stop(board: &mut EmulatedBoard, table: &
     heal_faults_and_check_rearming(board, table, name)
 }
 
-/// A register that protects and changes by itself, although it is locked or written once: name, address, value.
+/// A register that protects and changes by itself, although it is locked or written once.
 struct ChangedRegister {
     name: &'static str,
     address: u32,
     value: u32,
+    /// What finds it when the board is armed again: compare modes are read, comparators and breaks are made to trip.
+    found_by_arming: FaultCode,
+}
+
+const fn new_changed_register(name: &'static str, address: u32, value: u32) -> ChangedRegister {
+    ChangedRegister { name, address, value, found_by_arming: FaultCode::SelfTest }
 }
 
 /// One of each kind, addresses by RM0440. All of them are in the table of settings that are read after boot.
 const CHANGED_REGISTERS: [ChangedRegister; 7] = [
     // TIM1_CCMR1: outputs frozen.
-    ChangedRegister { name: "compare mode changed", address: 0x4001_2C18, value: 0 },
-    ChangedRegister { name: "break of TIM8 without comparators (AF1)", address: 0x4001_3460, value: 0 },
-    ChangedRegister { name: "permit without comparators (TIM16_AF1)", address: 0x4001_4460, value: 0 },
-    ChangedRegister { name: "comparator of the current off (COMP4_CSR)", address: 0x4001_020C, value: 0 },
-    ChangedRegister { name: "comparator of rail 1 off (COMP1_CSR)", address: 0x4001_0200, value: 0 },
+    ChangedRegister {
+        found_by_arming: FaultCode::ReadBack,
+        ..new_changed_register("compare mode changed", 0x4001_2C18, 0)
+    },
+    new_changed_register("break of TIM8 without comparators (AF1)", 0x4001_3460, 0),
+    new_changed_register("permit without comparators (TIM16_AF1)", 0x4001_4460, 0),
+    new_changed_register("comparator of the current off (COMP4_CSR)", 0x4001_020C, 0),
+    new_changed_register("comparator of rail 1 off (COMP1_CSR)", 0x4001_0200, 0),
     // To full scale: 2500 V, and 20 mA.
-    ChangedRegister { name: "over-voltage threshold raised (DAC3)", address: 0x5000_1008, value: 4095 },
-    ChangedRegister { name: "over-current threshold raised (DAC3)", address: 0x5000_1014, value: 4095 },
+    new_changed_register("over-voltage threshold raised (DAC3)", 0x5000_1008, 4095),
+    new_changed_register("over-current threshold raised (DAC3)", 0x5000_1014, 4095),
 ];
 
 fn check_changed_register(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
-    &ChangedRegister { name, address, value }: &ChangedRegister,
+    &ChangedRegister { name, address, value, found_by_arming }: &ChangedRegister,
 ) -> Result<(), Error> {
     power_up_and_drive(board)?;
     let since = board.read_clock_cycles()?;
@@ -357,7 +366,8 @@ fn check_changed_register(
     let again = board.arm_and_wait();
     let fault = board.read_latched_fault()?.map(|fault| fault.code);
     let seen = format!("armed {}, fault {fault:?}", again.is_ok());
-    table.add_comparison_row(&format!("{name}: arm again"), "armed false, fault Some(ReadBack)", &seen);
+    let expected = format!("armed false, fault Some({found_by_arming:?})");
+    table.add_comparison_row(&format!("{name}: arm again"), &expected, &seen);
     board.power_cycle()?;
     let armed = board.arm_and_wait();
     let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
