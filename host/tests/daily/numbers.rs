@@ -67,7 +67,7 @@ fn whole_numbers_of_effect_files_may_be_written_with_a_point() {
         let place = r#""x_px": 900, "y_px": 600, "intensity_g": 0.1"#;
         format!(r#"{{{place}, "effect": {{"version": {version}, "events": [{{"primitive": "tick"{event}}}]}}}}"#)
     };
-    let mut check = |version: &str, event: &str, is_good: bool| {
+    let check = |version: &str, event: &str, is_good: bool| {
         let text = body(version, event);
         assert_eq!(asked.is_valid(&serde_json::from_str(&text).unwrap()), is_good, "{text}");
         let (status, _, answer) = daemon.post("/v1/effects", &text);

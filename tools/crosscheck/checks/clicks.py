@@ -148,6 +148,8 @@ def _best(context, panel, point, windows, predicted, where):
     # Where no window is told, the lower bound is 0: no place that can be moved is without one.
     if not windows:
         outside = 0.0 if high < MOVABLE_G * G else np.inf
+    elif max(high, best) < NOTHING * G:
+        return not_comparable(quantity, name, "nothing moves")
     else:
         outside = max(low / best - 1, best / high - 1, 0.0) if best > 0 else np.inf
     return Result(quantity, name, outside, 0.03, note=f"{best / G:.3g} g for {low / G:.3g} to {high / G:.3g} g, {where}")
@@ -169,6 +171,11 @@ def _strongest(response, forces_n):
     if not columns:
         return 0.0
     rows = np.array(columns).T[: int(LOOKED_S / SAMPLE_S)]
+    # The solver's tolerances are absolute.
+    scale = np.abs(rows).max()
+    if scale == 0.0:
+        return 0.0
+    rows = rows / scale
     quiet = int(QUIET_MS * 1e-3 / SAMPLE_S)
     part = np.where(np.arange(len(rows)) >= quiet, 0.1, 1.0)
     best = 0.0
@@ -176,5 +183,5 @@ def _strongest(response, forces_n):
         at = rows[int(peak_ms * 1e-3 / SAMPLE_S)]
         bounds = np.vstack([rows - part[:, None] * at, -rows - part[:, None] * at])
         solved = linprog(-at, A_ub=bounds, b_ub=np.zeros(len(bounds)), bounds=(-1, 1), method="highs")
-        best = max(best, -solved.fun if solved.status == 0 else 0.0)
+        best = max(best, -solved.fun * scale if solved.status == 0 else 0.0)
     return best

@@ -67,10 +67,43 @@ def achieved_difference(answered, told, ids):
     return worst
 
 
-def effect_difference(answer, prepared, played, ids):
+def windows_difference(effect, sequences, ids):
+    """Largest deviation of a window sequence from what is printed of it, in ticks of 0.1 us; infinite if anything but times differs, if a
+    window breaks a limit of the board (protocol.md, window sequences), or if a rail gets more than what is printed for its windows."""
+    if len(sequences) != 1 or len(sequences[0]["windows"]) != len(effect["windows"]):
+        return np.inf
+    sequence, ends, sent = sequences[0], {}, []
+    for window in sequence["windows"]:
+        channel, electrode = window["channel"], window["electrode"][0]
+        if not 2_000 <= window["wait_ticks"] <= 10_000_000 or not 3_000 <= window["width_ticks"] <= 56_034:
+            return np.inf
+        begin = ends.get(channel, 0) + window["wait_ticks"]
+        ends[channel] = begin + window["width_ticks"]
+        sent.append((channel, electrode, begin, window["width_ticks"]))
+    printed = [(ids.index(w["actuator"]), w["electrode"].upper(), 10 * w["begin_us"], 10 * w["width_us"], w["voltage_v"]) for w in effect["windows"]]
+    by_time = lambda window: (window[0], window[2])
+    worst = 0.0
+    for got, said in zip(sorted(sent, key=by_time), sorted(printed, key=by_time)):
+        if got[:2] != said[:2]:
+            return np.inf
+        worst = max(worst, abs(got[2] - said[2]), abs(got[3] - said[3]))
+    for rail, millivolts in enumerate(sequence["rail_millivolts"]):
+        # Channels 0 and 2 are on the first rail.
+        most_v = max((said[4] for said in printed if said[0] % 2 == rail), default=0.0)
+        if not most_v * 1e3 - 1.001 <= millivolts <= most_v * 1e3 + 1e-3:
+            return np.inf
+    # Half a tick of rounding at each end.
+    return worst * (1 - 1e-6)
+
+
+def effect_difference(answer, prepared, played, windows, ids):
     """Largest deviation of an effect's frames from what is printed of it: drives in units of their rounding, levels in
     thousandths (those printed have three digits), and everything that is counted must be equal."""
     effect = answer["device"]["effect"]
+    if effect["windows"]:
+        return windows_difference(effect, windows, ids) if not played and not prepared else np.inf
+    if windows:
+        return np.inf
     worst = drive_difference(effect["drives"], prepared, ids)
     if len(played) != len(effect["drives"]):
         return np.inf
@@ -112,7 +145,7 @@ def run(context):
     where = f"touch {x_px:.1f} {y_px:.1f}"
     guards = [pulses.guard(d["frequency_millihertz"] * 1e-3, d["pulse_width_ppm"] * 1e-6) for d in seen.drives]
     guards += [
-        pulses.guard(d["frequency_millihertz"] * 1e-3, d["pulse_width_ppm"] * 1e-6) for _, drives, _ in seen.effects.values() for d in drives
+        pulses.guard(d["frequency_millihertz"] * 1e-3, d["pulse_width_ppm"] * 1e-6) for _, drives, _, _ in seen.effects.values() for d in drives
     ]
     results = [
         Result("frames: drives of a touch", name, drive_difference(seen.touch["drives"], seen.drives, ids), ROUNDING, note=where),
@@ -128,8 +161,8 @@ def run(context):
             1e-4,
         ),
     ]
-    for effect, (answer, prepared, played) in seen.effects.items():
-        results.append(Result("frames: effects", name, effect_difference(answer, prepared, played, ids), ROUNDING, note=f"{effect}, {where}"))
+    for effect, (answer, prepared, played, windows) in seen.effects.items():
+        results.append(Result("frames: effects", name, effect_difference(answer, prepared, played, windows, ids), ROUNDING, note=f"{effect}, {where}"))
     failed = [what for what, good in {**seen.bad_answers, **seen.foreign}.items() if not good]
     results.append(Result("frames: bad answers survived", name, float(len(failed)), 0.0, note=", ".join(failed)))
     return results
@@ -164,6 +197,8 @@ def tamper(context):
             kind, segment = content["effect"]["segments"][0]
             level = "from" if kind == "Ramp" else "level"
             segment[level] += 1 if segment[level] < 1000 else -1
+        if context.planted("frames: effects") and name == "PlayWindows":
+            content["windows"][0]["width_ticks"] += 2
         if context.planted("frames: end and stop") and name == "Stop":
             name = "KeepAlive"
         return name, content

@@ -138,6 +138,10 @@ class Board:
                 return "DrivesSet" if name == "SetDrives" else "Prepared", {"achieved": self.achieved}
             case "Play" | "PlayOnce":
                 return "Playing", None
+            case "PlayWindows":
+                self.state = "running"
+                # At once, if no time is asked for: the rails of this board need none to rise.
+                return "WindowsPlaying", {"start_us": content["start_us"] or uptime}
             case "Disarm" | "Stop":
                 self.state = "safe"
                 self.achieved = []

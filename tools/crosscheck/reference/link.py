@@ -68,7 +68,7 @@ class Session:
     ended: bool = False
     """Whether the touch was ended by a frame."""
     effects: dict = field(default_factory=dict)
-    """Name -> (answer, drives of Prepare, contents of Play)."""
+    """Name -> (answer, drives of Prepare, contents of PlayOnce, contents of PlayWindows)."""
     stopped: bool = False
     """Whether a stop came on the link at once, and no drive after it."""
     bad_answers: dict = field(default_factory=dict)
@@ -106,9 +106,11 @@ def session(serve, x_px, y_px, effects=("click", "buzz"), malformed=True, intens
             since, status, answer = driven(effect=effect, **EFFECTS[effect])
             if status != 200:
                 raise RuntimeError(f"{effect}: {status} {answer}")
-            prepared = board.named("Prepare", since=since)[0][2]["drives"]
+            # A click may be single windows: then no drives are prepared for it.
+            prepared = [content["drives"] for *_, content in board.named("Prepare", since=since)]
             played = [content for *_, content in board.named("PlayOnce", since=since)]
-            seen.effects[effect] = (answer, prepared, played)
+            windows = [content for *_, content in board.named("PlayWindows", since=since)]
+            seen.effects[effect] = (answer, prepared[0] if prepared else [], played, windows)
 
         since, status, _ = driven(duration_ms=10_000)
         before = board.now()

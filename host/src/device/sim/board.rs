@@ -4,7 +4,6 @@ use super::electrodes::BrokenElectrode;
 use super::panel::SimPanel;
 use super::rails::SimRail;
 use super::timer::SimTimer;
-use era_shared::MAX_CHANNELS;
 use era_shared::board::{Board, BoardInfo, KeptRun};
 use era_shared::limits::REFERENCE_MILLIVOLTS;
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
