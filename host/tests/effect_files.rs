@@ -99,7 +99,7 @@ fn the_command_line_reads_prints_and_exports() {
     );
     // What was written is read again, as an intensity over time.
     let output = run_era_effect(path, &["--file", "two.wav", "--export", "two.png"]);
-    assert!(String::from_utf8(output.stdout).unwrap().contains("read as WAV"));
+    assert!(String::from_utf8(output.stdout).unwrap().contains("file format WAV"));
     assert!(std::fs::read(path.join("two.png")).unwrap().starts_with(b"\x89PNG"));
 
     for (arguments, message) in [

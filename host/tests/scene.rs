@@ -128,7 +128,7 @@ fn edges_must_fit_the_surface() {
     let with = |text: &str, edges: &str| Scene::parse("edges.toml", &format!("{text}\n{edges}"));
     let left = "[[edge]]\nside = \"left\"\nkind = \"pinned\"\n";
     let twice = with(STARTING_PLATE, &format!("{left}{left}")).unwrap_err().to_string();
-    assert!(twice.contains("edge[2].side") && twice.contains("already"), "{twice}");
+    assert!(twice.contains("edge[2].side") && twice.contains("earlier"), "{twice}");
     let top = with(EXAMPLE_BAR, "[[edge]]\nside = \"top\"\nkind = \"pinned\"\n").unwrap_err().to_string();
     assert!(top.contains("edge[1].side is \"top\"") && top.contains("\"left\", \"right\""), "{top}");
     let springs = "[[edge]]\nside = \"left\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 1e5\n";

@@ -185,7 +185,7 @@ mod tests {
         let text =
             FILE.replacen("\"id\": 7, \"effect_type\": \"Basis\"", "\"id\": 7, \"effect_type\": \"Reference\"", 1);
         let list = read_hjif_text(&text).unwrap();
-        assert!(list.warnings.join("\n").contains("more than 8 references or composites"), "{:?}", list.warnings);
+        assert!(list.warnings.join("\n").contains("nested more than 8 levels deep"), "{:?}", list.warnings);
         assert!(
             read_hjif_text("{\"perceptions\": 1}").unwrap_err().to_string().contains("the key perceptions is missing")
         );

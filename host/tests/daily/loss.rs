@@ -149,7 +149,7 @@ fn a_session_that_breaks_is_told_and_ends_the_daemon() {
     ] {
         let (status, _, problem) = daemon.post(path, body);
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:session-ended")), "{path}: {problem}");
-        assert!(problem["detail"].as_str().unwrap().contains("switched off by itself"), "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("switched its high voltage off"), "{problem}");
     }
     line.goes_off();
 }

@@ -108,7 +108,7 @@ fn a_certificate_that_lacks_a_name_is_kept_and_told() {
     assert!(!of_dir(&["old.local"]).contains("does not contain"));
     let said = of_dir(&["old.local", "new.local", "10.1.2.3"]);
     assert!(
-        said.contains("does not contain new.local, 10.1.2.3: the daemon keeps the certificate")
+        said.contains("does not contain the names new.local, 10.1.2.3: the daemon keeps the certificate")
             && said.contains("move era-cert"),
         "{said}"
     );

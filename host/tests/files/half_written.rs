@@ -245,7 +245,7 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
     fs::create_dir(folder.path().join("tls")).unwrap();
     fs::write(folder.path().join("tls/era-cert.pem"), &certificate).unwrap();
     let (code, said) = serve(folder.path(), None, &["--tls-dir", "tls"]);
-    assert!(code == Some(2) && said.contains("era-key.pem: is missing"), "{said}");
+    assert!(code == Some(2) && said.contains("era-key.pem: the key is missing"), "{said}");
 }
 
 /// A table that cannot be kept is computed all the same, and a cut one is replaced.

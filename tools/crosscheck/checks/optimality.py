@@ -357,7 +357,7 @@ def one_frequency(context, search, at):
         return [Result(SHARED, name, np.inf, 0.0, True, f"frequencies {motion.frequencies}")]
     if context.planted(SHARED):
         # As if the phases had not been turned.
-        motion.drives = [replace(drive, phase=0.0) for drive in motion.drives]
+        motion.drives = [replace(drive, force_phase=0.0) for drive in motion.drives]
     if plan["limited_by"] is not None:
         short = 1 - plan["predicted"]["target_peak_g"] / wanted_g
         return [Result(SHARED, name, short, allowed, True, f"{wanted_g:.4g} g, {plan['limited_by']}")]
@@ -372,7 +372,7 @@ def one_frequency(context, search, at):
     quiet_harmonics = search.quiet_cost - search.rest
     force = np.zeros(count, dtype=complex)
     for drive in motion.drives:
-        force[drive.actuator] = drive.force * np.exp(1j * drive.phase)
+        force[drive.actuator] = drive.force * np.exp(1j * drive.force_phase)
     peak = motion.peaks_g([search.place])[0] * STANDARD_GRAVITY_M_S2
     own = (force.conj() @ products(motion.responses)[0] @ force).real
     k = int(np.clip(round(motion.frequencies[0] - grid.grid_hz[0]), 0, len(grid.grid_hz) - 1))

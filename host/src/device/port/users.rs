@@ -219,7 +219,7 @@ mod tests {
             .explain_denial_and_advise("/dev/ttyACM0");
         assert!(!alone.contains("usermod") && alone.contains("era install"), "{alone}");
         let told = permission(true).explain_denial_and_advise("/dev/ttyACM0");
-        assert!(told.contains("although kai is in its group dialout") && !told.contains("usermod"), "{told}");
+        assert!(told.contains("although kai is in the group dialout") && !told.contains("usermod"), "{told}");
     }
 
     #[test]
