@@ -2,7 +2,6 @@
 
 use crate::fingers::{Socket, live, next, say};
 use crate::line::{CALM, Ear};
-use crate::peaks::find_touch_peak_g;
 use crate::support::Daemon;
 use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
@@ -58,10 +57,14 @@ fn each_detent_of_a_slider_is_felt() {
         let predicted = &plan["effect"]["predicted"];
         let [least, most] = ["peak_least_g", "peak_most_g"].map(|key| predicted[key].as_f64().unwrap());
         // Motion above 500 Hz, which is not felt, rings from one detent into the next, and the sensor shows it.
-        let is_felt = |state: &Value| {
-            find_touch_peak_g(&state["telemetry"], &plan["plan_id"]).is_some_and(|peak| peak > 0.7 * least)
+        // The moves after a click drive nothing. On a busy computer the sensor may be put under one of them before the click has its peak.
+        let find_peak_g = |state: &Value| {
+            let peaks = state["telemetry"]["touch_peaks"].as_array()?.iter();
+            let from_click = peaks.filter(|peak| peak["plan_id"].as_u64() >= plan["plan_id"].as_u64());
+            from_click.filter_map(|peak| peak["peak_g"].as_f64()).reduce(f64::max)
         };
-        let peak = find_touch_peak_g(&daemon.wait_for(is_felt)["telemetry"], &plan["plan_id"]).unwrap();
+        let felt = daemon.wait_for(|state| find_peak_g(state).is_some_and(|peak| peak > 0.7 * least));
+        let peak = find_peak_g(&felt).unwrap();
         assert!(peak < 1.5 * most, "detent {detent}: measured {peak} g, {predicted}");
     }
 }
