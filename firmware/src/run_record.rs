@@ -4,9 +4,9 @@
 //! channel new credit, as long as memory has kept it.
 
 use crate::pins::CHANNELS;
-use era_shared::board::KeptRun;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
+use era_shared::board::KeptRun;
 
 /// Marks a record that was written by this code.
 const MAGIC: u32 = 0x4552_4152;
@@ -67,7 +67,8 @@ pub fn read_run_record_of_previous_run() -> Option<KeptRun> {
         let record = unsafe { place.read_volatile() };
         (record.magic == MAGIC && record.check == record.compute_checksum()).then_some(record)
     });
-    let found = records.into_iter().flatten().max_by_key(|record| (record.is_live, record.is_measurement_distrusted))?;
+    let found =
+        records.into_iter().flatten().max_by_key(|record| (record.is_live, record.is_measurement_distrusted))?;
     Some(KeptRun {
         is_live: found.is_live != 0,
         is_measurement_distrusted: found.is_measurement_distrusted != 0,
