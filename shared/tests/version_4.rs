@@ -1,0 +1,206 @@
+//! What came with version 4 of the protocol beside windows: numbers of effects and faults, and what outlasts a reset.
+
+mod support;
+
+use era_shared::board::KeptRun;
+use era_shared::protocol::*;
+use era_shared::safety::SafetyState;
+use era_shared::waveform::{Effect, Electrode, SequenceWindow};
+use heapless::Vec as Short;
+use support::{Bench, arm, both, drive};
+
+/// A repeated request is not played again: 12 ms of a drive stay 12 ms. Another one is played after it, and loses nothing.
+#[test]
+fn an_effect_is_played_once_and_the_next_after_it() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let prepare = Request::Prepare { drives: Short::from_slice(&[drive(0)]).unwrap() };
+    bench.ask(&prepare);
+    bench.wait_ms(60);
+    let play = |number| Request::PlayOnce { number, channel: 0, start_us: 0, effect: Effect::new_click(2, 2) };
+    // Periods in which something is on.
+    let driven = |bench: &mut Bench| {
+        for _ in 0..20 {
+            bench.ask(&Request::KeepAlive);
+            bench.wait_ms(10);
+        }
+        let own: Vec<_> = bench.board.preloads.iter().filter(|it| it.channel == 0).collect();
+        let clocks = own.windows(2).filter(|two| !two[0].period.is_blank()).map(|two| two[1].at - two[0].at);
+        let clocks: u64 = clocks.sum();
+        bench.board.preloads.clear();
+        clocks as f64 * 150.0 / 170e6
+    };
+    assert_eq!(bench.ask(&play(1)), Reply::Playing);
+    bench.wait_ms(1);
+    assert_eq!(bench.ask(&play(1)), Reply::Playing, "its answer was lost");
+    let periods = driven(&mut bench);
+    assert!((periods - 4.0).abs() < 0.4, "{periods}");
+    bench.ask(&prepare);
+    assert_eq!(bench.ask(&play(2)), Reply::Playing);
+    bench.board.now_us += 1_000;
+    assert_eq!(bench.ask(&play(3)), Reply::Playing);
+    let periods = driven(&mut bench);
+    assert!((periods - 8.0).abs() < 0.4, "two clicks of four periods: {periods}");
+}
+
+/// A late request to clear a fault does not clear a newer one.
+#[test]
+fn a_fault_is_cleared_by_its_number() {
+    let mut bench = Bench::new();
+    bench.board.trip = Some((FaultCode::OverCurrent, 0));
+    bench.wait_ms(1);
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = bench.ask(&Request::NumberedFault) else { panic!() };
+    assert_eq!(fault.code, FaultCode::OverCurrent);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared, "repeated");
+    bench.board.trip = Some((FaultCode::EmergencyStop, 0));
+    bench.wait_ms(1);
+    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::Refused(Refusal::OtherFault { number: 2 }));
+    assert_eq!(bench.ask(&Request::ClearFault { number: 2 }), Reply::FaultsCleared);
+}
+
+/// A link that was closed and opened again has another program at its end: the session of the one before is over.
+#[test]
+fn a_reopened_link_ends_its_session() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    let [first, second] = &mut bench.ports;
+    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, second);
+    assert_eq!(bench.device.state(), SafetyState::Running, "another link is nobody's session");
+    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, first);
+    assert!(!bench.board.live());
+    bench.wait_ms(20);
+    assert_eq!(bench.state(), SafetyState::Safe, "which is no fault");
+}
+
+/// Requests that are refused are no sign that somebody looks after the drive.
+#[test]
+fn refused_requests_do_not_feed_the_dead_man_timer() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    for _ in 0..3 {
+        bench.wait_ms(100);
+        let refused = bench.ask(&Request::Arm { deadman_ms: Some(7) });
+        assert!(matches!(refused, Reply::Refused(_)), "{refused:?}");
+    }
+    assert_eq!(bench.state(), SafetyState::Fault);
+}
+
+#[test]
+fn the_bootloader_swallows_no_trip_and_nothing_is_armed_on_the_way() {
+    let mut bench = Bench::new();
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    bench.board.trip = Some((FaultCode::OverVoltage, 0));
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::StillThere(FaultCode::OverVoltage)));
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::OverVoltage);
+    bench.ask(&Request::ClearFaults);
+    bench.wait_ms(1_000);
+    assert_eq!(bench.ask(&go), Reply::Bootloader);
+    assert_eq!(bench.ask(&arm()), Reply::Refused(Refusal::Restarting));
+}
+
+/// Set-points, measurements and trips refer to one supply: if it is wrong, all of them agree with each other. The chip's own reference tells.
+#[test]
+fn a_wrong_reference_is_a_fault_in_every_state() {
+    for millivolts in [3_200, 3_400, 0, u32::MAX] {
+        for is_live in [false, true] {
+            let mut bench = Bench::new();
+            if is_live {
+                bench.arm();
+            }
+            bench.board.reference_millivolts = millivolts;
+            bench.wait_ms(8);
+            let Reply::NumberedFault { latched: Some(fault), .. } = bench.ask(&Request::NumberedFault) else {
+                panic!()
+            };
+            assert_eq!((fault.code, fault.detail), (FaultCode::Reference, millivolts));
+            assert!(!bench.board.live());
+            assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Reference)));
+            bench.board.reference_millivolts = 3_300;
+            bench.wait_ms(40);
+            assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+        }
+    }
+    let mut bench = Bench::new();
+    bench.board.reference_millivolts = 3_390;
+    bench.wait_ms(100);
+    assert_eq!(bench.state(), SafetyState::Safe, "within 3 %");
+}
+
+/// A reset gives no channel new credit, and one while the board is live is told.
+#[test]
+fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
+    let mut bench = Bench::new();
+    let idle = KeptRun { is_live: false, is_measurement_distrusted: false, credit_ms: [60_000; 4] };
+    assert_eq!(bench.board.kept, Some(idle));
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.wait_ms(support::ARMING_MS);
+    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) };
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[strong]).unwrap() });
+    for _ in 0..8 {
+        bench.wait_ms(500);
+        bench.ask(&Request::KeepAlive);
+    }
+    let Some(kept @ KeptRun { is_live: true, credit_ms, .. }) = bench.board.kept else {
+        panic!("{:?}", bench.board.kept)
+    };
+    assert!(credit_ms[0] < 59_000 && credit_ms[1] == 60_000, "{credit_ms:?}");
+    // As a board starts that finds this record.
+    let mut next = Bench::new();
+    next.board.info.kept_before_reset = Some(kept);
+    next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
+    next.device = era_shared::device::Device::new();
+    next.device.complete_boot_to_discharging_or_fault(&mut next.board);
+    let Reply::Credit(credit) = next.ask(&Request::Credit) else { panic!() };
+    assert_eq!(credit.channels[0].left_ms, credit_ms[0]);
+    assert_eq!(next.state(), SafetyState::Fault);
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.ask(&Request::NumberedFault) else { panic!() };
+    assert_eq!(fault.code, FaultCode::ResetWhileLive);
+    bench.ask(&Request::Stop);
+    assert_eq!(bench.board.kept.map(|run| run.is_live), Some(false), "at once, and not a ms later");
+}
+
+/// Hosts of version 3 are told of what they know, and nothing sounds safer to them than it is.
+#[test]
+fn a_host_of_version_3_is_answered_in_its_words() {
+    use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
+    let mut bench = Bench::new();
+    let ask = |bench: &mut Bench, request: &Request| {
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode_frame(3, FrameKind::Request, 9, request, &mut frame).unwrap();
+        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        assert_eq!((version, sequence), (3, 9));
+        reply
+    };
+    let window = SequenceWindow { channel: 0, electrode: Electrode::A, wait_ticks: 2_000, width_ticks: 10_000 };
+    let windows = Short::from_slice(&[window]).unwrap();
+    let one_window = WindowSequence { number: 1, start_us: 0, rail_millivolts: [500_000; 2], windows };
+    assert_eq!(
+        ask(&mut bench, &Request::PlayWindows(one_window)),
+        Reply::Refused(Refusal::Malformed),
+        "it does not know windows"
+    );
+    assert_eq!(ask(&mut bench, &Request::NumberedFault), Reply::Refused(Refusal::Malformed));
+    let known = [
+        (FaultCode::DischargeSlow, FaultCode::DischargeFailed),
+        (FaultCode::ResetWhileLive, FaultCode::DriveFailed),
+        (FaultCode::Reference, FaultCode::RailImplausible),
+        (FaultCode::Electrode, FaultCode::ShortCircuit),
+        (FaultCode::Permit, FaultCode::SelfTest),
+        (FaultCode::Clock, FaultCode::ReadBack),
+        (FaultCode::OptionBytes, FaultCode::SelfTest),
+        (FaultCode::TimerStopped, FaultCode::TimerStopped),
+    ];
+    for (code, told) in known {
+        let now_us = bench.board.now_us;
+        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
+        let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
+        assert_eq!(fault.code, told);
+        let Reply::Status(status) = ask(&mut bench, &Request::Status) else { panic!() };
+        assert_eq!(status.fault.map(|fault| fault.code), Some(told));
+        assert_eq!(ask(&mut bench, &Request::ClearFaults), Reply::FaultsCleared);
+    }
+}
