@@ -97,7 +97,8 @@ impl PyStudy {
         task: StudyTask,
         bytes: &[u8],
     ) -> Result<Vec<DesignRow>, Raised> {
-        let allowed = "the bytes that compute() of this study and this version returned for this task";
+        let allowed =
+            "the bytes that compute() returned for this task, from the same study and the same version of era";
         decode_task_rows_if_of_study_and_task(&self.study.fingerprint(), task, bytes)
             .ok_or_else(|| Raised::wrong_argument(field, "other bytes", allowed))
     }
@@ -437,7 +438,7 @@ impl PyStudy {
         Err(Raised::wrong_argument(
             "rows",
             "other bytes",
-            "the bytes that compute() of this study and this version returned for this task",
+            "the bytes that compute() returned for this task, from the same study and the same version of era",
         ))
     }
 

@@ -126,9 +126,9 @@ pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
 pub fn tell_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
-            "no bound of the model error is known (error_bound is null): nothing moves at the target, or the three meshes of the \
-             plan do not agree (another --tolerance uses other meshes), or the model of the panel has no bound \
-             (see `era response`)"
+            "the model error has no known bound (error_bound is null). Possible causes: nothing moves at the target; the results \
+             on the three meshes differ too much (try another --tolerance); the model of this panel has no bound (`era \
+             response` shows whether it has one)"
         );
     }
     let tolerance = accuracy.relative_tolerance_or_tightest();

@@ -38,7 +38,10 @@ fn describe_unknown_press_errors_by_reason(table: &PlanTable) -> Vec<String> {
     let line = |(reason, ids): &(&str, Vec<&str>)| {
         let quoted: Vec<String> = ids.iter().map(|id| format!("{id:?}")).collect();
         let of = if quoted.len() == 1 { "actuator" } else { "actuators" };
-        format!("The error bound of `alone` is not known for the {of} {}, because {reason}.", quoted.join(" and "))
+        format!(
+            "The error bound of the travel `alone` is not known for the {of} {}, because {reason}.",
+            quoted.join(" and ")
+        )
     };
     reasons.iter().map(line).collect()
 }

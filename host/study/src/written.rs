@@ -72,7 +72,7 @@ fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &
     for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, finalist) {
         let _ = writeln!(
             text,
-            "# {name} = {} at worst, over the samples of the uncertain values (first evaluation)",
+            "# {name} = {} at worst, over the samples of the uncertain values (in the first evaluation of the study)",
             format_four_digits(value)
         );
     }
@@ -237,7 +237,7 @@ impl StudyResults {
             for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, own) {
                 let _ = write!(
                     text,
-                    "; {name} is {} at worst, over the samples of the uncertain values (first evaluation)",
+                    "; {name} is {} at worst, over the samples of the uncertain values (in the first evaluation of the study)",
                     format_four_digits(value)
                 );
             }

@@ -234,7 +234,7 @@ impl FaultCode {
             FaultCode::Electrode => {
                 "An electrode takes too little or too much current: the electrode, its cable or one of its switches is \
                  open or shorted. Disconnect the supply, wait until the rails are discharged, then inspect the \
-                 electrode that the fault's detail names (table in the troubleshooting page of the manual)."
+                 electrode. The detail of the fault tells which one (see the table on the troubleshooting page of the manual)."
             }
             FaultCode::Permit => {
                 "The permit, the line that switches supply and electrodes off in hardware, does not work. Do not use \

@@ -94,9 +94,12 @@ fn compute_weakest_peak_figures_others_nan(
         found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
         found.values.push(match measure {
             Measure::G => weakest.peak,
-            Measure::Thresholds => threshold_multiple_to_db_unless_at_rest(weakest.peak).ok_or_else(|| {
-                EvaluateError::Figure { figure: wanted.column_name(), reason: "no drive moves the weakest place" }
-            })?,
+            Measure::Thresholds => {
+                threshold_multiple_to_db_unless_at_rest(weakest.peak).ok_or_else(|| EvaluateError::Figure {
+                    figure: wanted.column_name(),
+                    reason: "the actuators cannot move the place with the weakest peak",
+                })?
+            }
         });
     }
     Ok(found)
