@@ -160,7 +160,8 @@ impl ProbeRs {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().map_err(ProbeError::NotInstalled)?;
         let (id, (sender, ended)) = (child.id(), sync_channel(1));
-        std::thread::spawn(move || sender.send(child.wait_with_output()));
+        let waiting = std::thread::Builder::new().spawn(move || sender.send(child.wait_with_output()));
+        waiting.map_err(ProbeError::NotInstalled)?;
         let Ok(output) = ended.recv_timeout(self.limit) else {
             end_program(id);
             return Err(ProbeError::Late { command: format_command(command), limit: self.limit });

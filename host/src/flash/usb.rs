@@ -113,7 +113,8 @@ pub fn await_bootloader(patience: Duration) -> Result<DeviceInfo, UsbError> {
 pub fn open_bootloader(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
     let (info, (sender, opened)) = (info.clone(), sync_channel(1));
     // The system's calls have no time limit: a thread that a driver keeps is left behind.
-    std::thread::spawn(move || sender.send(open_and_claim_flash_interface(&info)));
+    let opening = std::thread::Builder::new().spawn(move || sender.send(open_and_claim_flash_interface(&info)));
+    opening.map_err(|error| UsbError::Open { step: "opening", reason: error.to_string(), permission: false })?;
     opened.recv_timeout(OPEN_LIMIT).unwrap_or_else(|_| {
         let reason =
             format!("the system did not answer within {OPEN_LIMIT:?}; disconnect the board and connect it again");

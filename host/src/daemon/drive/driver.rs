@@ -87,10 +87,7 @@ impl TouchDriver {
         let interruptions = self.count_unrequested_board_interruptions();
         let place = self.admission.wait_for_planner_place_unless_queue_full(asker.client).await?;
         // A newer touch, or a stop, may have come while this one waited.
-        self.controller.check_not_superseded(request_id)?;
-        if self.stop_count() != stop_count_at_arrival {
-            return Err(SessionError::Stopped.into());
-        }
+        self.check_neither_superseded_nor_stopped(request_id, stop_count_at_arrival)?;
         if let Some(spans) = &touch.spans {
             let asked_at = AskedAt { stops: stop_count_at_arrival, interruptions: Some(interruptions) };
             return self.plan_and_drive_time_spans(asker, place, request_id, touch, spans.clone(), asked_at).await;

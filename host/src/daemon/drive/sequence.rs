@@ -73,7 +73,13 @@ impl TouchDriver {
         Ok(PlayedEffectFileView { reading, plan_id: id, device })
     }
 
-    fn check_neither_superseded_nor_stopped(&self, id: u64, stop_count_at_arrival: u64) -> Result<(), Problem> {
+    /// # Errors
+    /// [`Problem`]: a newer touch has come than request `id`, or a stop since [`TouchDriver::stop_count`] was `stop_count_at_arrival`.
+    pub(super) fn check_neither_superseded_nor_stopped(
+        &self,
+        id: u64,
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
         self.controller.check_not_superseded(id)?;
         if self.stop_count() == stop_count_at_arrival { Ok(()) } else { Err(SessionError::Stopped.into()) }
     }
