@@ -5,7 +5,7 @@ mod support;
 use era_shared::board::KeptRun;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
-use era_shared::waveform::{Effect, Electrode, SequenceWindow};
+use era_shared::waveform::Effect;
 use heapless::Vec as Short;
 use support::{Bench, arm, both, drive};
 
@@ -161,46 +161,4 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     assert_eq!(fault.code, FaultCode::ResetWhileLive);
     bench.ask(&Request::Stop);
     assert_eq!(bench.board.kept.map(|run| run.is_live), Some(false), "at once, and not a ms later");
-}
-
-/// Hosts of version 3 are told of what they know, and nothing sounds safer to them than it is.
-#[test]
-fn a_host_of_version_3_is_answered_in_its_words() {
-    use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
-    let mut bench = Bench::new();
-    let ask = |bench: &mut Bench, request: &Request| {
-        let mut frame = [0; MAX_ENCODED];
-        let length = encode_frame(3, FrameKind::Request, 9, request, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
-        assert_eq!((version, sequence), (3, 9));
-        reply
-    };
-    let window = SequenceWindow { channel: 0, electrode: Electrode::A, wait_ticks: 2_000, width_ticks: 10_000 };
-    let windows = Short::from_slice(&[window]).unwrap();
-    let one_window = WindowSequence { number: 1, start_us: 0, rail_millivolts: [500_000; 2], windows };
-    assert_eq!(
-        ask(&mut bench, &Request::PlayWindows(one_window)),
-        Reply::Refused(Refusal::Malformed),
-        "it does not know windows"
-    );
-    assert_eq!(ask(&mut bench, &Request::NumberedFault), Reply::Refused(Refusal::Malformed));
-    let known = [
-        (FaultCode::DischargeSlow, FaultCode::DischargeFailed),
-        (FaultCode::ResetWhileLive, FaultCode::DriveFailed),
-        (FaultCode::Reference, FaultCode::RailImplausible),
-        (FaultCode::Electrode, FaultCode::ShortCircuit),
-        (FaultCode::Permit, FaultCode::SelfTest),
-        (FaultCode::Clock, FaultCode::ReadBack),
-        (FaultCode::OptionBytes, FaultCode::SelfTest),
-        (FaultCode::TimerStopped, FaultCode::TimerStopped),
-    ];
-    for (code, told) in known {
-        let now_us = bench.board.now_us;
-        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
-        let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
-        assert_eq!(fault.code, told);
-        let Reply::Status(status) = ask(&mut bench, &Request::Status) else { panic!() };
-        assert_eq!(status.fault.map(|fault| fault.code), Some(told));
-        assert_eq!(ask(&mut bench, &Request::ClearFaults), Reply::FaultsCleared);
-    }
 }

@@ -46,6 +46,48 @@ fn expected_pulses(windows: &[SequenceWindow]) -> Vec<Vec<Pulse>> {
     pulses
 }
 
+/// Timers that a device looks after, and the pulses that they make, by channel.
+struct Player {
+    model: ModelTimers,
+    pulses: Vec<Vec<Pulse>>,
+    now_us: u64,
+    /// By how much the device looks late, in turn.
+    lates_us: std::iter::Cycle<std::vec::IntoIter<u64>>,
+}
+
+impl Player {
+    fn new(lates_us: Vec<u64>) -> Self {
+        let model = ModelTimers::new(170, 5_000, OutputPair { a: 1, b: 3 });
+        Self { model, pulses: vec![Vec::new(); 4], now_us: 5_000, lates_us: lates_us.into_iter().cycle() }
+    }
+
+    /// Looks at once, as a device does after a request, and then when it is due, until `end_us`.
+    fn run_until(&mut self, end_us: u64) {
+        let mut due_us = self.now_us;
+        while self.now_us < end_us {
+            self.now_us = due_us + self.lates_us.next().unwrap();
+            let pulses = &mut self.pulses;
+            let told = self.model.run_and_preload(self.now_us, |channel, pulse| match pulses[channel].last_mut() {
+                Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
+                _ => pulses[channel].push(pulse),
+            });
+            assert_eq!(told, Ok(()));
+            let extra_us = self.model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX);
+            due_us = extra_us.min(self.now_us + 1_000).max(self.now_us + 1);
+        }
+    }
+
+    /// Plays windows as soon as that is possible; the windows, and the clock at which they begin.
+    fn play_windows(&mut self, windows: &[SequenceWindow]) -> (PlacedWindows, u64) {
+        let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
+        let start = self.model.sequencer.earliest_sequence_start_clock(used, self.now_us);
+        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], windows).unwrap();
+        placed.begin_at(start);
+        self.model.sequencer.play_windows_ending_all_drives(&placed, self.now_us);
+        (placed, start)
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(support::cases(500)))]
 
@@ -58,50 +100,30 @@ proptest! {
         waits_us in prop::collection::vec(0_u64..5_000, 2),
         lates_us in prop::collection::vec(0_u64..250, 1..50),
     ) {
-        let mut model = ModelTimers::new(170, 5_000, OutputPair { a: 1, b: 3 });
-        let mut pulses: Vec<Vec<Pulse>> = vec![Vec::new(); 4];
-        let mut now_us = 5_000_u64;
-        let mut lates = lates_us.iter().cycle();
-        let mut run = |model: &mut ModelTimers, now_us: &mut u64, pulses: &mut Vec<Vec<Pulse>>, end_us: u64| {
-            while *now_us < end_us {
-                let due_us = model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).min(*now_us + 1_000).max(*now_us + 1);
-                *now_us = due_us + lates.next().unwrap();
-                let told = model.run_and_preload(*now_us, |channel, pulse| match pulses[channel].last_mut() {
-                    Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
-                    _ => pulses[channel].push(pulse),
-                });
-                assert_eq!(told, Ok(()));
-            }
-        };
+        let mut player = Player::new(lates_us);
         let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
             let (frequency, phase) = *before.get(channel)?;
             let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: 300_000, ..drive(0) };
             Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
         });
-        run(&mut model, &mut now_us, &mut pulses, 5_000 + waits_us[0]);
-        model.sequencer.set_or_end_drives_from_next_boundary(&goals, now_us);
-        let end_us = now_us + waits_us[1] * 10;
-        run(&mut model, &mut now_us, &mut pulses, end_us);
+        player.run_until(5_000 + waits_us[0]);
+        player.model.sequencer.set_or_end_drives_from_next_boundary(&goals, player.now_us);
+        player.run_until(player.now_us + waits_us[1] * 10);
 
-        let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
-        let start = model.sequencer.earliest_sequence_start_clock(used, now_us);
-        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], &windows).unwrap();
-        placed.begin_at(start);
-        model.sequencer.play_windows_ending_all_drives(&placed, now_us);
+        let (placed, start) = player.play_windows(&windows);
         let length_us = u64::from(placed.last_window_end_tick()) / 10;
-        let end_us = 5_000 + start / 170 + length_us + 5_000;
-        run(&mut model, &mut now_us, &mut pulses, end_us);
-        prop_assert_eq!(model.sequencer.missed_channel(), None);
+        player.run_until(5_000 + start / 170 + length_us + 5_000);
+        prop_assert_eq!(player.model.sequencer.missed_channel(), None);
         for (channel, expected) in expected_pulses(&windows).iter().enumerate() {
             // Nothing of what was driven before is cut short or too near; on channels without windows a last period goes on.
-            prop_assert!(pulses[channel].windows(2).all(|two| two[1].from - two[0].to >= GUARD_CLOCKS));
+            prop_assert!(player.pulses[channel].windows(2).all(|two| two[1].from - two[0].to >= GUARD_CLOCKS));
             if expected.is_empty() {
                 continue;
             }
             let expected: Vec<Pulse> = expected.iter().map(|pulse| Pulse { from: pulse.from + start, to: pulse.to + start, ..*pulse }).collect();
-            let played: Vec<Pulse> = pulses[channel].iter().copied().filter(|pulse| pulse.from >= start).collect();
+            let played: Vec<Pulse> = player.pulses[channel].iter().copied().filter(|pulse| pulse.from >= start).collect();
             prop_assert_eq!(&played, &expected, "channel {}", channel);
-            prop_assert!(!model.sequencer.has_windows(channel) && !model.sequencer.is_active_or_preloaded_period_driving(channel));
+            prop_assert!(!player.model.sequencer.has_windows(channel) && !player.model.sequencer.is_active_or_preloaded_period_driving(channel));
         }
     }
 
@@ -114,32 +136,12 @@ proptest! {
         replaced_at in 0.0_f64..1.2,
         lates_us in prop::collection::vec(0_u64..250, 1..50),
     ) {
-        let mut model = ModelTimers::new(170, 5_000, OutputPair { a: 1, b: 3 });
-        let mut pulses: Vec<Vec<Pulse>> = vec![Vec::new(); 4];
-        let mut now_us = 5_000_u64;
-        let mut lates = lates_us.iter().cycle();
-        // As a device does: it looks at once after a request.
-        let mut run = |model: &mut ModelTimers, now_us: &mut u64, pulses: &mut Vec<Vec<Pulse>>, end_us: u64| {
-            let mut is_first = true;
-            while *now_us < end_us {
-                let due_us = if std::mem::take(&mut is_first) { *now_us } else { model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).min(*now_us + 1_000).max(*now_us + 1) };
-                *now_us = due_us + lates.next().unwrap();
-                let told = model.run_and_preload(*now_us, |channel, pulse| match pulses[channel].last_mut() {
-                    Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
-                    _ => pulses[channel].push(pulse),
-                });
-                assert_eq!(told, Ok(()));
-            }
-        };
-        run(&mut model, &mut now_us, &mut pulses, 8_000);
-        let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
-        let start = model.sequencer.earliest_sequence_start_clock(used, now_us);
-        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], &windows).unwrap();
-        placed.begin_at(start);
-        model.sequencer.play_windows_ending_all_drives(&placed, now_us);
+        let mut player = Player::new(lates_us);
+        player.run_until(8_000);
+        let (placed, start) = player.play_windows(&windows);
         let length_us = f64::from(placed.last_window_end_tick()) / 10.0;
         let until_us = 5_000 + start / 170 + (length_us * replaced_at) as u64;
-        run(&mut model, &mut now_us, &mut pulses, until_us);
+        player.run_until(until_us);
         let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
             let (frequency, phase, width) = *after.get(channel)?;
             // What the guards leave of half a period of 5e11 ns over the frequency in mHz, as the widest window.
@@ -148,22 +150,21 @@ proptest! {
             let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: width, ..drive(0) };
             Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
         });
-        model.sequencer.set_or_end_drives_from_next_boundary(&goals, now_us);
-        let end_us = now_us + 300_000;
-        run(&mut model, &mut now_us, &mut pulses, end_us);
+        player.model.sequencer.set_or_end_drives_from_next_boundary(&goals, player.now_us);
+        player.run_until(player.now_us + 300_000);
         for (channel, expected) in expected_pulses(&windows).iter().enumerate() {
-            for two in pulses[channel].windows(2) {
+            for two in player.pulses[channel].windows(2) {
                 prop_assert!(two[1].from - two[0].to >= GUARD_CLOCKS, "channel {channel}: {two:?}");
             }
             // Windows are those that were asked for, from the first one on, until the drives begin.
             let expected = expected.iter().map(|pulse| Pulse { from: pulse.from + start, to: pulse.to + start, ..*pulse });
-            let whole = pulses[channel].iter().zip(expected).take_while(|(played, asked)| *played == asked).count();
+            let whole = player.pulses[channel].iter().zip(expected).take_while(|(played, asked)| *played == asked).count();
             let narrowest = after.get(channel).map_or(u64::MAX, |_| {
                 let program = goals[channel].unwrap().program;
                 u64::from(program.width) * u64::from(program.divider)
             });
             // The last one goes on.
-            for pulse in pulses[channel][whole..].iter().rev().skip(1) {
+            for pulse in player.pulses[channel][whole..].iter().rev().skip(1) {
                 prop_assert!(pulse.to - pulse.from >= narrowest, "channel {channel}: {pulse:?} is neither a whole window nor of a drive");
             }
         }
