@@ -127,7 +127,6 @@ RUST_CONSTANTS = {
     "tools/xtask/src/emulate/report/expected.rs": {"CEN": "TIM1_CR1: CEN", "MOE": MOE},
     "tools/xtask/src/emulate/report/failures.rs": {"DELIVERED": "FLASH_OPTR reset"},
     "tools/xtask/src/emulate/report/permit.rs": {"NVIC_ICER0": "NVIC_ICER0", "TIM1_BREAK": "interrupts TIM1_BRK_TIM15"},
-    "tools/xtask/src/emulate/report/trips.rs": {"CCMR1": "TIM1_CCMR1_OUTPUT"},
     "host/src/flash/probe.rs": {"IDCODE": "DBGMCU_IDCODE", "UNIQUE_ID": "UID"},
 }
 # Setting of the report (settings.rs) -> the fields that it looks at, with their values, or with all of their bits.
@@ -166,6 +165,11 @@ SNIPPETS = {
     f"{REPORT}/permit.rs": (
         "in [{TIM1}, {TIM8}, {TIM20}, {TIM16}]",
         "base + {TIM1_AF1 offset}, 0)?;\n        board.write_memory_word(base + {TIM1_BDTR offset}, {TIM1_BDTR: MOE AOE})",
+    ),
+    f"{REPORT}/trips.rs": (
+        'mode changed", {TIM1_CCMR1_OUTPUT}, 0)', '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(COMP4_CSR)", {COMP_C4CSR}, 0)',
+        '(COMP1_CSR)", {COMP_C1CSR}, 0)', 'voltage threshold raised (DAC3)", {DAC3_DHR12R1}, 4095)',
+        'current threshold raised (DAC3)", {DAC3_DHR12R2}, 4095)',
     ),
     "shared/src/waveform/registers.rs": (
         "({TIM1_CCMR1_OUTPUT first OC1M} + shift)) & 0b111 | ((register >> ({TIM1_CCMR1_OUTPUT first OC1M_3} + shift))",

@@ -164,6 +164,7 @@ class RegistersTest(unittest.TestCase):
             ("tools/xtask/src/emulate/report/settings.rs", "0xFBEF_BE03, 0x00C1_0202", "0xFBEF_BE03, 0x00C0_8402", "ADC1 JSQR: value"),
             ("tools/xtask/src/emulate/report/settings.rs", "AF1_MASK: u32 = 0x3EFF", "AF1_MASK: u32 = 0x3CFF", "TIM1 AF1: mask"),
             ("tools/xtask/src/emulate/report/failures.rs", "1 << 17", "1 << 16", "IWDG_STOP"),
+            ("tools/xtask/src/emulate/report/trips.rs", "0x4001_3460", "0x4001_3464", "(AF1)"),
             ("firmware/src/timers.rs", "BDTR_MOE: u32 = 1 << 15", "BDTR_MOE: u32 = 1 << 14", "BDTR_MOE"),
             ("firmware/src/permit.rs", "const CCER", "const NEW: u32 = 1 << 2;\nconst CCER", "NEW is compared with nothing"),
             ("firmware/src/first_stage.rs", "0x40021060", "0x40021058", "RCC_APB2ENR"),
