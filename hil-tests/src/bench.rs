@@ -67,7 +67,7 @@ impl Bench {
         session.request(&Request::Stop)?;
         match session.client.request(&Request::ClearFaults) {
             Ok(Reply::FaultsCleared) => {}
-            other => return Err(format!("clear-faults was answered {other:?}")),
+            other => return Err(format!("clear-faults was answered with {other:?}")),
         }
         session.await_state(SafetyState::Safe)?;
         // What was driven in an earlier case does not count as part of this one's burst.
@@ -251,7 +251,7 @@ impl TestSession<'_> {
     pub fn arm(&mut self) -> CaseResult {
         match self.request(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
             Reply::ArmedWith { deadman_ms: 1000, burst_ms: BURST_MAX_MS } => {}
-            other => return Err(format!("arm was answered {other:?}")),
+            other => return Err(format!("arm was answered with {other:?}")),
         }
         self.await_state(SafetyState::Armed)
     }
@@ -279,7 +279,7 @@ impl TestSession<'_> {
         loop {
             let state = match self.request(&Request::KeepAlive)? {
                 Reply::Alive { state } => state,
-                other => return Err(format!("keep-alive was answered {other:?}")),
+                other => return Err(format!("keep-alive was answered with {other:?}")),
             };
             if state == wanted {
                 return Ok(());
@@ -298,7 +298,7 @@ impl TestSession<'_> {
     pub fn request_details(&mut self) -> Result<DetailsReply, String> {
         match self.request(&Request::Details)? {
             Reply::Details(details) => Ok(details),
-            other => Err(format!("details was answered {other:?}")),
+            other => Err(format!("details was answered with {other:?}")),
         }
     }
 
@@ -309,7 +309,7 @@ impl TestSession<'_> {
     pub fn request_clock_us(&mut self) -> Result<u64, String> {
         match self.request(&Request::Clock)? {
             Reply::Clock { now_us } => Ok(now_us),
-            other => Err(format!("clock was answered {other:?}")),
+            other => Err(format!("clock was answered with {other:?}")),
         }
     }
 
@@ -338,7 +338,7 @@ impl TestSession<'_> {
         let drives = heapless::Vec::from_slice(drives).map_err(|_| "too many drives")?;
         match self.request(&Request::SetDrives { drives })? {
             Reply::DrivesSet { achieved } => Ok(achieved.to_vec()),
-            other => Err(format!("set-drives was answered {other:?}")),
+            other => Err(format!("set-drives was answered with {other:?}")),
         }
     }
 
@@ -349,7 +349,7 @@ impl TestSession<'_> {
     pub fn request_status(&mut self) -> Result<StatusReply, String> {
         match self.request(&Request::Status)? {
             Reply::Status(status) => Ok(status),
-            other => Err(format!("status was answered {other:?}")),
+            other => Err(format!("status was answered with {other:?}")),
         }
     }
 
@@ -380,7 +380,7 @@ impl TestSession<'_> {
     pub fn request_hello(&mut self) -> Result<WelcomeReply, String> {
         match self.request(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
             Reply::Welcome(welcome) => Ok(welcome),
-            other => Err(format!("hello was answered {other:?}")),
+            other => Err(format!("hello was answered with {other:?}")),
         }
     }
 }

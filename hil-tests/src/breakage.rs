@@ -99,7 +99,7 @@ impl Drop for BrokenHardware<'_> {
             std::thread::sleep(Duration::from_millis(20));
         } else if let Err(error) = self.0.inject_fault(&json!({"heal": true})) {
             // The next case will find the board broken, and say so.
-            eprintln!("the emulated board could not be mended: {error}");
+            eprintln!("the injected faults could not be removed from the emulated board: {error}");
         }
     }
 }

@@ -93,7 +93,7 @@ pub(crate) fn corrupting_line(bench: &Bench) -> CaseResult {
         session.expect_state(SafetyState::Running)?;
     }
     check_equal("broken answers were noticed", session.client.link_statistics().bad_frames > 0, true)?;
-    check_equal("and asked for again", session.client.link_statistics().repeats > 0, true)?;
+    check_equal("broken answers were requested again", session.client.link_statistics().repeats > 0, true)?;
     session.request(&Request::Stop)?;
     Ok(())
 }

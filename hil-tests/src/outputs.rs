@@ -80,10 +80,10 @@ pub(crate) fn read_emulated_outputs(board: &EmulatedBoard) -> Result<Vec<Channel
 pub(crate) fn convert_simulated_outputs(outputs: &SimOutputs) -> Vec<ChannelOutputs> {
     let convert = |(era, active): (u32, &Option<ActivePeriod>)| {
         let energised = outputs.connected && active.is_some();
-        let pins = [format!("era{era}_a: left to its timer"), format!("era{era}_b: left to its timer")];
+        let pins = [format!("era{era}_a: driven by its timer"), format!("era{era}_b: driven by its timer")];
         ChannelOutputs {
             energised,
-            windows: active.map(|active| active.windows).ok_or_else(|| "its timer stands still".into()),
+            windows: active.map(|active| active.windows).ok_or_else(|| "the timer does not run".into()),
             position_ticks: active.map_or(0.0, |active| active.position_ticks),
             pins_not_low: if energised { pins.into() } else { Vec::new() },
         }

@@ -15,7 +15,7 @@ fn prepare_drives(session: &mut TestSession<'_>, channels: u8) -> CaseResult {
     let drives = (0..channels).map(|channel| make_drive(channel, 200_000)).collect();
     match session.request(&Request::Prepare { drives })? {
         Reply::Prepared { achieved } => check_equal("prepared channels", achieved.len(), usize::from(channels)),
-        other => Err(format!("prepare was answered {other:?}")),
+        other => Err(format!("prepare was answered with {other:?}")),
     }
 }
 
@@ -29,12 +29,12 @@ pub(crate) fn clock(bench: &Bench) -> CaseResult {
     let status = session.request_status()?;
     let after_us = session.request_clock_us()?;
     check_equal(
-        "the status' time is between two of the clock",
+        "the uptime in the status is between the clock readings before and after it",
         (before_us..=after_us).contains(&status.uptime_us),
         true,
     )?;
     bench.wait_silently(Duration::from_millis(100))?;
-    check_equal("100 ms are 100 ms or more", session.request_clock_us()? >= after_us + 100_000, true)
+    check_equal("the clock advances by 100 ms or more", session.request_clock_us()? >= after_us + 100_000, true)
 }
 
 pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {

@@ -19,11 +19,11 @@ pub(crate) fn details(bench: &Bench) -> CaseResult {
     let safe = session.request_details()?;
     check_equal("state", safe.state, SafetyState::Safe)?;
     check_equal(
-        "safe rails are discharged",
+        "the rails are discharged in the state safe",
         highest_rail_millivolts(&safe.rail_millivolts) < DISCHARGED_MILLIVOLTS,
         true,
     )?;
-    check_equal("safe rails are set to nothing", highest_rail_millivolts(&safe.set_point_millivolts), 0)?;
+    check_equal("highest rail set-point while safe", highest_rail_millivolts(&safe.set_point_millivolts), 0)?;
     let loops = [safe.interlock_closed, safe.stop_released, safe.earth_bonded];
     check_equal("interlock, emergency stop and earth", loops, [true; 3])?;
     check_equal("credits", safe.credit_ms.len(), channels)?;
@@ -38,13 +38,13 @@ pub(crate) fn details(bench: &Bench) -> CaseResult {
     }
     let credit = match session.request(&Request::Credit)? {
         Reply::Credit(credit) => credit,
-        other => return Err(format!("credit was answered {other:?}")),
+        other => return Err(format!("credit was answered with {other:?}")),
     };
-    check_equal("what is charged by", credit.rule, ChargeRule::ForceSquared)?;
+    check_equal("charge rule", credit.rule, ChargeRule::ForceSquared)?;
     let charged: Vec<bool> = credit.channels.iter().map(|channel| channel.charge_ppm > 0).collect();
     let driven: Vec<bool> = (0..channels).map(|channel| channel < 2).collect();
-    check_equal("who is charged", charged, driven)?;
-    check_equal("so weak a drive never runs out", credit.remaining_drive_time_ms(0), None)?;
+    check_equal("channels that are charged", charged, driven)?;
+    check_equal("remaining drive time of a weak drive", credit.remaining_drive_time_ms(0), None)?;
     session.disarm()
 }
 
@@ -79,7 +79,7 @@ pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
             other => return Err(format!("a drive beyond its burst got {other:?}")),
         }
     };
-    check_equal("a rest at most", (1..=REST_MS).contains(&wait_ms), true)?;
+    check_equal("the wait in the refusal is at most one rest", (1..=REST_MS).contains(&wait_ms), true)?;
     session.disarm()?;
     // A rest counts while not armed, too: drives can be set as soon as the device arms.
     bench.wait_silently(Duration::from_millis(u64::from(REST_MS) + 50))?;
@@ -105,7 +105,7 @@ fn clear_fault_and_await_safe(session: &mut TestSession<'_>) -> CaseResult {
         match session.client.request(&Request::ClearFaults) {
             Ok(Reply::FaultsCleared) => return session.await_state(SafetyState::Safe),
             Err(LinkError::Refused(Refusal::StillThere(_))) if begun.elapsed() < Duration::from_secs(20) => {}
-            other => return Err(format!("clear-faults was answered {other:?}")),
+            other => return Err(format!("clear-faults was answered with {other:?}")),
         }
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -128,7 +128,7 @@ pub(crate) fn arming_tests_every_loop(bench: &Bench) -> CaseResult {
         // A board whose hardware has noticed already is in its fault before it is asked.
         match session.client.request(&Request::Arm { deadman_ms: Some(1000) }) {
             Ok(Reply::Armed { .. }) | Err(LinkError::Refused(Refusal::State { state: SafetyState::Fault, .. })) => {}
-            other => return Err(format!("{breakage:?}: arm was answered {other:?}")),
+            other => return Err(format!("{breakage:?}: arm was answered with {other:?}")),
         }
         expect_fault(bench, &mut session, code).map_err(|error| format!("{breakage:?}: {error}"))?;
         if stays {

@@ -53,11 +53,13 @@ impl TargetKind {
     #[must_use]
     pub const fn missing_need(self, needs: CaseNeeds) -> Option<&'static str> {
         match (self, needs) {
-            (TargetKind::Emulated | TargetKind::Board, CaseNeeds::Knobs) => Some("only the simulated device has knobs"),
-            (TargetKind::Board, CaseNeeds::NothingConnected) => {
-                Some("it asks for 1 kV, and something may be connected")
+            (TargetKind::Emulated | TargetKind::Board, CaseNeeds::Knobs) => {
+                Some("only the simulated device can be silent, be slow or corrupt frames on request")
             }
-            (TargetKind::Board, CaseNeeds::Breaking) => Some("a board's hardware is not broken on purpose"),
+            (TargetKind::Board, CaseNeeds::NothingConnected) => {
+                Some("the case requests 1 kV, but something may be connected to the electrodes")
+            }
+            (TargetKind::Board, CaseNeeds::Breaking) => Some("the tests do not break the hardware of a board"),
             (TargetKind::Board, CaseNeeds::Reset) => Some("a board's reset button cannot be pressed from here"),
             _ => None,
         }

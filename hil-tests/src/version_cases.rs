@@ -63,7 +63,7 @@ pub(crate) fn version_1_session(bench: &Bench) -> CaseResult {
             ("set-drives", Reply::Refused(Refusal::State { state, .. })) => is_version_1_state(*state),
             _ => false,
         };
-        check_equal(&format!("{name} was answered with what version 1 knows, {reply:?}"), known, true)?;
+        check_equal(&format!("the answer {reply:?} to {name} is valid in version 1"), known, true)?;
     }
     let answer = |place: usize| replies.get(place).map(|(_, _, reply)| reply);
     // What tests itself may be live; what discharges is not called safe.
@@ -71,5 +71,5 @@ pub(crate) fn version_1_session(bench: &Bench) -> CaseResult {
     check_equal("while armed", armed, true)?;
     check_equal("drives are set while armed", matches!(answer(6), Some(Reply::DrivesSet { .. })), true)?;
     let refused = matches!(answer(13), Some(Reply::Refused(Refusal::State { .. })));
-    check_equal("and not any more after that", refused, true)
+    check_equal("drives are refused after disarm", refused, true)
 }

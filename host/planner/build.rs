@@ -21,7 +21,7 @@ fn main() -> io::Result<()> {
     let variables =
         std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
     let rustc = std::env::var_os("RUSTC")
-        .ok_or_else(|| io::Error::other("the environment variable RUSTC is missing, which cargo sets"))?;
+        .ok_or_else(|| io::Error::other("the environment variable RUSTC, which cargo sets, is missing"))?;
     let version = Command::new(rustc).arg("-vV").output()?;
     let number = code::hash_source_code(package, &files, variables, &String::from_utf8_lossy(&version.stdout))?;
     println!("cargo::rustc-env=ERA_CODE={number:016x}");

@@ -81,7 +81,7 @@ fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> Stri
         Some(_) => "a private key",
         None => return format!("the file contains no {wanted} in PEM format (a PEM file begins with -----BEGIN)"),
     };
-    format!("the file contains {there}, but no {wanted}")
+    format!("the file contains {there}, but must contain a {wanted} in PEM format")
 }
 
 /// What is wrong with a certificate's dates at a time, if something is.

@@ -105,7 +105,7 @@ export class Studies {
     if (best.length) return "the best are below";
     if (reason) return `all of which failed; the first: ${reason}`;
     const near = nearest ? `; design ${nearest.design} comes nearest to the limits: ${nearest.reason}` : "";
-    return `none of which keeps all limits${near}`;
+    return `none of which meets all limits${near}`;
   }
 
   figures(own) {

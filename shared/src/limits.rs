@@ -46,7 +46,7 @@ const _: () = assert!(
             + circuit::RAILS as u32
                 * (circuit::both_bleeders_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)
                     + circuit::most_leakage_microamps(TEST_MILLIVOLTS + TEST_TOLERANCE_MILLIVOLTS)),
-    "a board without faults takes more current than TEST_MICROAMPS, the limit of the self-test"
+    "TEST_MICROAMPS, the current limit of the self-test, is too low: a board without faults takes more"
 );
 /// A rail that is not charged shows no more than this during the self-test, in mV.
 pub const TEST_ABSENT_MILLIVOLTS: u32 = 15_000;

@@ -169,7 +169,8 @@ SNIPPETS = {
     f"{REPORT}/trips.rs": (
         'mode changed", {TIM1_CCMR1_OUTPUT}, 0)', '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(COMP4_CSR)", {COMP_C4CSR}, 0)',
         '(COMP1_CSR)", {COMP_C1CSR}, 0)', 'voltage threshold raised (DAC3)", {DAC3_DHR12R1}, 4095)',
-        'current threshold raised (DAC3)", {DAC3_DHR12R2}, 4095)',
+        'current threshold raised (DAC3)", {DAC3_DHR12R2}, 4095)', '(ADC1_CR)", {ADC1_CR})', '(ADC3_CR)", {ADC3_CR})', '(ADC4_CR)", {ADC4_CR})',
+        "(name, address, 1 << {ADC1_CR first ADVREGEN})",
     ),
     "shared/src/waveform/registers.rs": (
         "({TIM1_CCMR1_OUTPUT first OC1M} + shift)) & 0b111 | ((register >> ({TIM1_CCMR1_OUTPUT first OC1M_3} + shift))",
@@ -202,9 +203,10 @@ CONVERTER_EVENTS = {
 }
 EVENTS = {
     "adc": {
-        **CONVERTER_EVENTS, "converted": ("CR: JADSTART", "ISR: JEOC JEOS"), "conversion_ended": ("CR: JADSTART", "CR: JADSTART"),
-        "stopped": ("CR: JADSTP", "CR: JADSTART JADSTP"), "converted_regular": ("CR: ADSTART", "ISR: EOC EOS"),
-        "conversion_ended_regular": ("CR: ADSTART", "CR: ADSTART"), "started_regular": ("CR: ADSTART", None), "started": ("CR: JADSTART", None),
+        **CONVERTER_EVENTS, "converted": ("CR: ADEN JADSTART", "ISR: JEOC JEOS"), "conversion_ended": ("CR: ADEN JADSTART", "CR: JADSTART"),
+        "stopped": ("CR: JADSTP", "CR: JADSTART JADSTP"), "converted_regular": ("CR: ADEN ADSTART", "ISR: EOC EOS"),
+        "conversion_ended_regular": ("CR: ADEN ADSTART", "CR: ADSTART"), "started_regular": ("CR: ADEN ADSTART", None),
+        "started": ("CR: ADEN JADSTART", None),
     },
     "adc2": {**CONVERTER_EVENTS, "stopped": ("CR: ADSTP", "CR: ADSTART ADSTP"), "mean": (None, "ISR: EOC")},
     "csr": {

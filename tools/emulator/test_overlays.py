@@ -160,7 +160,7 @@ class ConverterTest(BoardTestCase):
 
     def start_sequence(self, converter, bit):
         """Starts a sequence and waits until it has ended; the board is looked at in between, as it is every 5 us."""
-        self.sim.write_u32(converter + 0x08, bit)
+        self.sim.write_u32(converter + 0x08, 1 | bit)
         self.sim.run_for("2us")
         self.machine.step_board()
         self.sim.run_for("6us")
@@ -187,6 +187,14 @@ class ConverterTest(BoardTestCase):
             self.spend(MILLISECOND)
             self.start_sequence(ADC1, regular)
             self.assertEqual(abs(self.sim.read_u32(ADC1 + 0x40) / 4095 * 3.3 - 1.212) > 1, wrong, sequence)
+
+    def test_a_converter_that_is_off_converts_nothing(self):
+        """ISR: EOC, EOS, JEOC and JEOS, after both kinds of sequences."""
+        for enabled in (True, False):
+            self.sim.write_u32(ADC1, 0xFF)
+            self.sim.write_u32(ADC1 + 0x08, enabled | 1 << 2 | 1 << 3)
+            self.sim.run_for("10us")
+            self.assertEqual(self.sim.read_u32(ADC1) & 0x6C, 0x6C * enabled)
 
     def test_adc2_can_stop(self):
         for offset, value in ((0x0C, 1 << 13), (0x30, 7 << 6), (0x08, 1 << 2)):

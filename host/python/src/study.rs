@@ -382,7 +382,9 @@ impl PyStudy {
             self.decode_rows_argument_or_raise("base", StudyTask::Base, base)?,
             self.decode_rows_argument_or_raise("rows", own, rows)?,
         );
-        let base = base.first().ok_or_else(|| Raised::wrong_argument("base", "no rows", "the row of the scene"))?;
+        let base = base
+            .first()
+            .ok_or_else(|| Raised::wrong_argument("base", "no rows", "the bytes that compute(\"base\") returned"))?;
         Ok(self.study.compute_losses_for_search_run(run, base, &rows))
     }
 

@@ -130,7 +130,7 @@ pub struct Serve {
     /// File with the private key of the certificate, in PEM
     #[arg(long, value_name = "FILE", requires = "tls_cert", help_heading = LISTENING)]
     pub tls_key: Option<PathBuf>,
-    /// Serve over TLS with the certificate and key in this folder; if the folder has none, the daemon makes both
+    /// Serve over TLS with the certificate and key in this folder; if both are missing, the daemon makes both
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
     /// Origin of other web pages that may use the daemon, such as http://HOST:PORT; can be repeated
@@ -143,7 +143,8 @@ pub struct Serve {
     /// that ends in a slash); in a folder, each start makes a new file
     #[arg(long, value_name = "PATH", help_heading = RECORDING)]
     pub record: Option<PathBuf>,
-    /// Size in MB of a file of a recording above which the recording continues in a new file [default: 256]
+    /// Largest size in MB of one file of a recording; above this size, the recording continues in a new file [default:
+    /// 256]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
     /// Largest size in MB of all files of a recording together (in a folder, this includes the files of earlier
@@ -157,7 +158,7 @@ pub struct Serve {
     /// clear other faults
     #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
-    /// Who arms the board again after an outage, the loss of the link to the board [default: person]
+    /// Who arms the board again after an outage (a loss of the link to the board) [default: person]
     #[arg(long, value_name = "WHO", value_enum, help_heading = DEVICE)]
     pub after_outage: Option<AfterOutage>,
 }
@@ -484,7 +485,7 @@ pub struct Latency {
     pub panel: PanelOptions,
     #[command(flatten)]
     pub keep: CacheOptions,
-    /// Requested peak acceleration, in g [default: the default of a touch request]
+    /// Requested peak acceleration, in g [default: 0.5, as in a touch request]
     #[arg(long, value_name = "A")]
     pub intensity_g: Option<f64>,
     /// Number of touches

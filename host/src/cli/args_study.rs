@@ -17,11 +17,11 @@ pub struct Study {
     /// Number of designs that are computed at the same time [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub workers: Option<u16>,
-    /// Compute only share I of N, for job arrays; all shares write to the same folder of --out. When all shares are
-    /// complete, --gather makes the results
+    /// Compute only share I of N, for job arrays; give all shares the same folder with --out. When all shares are
+    /// complete, --gather combines their results
     #[arg(long, value_name = "I/N", conflicts_with = "gather")]
     pub shard: Option<Shard>,
-    /// Make the results from the designs that are already in the folder of --out, without computing more designs
+    /// Combine the results of the designs that are already in the folder of --out, without computing more designs
     #[arg(long)]
     pub gather: bool,
     /// Print JSON

@@ -89,7 +89,7 @@ fn format_touch_answer(answer: &Value) -> String {
                 ),
                 _ => write!(
                     text,
-                    " in the band that is felt, {:.3} g below 1 kHz (accelerometer); {windows} electrode windows",
+                    " in the felt band (an accelerometer shows {:.3} g below 1 kHz); {windows} electrode windows",
                     read_number_or_nan(&played["peak_most_g"]),
                 ),
             };
@@ -132,7 +132,7 @@ fn format_touch_answer(answer: &Value) -> String {
         }
     }
     if !answer["trade"].is_null() {
-        text.push_str("\nthe requested peaks and quiet zones conflict; `trade` in --json has alternatives");
+        text.push_str("\nthe requested peaks and quiet zones conflict; --json prints alternatives in the key `trade`");
     }
     text
 }

@@ -127,8 +127,8 @@ Examples:
     #[command(after_help = "\
 Before the command erases the flash, it checks that the file is a firmware image for this chip and kind of board, and
 it checks the firmware that the board runs now. If an update was interrupted, run the same command again.
-Switch the high-voltage supply off first: the bootloader of the chip drives some pins, and the firmware, which keeps
-the supply off, does not run.
+Switch the high-voltage supply off first: while the bootloader of the chip runs, it drives some pins, and the firmware
+does not run and cannot keep the supply off.
 
 This command has been tested with a simulated bootloader, not yet on a board.
 

@@ -51,7 +51,7 @@ pub struct ConfigCheck {
 /// A mistake in a configuration file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// Line, counted from 1; 0 if it belongs to no line.
+    /// Line of the mistake, counted from 1; 0 if the mistake belongs to no line.
     pub line: usize,
     /// What is wrong: key, value and what is allowed.
     pub text: String,
@@ -89,7 +89,7 @@ struct Setting {
     key: &'static Key,
     line: usize,
     given: GivenValue,
-    /// The value as people read it.
+    /// The value, formatted for messages.
     text: String,
 }
 
@@ -97,7 +97,7 @@ struct Setting {
 #[derive(Clone, Debug)]
 pub struct ConfigFile {
     source: String,
-    /// Where relative paths count from.
+    /// Folder to which relative paths are relative.
     base: PathBuf,
     settings: Vec<Setting>,
 }
@@ -241,9 +241,9 @@ fn is_key_decided_on_command_line(key: &Key, options: &Serve) -> bool {
 /// What holds for a key.
 struct KeyWithOrigin {
     key: &'static Key,
-    /// `None` if the command line has it.
+    /// The value; `None` if an option on the command line overrides the key.
     value: Option<String>,
-    /// The file's line, if it has it.
+    /// Line of the key in the file, if the file has the key.
     line: Option<usize>,
 }
 

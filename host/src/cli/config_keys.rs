@@ -63,21 +63,22 @@ impl GivenValue {
 /// One key.
 #[derive(Debug)]
 pub struct Key {
-    /// As in the file: the option's name, with underscores.
+    /// The key's name in the file: the option's name, with underscores.
     pub name: &'static str,
-    /// What it is, for `era config example`.
+    /// What the key sets, for `era config example`.
     pub help: &'static str,
-    /// What it may be, to stand behind "must be".
+    /// The allowed values, as text that follows "must be".
     pub allowed: &'static str,
-    /// What holds where nobody says otherwise.
+    /// The value if neither the file nor the command line sets the key.
     pub default: &'static str,
     /// A value as TOML.
     pub example: &'static str,
-    /// Another key that decides the same: at most one of the two may be given.
+    /// Another key that sets the same property: at most one of the two keys may be given.
     pub rival: Option<&'static str>,
-    /// Whether the command line has said it.
+    /// Whether an option on the command line sets the key.
     pub is_given: fn(&Serve) -> bool,
-    /// Puts the value where it belongs; relative paths count from the folder. `None` if it is not allowed.
+    /// Stores the value in the options; relative paths are relative to the given folder. `None` if the
+    /// value is not allowed.
     pub take: fn(&mut Serve, &GivenValue, &Path) -> Option<()>,
 }
 
@@ -113,7 +114,7 @@ pub const KEYS: &[Key] = &[
         name: "tolerance",
         help: "Relative tolerance of the model, in place of accuracy",
         allowed: "a number from 1e-8 to 0.1",
-        default: "the tolerance of accuracy",
+        default: "the tolerance that the key accuracy names",
         example: "1e-3",
         rival: Some("accuracy"),
         is_given: |serve| serve.panel.tolerance.is_some(),
@@ -231,7 +232,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_dir",
-        help: "Serve over TLS with the certificate and key in this folder; if there are none, the daemon makes both",
+        help: "Serve over TLS with the certificate and key in this folder; if both are missing, the daemon makes both",
         allowed: "the path of a folder",
         default: "none",
         example: "\"tls\"",
@@ -312,7 +313,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record",
-        help: "New file or folder to record requests and their results to; in a folder, each start makes a new file",
+        help: "Record requests and their results to a new file, or to a folder, in which each start makes a new file",
         allowed: "the path of an existing folder, of a new folder (with a slash at the end), or of a new file",
         default: "none",
         example: "\"records/\"",
@@ -325,7 +326,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_file_mb",
-        help: "Size in MB of a file of a recording above which the recording continues in a new file",
+        help: "Largest size in MB of one file of a recording; above this size, the recording continues in a new file",
         allowed: "a number from 1 to 1000000, in MB",
         default: "256",
         example: "256",
@@ -338,7 +339,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_total_mb",
-        help: "Size in MB of all files of a recording together above which the daemon removes the oldest file",
+        help: "Largest total size in MB of a recording's files; above this size, the daemon removes the oldest file",
         allowed: "a number from 1 to 1000000, in MB",
         default: "2000",
         example: "2000",

@@ -130,7 +130,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         ms(predicted.quiet_ms)
     );
     if let Some(unbraked) = predicted.quiet_unbraked_ms {
-        let _ = write!(text, " (without the brake {})", ms(Some(unbraked)));
+        let _ = write!(text, " (without the braking part of the effect: {})", ms(Some(unbraked)));
     }
     let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");
     if let Some(limit) = &design.limited_by {

@@ -77,9 +77,9 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLe
     let mut text = describe_modelled_scene(scene);
     text.push_str(
         "\nnot modelled: shear and rotary inertia, stretching in the plane, the air except where it is listed above, \
-         the finger except at a touched place, the effect of the voltage on an ERA's stiffness except for its \
-         bias_voltage_v; residual shapes of the actuators, the dashpots and the point replace the modes above the \
-         computed modes",
+         the finger except at a touched place, the effect of an ERA's voltage on its stiffness except the effect of \
+         bias_voltage_v; residual shapes of the actuators, the dashpots and the requested point replace the modes \
+         above the computed modes",
     );
     let _ = write!(
         text,

@@ -188,8 +188,10 @@ impl FlashJob<'_> {
     fn check_image_and_ask_before_flashing(&self, before: Option<InstalledFirmware>, place: &str) -> Outcome {
         let after = Version(self.image.header.firmware);
         match before {
-            Some(before) => tell!("board    {} at {place}; to be replaced by {after}", Version(before.firmware)),
-            None => tell!("board    no ERA firmware at {place}; to be written: {after}"),
+            Some(before) => {
+                tell!("board    firmware {} at {place}; to be replaced by {after}", Version(before.firmware));
+            }
+            None => tell!("board    no ERA firmware at {place}; firmware to be written: {after}"),
         }
         check_image(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::runtime_error)?;
         if self.options.yes {

@@ -22,7 +22,7 @@ pub enum Part {
 
 #[derive(Clone, Debug, Args)]
 pub struct Install {
-    /// Install a service of this user instead of the machine, without the udev rule, which needs root
+    /// Install a service of this user instead of a service of the machine; omit the udev rule, which needs root
     #[arg(long)]
     pub user: bool,
     /// Install or remove only one of the two files
@@ -179,7 +179,9 @@ fn find_service_program(options: &Install) -> Result<PathBuf, Failure> {
     match &options.program {
         Some(program) => std::path::absolute(program).map_err(Failure::runtime_error),
         None => std::env::current_exe().map_err(|error| {
-            Failure::runtime_error(format!("the path of this program is not known: {error}; name it with --program"))
+            Failure::runtime_error(format!(
+                "the path of this program is not known: {error}; name the program with --program"
+            ))
         }),
     }
 }
@@ -278,7 +280,7 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
         && is_in_build_folder(&program)
     {
         tell!(
-            "{} is in the folder of a build: the next build replaces this program, and `cargo clean` removes it. \
+            "{} is in a build folder of cargo: the next build replaces this program, and `cargo clean` removes it. \
              Install a copy instead:\n \
              sudo install -m 755 {} /usr/local/bin/\n  sudo /usr/local/bin/era install",
             program.display(),

@@ -62,7 +62,7 @@ pub enum Failure {
     Usage(String),
     /// It failed: exit code 1.
     Failed(String),
-    /// A panic, which has been told already: exit code 1.
+    /// A panic, which the panic hook has already reported: exit code 1.
     Defect,
 }
 
@@ -101,7 +101,7 @@ pub fn main() -> ExitCode {
             let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
             print_argument_error_and_exit(
                 &error,
-                &format!("Write options after a command, those of the daemon after `serve`: era serve {wrong} ..."),
+                &format!("Options must follow a command; options of the daemon follow `serve`: era serve {wrong} ..."),
             );
         }
         print_argument_error_and_exit(&error, "")

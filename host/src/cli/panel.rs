@@ -126,9 +126,9 @@ pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
 pub fn tell_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
-            "the model error has no known bound (error_bound is null). Possible causes: nothing moves at the target; the results \
-             on the three meshes differ too much (try another --tolerance); the model of this panel has no bound (`era \
-             response` shows whether it has one)"
+            "the model error has no known bound (error_bound is null). Possible causes: the drives do not move the \
+             target; the results on the three meshes differ too much (try another --tolerance); the model of this \
+             panel has no error bound (then `era response` prints the reason)"
         );
     }
     let tolerance = accuracy.relative_tolerance_or_tightest();

@@ -63,9 +63,9 @@ pub struct PlanOptions {
 struct PlanAnswer {
     #[serde(flatten)]
     plan: Plan,
-    /// What was asked for of `error_bound`, relative.
+    /// The requested limit of `error_bound`, relative.
     tolerance: f64,
-    /// Whether that of every plan is within it; `null` where one is missing and none is above it.
+    /// Whether `error_bound` of every plan is at most `tolerance`; `null` if a bound is missing and no bound is above `tolerance`.
     tolerance_met: Option<bool>,
     /// When the (first) target vibrates and when it has stopped, as the daemon says it.
     times: Times,
@@ -106,7 +106,7 @@ pub fn run_plan(options: &PlanOptions) -> Outcome {
         let off =
             || tolerances::compute_target_peak_spread_under_tolerances(&scene, &fingers, &answer.plan, tolerances);
         answer.off = Some(
-            run_with_progress("computing how the peaks spread within the tolerances", off)
+            run_with_progress("computing how much the peaks change if the panel differs from the scene", off)
                 .map_err(Failure::runtime_error)?,
         );
     }
@@ -388,12 +388,12 @@ fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
         let what = if plan.limited_by.is_some() {
             "the intensity at the target"
         } else {
-            "the motion elsewhere, or the power"
+            "the motion elsewhere (with the objective `power`: by the power)"
         };
         let _ = write!(
             text,
-            "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more} in \
-             {what}"
+            "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more}, \
+             measured by {what}"
         );
     } else {
         let proof = match plan.grouping {
@@ -425,7 +425,8 @@ fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
     for curve in &trade_offs.targets {
         let _ = write!(
             text,
-            "\ntarget {} against the others (percent of the peak that each gets as the only target), and peaks of all targets in g:",
+            "\ntrade-off between target {} and the others: percentage of the peak that each target gets as the \
+             only target; then the peaks of all targets in g:",
             curve.target + 1
         );
         for point in &curve.points {

@@ -19,7 +19,7 @@ pub fn format_explanation(explanation: &Explanation) -> String {
     }
     let _ = write!(
         text,
-        "\npulse widths: force at the same voltage; ratio of the harmonics up to 1 kHz to the fundamentals, mean over the surface (none: below {LEAST_HARMONICS_DB} dB)"
+        "\npulse widths, compared at one voltage: force; harmonics up to 1 kHz relative to the fundamentals, averaged over the surface (\"none\": below {LEAST_HARMONICS_DB} dB)"
     );
     for width in &explanation.pulse_widths {
         let harmonics = width.harmonics_db.map_or_else(|| String::from("none"), |db| format!("{db:.1} dB"));

@@ -23,9 +23,9 @@ pub struct StudyProgressDisplay {
     started: Instant,
     bar: Option<ProgressBar>,
     all: AtomicUsize,
-    /// From the start, and now.
+    /// Number of computed designs: at the start of the command, and now.
     there: [AtomicUsize; 2],
-    /// When the next line is due, and how long after it the one after that.
+    /// When the next line is due, and the time from this line to the following line.
     next_line: Mutex<(Instant, Duration)>,
 }
 

@@ -30,7 +30,7 @@ type Shown = fn(&SchemeReach) -> (&Spread, f64);
 pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
     let (scene, table, region) = prepare_scene_table_and_region(options)?;
     let maps = match scene.finger {
-        None => run_with_progress("computing what can be reached", || ReachMaps::compute(&table, region))?,
+        None => run_with_progress("computing the largest peaks and contrasts", || ReachMaps::compute(&table, region))?,
         Some(_) => compute_touched_maps(options, &scene, &table, region)?,
     };
     if let Some(path) = &options.png {
@@ -89,7 +89,7 @@ fn compute_touched_maps(
         "the scene has a [finger], so each examined point is computed with the finger on this point; contrasts are not computed, because every point would need a plan for a panel with the finger at another place"
     );
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
-    run_with_progress("computing what can be reached with a finger on each point", || -> Result<ReachMaps, Failure> {
+    run_with_progress("computing the largest peaks with a finger on each point", || -> Result<ReachMaps, Failure> {
         let panel = BarePanel::build(scene, accuracy, grid.to_hz)?;
         Ok(ReachMaps::compute_with_finger_bounding_weakest_error(
             table,
@@ -218,10 +218,10 @@ fn explain_if_one_frequency_beats_distinct(schemes: &[SchemeReach], first_bendin
         let hz = scheme.setting.first().map_or(0.0, |part| part.drive.frequency_hz);
         let _ = write!(
             text,
-            "\nFor this scene, one frequency has the highest lowest peak: at {hz} Hz, {} of the motion (mean square) is the motion \
-             of a rigid body, which has no nodes. At this frequency, the motions of all actuators add in phase; of distinct \
-             frequencies, at least {MIN_SPACING_HZ} Hz apart, only one can be near this frequency. `--from {:.0}` excludes \
-             the rigid motion.",
+            "\nFor this scene, one frequency gives a higher lowest peak than distinct frequencies: at {hz} Hz, {} \
+             of the motion (mean square) is the motion of a rigid body, which has no nodes. At this frequency, the motions \
+             of all actuators add in phase; of distinct frequencies, at least {MIN_SPACING_HZ} Hz apart, only one can be \
+             near this frequency. `--from {:.0}` excludes the rigid motion.",
             format_fraction_as_percent(scheme.rigid.unwrap_or_default()),
             first_bending_hz.unwrap_or(hz).ceil()
         );
@@ -315,7 +315,7 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
     });
     match (table.frequencies_hz.first(), table.frequencies_hz.last()) {
         (Some(from), Some(to)) => format!(
-            "{within}{} frequencies from {from} to {to} Hz, distinct frequencies at least {MIN_SPACING_HZ} Hz apart",
+            "{within}{} frequencies from {from} to {to} Hz; the actuators' distinct frequencies are at least {MIN_SPACING_HZ} Hz apart",
             table.frequencies_hz.len()
         ),
         _ => within,

@@ -38,7 +38,7 @@ pub fn is_log_json() -> bool {
     FORMAT.get() == Some(&LogFormat::Json)
 }
 
-/// Tells what is no part of the log, as how far a command is; written as `println!` is.
+/// Prints a text that is not part of the log, such as the progress of a command; takes the arguments of `println!`.
 macro_rules! tell {
     ($($text:tt)*) => { $crate::cli::told::tell_text_in_log_format(&format!($($text)*)) };
 }

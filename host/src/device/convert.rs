@@ -176,7 +176,9 @@ fn describe_sequence_error(error: &SequenceError) -> String {
 fn describe_drive_error(error: &DriveError) -> String {
     let si = |milli: u32| f64::from(milli) / 1e3;
     match *error {
-        DriveError::NoSuchChannel { channels } => format!("the board has {channels} channels, numbered from 0"),
+        DriveError::NoSuchChannel { channels } => {
+            format!("this channel does not exist; the board has {channels} channels, numbered from 0")
+        }
         DriveError::Frequency { requested_millihertz, min_millihertz, max_millihertz } => format!(
             "the frequency is {} Hz, but must be in {} to {} Hz",
             si(requested_millihertz),
@@ -187,7 +189,7 @@ fn describe_drive_error(error: &DriveError) -> String {
             format!("the voltage is {} V, but must be at most {} V", si(requested_millivolts), si(max_millivolts))
         }
         DriveError::PulseTooWide { requested_ppm, widest_ppm, min_guard_ns } => format!(
-            "the pulse width is {}, which leaves less than the guard time of {} us; at this \
+            "the pulse width is {}, which leaves less time between the pulses than the guard time of {} us; at this \
              frequency the pulse width must be at most {}",
             f64::from(requested_ppm) / 1e6,
             f64::from(min_guard_ns) / 1e3,

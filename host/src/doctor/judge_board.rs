@@ -122,7 +122,7 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
         );
     }
     if is_off {
-        let cost = "the next touch arms the board, which tests the supply and takes some 0.1 s; `era serve --idle-s` \
+        let cost = "the next touch arms the board; arming tests the supply and takes about 0.1 s; `era serve --idle-s` \
                     keeps the board armed for longer";
         return Finding::ok("supply", format!("{found}; {cost}"));
     }

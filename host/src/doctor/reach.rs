@@ -96,7 +96,8 @@ impl RequestTrouble {
             ),
             Self::Proxy(told) => (
                 told.clone(),
-                "check that --proxy names the right proxy, and that the proxy connects to this port; without --proxy the connection is direct"
+                "check that --proxy names the right proxy, and that this proxy may connect to the daemon's port; without \
+                 --proxy, the connection is direct"
                     .into(),
             ),
             Self::OtherName(reason) => (

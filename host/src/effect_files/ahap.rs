@@ -72,7 +72,9 @@ pub fn read_ahap_text(text: &str) -> Result<EventList, ReadError> {
     for control in [&mut intensity, &mut sharpness] {
         if control.curves.len() > MAX_CURVES {
             control.curves.truncate(MAX_CURVES);
-            list.warn(format!("all curves of a parameter after the first {MAX_CURVES} are left out"));
+            list.warn(format!(
+                "only the first {MAX_CURVES} curves of each parameter are used; the others are left out"
+            ));
         }
     }
     for (i, event) in pattern.iter().enumerate().filter_map(|(i, entry)| Some((i, entry.get("Event")?))) {

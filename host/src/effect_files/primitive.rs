@@ -100,7 +100,7 @@ impl Primitive {
             Self::Tick => "a light, sharp click for rapid repetition",
             Self::LowTick => "a light, dull click for rapid repetition",
             Self::Thud => "a strong, dull impact",
-            Self::Spin => "a vibration that swells twice, as of a spinning object",
+            Self::Spin => "a vibration that swells twice, like that of a spinning object",
             Self::QuickRise => "a vibration that grows from zero over 150 ms",
             Self::SlowRise => "a vibration that grows from zero over 500 ms",
             Self::QuickFall => "a vibration that fades to zero over 100 ms",
@@ -108,7 +108,7 @@ impl Primitive {
             Self::Rumble => "a dull vibration of constant intensity",
             Self::Press => "a key that is pressed",
             Self::Release => "a key that is released",
-            Self::Hover => "a very weak, sharp click, as for a finger that hovers over a control",
+            Self::Hover => "a very weak, sharp click, for a finger that hovers over a control",
             Self::Success => "two clicks, the second one stronger",
             Self::Error => "three thuds",
         }

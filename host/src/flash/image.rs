@@ -41,7 +41,7 @@ pub enum ImageError {
         reason: String,
     },
     /// Not an ELF file of 32 bits, little-endian.
-    #[error("this is not a 32-bit ELF file: {0}. `cargo xtask firmware` prints the path of such a file")]
+    #[error("this is not a 32-bit ELF file: {0}. Name the ELF file whose path `cargo xtask firmware` prints")]
     NotElf(String),
     /// For another processor.
     #[error(

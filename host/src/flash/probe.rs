@@ -43,7 +43,8 @@ pub enum ProbeError {
     },
     /// It does not end.
     #[error(
-        "{command} did not end within {limit:?}, and was ended. Disconnect the probe, connect it again, and run the same command again"
+        "{command} did not end within {limit:?}, so the program stopped this command. Disconnect the probe, connect \
+         it again, and run the same `era` command again"
     )]
     Late {
         /// What was run.

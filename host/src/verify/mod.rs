@@ -63,7 +63,8 @@ pub enum VerifyError {
     NotSafe(#[from] MotionError),
     /// What a plan leaves when it ends cannot be told.
     #[error(
-        "the motion that remains after the plan cannot be computed: a drive is at the resonance of an undamped mode"
+        "the vibration that remains after the end of the plan cannot be computed, because a drive excites an undamped mode \
+         at its resonance: give the scene damping (such as surface.damping.loss_factor)"
     )]
     Unknown,
     /// No force moves the place.

@@ -72,7 +72,7 @@ fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &
     for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, finalist) {
         let _ = writeln!(
             text,
-            "# {name} = {} at worst, over the samples of the uncertain values (in the first evaluation of the study)",
+            "# {name} = {} at worst, over the samples of the uncertain values (in the quick evaluation of the study)",
             format_four_digits(value)
         );
     }
@@ -184,7 +184,7 @@ impl StudyResults {
         let _ = write!(text, "\n(thorough evaluation with models for a relative tolerance of {:.0e}", finals.tolerance);
         let is_missing = |k: usize| is_bounded[k] && all.iter().any(|(_, own)| bound(own, k).is_none());
         if (0..study.figures.len()).any(is_missing) {
-            text.push_str("; \"not known\": the model of this design gave no bound");
+            text.push_str("; \"not known\" means that the model of the design gave no error bound");
         }
         let missed = |own: &Finalist| {
             own.verified.as_ref().is_ok_and(|found| {
@@ -207,7 +207,7 @@ impl StudyResults {
     pub fn summarise_as_text(&self, study: &Study, path: &Path) -> String {
         let Self { table, finals } = self;
         let mut text = format!(
-            "{}: {} designs (method {}): {} keep all limits, {} break at least one limit, {} failed",
+            "{}: {} designs (method {}): {} meet all limits, {} break at least one limit, {} failed",
             study.spec.name,
             table.entries.len(),
             study.spec.method.way.name(),
@@ -237,7 +237,7 @@ impl StudyResults {
             for (name, value) in names_and_worst_case_wish_figures_if_uncertain(study, table, own) {
                 let _ = write!(
                     text,
-                    "; {name} is {} at worst, over the samples of the uncertain values (in the first evaluation of the study)",
+                    "; {name} is {} at worst, over the samples of the uncertain values (in the quick evaluation of the study)",
                     format_four_digits(value)
                 );
             }
@@ -252,7 +252,7 @@ impl StudyResults {
             text.push_str(if table.have_all_designs_failed() {
                 "\nAll designs failed."
             } else {
-                "\nNo design keeps all limits."
+                "\nNo design meets all limits."
             });
             if let Some((design, entry)) = table.find_one_based_least_violating_design_if_none_kept() {
                 let reason = entry.reason.as_deref().unwrap_or_default();

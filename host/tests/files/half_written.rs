@@ -230,7 +230,7 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
         assert!(checked.status.success(), "{number}: {}", String::from_utf8_lossy(&checked.stderr));
         let (_, said) = serve(folder.path(), None, &["--tls-dir", "tls"]);
         assert!(
-            said.contains("makes certificate and key again") && said.contains("another daemon listens"),
+            said.contains("makes a new certificate and a new key, and adds") && said.contains("another daemon listens"),
             "{number}: {said}"
         );
         for (name, old) in [("era-cert.pem", &damaged_certificate), ("era-key.pem", &damaged_key)] {

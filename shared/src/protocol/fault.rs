@@ -197,8 +197,8 @@ impl FaultCode {
             }
             FaultCode::DischargeFailed => {
                 "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a \
-                 minute, then measure the rails. The supply still feeds the rail, or its discharge switch or a bleeder is \
-                 broken."
+                 minute, then measure the rails. The supply still feeds the rail, or the rail's discharge switch or a \
+                 bleeder is broken."
             }
             FaultCode::SelfTest => {
                 "The self-test failed: a part that must switch off or measure (a comparator, a break input, the enable \
@@ -234,11 +234,12 @@ impl FaultCode {
             FaultCode::Electrode => {
                 "An electrode takes too little or too much current: the electrode, its cable or one of its switches is \
                  open or shorted. Disconnect the supply, wait until the rails are discharged, then inspect the \
-                 electrode. The detail of the fault tells which one (see the table on the troubleshooting page of the manual)."
+                 electrode. The detail of the fault shows which electrode or actuator is affected (see the table on the \
+                 troubleshooting page of the manual)."
             }
             FaultCode::Permit => {
                 "The permit, the line that switches supply and electrodes off in hardware, does not work. Do not use \
-                 the board. The table of fault codes in the troubleshooting page of the manual explains the fault's \
+                 the board. The table of fault codes on the troubleshooting page of the manual explains the fault's \
                  detail."
             }
             FaultCode::Clock => {

@@ -67,8 +67,8 @@ pub enum ModelError {
     },
     /// A design of another panel.
     #[error(
-        "[{part}] differs from the scene for which the model was computed, but only supports, masses and actuators may \
-         differ"
+        "[{part}] is not the same as in the scene for which the model was computed, but only supports, masses and \
+         actuators may differ"
     )]
     OtherPanel {
         /// What differs, as scene files name it.
@@ -78,7 +78,10 @@ pub enum ModelError {
     #[error("the computation was stopped before its end")]
     Stopped,
     /// The eigenvalue iteration did not settle.
-    #[error("the computation of the modes up to {max_hz} Hz did not converge with {vectors} vectors")]
+    #[error(
+        "the computation of the modes up to {max_hz} Hz did not converge with {vectors} basis vectors: choose a lower \
+         frequency"
+    )]
     NotConverged {
         /// Highest frequency wanted.
         max_hz: f64,

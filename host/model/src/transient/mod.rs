@@ -169,6 +169,6 @@ pub enum TransientError {
         omega_rad_s: f64,
     },
     /// Eigenvectors that do not span the state space: the published equations have no solution.
-    #[error("the matrix of eigenvectors (equation 17) is singular")]
+    #[error("the matrix of eigenvectors (equation 17 of the thesis) is singular")]
     Defective,
 }

@@ -33,7 +33,7 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
             post_json_or_fail(agent, &format!("{base}/v1/stop"), &Value::Null)?;
-            await_device_state(agent, base, "reach the state safe with discharged rails", |device| {
+            await_device_state(agent, base, "reach the state `safe`, with the rails discharged", |device| {
                 let rails = device["supply"]["rail_v"].as_array();
                 device["state"] == "safe"
                     && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
@@ -61,8 +61,8 @@ pub fn measure_first_click_latency_armed_and_unarmed(
         }));
     }
     print_text(&format!(
-        "{counted} first clicks of an idle board on {}; the daemon and the simulated device run in one process, and \
-         each time includes the planning\n\
+        "{counted} clicks on {}, each the first click after the board was idle; the daemon and the simulated device \
+         run in one process, and each time includes the planning\n\
          from POST /v1/touch to the answer  median      p99      max\n\
          after POST /v1/arm              {armed}\n\
          with discharged rails           {unarmed}",

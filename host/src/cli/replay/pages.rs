@@ -18,13 +18,13 @@ const EVERY: Duration = Duration::from_millis(50);
 pub struct ReplayedPages<'d> {
     daemon: &'d DaemonOptions,
     open: HashMap<u64, Socket>,
-    /// Messages, those that were lost among them.
+    /// Number of messages, including the lost messages.
     pub said: u64,
     /// Errors that came back, by their kind.
     pub refused: BTreeMap<String, u64>,
-    /// Messages that no socket took.
+    /// Number of messages that could not be sent to the daemon.
     pub lost: u64,
-    /// Why the last of them was.
+    /// Why the last lost message was lost.
     pub reason: Option<String>,
 }
 

@@ -1,5 +1,6 @@
 //! Whether whoever sent a request still waits for its answer. What takes long ends when nobody does; all else is carried out in any case.
 
+use crate::daemon::api::problem::{Problem, ProblemKind};
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use std::convert::Infallible;
@@ -59,7 +60,7 @@ impl RequestSender {
     }
 
     /// Resolves once it has closed the connection, or its half of it. The two cannot be told from each other before something is written.
-    pub async fn wait_until_connection_closed(&self) {
+    async fn wait_until_connection_closed(&self) {
         let Some(source) = &self.0 else { return std::future::pending().await };
         loop {
             let ready = match source {
@@ -71,6 +72,22 @@ impl RequestSender {
                 return;
             }
             tokio::time::sleep(LOOK).await;
+        }
+    }
+
+    /// The result of `work`, which ends when the sender closes the connection.
+    ///
+    /// # Errors
+    /// [`Problem`]: that of `work`, or that the connection is closed.
+    pub async fn run_until_connection_closed<T>(
+        &self,
+        work: impl Future<Output = Result<T, Problem>>,
+    ) -> Result<T, Problem> {
+        tokio::select! {
+            result = work => result,
+            () = self.wait_until_connection_closed() => {
+                Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection"))
+            }
         }
     }
 }

@@ -114,7 +114,7 @@ impl<'t> Attachments<'t> {
                 }
             })
             .collect();
-        let allowed = if names.is_empty() { "none: this scene has no attachments".into() } else { names.join(", ") };
+        let allowed = if names.is_empty() { "none (this scene has no attachments)".into() } else { names.join(", ") };
         let detail = format!("`moves` contains {name:?}, but can contain only these attachments: {allowed}");
         Problem::new(ProblemKind::OutOfRange, detail).with_field_and_value("moves", name.into(), allowed, None)
     }

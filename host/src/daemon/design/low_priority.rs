@@ -114,16 +114,18 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     let _cancels = CancelOnDrop(deadline.clone());
     let own = deadline.clone();
     let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel(|| work(&own)))?;
-    tokio::select! {
-        result = result => result.unwrap_or_else(|_| {
-            let detail = format!(
-                "the {name} computation ended early because of an internal error: please report the error, with the request"
-            );
-            Err(Problem::new(ProblemKind::PreviewFailed, detail))
-        }),
-        () = sender.wait_until_connection_closed() => Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection")),
-        () = tokio::time::sleep(time_limit) => Err(deadline.deadline_exceeded_problem()),
-    }
+    let work = async {
+        tokio::select! {
+            result = result => result.unwrap_or_else(|_| {
+                let detail = format!(
+                    "the {name} computation ended early because of an internal error: please report the error, with the request"
+                );
+                Err(Problem::new(ProblemKind::PreviewFailed, detail))
+            }),
+            () = tokio::time::sleep(time_limit) => Err(deadline.deadline_exceeded_problem()),
+        }
+    };
+    sender.run_until_connection_closed(work).await
 }
 
 /// Does work on threads of its own, half as many as there are processors, which are to be late rather than others.

@@ -107,10 +107,7 @@ impl Previews {
         sender: &RequestSender,
         parse_request: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
     ) -> Result<Preview, Problem> {
-        let slot = tokio::select! {
-            slot = self.slots.wait_for_slot(client) => slot?,
-            () = sender.wait_until_connection_closed() => return Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection")),
-        };
+        let slot = sender.run_until_connection_closed(self.slots.wait_for_slot(client)).await?;
         let own = Arc::clone(&self.own);
         let work = move |deadline: &Deadline| {
             // Until the work is done, also if nobody waits for it any more.

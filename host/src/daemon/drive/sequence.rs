@@ -29,8 +29,9 @@ struct TimedOrder {
 }
 
 impl TouchDriver {
-    /// Reads an effect file with `read_file` and designs all of its parts, on a thread of low priority and in a slot of the client; begins with the first one, and leaves the others to a task. A stop or a newer touch ends it, and
-    /// so does a board that has gone off, faulted or been away.
+    /// Reads an effect file with `read_file` and designs all of its parts, on a thread of low priority and in a slot of the client.
+    /// Then drives the first part, and leaves the others to a task. A stop, a newer touch, or a board that has gone off, faulted or
+    /// been away ends the effect.
     ///
     /// # Errors
     /// [`Problem`]; nothing is driven then.
@@ -46,12 +47,7 @@ impl TouchDriver {
         }
         let asked_at =
             AskedAt { stops: stop_count_at_arrival, interruptions: Some(self.count_unrequested_board_interruptions()) };
-        let slot = tokio::select! {
-            slot = self.effect_slots.wait_for_slot(asker.client) => slot?,
-            () = asker.sender.wait_until_connection_closed() => {
-                return Err(Problem::new(ProblemKind::PreviewFailed, "the client closed the connection"));
-            }
-        };
+        let slot = asker.sender.run_until_connection_closed(self.effect_slots.wait_for_slot(asker.client)).await?;
         self.check_neither_superseded_nor_stopped(id, stop_count_at_arrival)?;
         let (table, equipment) = (Arc::clone(&self.table), Arc::downgrade(&self.equipment));
         let work = move |deadline: &Deadline| {
@@ -117,11 +113,14 @@ impl From<PanelEffectError> for Problem {
     fn from(error: PanelEffectError) -> Self {
         match error {
             PanelEffectError::Plan(error) => error.into(),
-            PanelEffectError::Offset { offset_mm: (dx_mm, _), .. } => Self::new(
-                ProblemKind::OutOfRange,
-                error.to_string(),
-            )
-            .with_field_and_value("dx_mm", dx_mm.into(), "a place on the surface".into(), None),
+            PanelEffectError::Offset { offset_mm: (dx_mm, _), .. } => {
+                Self::new(ProblemKind::OutOfRange, error.to_string()).with_field_and_value(
+                    "dx_mm",
+                    dx_mm.into(),
+                    "an offset to a place on the surface".into(),
+                    None,
+                )
+            }
             PanelEffectError::Design(error) => error.into(),
         }
     }

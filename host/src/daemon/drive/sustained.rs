@@ -228,7 +228,7 @@ impl DriveTask {
             Err(problem) => {
                 tracing::info!(
                     plan = id,
-                    "the drive could not be sent again with the forces that the credit and the earlier touches allow now: {}",
+                    "the drive could not be sent with its new forces, which the credit and the earlier touches limit: {}",
                     problem.detail()
                 );
                 // The board did not want to: what is not driven is not shown either.

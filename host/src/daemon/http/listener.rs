@@ -394,8 +394,8 @@ fn build_tls_acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
     let certificates = read_certificates(&files.certificate).map_err(|reason| wrong(&files.certificate, reason))?;
     let key = read_private_key(&files.key).map_err(|reason| wrong(&files.key, reason))?;
     any_supported_type(&key).map_err(|error| {
-        let reason = "the key is damaged, or its type is not supported: supported are RSA with 2048 to 8192 bits, ECDSA on P-256 or \
-                      P-384, and Ed25519";
+        let reason = "the key is damaged, or its type is not supported: the supported types are RSA with 2048 to 8192 bits, ECDSA \
+                      on P-256 or P-384, and Ed25519";
         wrong(&files.key, format!("{reason} ({error})"))
     })?;
     let config = ServerConfig::builder().with_no_client_auth().with_single_cert(certificates, key);
@@ -456,8 +456,8 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
     if let Some((damaged, reason)) = damaged_certificate::find_damaged_file(&files.certificate, &files.key) {
         damaged_certificate::rename_damaged_files([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(
-            "{} {reason}, probably because a write was interrupted: the daemon makes certificate and key again, and adds \
-             .damaged to the names of the old files; clients need the new certificate",
+            "{} {reason}, probably because a write was interrupted: the daemon makes a new certificate and a new key, \
+             and adds .damaged to the names of the old files; clients need the new certificate",
             damaged.display()
         );
     }

@@ -91,7 +91,7 @@ struct FaultView {
 struct FaultLinkView {
     /// Longest time in ms without any answer of the device, since the daemon last read a state without this fault.
     keep_alive_age_ms: f64,
-    /// Longest time between two answers of the device (signs of life) while it was armed, until the fault, in ms.
+    /// Longest time between two answers of the device while the device was armed, until the fault, in ms.
     longest_gap_ms: f64,
     /// Median of the last 64 round trips in ms.
     round_trip_ms_median: Option<f64>,

@@ -59,7 +59,7 @@ impl Metrics {
         #[expect(clippy::cast_precision_loss, reason = "a sum of times")]
         let plan_s = load(&self.plan_ns) as f64 / 1e9;
         metric("era_plan_seconds_total", "counter", "Time spent planning.", &plan_s);
-        metric("era_previews_total", "counter", "Previews of changed scenes computed.", &load(&self.previews));
+        metric("era_previews_total", "counter", "Computed previews of changed scenes.", &load(&self.previews));
         let failures = load(&self.preview_failures);
         metric("era_preview_failures_total", "counter", "Previews answered with an error.", &failures);
         metric("era_device_connected", "gauge", "1 if the device answers, 0 if not.", &u8::from(device.connected));
@@ -75,7 +75,7 @@ impl Metrics {
         metric("era_device_faults_total", "counter", "Faults latched by the device.", &device.faults);
         let help = "Faults of the type host-silent that the daemon cleared because of --clear-silence.";
         metric("era_device_silences_cleared_total", "counter", help, &device.cleared);
-        let help = "Longest time between two answers of the device (signs of life) while the device was armed.";
+        let help = "Longest time between two answers of the device while the device was armed.";
         metric("era_link_longest_gap_seconds", "gauge", help, &device.longest_gap.as_secs_f64());
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
         metric(

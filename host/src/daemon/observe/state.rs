@@ -116,7 +116,7 @@ struct LinkView {
     repeats: u64,
     /// Number of sequences of received bytes that were not a valid frame.
     crc_errors: u64,
-    /// Longest time between two answers of the device (signs of life) while it was armed, in ms.
+    /// Longest time between two answers of the device while the device was armed, in ms.
     longest_gap_ms: f64,
 }
 

@@ -63,7 +63,8 @@ impl PortUsers {
             ),
             None if self.are_some_hidden => {
                 ". Another program may have this port open, but this process has no permission to see that program: \
-                 `sudo era doctor` names that program (`sudo era install --only rule` makes ModemManager ignore boards)"
+                 `sudo era doctor` names that program. If that program is ModemManager, `sudo era install --only rule` makes \
+                 ModemManager ignore boards"
                     .into()
             }
             None => String::new(),
@@ -79,7 +80,7 @@ impl PortUsers {
     }
 
     const fn hidden_users_hint_if_any(&self) -> &'static str {
-        if self.are_some_hidden { " of another user, which `sudo era doctor` names" } else { "" }
+        if self.are_some_hidden { " of another user (`sudo era doctor` names that program)" } else { "" }
     }
 }
 

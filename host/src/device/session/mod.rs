@@ -38,7 +38,7 @@ pub enum SessionError {
     #[error(transparent)]
     Link(LinkError),
     /// The device is in a fault that must be cleared first.
-    #[error("the device is in fault {number} ({name}): {advice}")]
+    #[error("the device has latched fault {number} ({name}): {advice}")]
     Fault {
         /// Its number.
         number: u8,

@@ -30,7 +30,7 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
     let lines = if table.entries.iter().any(|entry| entry.status == DesignStatus::Kept) {
         "Each line is a design that meets the limits."
     } else {
-        "No design meets the limits, so each line is a design that has figures."
+        "No design meets the limits, so each line is a design that did not fail."
     };
     format!(
         "<p>{what} Crosses are designs that do not meet the limits; the diamond is the unchanged scene. Point at a \

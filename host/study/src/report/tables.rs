@@ -17,7 +17,7 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     let count = |status: DesignStatus| table.entries.iter().filter(|entry| entry.status == status).count();
     let method = &study.spec.method;
     let mut html = format!(
-        "<p>{} designs (method {}), for frequencies from {:.0} to {:.0} Hz: {} keep all limits, {} break at least one \
+        "<p>{} designs (method {}), for frequencies from {:.0} to {:.0} Hz: {} meet all limits, {} break at least one \
          limit, {} failed.",
         table.entries.len(),
         escape_html(method.way.name()).replace('_', " "),
@@ -95,7 +95,7 @@ fn write_html_table_of_scene_and_best_designs(
     if table.has_ends {
         for (k, wish) in study.spec.wishes.iter().enumerate() {
             let name = escape_html(&wish.wanted.column_name());
-            let _ = write!(html, "<tr><th>{name}, the worst over the uncertain values (first evaluation)</th>");
+            let _ = write!(html, "<tr><th>{name}, the worst over the uncertain values (quick evaluation)</th>");
             for own in std::iter::once(&finals.base).chain(&finals.best) {
                 let worst = own.entry_of_base_or_design_in_table(table).and_then(|entry| entry.wishes.get(k)).copied();
                 let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, format_four_digits));
@@ -115,7 +115,7 @@ fn write_html_table_of_scene_and_best_designs(
         html.push_str(if table.have_all_designs_failed() {
             "<p>All designs failed."
         } else {
-            "<p>No design keeps all limits."
+            "<p>No design meets all limits."
         });
         if let Some((design, near)) = table.find_one_based_least_violating_design_if_none_kept() {
             let reason = escape_html(near.reason.as_deref().unwrap_or_default());

@@ -171,7 +171,7 @@ impl Study {
             && let Some(one) = figures.iter().find(|wanted| wanted.is_for_one_setting_on_whole_surface())
         {
             return Err(refused(format!(
-                "the figure {} needs one setting for the whole surface, but a scene with a [finger] needs another \
+                "the figure {} needs one setting for the whole surface, but a scene with a [finger] needs a different \
                  setting for each touched place: leave out this figure, or leave out [finger] in the scene",
                 one.column_name()
             )));

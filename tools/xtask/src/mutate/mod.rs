@@ -8,7 +8,7 @@ mod list;
 use crate::error::{Error, file_error};
 use crate::process::capture_output;
 use crate::repository_root;
-use list::{MUTATIONS, Mutation};
+use list::{Mutation, list_mutations};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -37,8 +37,6 @@ impl Options {
 
 /// What has become of a mistake.
 enum MutationOutcome {
-    /// The code does not compile with it, as its entry says.
-    NotCompiled,
     /// These tests or rows of the report fail.
     Detected(Vec<String>),
     /// Nothing fails.
@@ -82,7 +80,6 @@ pub fn plant_mistakes(options: &Options) -> Result<(), Error> {
             other => Ok(other?),
         };
         let seen = match &outcome {
-            Ok(MutationOutcome::NotCompiled) => "the compiler, as expected".to_owned(),
             Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
             Ok(MutationOutcome::Survived) => "NOTHING".to_owned(),
             Err(reason) => format!("NOT JUDGED: {reason}"),
@@ -102,8 +99,8 @@ fn select_matching_or_commit_sampled_mutations(
     options: &Options,
 ) -> Result<Vec<&'static Mutation>, Error> {
     let wanted = |mutation: &&Mutation| options.only.as_ref().is_none_or(|only| mutation.name.contains(only));
-    let Some(count) = options.some else { return Ok(MUTATIONS.iter().filter(wanted).collect()) };
-    let shared: Vec<&Mutation> = MUTATIONS.iter().filter(wanted).filter(|it| it.file.starts_with("shared/")).collect();
+    let Some(count) = options.some else { return Ok(list_mutations().filter(wanted).collect()) };
+    let shared: Vec<&Mutation> = list_mutations().filter(wanted).filter(|it| it.file.starts_with("shared/")).collect();
     let commit = capture_output(Command::new("git").current_dir(root).args(["rev-parse", "HEAD"]))?;
     let start = usize::from_str_radix(commit.trim().get(..8).unwrap_or("0"), 16).unwrap_or(0);
     // A stride that shares no factor with any length below it takes each once.
@@ -146,7 +143,7 @@ fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Res
             bench.are_tests_sound = true;
         }
         let verdict = with_mistake(&bench.tree, mutation, || run_shared_tests(bench, TEST_LIMIT_S))?;
-        let outcome = judge_verdict(mutation, verdict)?;
+        let outcome = judge_verdict(verdict)?;
         if !matches!(outcome, MutationOutcome::Survived) {
             return Ok(outcome);
         }
@@ -155,7 +152,7 @@ fn find_what_detects_mutation(bench: &mut Workbench, mutation: &Mutation) -> Res
         expect_sound("the report of the emulated board", build_image_and_run_report(bench)?)?;
         bench.is_report_sound = true;
     }
-    judge_verdict(mutation, with_mistake(&bench.tree, mutation, || build_image_and_run_report(bench))?)
+    judge_verdict(with_mistake(&bench.tree, mutation, || build_image_and_run_report(bench))?)
 }
 
 /// A tree that fails by itself would detect everything.
@@ -167,11 +164,10 @@ fn expect_sound(what: &'static str, verdict: TreeVerdict) -> Result<(), Error> {
     }
 }
 
-/// What a verdict on the tree with a mistake means: only what has a name has detected it, and the compiler only where it is meant to.
-fn judge_verdict(mutation: &Mutation, verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
+/// What a verdict on the tree with a mistake means: only what has a name has detected it.
+fn judge_verdict(verdict: TreeVerdict) -> Result<MutationOutcome, Error> {
     match verdict {
         TreeVerdict::Sound => Ok(MutationOutcome::Survived),
-        TreeVerdict::NotCompiled(_) if mutation.is_for_compiler => Ok(MutationOutcome::NotCompiled),
         TreeVerdict::NotCompiled(reason) => {
             Err(Error::Unjudged(format!("the changed code does not compile: {reason}")))
         }
@@ -250,7 +246,7 @@ mod tests {
     #[test]
     fn every_mistake_has_its_one_place() {
         let root = repository_root().expect("the repository");
-        for Mutation { name, file, from, to, .. } in MUTATIONS {
+        for Mutation { name, file, from, to, .. } in list_mutations() {
             let text = std::fs::read_to_string(root.join(file)).expect("a file of the repository");
             assert_eq!(text.matches(from).count(), 1, "{name}: {file} has not one `{from}`");
             assert_ne!(from, to, "{name}");
@@ -260,21 +256,19 @@ mod tests {
     /// A run that ends in an error proves nothing, unless it names a test.
     #[test]
     fn only_a_named_test_detects_a_mistake() {
-        let judge = |is_for_compiler, verdict| judge_verdict(&Mutation { is_for_compiler, ..MUTATIONS[0] }, verdict);
         let verdict =
             read_failed_tests("test one ... ok\ntest two ... FAILED\ntest result: FAILED. 1 passed; 1 failed");
-        let outcome = judge(false, verdict).expect("it is judged");
+        let outcome = judge_verdict(verdict).expect("it is judged");
         assert!(matches!(outcome, MutationOutcome::Detected(names) if names == ["two"]));
-        assert!(matches!(judge(false, TreeVerdict::Sound), Ok(MutationOutcome::Survived)));
-        let verdict = || read_failed_tests("error[E0425]: cannot find `x`\nerror: could not compile");
-        assert!(matches!(judge(true, verdict()), Ok(MutationOutcome::NotCompiled)));
-        let Err(Error::Unjudged(reason)) = judge(false, verdict()) else { panic!("the compiler was not to find it") };
+        assert!(matches!(judge_verdict(TreeVerdict::Sound), Ok(MutationOutcome::Survived)));
+        let verdict = read_failed_tests("error[E0425]: cannot find `x`\nerror: could not compile");
+        let Err(Error::Unjudged(reason)) = judge_verdict(verdict) else { panic!("the compiler was not to find it") };
         assert!(reason.ends_with("error[E0425]: cannot find `x`"), "{reason}");
         // A report that cannot start, and a test program that crashes.
-        assert!(matches!(judge(false, TreeVerdict::Failed(Vec::new())), Err(Error::Unjudged(_))));
+        assert!(matches!(judge_verdict(TreeVerdict::Failed(Vec::new())), Err(Error::Unjudged(_))));
         let crash = "test result: ok. 3 passed\nerror: test failed, to rerun pass `--test link` (signal: 11)";
-        assert!(matches!(judge(false, read_failed_tests(crash)), Err(Error::Unjudged(_))));
-        let Ok(MutationOutcome::Detected(names)) = judge(false, read_failed_tests("test result: ok. 3 passed")) else {
+        assert!(matches!(judge_verdict(read_failed_tests(crash)), Err(Error::Unjudged(_))));
+        let Ok(MutationOutcome::Detected(names)) = judge_verdict(read_failed_tests("test result: ok. 3 passed")) else {
             panic!("a run that was ended by its time limit is detected")
         };
         assert!(names[0].contains("does not end"), "{names:?}");

@@ -16,8 +16,8 @@ const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes 
     are in SI units unless the name of the field has another unit. The daemon refuses requests of pages other than its own page, unless \
     --allow-origin names the origin of the page. If the daemon requires tokens, every request needs a token; `x-role` is the role that \
     the path needs. The daemon answers a path that is not described here with 404 (`#/components/responses/NotFound`), and a described \
-    path with another method with 405 (`#/components/responses/WrongMethod`). Every path that accepts GET also accepts HEAD. Browsers \
-    may send OPTIONS before a request of a page whose origin --allow-origin names.";
+    path with another method with 405 (`#/components/responses/WrongMethod`). Every path that accepts GET also accepts HEAD. If \
+    --allow-origin names the origin of a page, browsers may send an OPTIONS request before a request of this page.";
 const SERVER: &str = "The daemon that sent this description, at the scheme, host name and port of the request, or at \
     the daemon's Unix socket";
 const TOKEN: &str = "Required if the daemon was started with --token-file; /v1/live also accepts ?token=TOKEN";

@@ -139,8 +139,8 @@ impl Admission {
     ) -> Problem {
         self.refused.fetch_add(1, Ordering::Relaxed);
         let detail = format!(
-            "the queue is full: {waiting} requests already {awaited}. This request is refused because no other client has more \
-             requests in the queue than this client; try again in {retry_ms} ms"
+            "the queue is full: {waiting} requests already {awaited}. This request is refused because this client has at \
+             least as many requests in the queue as every other client; try again in {retry_ms} ms"
         );
         Problem::new(ProblemKind::QueueFull, detail).with_retry(retry_ms, Some(waiting))
     }
@@ -173,7 +173,8 @@ impl Admission {
         };
         let Some(known) = known.iter().rev().find(is_it) else {
             let detail = format!(
-                "this client has no request {key:?}; the daemon keeps at most {KEPT} requests of all clients together"
+                "this client has no request {key:?}, or the daemon no longer keeps its outcome: the daemon keeps at most {KEPT} requests \
+                 of all clients together"
             );
             return Err(Problem::new(ProblemKind::NotFound, detail));
         };

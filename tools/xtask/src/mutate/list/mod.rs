@@ -1,0 +1,25 @@
+//! The mistakes: what is wrong, where, and how.
+
+mod firmware;
+mod shared;
+
+/// A mistake: the text that stands once in a file, and what takes its place.
+pub struct Mutation {
+    /// What is wrong.
+    pub name: &'static str,
+    /// The file, from the repository's root.
+    pub file: &'static str,
+    /// What stands there.
+    pub from: &'static str,
+    /// What takes its place.
+    pub to: &'static str,
+}
+
+const fn new_mutation(name: &'static str, file: &'static str, from: &'static str, to: &'static str) -> Mutation {
+    Mutation { name, file, from, to }
+}
+
+/// All of them.
+pub fn list_mutations() -> impl Iterator<Item = &'static Mutation> {
+    shared::MUTATIONS.iter().chain(firmware::MUTATIONS)
+}
