@@ -47,10 +47,11 @@ pub struct RequestRateLimiter {
 }
 
 impl RequestRateLimiter {
-    /// Counts a message of `bytes` bytes on a live socket of `peer`, and returns how long the next one has to wait. Each 2 KiB count as one
+    /// Counts a message of `bytes` bytes on a live socket of `peer`, and waits until the next one may be read. Each 2 KiB count as one
     /// request: to read them takes as long.
-    pub fn count_live_message_and_find_wait(&self, peer: Peer, bytes: usize) -> Duration {
-        self.count_requests_and_find_wait(peer, Instant::now(), Self::requests_that_a_message_counts_as(bytes))
+    pub async fn wait_until_next_live_message(&self, peer: Peer, bytes: usize) {
+        let requests = Self::requests_that_a_message_counts_as(bytes);
+        sleep_if_positive(self.count_requests_and_find_wait(peer, Instant::now(), requests)).await;
     }
 
     fn requests_that_a_message_counts_as(bytes: usize) -> u32 {
@@ -85,12 +86,16 @@ pub async fn delay_requests_except_stop_above_rate(
 ) -> Response {
     let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
     if let Some(peer) = request.extensions().get::<Peer>().copied().filter(|_| !is_stop) {
-        let delay = pace.count_requests_and_find_wait(peer, Instant::now(), 1);
-        if !delay.is_zero() {
-            tokio::time::sleep(delay).await;
-        }
+        sleep_if_positive(pace.count_requests_and_find_wait(peer, Instant::now(), 1)).await;
     }
     next.run(request).await
+}
+
+/// Even the shortest sleep takes until the next whole ms: whoever need not wait must not sleep.
+async fn sleep_if_positive(delay: Duration) {
+    if !delay.is_zero() {
+        tokio::time::sleep(delay).await;
+    }
 }
 
 /// What counts as one machine: of IPv6 the network of 64 bits, as every machine has all of its addresses.
@@ -104,6 +109,8 @@ fn mask_ipv6_to_network(address: IpAddr) -> IpAddr {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::pin::pin;
+    use std::task::{Context, Waker};
 
     fn parse_peer(text: &str) -> Peer {
         Peer::Address(text.parse().unwrap())
@@ -132,6 +139,16 @@ mod tests {
     }
 
     /// Of messages of 256 KiB, the longest that are read, some 15 a second are read; of short ones as many as requests are answered.
+    #[tokio::test]
+    async fn messages_within_the_pace_wait_for_nothing() {
+        let (pace, one) = (RequestRateLimiter::default(), Peer::Process(None));
+        for number in 0..100 {
+            let mut wait = pin!(pace.wait_until_next_live_message(one, 200));
+            let polled = wait.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+            assert!(polled.is_ready(), "message {number}");
+        }
+    }
+
     #[test]
     fn long_messages_wait_longer() {
         for (bytes, per_second) in [(200, 2000), (16 * 1024, 222), (256 * 1024, 15)] {

@@ -271,7 +271,7 @@ async fn serve_page_socket(
                     }
                     // After it was carried out, so that no stop waits for this: the next one does.
                     if let Some(peer) = page.peer {
-                        tokio::time::sleep(app.live_pace.count_live_message_and_find_wait(peer, bytes)).await;
+                        app.live_pace.wait_until_next_live_message(peer, bytes).await;
                     }
                 }
                 Some(Err(error)) => break closing::close_frame_for_error(error),
