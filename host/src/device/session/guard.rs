@@ -71,16 +71,23 @@ impl SessionWorker {
         &self,
         asked_at: Instant,
     ) -> Result<(), SessionError> {
-        let oldest = self.device.timing().arming.saturating_add(ORDER);
-        if self.again_since.is_some_and(|since| asked_at < since) || asked_at.elapsed() > oldest {
-            let reason = format!(
-                "the device did not answer for a while, or the daemon did not run; this request is {:.0?} old, so the \
-                 daemon does not carry out this request: send the request again",
+        let (now, oldest) = (Instant::now(), self.device.timing().arming.saturating_add(ORDER));
+        let reason = match self.again_since.filter(|since| asked_at < *since) {
+            Some(since) if now < since => format!(
+                "the daemon did not run for a while, and refuses all requests for another {:.0?}: then send the request \
+                 again",
+                since - now
+            ),
+            Some(_) => "the request was sent while the device did not answer, or while the daemon did not run, so the \
+                        daemon does not carry out the request: send the request again"
+                .to_owned(),
+            None if asked_at.elapsed() > oldest => format!(
+                "the request has waited for {:.0?}, which is longer than {oldest:.0?}: send the request again",
                 asked_at.elapsed()
-            );
-            return Err(SessionError::Late { path: self.device.port_path().to_owned(), reason });
-        }
-        Ok(())
+            ),
+            None => return Ok(()),
+        };
+        Err(SessionError::Late { path: self.device.port_path().to_owned(), reason })
     }
 
     /// Notices that this program did not run for a while, and ends what was driven or asked for before.
