@@ -119,6 +119,10 @@ export class PanelView {
     const unit = w / 300; // about 3 px on a wide screen
     const parts = [];
     const round = unit * 1.2;
+    // An actuator at an edge is larger than what it covers of the surface.
+    const surface = element("clipPath", { id: "on-surface" });
+    surface.append(element("rect", { width: w, height: h }));
+    parts.push(surface);
     parts.push(element("rect", { class: "surface", width: w, height: h, rx: round, "stroke-width": unit * 0.5 }));
     if (screen.width_mm < w * 0.999 || screen.height_mm * this.stretch < h * 0.999) {
       parts.push(element("rect", {
@@ -168,7 +172,9 @@ export class PanelView {
     const r = Math.min(actuator.electrode_diameter_mm / 2, h * 0.42);
     const circle = (name, width) => element("circle", { class: name, cx, cy, r, "stroke-width": width });
     const drive = this.plan?.drives.find((candidate) => candidate.actuator === actuator.id);
-    parts.push(circle("actuator-shade", 2.2 * unit), circle("actuator", 1.1 * unit));
+    const outline = element("g", { "clip-path": "url(#on-surface)" });
+    outline.append(circle("actuator-shade", 2.2 * unit), circle("actuator", 1.1 * unit));
+    parts.push(outline);
     if (drive && this.active.get(actuator.id)) {
       // The stronger the force (it goes with the voltage squared), the further and thicker the rings; 200 times slower
       // than the vibration, so that 200 Hz is one ring a second.
@@ -181,7 +187,7 @@ export class PanelView {
         ring.style.animationDuration = `${2 * period}s`;
         // Against the page's own clock, or every new plan would start the rings again.
         ring.style.animationDelay = `${-((performance.now() / 1000) % (2 * period)) - part * 2 * period}s`;
-        parts.push(ring);
+        outline.append(ring);
       }
     }
     const size = Math.min(4.6 * unit + 2, h / 6);

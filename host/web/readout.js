@@ -39,8 +39,13 @@ function duration(seconds) {
   return seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(1)} h`;
 }
 
-const boundInWords = ({ error_bound }) =>
-  error_bound === null ? "not known" : `± ${Number((error_bound * 100).toPrecision(2))} %`;
+// One digit, rounded up: a bound that is rounded down does not hold.
+const boundInWords = ({ error_bound }) => {
+  if (error_bound === null) return "not known";
+  const percent = error_bound * 100;
+  const unit = percent > 0 ? 10 ** Math.floor(Math.log10(percent)) : 1;
+  return `± ${Number((Math.ceil(percent / unit) * unit).toPrecision(1))} %`;
+};
 
 const STATE_WORDS = {
   boot: "starting",
