@@ -135,11 +135,14 @@ fn live_messages_are_as_described() {
     let all = "/v1/live?send=scene,state,plan,field";
     let (mut socket, _) = tungstenite::connect(format!("{}{all}", daemon.url.replace("http", "ws"))).unwrap();
     let finger = json!([{"id": 1, "x_px": 400.0, "y_px": 500.0}]);
+    let slider = |detents: u32| json!({"kind": "slider", "x_px": -9, "y_px": 9, "width_px": 500, "height_px": 90, "detents": detents});
     let said = [
         (json!({"type": "touch", "touches": finger, "intensity_g": 0.1}), true, "plan"),
         (json!({"type": "touch", "touches": []}), true, "state"),
         (json!({"type": "touch", "touches": finger, "effect": "click"}), true, "plan"),
         (json!({"type": "touch", "touches": finger, "loud": true}), false, "error"),
+        (json!({"type": "controls", "controls": [slider(11)]}), true, "state"),
+        (json!({"type": "controls", "controls": [slider(1)]}), false, "error"),
         (json!({"type": "stop"}), true, "state"),
     ];
     for (message, is_right, answer) in said {

@@ -9,6 +9,7 @@ mod bodies;
 mod busy;
 mod by_hand;
 mod closing;
+mod controls;
 mod costs;
 mod drags;
 mod figures;

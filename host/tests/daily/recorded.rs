@@ -145,6 +145,8 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     {
         let daemon = Daemon::recording(STARTING_PLATE, Recorder::start(&file, "example plate").unwrap());
         let mut socket = live(&daemon, "?send=plan");
+        let edge = json!({"kind": "edge", "x_px": 900, "y_px": 100, "width_px": 50, "height_px": 50});
+        say(&mut socket, &json!({"type": "controls", "controls": [edge]}));
         for x_px in [400.0, 450.0] {
             let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}], "intensity_g": 0.1});
             say(&mut socket, &tap);
@@ -172,7 +174,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     let (ca, of_file) = (["--ca", certificate], ["--ca", certificate, "--token-file", token.to_str().unwrap()]);
     for (more, variable) in [(&of_file[..], None), (&ca, Some(secret.as_str()))] {
         let (code, messages, said) = replay(more, variable);
-        assert!(code == 0 && messages == 3, "{code} {messages} {said}");
+        assert!(code == 0 && messages == 4, "{code} {messages} {said}");
     }
     for (more, variable, piece) in [
         (&of_file[2..], None, "is not trusted"),

@@ -29,6 +29,10 @@ pub struct FingerStep {
     pub starts_effect: bool,
     /// The fingers that its effect is for.
     pub effect_fingers: Vec<i64>,
+    /// Whether it is a click of a control: what follows it does not end it, and does not lift it.
+    pub is_control_click: bool,
+    /// Whether all of its fingers are on textures, which end as soon as they rest, and not after the least time of a tap.
+    pub is_texture: bool,
     /// [`TouchDriver::stop_count`](crate::daemon::drive::TouchDriver::stop_count) when it was said: a stop from then on means that it is not driven.
     pub stops: u64,
 }
@@ -38,8 +42,10 @@ pub struct FingerStep {
 #[derive(Debug, Default)]
 pub struct PageFingers {
     steps: Mutex<VecDeque<FingerStep>>,
-    /// Those that are down by the last message.
+    /// Those that are down by the last message, without those on controls that do not vibrate.
     down: Mutex<Option<Touch>>,
+    /// Those of them that are on textures.
+    on_textures: Mutex<Vec<i64>>,
     changed: Notify,
     gone: Mutex<bool>,
     /// Whether a tap that waits makes way for any newer one.
@@ -50,7 +56,7 @@ impl FingerStep {
     /// Whether `newer` stands in its place. A tap is driven in any case. An effect is replaced by one that begins later, so that the detents of
     /// a fast finger do not queue; fingers that only move do not replace it.
     fn makes_way_for(&self, newer: &Self) -> bool {
-        let is_replaced = newer.starts_effect || newer.touch.feel == self.touch.feel;
+        let is_replaced = newer.starts_effect || !self.is_control_click && newer.touch.feel == self.touch.feel;
         !self.lifted && !self.is_tap && (!self.starts_effect || is_replaced)
     }
 
@@ -93,12 +99,27 @@ impl PageFingers {
         touch: Touch,
         stop_count_at_arrival: u64,
     ) -> Result<(), Problem> {
-        let mut dropped = None;
+        self.queue_fingers_and_textures_dropping_oldest_if_full(touch, &[], stop_count_at_arrival)
+    }
+
+    /// The same, with some of the fingers on textures: a finger that begins to vibrate there has not come down, and makes no tap.
+    ///
+    /// # Errors
+    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
+    pub fn queue_fingers_and_textures_dropping_oldest_if_full(
+        &self,
+        touch: Touch,
+        on_textures: &[i64],
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
+        let mut dropped = Ok(());
         let ids: Vec<i64> = touch.fingers.iter().map(|finger| finger.id).collect();
         let mut steps = self.lock_steps();
+        on_textures.clone_into(&mut self.lock_on_textures());
         let before = self.down.lock().unwrap_or_else(PoisonError::into_inner).replace(touch.clone());
         let was_down = |id: &&i64| before.iter().flat_map(|touch| &touch.fingers).any(|finger| finger.id == **id);
-        let newly_down: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
+        let newly_down: Vec<i64> =
+            ids.iter().filter(|id| !was_down(id) && !on_textures.contains(id)).copied().collect();
         // A message without an effect in between, or another effect, and a held finger feels it again.
         let feels_other = before.as_ref().is_none_or(|before| before.feel != touch.feel);
         let is_own_effect = touch.fingers.iter().any(|finger| finger.effect == touch.feel.effect);
@@ -113,34 +134,77 @@ impl PageFingers {
             is_tap: false,
             starts_effect,
             effect_fingers,
+            is_control_click: false,
+            is_texture: !ids.is_empty() && ids.iter().all(|id| on_textures.contains(id)),
             stops: stop_count_at_arrival,
         };
+        let last = steps.iter_mut().rfind(|waiting| !waiting.is_control_click);
         if step.touch.fingers.is_empty() {
-            match steps.back_mut() {
+            match last {
+                // What has ended before it was driven is not felt at all.
+                Some(last) if last.is_texture => *last = step,
                 Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(step),
+                // Clicks of controls that wait come after the end of what they take the place of.
+                None => steps.push_front(step),
             }
         } else {
-            if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
+            if let Some(last) = last.filter(|last| !last.lifted) {
                 last.is_tap |= last.newly_down.iter().any(|id| !ids.contains(id));
             }
             // A device slower than the page skips what came in between.
-            while let Some(skipped) = steps.pop_back_if(|last| self.only_newest_tap || last.makes_way_for(&step)) {
+            while let Some(skipped) = steps.pop_back_if(|last| self.skips(last, &step)) {
                 let come =
                     skipped.newly_down.into_iter().filter(|id| ids.contains(id) && !step.newly_down.contains(id));
                 let come: Vec<i64> = come.collect();
                 step.newly_down.extend(come);
                 step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
             }
-            if steps.len() >= MOST_STEPS {
-                dropped = steps.pop_front().filter(|step| !step.touch.fingers.is_empty());
-            }
-            steps.push_back(step);
+            dropped = push_dropping_oldest_if_full(&mut steps, step);
         }
         drop(steps);
         self.changed.notify_one();
-        dropped.map_or(Ok(()), |_| Err(superseded_problem()))
+        dropped
+    }
+
+    /// A click of controls for the fingers of `touch` that have these numbers; its other fingers are driven on after it. One that `is_press` is
+    /// played in any case; of the others that wait, the newest.
+    ///
+    /// # Errors
+    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
+    pub fn queue_control_click_dropping_oldest_if_full(
+        &self,
+        touch: Touch,
+        ids: Vec<i64>,
+        is_press: bool,
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
+        let step = FingerStep {
+            touch,
+            lifted: false,
+            newly_down: Vec::new(),
+            is_tap: is_press,
+            starts_effect: true,
+            effect_fingers: ids,
+            is_control_click: true,
+            is_texture: false,
+            stops: stop_count_at_arrival,
+        };
+        let mut steps = self.lock_steps();
+        // Fingers outside of the controls that have just come are felt first.
+        let has_come = |last: &FingerStep| !last.starts_effect && !last.lifted && !last.newly_down.is_empty();
+        while steps.pop_back_if(|last| self.skips(last, &step) && !has_come(last)).is_some() {}
+        let dropped = push_dropping_oldest_if_full(&mut steps, step);
+        drop(steps);
+        self.changed.notify_one();
+        dropped
+    }
+
+    /// Whether a step that waits is not driven any more once there is a newer one.
+    fn skips(&self, waiting: &FingerStep, newer: &FingerStep) -> bool {
+        // Neither a click of a control that is no press, nor fingers that move beside one, are a newer tap.
+        let is_no_tap = newer.is_control_click && !newer.is_tap || waiting.is_control_click && newer.is_only_move();
+        self.only_newest_tap && !is_no_tap || waiting.makes_way_for(newer)
     }
 
     /// The fingers that are down by the last message.
@@ -164,7 +228,8 @@ impl PageFingers {
         if kept.fingers.len() == count {
             Ok(())
         } else {
-            self.queue_fingers_down_dropping_oldest_if_full(kept, stop_count_at_arrival)
+            let on_textures = self.lock_on_textures().clone();
+            self.queue_fingers_and_textures_dropping_oldest_if_full(kept, &on_textures, stop_count_at_arrival)
         }
     }
 
@@ -230,143 +295,20 @@ impl PageFingers {
     fn lock_steps(&self) -> MutexGuard<'_, VecDeque<FingerStep>> {
         self.steps.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    fn lock_on_textures(&self) -> MutexGuard<'_, Vec<i64>> {
+        self.on_textures.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn push_dropping_oldest_if_full(steps: &mut VecDeque<FingerStep>, step: FingerStep) -> Result<(), Problem> {
+    let oldest = if steps.len() >= MOST_STEPS { steps.pop_front() } else { None };
+    steps.push_back(step);
+    match oldest {
+        Some(oldest) if !oldest.touch.fingers.is_empty() => Err(superseded_problem()),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::daemon::touch::request::Feel;
-    use crate::planner::Target;
-
-    fn make_touch_at(ids: &[i64], x_px: f64, feel: Feel) -> Touch {
-        let target = Target { x_m: 0.0, y_m: 0.0, intensity_g: None };
-        let checked = |id: &i64| {
-            let finger = Finger { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None };
-            CheckedFinger { finger, target }
-        };
-        Touch::from_fingers(&ids.iter().map(checked).collect::<Vec<_>>(), feel).unwrap()
-    }
-
-    /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
-    fn take_steps(fingers: &PageFingers) -> Vec<(Vec<i64>, bool, f64)> {
-        let of = |step: FingerStep| {
-            (
-                step.newly_down,
-                step.lifted || step.is_tap,
-                step.touch.fingers.first().map_or(f64::NAN, |finger| finger.x_px),
-            )
-        };
-        std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
-    }
-
-    #[test]
-    fn a_finger_that_comes_again_is_another_one() {
-        let fingers = PageFingers::default();
-        let say = |ids: &[i64], x_px| {
-            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, Feel::default()), 0).unwrap()
-        };
-        say(&[1], 0.0);
-        say(&[1, 2], 1.0);
-        assert_eq!(take_steps(&fingers), [(vec![2, 1], false, 1.0)]);
-        // Lifted and back before anything is driven.
-        say(&[1], 2.0);
-        say(&[1, 2], 3.0);
-        say(&[1, 2], 4.0);
-        assert_eq!(take_steps(&fingers), [(vec![2], false, 4.0)]);
-        // A tap beside a finger that stays; the newest place of what follows.
-        say(&[1, 2, 3], 5.0);
-        say(&[1, 2], 6.0);
-        say(&[1, 2], 7.0);
-        assert_eq!(take_steps(&fingers), [(vec![3], true, 5.0), (vec![], false, 7.0)]);
-    }
-
-    /// So many that nobody can have made them: the newest are driven, and the page is told of the others.
-    #[test]
-    fn of_too_many_taps_the_oldest_make_way() {
-        let fingers = PageFingers::default();
-        let tap = |x_px: f64| {
-            let result =
-                fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0);
-            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
-            result.is_ok()
-        };
-        let most = f64::from(u8::try_from(MOST_STEPS).unwrap());
-        for i in 0..MOST_STEPS {
-            assert!(tap(f64::from(u8::try_from(i).unwrap())));
-        }
-        assert!(!tap(most));
-        let left = take_steps(&fingers);
-        assert_eq!((left.len(), left[0].2, left[MOST_STEPS - 1].2), (MOST_STEPS, 1.0, most));
-        assert!(left.iter().all(|(_, is_tap, _)| *is_tap));
-    }
-
-    /// Numbers of the fingers, whether an effect begins, and for which fingers, of each step that waits.
-    fn take_effects(fingers: &PageFingers) -> Vec<(f64, bool, Vec<i64>)> {
-        let of = |step: FingerStep| (step.touch.fingers[0].x_px, step.starts_effect, step.effect_fingers);
-        std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
-    }
-
-    #[test]
-    fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
-        let fingers = PageFingers::default();
-        let click = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
-        let say = |ids: &[i64], x_px, feel| {
-            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, feel), 0).unwrap()
-        };
-        say(&[1], 0.0, click);
-        assert_eq!(take_effects(&fingers), [(0.0, true, vec![1])]);
-        say(&[1], 1.0, click);
-        assert_eq!(take_effects(&fingers), [(1.0, false, vec![1])], "its finger moves");
-        say(&[1, 2], 2.0, click);
-        say(&[1, 2], 3.0, click);
-        assert_eq!(take_effects(&fingers), [(3.0, true, vec![1, 2])], "another finger, at its newest place");
-        // A slider: the moves between two detents do not take their place, and of two detents that wait the newer one is played.
-        let still = Feel { intensity_g: Some(0.0), ..Feel::default() };
-        say(&[1], 4.0, still);
-        say(&[1], 5.0, click);
-        say(&[1], 6.0, still);
-        say(&[1], 7.0, still);
-        assert_eq!(take_effects(&fingers), [(5.0, true, vec![1]), (7.0, false, vec![1])]);
-        for x_px in [8.0, 9.0] {
-            say(&[1], x_px, click);
-            say(&[1], x_px, still);
-        }
-        assert_eq!(take_effects(&fingers), [(9.0, true, vec![1]), (9.0, false, vec![1])]);
-    }
-
-    #[test]
-    fn the_newest_finger_has_its_effect() {
-        let fingers = PageFingers::default();
-        let checked = |id: i64, effect: Option<NamedEffect>| {
-            let finger = Finger { id, x_px: 0.0, y_px: 0.0, intensity_g: None, effect };
-            CheckedFinger { finger, target: Target { x_m: 0.0, y_m: 0.0, intensity_g: None } }
-        };
-        let say = |down: &[CheckedFinger]| {
-            let effect = fingers.choose_effect_of_newest_finger(down);
-            let feel = Feel { effect, ..Feel::default() };
-            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::from_fingers(down, feel).unwrap(), 0).unwrap();
-            take_effects(&fingers).pop().map(|(_, starts, ids)| (effect, starts, ids)).unwrap()
-        };
-        let (click, buzz) = (Some(NamedEffect::Click), Some(NamedEffect::Buzz));
-        assert_eq!(say(&[checked(1, click)]), (click, true, vec![1]));
-        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, true, vec![2]));
-        assert_eq!(say(&[checked(1, click), checked(2, buzz)]), (buzz, false, vec![2]), "they move");
-        assert_eq!(
-            say(&[checked(1, click), checked(2, buzz), checked(3, click)]),
-            (click, true, vec![1, 3]),
-            "together"
-        );
-        assert_eq!(say(&[checked(4, None), checked(3, click)]), (click, false, vec![3]));
-    }
-
-    /// A page that asks for that: a tap that waits makes way for the next one.
-    #[test]
-    fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
-        let fingers = PageFingers::new(true);
-        for x_px in [0.0, 1.0, 2.0] {
-            fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0).unwrap();
-            fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
-        }
-        assert_eq!(take_steps(&fingers), [(vec![1], true, 2.0)]);
-    }
-}
+mod tests;

@@ -62,8 +62,7 @@ struct HeldFingers {
     down: Vec<i64>,
     /// The plan of the effect that was played last, if nothing else has been driven for these fingers since.
     effect_plan: Option<u64>,
-    /// The even drive, and since when its fingers are down.
-    held: Option<(Instant, u64)>,
+    held: Option<HeldDrive>,
     /// The fingers that it is for.
     held_for: Vec<i64>,
     /// What it was driven for, if that goes on for as long as they are.
@@ -72,6 +71,30 @@ struct HeldFingers {
     interruptions: u64,
     /// Since when the newest of the fingers is felt for which something was driven last.
     newly_down: Option<Instant>,
+}
+
+/// An even drive.
+#[derive(Clone, Copy, Debug)]
+struct HeldDrive {
+    plan: u64,
+    /// Since when its fingers are down.
+    since: Instant,
+    /// For how long it is felt at least.
+    least: Duration,
+}
+
+impl HeldDrive {
+    /// The drive `plan` of a step, in place of the one before.
+    fn continue_or_begin(before: Option<Self>, plan: u64, step: &FingerStep) -> Self {
+        // A texture is felt while its finger moves; it is no tap.
+        let least = if step.is_texture { Duration::ZERO } else { TAP };
+        let since = before.filter(|before| before.least == least).map_or_else(Instant::now, |before| before.since);
+        Self { plan, since, least }
+    }
+
+    fn end_after_least_time(self, app: &App) {
+        app.driver.end_touch_at(self.plan, self.since + self.least);
+    }
 }
 
 impl HeldFingers {
@@ -112,7 +135,7 @@ impl HeldFingers {
         fingers: &PageFingers,
         replies: &mpsc::Sender<Value>,
     ) {
-        let Some((step, (_, plan))) = self.still.clone().zip(self.held) else { return };
+        let Some((step, HeldDrive { plan, .. })) = self.still.clone().zip(self.held) else { return };
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
         if app.driver.stop_count() != step.stops
             || app.driver.count_unrequested_board_interruptions() != self.interruptions
@@ -175,7 +198,7 @@ impl HeldFingers {
                 self.held = match touch.mode {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     DriveMode::Effect(_) | DriveMode::Designed(_) => None,
-                    DriveMode::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.plan_id)),
+                    DriveMode::Hold(_) => Some(HeldDrive::continue_or_begin(self.held, done.plan_id, &step)),
                 };
                 Ok(())
             }
@@ -191,8 +214,8 @@ impl HeldFingers {
         let is_down = |id: &i64| fingers_down.iter().any(|touch| touch.id == *id);
         if !self.held_for.iter().all(is_down) {
             self.still = None;
-            if let Some((since, plan)) = self.held.take() {
-                app.driver.end_touch_at(plan, since + TAP);
+            if let Some(held) = self.held.take() {
+                held.end_after_least_time(app);
             }
         }
     }
@@ -200,8 +223,8 @@ impl HeldFingers {
     fn end_drive(&mut self, app: &App) {
         self.down.clear();
         self.still = None;
-        if let Some((since, plan)) = self.held.take() {
-            app.driver.end_touch_at(plan, since + TAP);
+        if let Some(held) = self.held.take() {
+            held.end_after_least_time(app);
         }
     }
 }

@@ -21,8 +21,10 @@ use std::ops::Range;
 const EDGE_PART: f64 = 0.01;
 /// Most fingers of one message that are told to be wrong one by one.
 const MOST_TOLD: usize = 10;
-const WANTED_MESSAGE: ExpectedForm<'_> =
-    ExpectedForm { subject: "The whole message", form: r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"# };
+const WANTED_MESSAGE: ExpectedForm<'_> = ExpectedForm {
+    subject: "The whole message",
+    form: r#"{"type": "touch", "touches": [...]}, {"type": "controls", "controls": [...]} or {"type": "stop"}"#,
+};
 const WANTED_FINGER: ExpectedForm<'_> = ExpectedForm {
     subject: "Each finger",
     form: r#"{"id": number, "x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: text}"#,
@@ -72,6 +74,12 @@ impl IncomingMessage {
     #[must_use]
     pub fn missing_fingers_problem() -> Problem {
         Problem::bad_body(format!("`touches` is missing. {WANTED_MESSAGE}")).with_field("touches".into())
+    }
+
+    /// What is wrong where it is about controls and has no list of them.
+    #[must_use]
+    pub fn missing_controls_problem() -> Problem {
+        Problem::bad_body(format!("`controls` is missing. {WANTED_MESSAGE}")).with_field("controls".into())
     }
 
     /// How many fingers its list has; `None` where it has no list.

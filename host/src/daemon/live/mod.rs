@@ -1,13 +1,16 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 //!
 //! `mod` reads, `writer` writes, `fingers` drives what `finger_steps` keeps in order: none of them waits for another, so that a
-//! page that reads slowly is still heard, its stop first of all. `closing` knows why a socket is closed.
+//! page that reads slowly is still heard, its stop first of all. `reading` carries out what a page says, with `incoming`, which makes out what that
+//! is, and `controls`, which knows what fingers feel of the controls that the page has declared. `closing` knows why a socket is closed.
 
 mod closing;
+pub mod controls;
 mod finger_steps;
 mod fingers;
 mod incoming;
 pub mod message;
+mod reading;
 mod writer;
 
 use crate::daemon::access::client::{Client, Peer};
@@ -15,9 +18,6 @@ use crate::daemon::access::head::read_single_header;
 use crate::daemon::access::permissions::Role;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::{App, SOCKETS};
-use crate::daemon::touch::Touch;
-use crate::daemon::touch::check::CheckedFinger;
-use crate::daemon::touch::request::Feel;
 use crate::daemon::touch::request::Finger;
 use crate::effects::NamedEffect;
 use crate::planner::click::Preference;
@@ -28,13 +28,14 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
+use controls::DeclaredControl;
 use finger_steps::PageFingers;
-use futures_util::{FutureExt, StreamExt};
+use futures_util::StreamExt;
 use message::LiveMessage;
+use reading::{PageIdentity, PageReader};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use utoipa::{IntoParams, ToSchema};
@@ -50,19 +51,25 @@ const REPLIES: usize = 32;
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
 #[derive(Debug, Deserialize, ToSchema)]
-#[schema(as = LiveIn, description = "A message from a page: the fingers that are down, or a stop.")]
+#[schema(as = LiveIn, description = "A message from a page: the fingers that are down, the controls on the screen, or a stop.")]
 #[schema(examples(
     json!({"type": "touch", "touches": [{"id": 1, "x_px": 960, "y_px": 640}], "intensity_g": 0.3}),
     json!({"type": "touch", "touches": []}),
+    json!({"type": "controls", "controls": [
+        {"kind": "button", "x_px": 100, "y_px": 100, "width_px": 200, "height_px": 80},
+        {"kind": "slider", "x_px": 400, "y_px": 100, "width_px": 800, "height_px": 60, "detents": 11, "intensity_g": 0.3}]}),
     json!({"type": "stop"}),
 ))]
 #[serde(deny_unknown_fields)]
 pub struct PageMessage {
-    /// Type of the message: `touch` or `stop`.
+    /// Type of the message: `touch`, `controls` or `stop`.
     #[serde(rename = "type")]
     kind: PageMessageKind,
     /// All fingers that are down now; empty if all fingers are lifted. Only in a message of the type `touch`.
     touches: Option<Vec<Finger>>,
+    /// All controls on the screen; empty if there are none. The daemon decides what the fingers feel of them. Of two controls in one place, the later
+    /// one is on top. Only in a message of the type `controls`.
+    controls: Option<Vec<DeclaredControl>>,
     /// Wanted peak acceleration in g for fingers without `intensity_g`.
     intensity_g: Option<f64>,
     /// Wanted peak acceleration in dB above the threshold of feeling at the frequencies of the drives; absent with `intensity_g`.
@@ -89,8 +96,36 @@ pub struct PageMessage {
 enum PageMessageKind {
     /// Its fingers.
     Touch,
+    /// Its controls.
+    Controls,
     /// Everything off.
     Stop,
+}
+
+impl PageMessage {
+    /// Refuses what a message of its type does not have; `touches` beside a stop is another matter.
+    fn refuse_keys_of_other_types(&self) -> Result<(), Problem> {
+        let is_for_touch_only = [
+            ("touches", self.touches.is_some()),
+            ("intensity_g", self.intensity_g.is_some()),
+            ("intensity_db", self.intensity_db.is_some()),
+            ("duration_ms", self.duration_ms.is_some()),
+            ("effect", self.effect.is_some()),
+            ("count", self.count.is_some()),
+            ("period_ms", self.period_ms.is_some()),
+            ("crisp_ms", self.crisp_ms.is_some()),
+            ("prefer", self.prefer.is_some()),
+        ];
+        let (wrong, type_name) = match self.kind {
+            PageMessageKind::Controls => {
+                (is_for_touch_only.into_iter().find_map(|(key, is_given)| is_given.then_some(key)), "touch")
+            }
+            PageMessageKind::Touch | PageMessageKind::Stop => (self.controls.as_ref().map(|_| "controls"), "controls"),
+        };
+        let Some(key) = wrong else { return Ok(()) };
+        let detail = format!("`{key}` is given, but is allowed only with the type `{type_name}`");
+        Err(Problem::bad_body(detail).with_field(key.into()))
+    }
 }
 
 /// What the reader has the writer send.
@@ -131,8 +166,8 @@ enum TapQueue {
 
 /// WebSocket: touches in, state, plans and telemetry out
 ///
-/// Text messages in JSON with a `type`: LiveIn from the page (at most 16 KiB), with all fingers that are down (none if all are lifted), and LiveOut
-/// to the page. The daemon drives every tap. An effect begins when a finger goes down, and does not begin again when the finger moves. If the
+/// Text messages in JSON with a `type`: LiveIn from the page (at most 16 KiB), with all fingers that are down (none if all are lifted) or with the
+/// controls on the screen, and LiveOut to the page. The daemon drives every tap. An effect begins when a finger goes down, and does not begin again when the finger moves. If the
 /// daemon receives nothing from a page for 15 s, not even the answer to a ping, the fingers of the page count as lifted.
 #[utoipa::path(
     get,
@@ -239,6 +274,7 @@ async fn serve_page_socket(
         Arc::clone(&fingers),
         replies.clone(),
     ));
+    let mut reader = PageReader::new(Arc::clone(&app), page, Arc::clone(&fingers), replies);
     let mut ping = tokio::time::interval(app.limits.ping);
     let mut heard = Instant::now();
     let mut is_written = true;
@@ -249,21 +285,10 @@ async fn serve_page_socket(
                     heard = Instant::now();
                     let bytes = length_of_message(&message);
                     match message {
-                        Message::Binary(bytes) => {
-                            stop_device_if_message_asks_and_page_may_touch(&app, page, &bytes, &fingers, &replies);
-                            if page.role >= Role::Touch && let Ok(text) = std::str::from_utf8(&bytes) {
-                                lift_fingers_left_out(&app, &incoming::IncomingMessage::from_text(text), &fingers);
-                            }
-                            let problem = Problem::bad_body("the message is binary, but must be text with JSON".into());
-                            let _ = replies.try_send(build_error_message(&problem));
-                        }
+                        Message::Binary(bytes) => reader.handle_binary(&bytes),
                         Message::Text(text) => {
                             let text = text.as_str();
-                            let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
-                            if let Some(problem) = handle_page_message(&app, page, text, &fingers, &replies) {
-                                // A page that reads nothing misses what is wrong with what it says.
-                                let _ = replies.try_send(build_error_message(&problem));
-                            }
+                            reader.handle_text(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text));
                         }
                         // The writer says it back.
                         Message::Close(_) => break None,
@@ -277,6 +302,7 @@ async fn serve_page_socket(
                 Some(Err(error)) => break closing::close_frame_for_error(error),
                 None => break None,
             },
+            () = wait_until(reader.find_next_rest_time()) => reader.end_textures_without_motion(),
             _ = ping.tick() => {
                 let _ = letters.try_send(WriterCommand::Ping);
             }
@@ -304,167 +330,19 @@ async fn serve_page_socket(
     }
 }
 
+/// Until then, if there is such a time.
+async fn wait_until(when: Option<std::time::Instant>) {
+    match when {
+        Some(when) => tokio::time::sleep_until(when.into()).await,
+        None => std::future::pending().await,
+    }
+}
+
 fn length_of_message(message: &Message) -> usize {
     match message {
         Message::Text(text) => text.len(),
         Message::Binary(bytes) | Message::Ping(bytes) | Message::Pong(bytes) => bytes.len(),
         Message::Close(_) => 0,
-    }
-}
-
-/// Who is at the other end.
-#[derive(Clone, Copy, Debug)]
-struct PageIdentity {
-    /// In recordings.
-    number: u64,
-    /// What its token opens.
-    role: Role,
-    /// Whose messages are read at one pace.
-    peer: Option<Peer>,
-}
-
-impl PageIdentity {
-    fn new(role: Role, peer: Option<Peer>) -> Self {
-        static PAGES: AtomicU64 = AtomicU64::new(0);
-        Self { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role, peer }
-    }
-}
-
-/// Carries out what a page said; what is wrong with it, if anything is.
-fn handle_page_message(
-    app: &Arc<App>,
-    page: PageIdentity,
-    text: &str,
-    fingers: &PageFingers,
-    replies: &mpsc::Sender<Value>,
-) -> Option<Problem> {
-    if page.role < Role::Touch {
-        return Some(page.role.insufficient_role_problem(Role::Touch));
-    }
-    if text.len() > MAX_MESSAGE {
-        stop_device_if_message_asks_and_page_may_touch(app, page, text.as_bytes(), fingers, replies);
-        lift_fingers_left_out(app, &incoming::IncomingMessage::from_text(text), fingers);
-        return Some(Problem::bad_body(format!(
-            "the message has {} bytes, but may have at most {MAX_MESSAGE}",
-            text.len()
-        )));
-    }
-    let message = incoming::IncomingMessage::from_text(text);
-    match &message.rest {
-        Ok(PageMessage { kind: PageMessageKind::Touch, touches: Some(_), .. }) => {
-            queue_touch_of_message_reporting_wrong_fingers(app, page, text, &message, fingers, replies)
-        }
-        Ok(PageMessage { kind: PageMessageKind::Touch, touches: None, .. }) => {
-            Some(incoming::IncomingMessage::missing_fingers_problem())
-        }
-        Ok(PageMessage { kind: PageMessageKind::Stop, .. }) => {
-            stop_device_for_page(app, page, fingers, replies);
-            let has_more = message.count_fingers().is_some_and(|count| count > 0);
-            has_more.then(|| {
-                Problem::bad_body(
-                    "`touches` is given, but is allowed only with the type `touch`; the daemon stopped the device"
-                        .into(),
-                )
-                .with_field("touches".into())
-            })
-        }
-        Err(problem) => {
-            stop_device_if_message_asks_and_page_may_touch(app, page, text.as_bytes(), fingers, replies);
-            lift_fingers_left_out(app, &message, fingers);
-            Some(problem.clone())
-        }
-    }
-}
-
-/// Has the fingers of a message driven; each one that is wrong is told, and takes nothing from the others. What is wrong with the whole is given
-/// back; of the fingers only those that are lifted count then.
-fn queue_touch_of_message_reporting_wrong_fingers(
-    app: &Arc<App>,
-    page: PageIdentity,
-    text: &str,
-    message: &incoming::IncomingMessage,
-    fingers: &PageFingers,
-    replies: &mpsc::Sender<Value>,
-) -> Option<Problem> {
-    let Ok(rest) = &message.rest else { return None };
-    app.record_line("fingers", || {
-        // What is no JSON is kept as it came.
-        let message = serde_json::from_str::<Value>(text).unwrap_or_else(|_| text.into());
-        json!({"socket": page.number, "message": message})
-    });
-    let incoming::CheckedFingers { fingers: down, problems } =
-        message.check_fingers(&app.table.scene, &fingers.list_ids_of_fingers_down());
-    for problem in &problems {
-        let _ = replies.try_send(build_error_message(problem));
-    }
-    let mut down = down;
-    loop {
-        let own_effect = if rest.effect.is_none() { fingers.choose_effect_of_newest_finger(&down) } else { None };
-        let feel = Feel {
-            intensity_g: rest.intensity_g,
-            intensity_db: rest.intensity_db,
-            duration_ms: rest.duration_ms,
-            effect: rest.effect.or(own_effect),
-            count: rest.count,
-            period_ms: rest.period_ms,
-            crisp_ms: rest.crisp_ms,
-            prefer: rest.prefer,
-        };
-        let problem = match Touch::from_fingers(&down, feel) {
-            Ok(touch) => {
-                return fingers.queue_fingers_down_dropping_oldest_if_full(touch, app.driver.stop_count()).err();
-            }
-            Err(problem) => problem,
-        };
-        let (refused, others): (Vec<CheckedFinger>, Vec<CheckedFinger>) =
-            down.iter().partition(|checked| own_effect.is_some() && checked.finger.effect == own_effect);
-        if refused.is_empty() || others.is_empty() {
-            let ids: Vec<i64> = down.iter().map(|checked| checked.finger.id).collect();
-            let _ = fingers.lift_all_except_dropping_oldest_if_full(&ids, app.driver.stop_count());
-            return Some(problem);
-        }
-        // The effect that these fingers have of their own does not go with the message: that is wrong with them alone.
-        for checked in &refused {
-            let _ = replies.try_send(build_error_message(&problem.clone().with_finger_id(checked.finger.id)));
-        }
-        down = others;
-    }
-}
-
-/// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
-fn lift_fingers_left_out(app: &Arc<App>, message: &incoming::IncomingMessage, fingers: &PageFingers) {
-    if message.is_touch && message.count_fingers().is_some() {
-        let _ = fingers.lift_all_except_dropping_oldest_if_full(&message.list_finger_ids(), app.driver.stop_count());
-    }
-}
-
-/// Stops everything.
-fn stop_device_for_page(app: &Arc<App>, page: PageIdentity, fingers: &PageFingers, replies: &mpsc::Sender<Value>) {
-    app.record_line("stop", || json!({"socket": page.number}));
-    fingers.discard_steps_and_lift_all();
-    let (app, replies) = (Arc::clone(app), replies.clone());
-    let mut stopping = Box::pin(async move {
-        if let Err(error) = app.stop_device().await {
-            let _ = replies.try_send(build_error_message(&error.into()));
-        }
-    });
-    // Counted and on its way here, so that what the page says next comes after it; the answer is waited for in a task of its own, so
-    // that the next message is read whatever the device does.
-    if (&mut stopping).now_or_never().is_none() {
-        tokio::spawn(stopping);
-    }
-}
-
-/// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
-fn stop_device_if_message_asks_and_page_may_touch(
-    app: &Arc<App>,
-    page: PageIdentity,
-    message: &[u8],
-    fingers: &PageFingers,
-    replies: &mpsc::Sender<Value>,
-) {
-    if page.role >= Role::Touch && incoming::list_type_values_of_message(message).iter().any(|kind| kind == "stop") {
-        stop_device_for_page(app, page, fingers, replies);
     }
 }
 

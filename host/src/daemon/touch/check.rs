@@ -127,6 +127,14 @@ impl Touch {
         }
     }
 
+    /// The same touch with the fingers of another one besides.
+    #[must_use]
+    pub fn with_fingers_of(mut self, other: &Self) -> Self {
+        self.fingers.extend_from_slice(&other.fingers);
+        self.request.targets.extend_from_slice(&other.request.targets);
+        self
+    }
+
     /// The same touch of those of its fingers that have one of these numbers.
     #[must_use]
     pub fn keep_only_fingers(mut self, ids: &[i64]) -> Self {

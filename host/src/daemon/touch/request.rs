@@ -139,7 +139,7 @@ pub struct Feel {
 }
 
 /// A finger on the screen.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Finger {
     /// Number that the page gives the finger.

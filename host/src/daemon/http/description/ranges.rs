@@ -3,6 +3,7 @@
 use super::find_component_schema;
 use crate::daemon::design::attachments::TABLES;
 use crate::daemon::design::preview::MAX_SCENE;
+use crate::daemon::live::controls::{self, MOST_CONTROLS};
 use crate::daemon::touch::admission::MAX_NAME;
 use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
 use crate::effect_files::MAX_TEXT_BYTES;
@@ -63,7 +64,13 @@ pub fn insert_field_ranges(document: &mut Value) {
                 set_minimum_and_maximum(own, least, if is_free { f64::INFINITY } else { most });
             }
         }
-        for (field, most) in [("also", MAX_TARGETS - 1), ("quiet", MAX_QUIET_ZONES), ("touches", MAX_TARGETS)] {
+        let lists = [
+            ("also", MAX_TARGETS - 1),
+            ("quiet", MAX_QUIET_ZONES),
+            ("touches", MAX_TARGETS),
+            ("controls", MOST_CONTROLS),
+        ];
+        for (field, most) in lists {
             if let Some(own) = properties.get_mut(field) {
                 own["maxItems"] = most.into();
             }
@@ -79,11 +86,11 @@ pub fn insert_field_ranges(document: &mut Value) {
             moves["propertyNames"] = json!({"pattern": format!("^({})\\[[1-9][0-9]*\\]$", TABLES.join("|"))});
         }
     }
-    insert_effect_file_ranges(document);
+    insert_ranges_of_nested_objects(document);
     insert_parameter_ranges(document);
 }
 
-fn insert_effect_file_ranges(document: &mut Value) {
+fn insert_ranges_of_nested_objects(document: &mut Value) {
     let mut find_property = |schema: &str, field: &str, change: &dyn Fn(&mut Value)| {
         let properties = find_component_schema(document, schema).and_then(|schema| schema.get_mut("properties"));
         if let Some(property) = properties.and_then(|properties| properties.get_mut(field)) {
@@ -92,6 +99,9 @@ fn insert_effect_file_ranges(document: &mut Value) {
     };
     for (schema, field, (least, most)) in FIELD_RANGES {
         find_property(schema, field, &|property| set_minimum_and_maximum(property, least, most));
+    }
+    for (field, (least, most)) in controls::FIELD_RANGES {
+        find_property("Control", field, &|property| set_minimum_and_maximum(property, least, most));
     }
     find_property("FileEvent", "envelope", &|points| {
         (points["minItems"], points["maxItems"]) = (1.into(), MAX_ENVELOPE_POINTS.into());

@@ -1,0 +1,236 @@
+//! The controls that a page has declared, and what its fingers feel of them: where they come down, move and are lifted, at which time.
+//!
+//! `declaration` checks what a page declares, `contact` follows one finger on one control, `detents` and `speed` are what it is made of. Nothing here is
+//! driven, and no time is asked for: places and times are handed in, and what is felt is handed back.
+
+mod contact;
+mod declaration;
+mod detents;
+mod speed;
+
+pub use declaration::{Control, DeclaredControl, FIELD_RANGES, MOST_CONTROLS, check_controls};
+
+use crate::daemon::touch::request::Finger;
+use contact::{Contact, EdgeTracker};
+use declaration::Shape;
+use std::time::Instant;
+
+/// The controls of a page, and its fingers.
+#[derive(Debug, Default)]
+pub struct PageControls {
+    /// In the order of the page: of two in one place, the later one is on top.
+    controls: Vec<Control>,
+    fingers: Vec<PageFinger>,
+    /// How often everything had been stopped when a finger was looked at last.
+    stops: u64,
+}
+
+/// A finger that is down, and where it was last.
+#[derive(Debug)]
+struct PageFinger {
+    finger: Finger,
+    role: FingerRole,
+}
+
+/// What a finger feels until it is lifted.
+#[derive(Debug)]
+enum FingerRole {
+    /// What it asks for itself, and no controls.
+    Own,
+    /// Edges that it crosses. One that came down outside of all controls also feels what is asked for it without controls.
+    Free { is_outside: bool, edges: Vec<EdgeTracker> },
+    /// The control in which it came down.
+    On(Contact),
+    /// Nothing: its control has gone, or everything was stopped.
+    Nothing,
+}
+
+/// What fingers feel of the controls now.
+#[derive(Debug, Default, PartialEq)]
+pub struct Felt {
+    /// Numbers of the fingers that are driven as if there were no controls.
+    pub outside: Vec<i64>,
+    /// Fingers on textures that vibrate, with the peak of each.
+    pub textures: Vec<Finger>,
+    /// The click that begins now, if one does.
+    pub click: Option<FeltClick>,
+}
+
+/// A click that begins now.
+#[derive(Debug, PartialEq)]
+pub struct FeltClick {
+    /// The fingers that it is for, with the peak of each.
+    pub fingers: Vec<Finger>,
+    /// Why.
+    pub cause: ClickCause,
+}
+
+/// Why there is a click. Of several at once, the first of these counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ClickCause {
+    /// A button or toggle was pressed: it is felt in any case.
+    Press,
+    /// A detent was passed, or an edge crossed: a newer click may take its place.
+    Move,
+    /// A button or toggle was released: the same.
+    Release,
+}
+
+impl PageControls {
+    /// Puts others in the place of all controls. Fingers stay on those that are there again.
+    pub fn replace_controls(&mut self, controls: Vec<Control>) {
+        self.controls = controls;
+        for PageFinger { finger, role } in &mut self.fingers {
+            match role {
+                FingerRole::On(contact) => {
+                    match self.controls.iter().find(|control| control.shape == contact.control.shape) {
+                        Some(same) => contact.control = *same,
+                        None => *role = FingerRole::Nothing,
+                    }
+                }
+                FingerRole::Free { edges, .. } => *edges = track_edges(&self.controls, finger),
+                FingerRole::Own | FingerRole::Nothing => {}
+            }
+        }
+    }
+
+    /// What the fingers feel that are down now; all others are lifted. `stop_count` is how often everything has been stopped until now.
+    pub fn move_fingers(&mut self, fingers: &[Finger], now: Instant, stop_count: u64) -> Felt {
+        if stop_count != self.stops {
+            self.stops = stop_count;
+            self.release_fingers_after_stop();
+        }
+        let mut clicks: Vec<(ClickCause, Finger)> = Vec::new();
+        let is_down = |known: &PageFinger| fingers.iter().any(|finger| finger.id == known.finger.id);
+        for lifted in self.fingers.extract_if(.., |known| !is_down(known)) {
+            if let FingerRole::On(contact) = &lifted.role
+                && let Some(peak_g) = contact.find_release_g(lifted.finger.x_px, lifted.finger.y_px)
+            {
+                clicks.push((ClickCause::Release, with_peak(lifted.finger, peak_g)));
+            }
+        }
+        let mut felt = Felt::default();
+        for finger in fingers {
+            let click = match self.fingers.iter_mut().find(|known| known.finger.id == finger.id) {
+                Some(known) => known.move_and_find_click_g(*finger, now).map(|peak_g| (ClickCause::Move, peak_g)),
+                None => self.put_finger_down_and_find_click_g(*finger, now).map(|peak_g| (ClickCause::Press, peak_g)),
+            };
+            clicks.extend(click.map(|(cause, peak_g)| (cause, with_peak(*finger, peak_g))));
+        }
+        for PageFinger { finger, role } in &self.fingers {
+            if role.is_outside() {
+                felt.outside.push(finger.id);
+            } else if let FingerRole::On(contact) = role {
+                let peak_g = contact.find_texture_g(finger.x_px, finger.y_px);
+                felt.textures.extend(peak_g.map(|peak_g| with_peak(*finger, peak_g)));
+            }
+        }
+        felt.click = merge_clicks(clicks);
+        felt
+    }
+
+    /// The same where none of the fingers moves, and all but those with these numbers are lifted.
+    pub fn lift_all_except(&mut self, ids: &[i64], now: Instant, stop_count: u64) -> Felt {
+        let kept: Vec<Finger> = self.list_fingers().filter(|finger| ids.contains(&finger.id)).collect();
+        self.move_fingers(&kept, now, stop_count)
+    }
+
+    /// The same where all fingers stay where they are.
+    pub fn let_time_pass(&mut self, now: Instant, stop_count: u64) -> Felt {
+        let all: Vec<Finger> = self.list_fingers().collect();
+        self.move_fingers(&all, now, stop_count)
+    }
+
+    /// When a finger comes to rest on a texture, if it does not move before: what is felt has to be looked at again then.
+    #[must_use]
+    pub fn find_next_rest_time(&self) -> Option<Instant> {
+        let rest_time = |known: &PageFinger| match &known.role {
+            FingerRole::On(contact) => contact.find_rest_time(),
+            _ => None,
+        };
+        self.fingers.iter().filter_map(rest_time).min()
+    }
+
+    /// Fingers that are down and are not driven as if there were no controls.
+    pub fn list_ids_on_controls(&self) -> impl Iterator<Item = i64> {
+        self.fingers.iter().filter(|known| !known.role.is_outside()).map(|known| known.finger.id)
+    }
+
+    fn list_fingers(&self) -> impl Iterator<Item = Finger> {
+        self.fingers.iter().map(|known| known.finger)
+    }
+
+    fn put_finger_down_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
+        let top = self.controls.iter_mut().rfind(|control| control.contains(finger.x_px, finger.y_px));
+        let is_outside = top.is_none();
+        let contact = top.filter(|_| !asks_for_itself(&finger)).and_then(|control| {
+            if let Shape::Toggle(_) = control.shape {
+                control.is_on = !control.is_on;
+            }
+            Contact::new(*control, finger.x_px, finger.y_px, now)
+        });
+        let click_g = contact.as_ref().and_then(Contact::find_press_g);
+        let role = match contact {
+            _ if asks_for_itself(&finger) => FingerRole::Own,
+            Some(contact) => FingerRole::On(contact),
+            None => FingerRole::Free { is_outside, edges: track_edges(&self.controls, &finger) },
+        };
+        self.fingers.push(PageFinger { finger, role });
+        click_g
+    }
+
+    /// A finger that was down at a stop feels no more of the controls, so that nothing is driven by it when it is lifted: it may have pressed a
+    /// button that stops everything. What is asked for a finger outside of all controls counts as new.
+    fn release_fingers_after_stop(&mut self) {
+        let on_controls = self.fingers.iter_mut().filter(|known| !known.role.is_outside());
+        on_controls.for_each(|known| known.role = FingerRole::Nothing);
+    }
+}
+
+impl FingerRole {
+    /// Whether its finger is driven as if there were no controls.
+    const fn is_outside(&self) -> bool {
+        matches!(self, Self::Own | Self::Free { is_outside: true, .. })
+    }
+}
+
+impl PageFinger {
+    fn move_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
+        self.finger = finger;
+        if asks_for_itself(&finger) {
+            self.role = FingerRole::Own;
+        }
+        match &mut self.role {
+            FingerRole::On(contact) => contact.move_finger(finger.x_px, finger.y_px, now),
+            FingerRole::Free { edges, .. } => {
+                let crossed = edges.iter_mut().filter_map(|edge| edge.move_finger(finger.x_px, finger.y_px));
+                crossed.reduce(f64::max)
+            }
+            FingerRole::Own | FingerRole::Nothing => None,
+        }
+    }
+}
+
+/// What a page says of one finger is more than what it has declared for all.
+const fn asks_for_itself(finger: &Finger) -> bool {
+    finger.effect.is_some() || finger.intensity_g.is_some()
+}
+
+fn track_edges(controls: &[Control], finger: &Finger) -> Vec<EdgeTracker> {
+    controls.iter().filter_map(|control| EdgeTracker::new(control, finger.x_px, finger.y_px)).collect()
+}
+
+const fn with_peak(finger: Finger, peak_g: f64) -> Finger {
+    Finger { intensity_g: Some(peak_g), ..finger }
+}
+
+/// The panel plays one thing at a time: the click of the first cause, for all fingers that have it. One without strength is none.
+fn merge_clicks(mut clicks: Vec<(ClickCause, Finger)>) -> Option<FeltClick> {
+    clicks.retain(|(_, finger)| finger.intensity_g > Some(0.0));
+    let cause = clicks.iter().map(|(cause, _)| *cause).min()?;
+    let fingers = clicks.into_iter().filter(|(other, _)| *other == cause).map(|(_, finger)| finger).collect();
+    Some(FeltClick { fingers, cause })
+}
+
+#[cfg(test)]
+mod tests;
