@@ -166,8 +166,15 @@ fn a_button_that_was_pressed_before_a_stop_is_not_felt_after_it() {
     say(&mut socket, &json!({"type": "stop"}));
     down(&mut socket, &[]);
     daemon.wait_for(|state| state["device"]["state"] == "safe");
+    // Longer than a click has for itself: a release that waits would be driven.
+    std::thread::sleep(Duration::from_millis(150));
     down(&mut socket, &[(1, 450.0)]);
     assert_eq!(next_plan(&mut socket).1, [(1, 450.0, Some(0.1))]);
+    // Neither driven nor overtaken by the second press: there was none.
+    let metrics = daemon.get_text("/metrics");
+    for count in ["era_touches_total 2", "era_touch_failures_total 0"] {
+        assert!(metrics.lines().any(|line| line == count), "no {count:?} in {metrics}");
+    }
 }
 
 #[test]
