@@ -2,9 +2,7 @@
 
 use crate::fingers::{Socket, live, next, say};
 use crate::line::CALM;
-use crate::support::Daemon;
 use crate::support::described::described;
-use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use tungstenite::Message;
@@ -50,7 +48,7 @@ fn button(x_px: u32, intensity_g: f64) -> Value {
 
 #[test]
 fn each_detent_of_a_declared_slider_is_felt() {
-    let daemon = Daemon::start(STARTING_PLATE);
+    let (daemon, _line) = crate::line::daemon(CALM);
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
     let mut socket = live(&daemon, "?send=plan");
     // Its detents are at 302, 402, ..., 1502.

@@ -250,7 +250,11 @@ fn are_too_late(line: &Line, since: usize, session: &Session, orders: [Answer<'_
     for order in orders {
         let error = in_time(order).expect_err("carried out, though it was asked for long before");
         let said = error.to_string();
-        assert!(matches!(error, SessionError::Late { .. }) && said.contains("; this request is "), "{said}");
+        assert!(
+            matches!(error, SessionError::Late { .. })
+                && said.contains("the request was sent while the device did not answer"),
+            "{said}"
+        );
     }
     let drives = |request: &&Request| {
         use Request::{Arm, ArmWith, Play, Prepare, SetDrives};
