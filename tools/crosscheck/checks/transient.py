@@ -99,9 +99,12 @@ def run(context):
         else:
             results.append(Result(quantity, name, np.abs(look(got) - wanted).max() / scale, TOLERANCE + error, note=where))
     results += _peak(context, answer, acceleration, own[1][:, 0], half[1][:, 0], sum(part * omega**2 for part, omega in lag), where)
-    # A spring that loses what it turns by has a part in every mode; a bar has few enough for all of them.
-    steady = motion.System(panel, HIGHEST_BAND_HZ, [point]) if scene.is_bar else system
-    results += _steady(context, (steady, system if scene.is_bar else rougher), panel, [point], plain, answer, own[1][:, 0], where)
+    # A spring with losses has a part in every mode: as many modes as there may be, or all of them.
+    systems = [rougher, system]
+    while systems[-1].size > systems[-2].size and band_hz < HIGHEST_BAND_HZ and (more := motion.System(panel, 2 * band_hz, [point])).size <= MOST:
+        band_hz *= 2
+        systems.append(more)
+    results += _steady(context, (systems[-1], systems[-2]), panel, [point], plain, answer, own[1][:, 0], where)
     return results
 
 

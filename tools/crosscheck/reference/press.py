@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .panel import REFINEMENT
 from .scene import VACUUM_PERMITTIVITY_F_PER_M
 
 # An electrode or the other is on for this part of the time at most.
@@ -88,10 +89,12 @@ def steady(model):
 
 
 def _of_meshes(panel, ask):
-    """An answer of the finer mesh, and the reference's own error of it: from the coarser one, and the least that is believed."""
-    fine, coarse = (ask(model, steady(model)) for model in (panel.fine, panel.coarse))
+    """An answer of the finer mesh, and the reference's own error of it: from two coarser ones, as two may agree by chance, and the least that is
+    believed. A force between nodes converges with h^2 alone."""
+    fine, coarse, coarser = (ask(model, steady(model)) for model in (panel.fine, panel.coarse, panel.coarser))
     with np.errstate(invalid="ignore"):
-        error = np.maximum(panel.safety * np.abs(fine - coarse), panel.floor * np.abs(fine).max(initial=0.0))
+        difference = np.maximum(np.abs(fine - coarse), np.abs(coarse - coarser) / REFINEMENT**2)
+        error = np.maximum(panel.safety * difference, panel.floor * np.abs(fine).max(initial=0.0))
     return fine, error
 
 
