@@ -78,6 +78,20 @@ fn a_page_that_reads_nothing_is_still_heard() {
     daemon.wait_for(|state| state["device"]["state"] != "running" && state["plan"].is_null());
 }
 
+/// The next message of a client is read 60 ms after one of 240 kB, on whichever of its sockets: 80 of them are 5 s. No socket that is gone keeps one of
+/// the 64 places for so long.
+#[test]
+fn a_page_that_hangs_up_after_a_long_message_keeps_nothing() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    let url = format!("{}/v1/live?send=", daemon.url.replace("http", "ws"));
+    let long = format!(r#"{{"type": "{}"}}"#, "x".repeat(240_000));
+    for number in 0..80 {
+        let (mut socket, _) = tungstenite::connect(&url).unwrap_or_else(|error| panic!("socket {number}: {error}"));
+        socket.send(Message::text(long.clone())).unwrap();
+        socket.flush().unwrap();
+    }
+}
+
 /// Half a request's headers, or half a body, hold up neither the device's stop nor the end, though they may come for as long as they like: the
 /// device is stopped while they are waited for, and that is not for long.
 #[test]

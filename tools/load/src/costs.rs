@@ -9,7 +9,6 @@ use crate::live::Live;
 use crate::times::{Times, format_ms_number_or_never};
 use clap::Args;
 use requests::{Case, Sending, list_cases};
-use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -136,7 +135,7 @@ fn measure_answer_times_and_statuses(
         let begun = Instant::now();
         match (case.sending, &mut live) {
             (Sending::Live, Some(live)) => {
-                live.send(&serde_json::from_str(body).unwrap_or_else(|_| json!(body)))?;
+                live.send_text(body)?;
                 // What is told meanwhile is read, so that the socket is not let go.
                 while live.read_until(Instant::now() + Duration::from_micros(100))?.is_some() {}
                 statuses.push(101);

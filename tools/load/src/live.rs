@@ -4,7 +4,7 @@ use crate::http::connect_tcp;
 use serde_json::Value;
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
-use tungstenite::protocol::Role;
+use tungstenite::protocol::{CloseFrame, Role};
 use tungstenite::{Message, WebSocket};
 
 /// A live socket.
@@ -37,7 +37,15 @@ impl Live {
     /// # Errors
     /// What went wrong, for people.
     pub fn send(&mut self, message: &Value) -> Result<(), String> {
-        self.0.send(Message::text(message.to_string())).map_err(|error| error.to_string())
+        self.send_text(&message.to_string())
+    }
+
+    /// Says something that need not be JSON.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn send_text(&mut self, message: &str) -> Result<(), String> {
+        self.0.send(Message::text(message)).map_err(|error| error.to_string())
     }
 
     /// Waits for what the daemon says next; `null` is a sign of life.
@@ -47,7 +55,7 @@ impl Live {
     pub fn read(&mut self) -> Result<Value, String> {
         match self.0.read().map_err(|error| error.to_string())? {
             Message::Text(text) => serde_json::from_str(&text).map_err(|error| error.to_string()),
-            Message::Close(_) => Err("the daemon has closed the socket".into()),
+            Message::Close(frame) => Err(describe_close(frame.as_ref())),
             _ => Ok(Value::Null),
         }
     }
@@ -64,7 +72,7 @@ impl Live {
         self.0.get_ref().set_read_timeout(Some(left)).map_err(|error| error.to_string())?;
         match self.0.read() {
             Ok(Message::Text(text)) => serde_json::from_str(&text).map(Some).map_err(|error| error.to_string()),
-            Ok(Message::Close(_)) => Err("the daemon has closed the socket".into()),
+            Ok(Message::Close(frame)) => Err(describe_close(frame.as_ref())),
             Ok(_) => Ok(None),
             Err(tungstenite::Error::Io(error)) if matches!(error.kind(), TimedOut | WouldBlock) => Ok(None),
             Err(error) => Err(error.to_string()),
@@ -90,4 +98,9 @@ impl Live {
         }
         false
     }
+}
+
+fn describe_close(frame: Option<&CloseFrame>) -> String {
+    let reason = frame.map_or_else(|| "without a reason".into(), |frame| format!("with {frame}"));
+    format!("the daemon has closed the socket {reason}")
 }

@@ -31,6 +31,7 @@ use axum::response::{IntoResponse, Response};
 use controls::DeclaredControl;
 use finger_steps::PageFingers;
 use futures_util::StreamExt;
+use futures_util::stream::SplitStream;
 use message::LiveMessage;
 use reading::{PageIdentity, PageReader};
 use serde::Deserialize;
@@ -278,9 +279,10 @@ async fn serve_page_socket(
     let mut ping = tokio::time::interval(app.limits.ping);
     let mut heard = Instant::now();
     let mut is_written = true;
+    let mut ahead = None;
     let farewell = loop {
         tokio::select! {
-            message = stream.next() => match message {
+            message = take_or_read(&mut ahead, &mut stream) => match message {
                 Some(Ok(message)) => {
                     heard = Instant::now();
                     let bytes = length_of_message(&message);
@@ -296,7 +298,8 @@ async fn serve_page_socket(
                     }
                     // After it was carried out, so that no stop waits for this: the next one does.
                     if let Some(peer) = page.peer {
-                        app.live_pace.wait_until_next_live_message(peer, bytes).await;
+                        let wait = app.live_pace.wait_until_next_live_message(peer, bytes);
+                        ahead = wait_unless_socket_ends(wait, &mut stream).await;
                     }
                 }
                 Some(Err(error)) => break closing::close_frame_for_error(error),
@@ -327,6 +330,36 @@ async fn serve_page_socket(
     // The socket's place is taken until it is closed.
     if is_written {
         let _ = writer.await;
+    }
+}
+
+/// What was read of a socket: a message, what is wrong with it, or `None` at the socket's end.
+type ReadMessage = Option<Result<Message, axum::Error>>;
+
+/// What was read ahead, or else the next message. Nothing is lost if the future is dropped.
+async fn take_or_read(ahead: &mut Option<ReadMessage>, stream: &mut SplitStream<WebSocket>) -> ReadMessage {
+    match ahead.take() {
+        Some(message) => message,
+        None => stream.next().await,
+    }
+}
+
+/// Waits, and returns what was read meanwhile, one message at most. If that is the socket's end, returns at once: a page that is gone keeps neither
+/// its place nor its fingers because its last message was long.
+async fn wait_unless_socket_ends(
+    wait: impl Future<Output = ()>,
+    stream: &mut SplitStream<WebSocket>,
+) -> Option<ReadMessage> {
+    let mut wait = std::pin::pin!(wait);
+    tokio::select! {
+        biased;
+        () = &mut wait => None,
+        message = stream.next() => {
+            if !matches!(message, None | Some(Err(_) | Ok(Message::Close(_)))) {
+                wait.await;
+            }
+            Some(message)
+        }
     }
 }
 
