@@ -6,7 +6,7 @@
 //! `era-planner`; both are known here by the names of their modules. [`study`], design studies, is the crate `era-study`. [`daemon`] puts HTTP and a WebSocket in front of it,
 //! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
 //! firmware, [`monitor`] shows its log, [`install`] knows the files that Linux wants for it, [`doctor`] finds what stands in its way,
-//! [`replay`] reads what the daemon has recorded, [`effect_files`] effects that others have written, `private_file` what is secret, `certificate` certificates and keys, `whole_numbers` what clients write as such; `connection` is the way to a daemon,
+//! [`replay`] reads what the daemon has recorded, [`effect_files`] effects that others have written, `private_file` what is secret, `certificate` certificates and keys, `serde_messages` what serde says of wrong texts, `whole_numbers` what clients write as such; `connection` is the way to a daemon,
 //! and [`cli`] is the command line.
 
 mod certificate;
@@ -21,6 +21,7 @@ pub mod install;
 pub mod monitor;
 mod private_file;
 pub mod replay;
+mod serde_messages;
 pub mod verify;
 mod whole_numbers;
 

@@ -140,11 +140,14 @@ fn a_clicks_own_figures_are_shown_and_that_the_rails_are_up() {
         let shown: f64 = figure(browser, "target-g");
         let preview = browser.value("JSON.parse(document.body.dataset.plan).predicted.target_peak_g");
         assert!((shown - preview.as_f64().unwrap()).abs() < 1e-3, "{shown}, {preview}");
+        // Nor is a click previewed, so none can be chosen.
+        assert_eq!(browser.value("document.querySelector('#effects').disabled"), true);
         save(browser, "click-then-design");
         // Entering it has stopped the device: everything is off, and so it says afterwards.
         daemon.wait_for(|state| state["device"]["state"] == "safe");
         browser.value("document.querySelector('#design').click()");
         browser.wait_for(&format!("{} === ''", text("mode")));
+        assert_eq!(browser.value("document.querySelector('#effects').disabled"), false);
     });
 }
 

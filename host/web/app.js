@@ -195,6 +195,8 @@ function setDesign(on) {
   document.body.dataset.design = on ? "on" : "";
   document.body.dataset.preview = "";
   $("design").setAttribute("aria-pressed", String(on));
+  // What is previewed is a touch that holds.
+  $("effects").disabled = on;
   for (const id of ["design-tools", "design-help", "tolerances"]) $(id).hidden = !on;
   $("help").hidden = on;
   panel.setAttribute("aria-label", PANEL_LABEL[on ? "design" : "touch"]);

@@ -11,6 +11,7 @@ use super::serve;
 use super::values::parse_listen_address;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::device::Target;
+use crate::scene::find_nearest_name;
 use crate::text_file::read_text_file;
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -260,8 +261,7 @@ fn read_key_unless_version(
     }
     let Some(key) = KEYS.iter().find(|key| key.name == name) else {
         let known: Vec<&str> = KEYS.iter().map(|key| key.name).collect();
-        let plain = name.to_lowercase().replace('-', "_");
-        let hint = match known.iter().find(|known| **known == plain) {
+        let hint = match find_nearest_name(name, known.iter().copied()) {
             Some(meant) => format!("did you mean {meant}?"),
             None => format!("known keys: version, {}", known.join(", ")),
         };
@@ -408,7 +408,8 @@ mod tests {
             ("", "era.toml: version is missing: add the line `version = 1`"),
             ("version = 2", "era.toml:1: version is 2, but must be 1"),
             ("version = \"1\"", "era.toml:1: version is \"1\", but must be 1"),
-            ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; known keys: version, scene"),
+            ("version = 1\nvolts = 1", "era.toml:2: unknown key volts; known keys: version, scene"),
+            ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; did you mean scene?"),
             ("version = 1\nno-cache = true", "era.toml:2: unknown key no-cache; did you mean no_cache?"),
             ("version = 1\nscene = 7", "era.toml:2: scene is 7, but must be the path of a scene file"),
             (

@@ -33,6 +33,9 @@ pub enum ReadError {
         /// What is allowed.
         allowed: String,
     },
+    /// A field that is not known or missing, with what is wrong.
+    #[error("{0}")]
+    UnreadField(String),
     /// A format that is not read.
     #[error("{0}")]
     NotRead(String),

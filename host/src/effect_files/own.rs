@@ -4,6 +4,9 @@ use super::error::ReadError;
 use super::events::{EnvelopePoint, EventKind, EventList, HapticEvent, MAX_DURATION_S, MAX_EVENTS};
 use super::format::FileFormat;
 use super::primitive::Primitive;
+use crate::serde_messages::{
+    describe_expected_type, describe_unknown_field, parse_unknown_field_and_find_nearest, parse_wrong_value,
+};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -125,19 +128,36 @@ pub const FIELD_RANGES: [(&str, &str, (f64, f64)); 12] = {
 /// # Errors
 /// [`ReadError`] with the field.
 pub fn read_own_text(text: &str, format: FileFormat) -> Result<EventList, ReadError> {
-    let syntax = |field: String, detail: String| {
-        let detail = if field == "." { detail } else { format!("{field}: {detail}") };
-        ReadError::Syntax { format, detail: detail.trim_end().to_owned() }
-    };
+    let syntax = |detail: &str| ReadError::Syntax { format, detail: detail.trim_end().to_owned() };
     let file: EffectFile = if format == FileFormat::Toml {
-        let read = toml::Deserializer::parse(text).map_err(|error| syntax(".".into(), error.to_string()))?;
+        let read = toml::Deserializer::parse(text).map_err(|error| syntax(&error.to_string()))?;
         serde_path_to_error::deserialize(read)
-            .map_err(|error| syntax(error.path().to_string(), error.inner().message().to_owned()))?
+            .map_err(|error| read_error_from_serde(error.path(), error.inner().message()))?
     } else {
-        serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text))
-            .map_err(|error| syntax(error.path().to_string(), error.inner().to_string()))?
+        serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(|error| {
+            let message = error.inner().to_string();
+            if error.inner().is_data() { read_error_from_serde(error.path(), &message) } else { syntax(&message) }
+        })?
     };
     list_events_of_file(file, format)
+}
+
+/// What is wrong with a field, or with what is at this path, of a text that is of its format.
+fn read_error_from_serde(path: &serde_path_to_error::Path, message: &str) -> ReadError {
+    let path = path.to_string();
+    let inside = |name: &str| match path.as_str() {
+        "." => name.to_owned(),
+        // A key may be in the path already.
+        path if path == name || path.ends_with(&format!(".{name}")) => path.to_owned(),
+        path => format!("{path}.{name}"),
+    };
+    if let Some((name, nearest)) = parse_unknown_field_and_find_nearest(message) {
+        return ReadError::UnreadField(format!("{} {}", inside(name), describe_unknown_field(nearest)));
+    }
+    if let Some((value, allowed)) = parse_wrong_value(message).zip(describe_expected_type(message)) {
+        return ReadError::new_field_error(&path, value, allowed);
+    }
+    ReadError::UnreadField(if path == "." { message.to_owned() } else { format!("{path}: {message}") })
 }
 
 /// The events of a file, with all loops played out.
@@ -431,8 +451,11 @@ mod tests {
             ),
             (event("[[events]]\nprimitive = \"click\"\nduration_ms = 5"), "the primitive click has no duration"),
             (event("[[events]]"), "events[1].primitive is missing, but must be given if `events` is missing"),
-            (event("loudness = 1"), "unknown field `loudness`"),
-            (event("intensity = \"much\""), "events[0].intensity: invalid type: string"),
+            (event("loudness = 1"), "events[0].loudness is not a known field"),
+            (event("sharpnes = 1"), "events[0].sharpnes is not a known field; did you mean sharpness?"),
+            ("version = 1\nevnts = []".to_owned(), "evnts is not a known field; did you mean events?"),
+            (event("intensity = \"much\""), "events[0].intensity is string \"much\", but must be a number"),
+            (event("intensity = "), "the file is not a valid TOML file"),
         ] {
             let found = read(&text).unwrap_err();
             assert!(found.contains(message), "{message}: {found}");

@@ -1,4 +1,4 @@
-//! Loads for a running daemon: `cargo xtask soak`, `cargo xtask bench daemon` and `cargo xtask bench costs`.
+//! Loads for a running daemon: `cargo xtask soak`, and `cargo xtask bench` with `daemon`, `costs` or `slider`.
 //!
 //! The daemon is the program as it is shipped, in a process of its own. Its board is simulated in this one, behind a line that can be
 //! pulled, cut and disturbed (`board`), so that what the board was told and went through is known without asking the daemon.
@@ -10,6 +10,7 @@ mod error;
 mod http;
 mod live;
 mod pace;
+mod slider;
 mod soak;
 mod times;
 
@@ -32,6 +33,8 @@ enum Command {
     Daemon(pace::Options),
     /// What every route costs at its worst, and how long a stop takes beside it
     Costs(costs::Options),
+    /// From a moving finger's message to the windows of a detent, at several speeds
+    Slider(slider::Options),
 }
 
 /// A number of times, or of touches a second, that can be waited for.
@@ -45,6 +48,7 @@ fn main() -> ExitCode {
         Command::Soak(options) => soak::run_soak(&options),
         Command::Daemon(options) => pace::measure_touch_latency(&options),
         Command::Costs(options) => costs::measure_route_costs(&options),
+        Command::Slider(options) => slider::measure_slider_latency(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

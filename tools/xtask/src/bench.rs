@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start`, `daemon` and `costs` measure `era serve`
+//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start`, `daemon`, `costs` and `slider` measure `era serve`
 //! itself, and `planner --against REV` another commit's planner as well.
 
 use crate::error::Error;
@@ -13,12 +13,12 @@ use std::process::Command;
 #[derive(Args)]
 #[command(disable_help_flag = true)]
 pub struct Options {
-    /// What to measure, and how: `model --help`, `start --help`, `daemon --help` and `costs --help` say it all
+    /// What to measure, and how: `model --help`, `start --help`, `daemon --help`, `costs --help` and `slider --help` say it all
     #[arg(
         trailing_var_arg = true,
         allow_hyphen_values = true,
         required = true,
-        value_name = "model|planner|study|feel|start|daemon|costs ..."
+        value_name = "model|planner|study|feel|start|daemon|costs|slider ..."
     )]
     arguments: Vec<OsString>,
 }
@@ -31,7 +31,7 @@ pub fn run_benchmark(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
         return crate::start::measure_daemon_starts(&options.arguments);
     }
-    if options.arguments.first().is_some_and(|what| what == "daemon" || what == "costs") {
+    if options.arguments.first().is_some_and(|what| ["daemon", "costs", "slider"].iter().any(|own| what == own)) {
         return crate::load::run_load(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()

@@ -1,7 +1,7 @@
 //! Reading TOML tables with places: every value knows its line, every mistake is collected. Of scene files, and of other files
 //! about scenes.
 
-use super::ROUNDING;
+use super::{ROUNDING, find_nearest_name};
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::Range;
@@ -461,13 +461,9 @@ impl<'r, 't> TomlSection<'r, 't> {
             if known.iter().any(|known| known == key.get_ref()) {
                 continue;
             }
-            let nearest = known
-                .iter()
-                .map(|known| (levenshtein_distance(known, key.get_ref()), known))
-                .filter(|(distance, known)| *distance <= 2.max(known.len() / 3))
-                .min();
+            let nearest = find_nearest_name(key.get_ref(), known.iter().copied());
             let hint = match nearest {
-                Some((_, known)) => format!("did you mean {known}?"),
+                Some(known) => format!("did you mean {known}?"),
                 None => format!("allowed keys: {}", known.join(", ")),
             };
             self.report
@@ -514,20 +510,4 @@ fn describe_value(value: &DeValue<'_>) -> String {
         DeValue::Array(_) => "a list".into(),
         DeValue::Table(_) => "a table".into(),
     }
-}
-
-/// The Levenshtein distance of two texts.
-fn levenshtein_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, left) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, right) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(left != *right);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }

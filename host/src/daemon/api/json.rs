@@ -1,6 +1,7 @@
 //! Objects read from JSON. What is wrong is told with the field, its value and what is allowed.
 
 use super::problem::Problem;
+use crate::serde_messages::{describe_expected_type, describe_unknown_field, parse_unknown_field_and_find_nearest};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
@@ -89,13 +90,15 @@ fn missing_unknown_or_duplicate_field_problem(
     path: &Path,
     expected: ExpectedForm<'_>,
 ) -> Option<Problem> {
-    let kinds = [
-        ("missing field `", "is missing"),
-        ("unknown field `", "is not a known field"),
-        ("duplicate field `", "is given twice"),
-    ];
-    let (rest, what) = kinds.iter().find_map(|(begin, what)| Some((serde_message.strip_prefix(begin)?, *what)))?;
-    let (name, _) = rest.split_once('`')?;
+    let (name, what) = match parse_unknown_field_and_find_nearest(serde_message) {
+        Some((name, nearest)) => (name, describe_unknown_field(nearest)),
+        None => {
+            let kinds = [("missing field `", "is missing"), ("duplicate field `", "is given twice")];
+            let (rest, what) =
+                kinds.iter().find_map(|(begin, what)| Some((serde_message.strip_prefix(begin)?, *what)))?;
+            (rest.split_once('`')?.0, what.to_owned())
+        }
+    };
     let at = path.to_string();
     let field = match path.iter().next_back() {
         None => name.to_owned(),
@@ -103,7 +106,8 @@ fn missing_unknown_or_duplicate_field_problem(
         Some(Segment::Map { key }) if key == name => at,
         Some(_) => format!("{at}.{name}"),
     };
-    Some(Problem::bad_body(format!("{field} {what}. {expected}")).with_field(field))
+    let end = if what.ends_with('?') { "" } else { "." };
+    Some(Problem::bad_body(format!("{field} {what}{end} {expected}")).with_field(field))
 }
 
 /// Refuses lists in place of objects, which serde takes for the fields in their order: requests are objects, and so is every
@@ -145,31 +149,6 @@ const fn name_json_kind(value: &Value) -> &'static str {
         Value::Array(_) => "a list",
         Value::Object(_) => "an object",
     }
-}
-
-/// What a message of serde's ("invalid type: string "x", expected f64 at line 1 column 9") says should have been there, if
-/// it is about a value's type.
-fn describe_expected_type(serde_message: &str) -> Option<String> {
-    // Of a number where one of several texts is wanted, serde_json only says that.
-    if serde_message.starts_with("expected value") {
-        return Some("one of the texts that this field allows".into());
-    }
-    let is_of_a_value =
-        ["invalid type", "invalid value", "unknown variant"].iter().any(|what| serde_message.starts_with(what));
-    let (_, rest) = serde_message.split_once("expected ").filter(|_| is_of_a_value)?;
-    let what = rest.rsplit_once(" at line").map_or(rest, |(what, _)| what);
-    Some(match what {
-        "f64" | "f32" => "a number".into(),
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
-        "unit" => "a text, not an object".into(),
-        "i8" | "i16" | "i32" | "i64" => "a whole number".into(),
-        "a boolean" => "true or false".into(),
-        "a string" => "a text".into(),
-        "a sequence" => "a list".into(),
-        "a map" => "an object".into(),
-        other if other.starts_with("struct ") => "an object".into(),
-        other => other.replace('`', ""),
-    })
 }
 
 /// The value at a path, if there is one.
@@ -231,6 +210,10 @@ mod tests {
             assert_eq!(json["field"], field, "{json}");
             assert!(problem.detail().starts_with(&format!("{field} {what}. A touch has the form {{...}}")), "{json}");
         }
+        let mistyped = br#"{"x_px": 1, "y_px": 2, "quiet": [{"x_px": 3, "y_px": 4, "radius_m": 5}]}"#;
+        let problem = parse_json_object::<TouchRequest>(mistyped, TOUCH).unwrap_err();
+        let detail = "quiet[0].radius_m is not a known field; did you mean radius_mm? A touch has the form {...}";
+        assert_eq!(problem.detail(), detail);
         // What is no JSON has no field, and no types of this program, though a part before that has the wrong one.
         for text in ["{", "[]", r#"{"x_px": 1, "y_px": 2} x"#, r#"{"x_px": [1, 2}"#] {
             let problem = parse_json_object::<TouchRequest>(text.as_bytes(), TOUCH).unwrap_err();

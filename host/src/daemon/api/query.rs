@@ -1,6 +1,7 @@
 //! What stands behind the `?` of an address, read with the field that is wrong.
 
 use super::problem::{Problem, ProblemKind};
+use crate::serde_messages::{describe_unknown_field, parse_unknown_field_and_find_nearest};
 use axum::extract::Query;
 use axum::http::Uri;
 use serde::de::{DeserializeOwned, Error, Unexpected};
@@ -35,14 +36,16 @@ pub fn deserialize_present_query_number_as_some<'de, D: Deserializer<'de>>(
 
 fn query_problem_from_error_text(error_text: &str, uri: &Uri, expected: &str) -> Problem {
     let error_text = error_text.strip_prefix(BEFORE).unwrap_or(error_text);
-    let bad =
-        |detail: String| Problem::new(ProblemKind::BadQuery, format!("{detail}. The query has the form {expected}"));
-    for (begin, what) in [("unknown field `", "is not a known field"), ("duplicate field `", "is given twice")] {
-        // The field may be named before: `z: unknown field ...`.
-        let rest = error_text.split_once(begin).and_then(|(_, rest)| rest.split_once('`'));
-        if let Some((field, _)) = rest {
-            return bad(format!("{field} {what}")).with_field(field.to_owned());
-        }
+    let bad = |detail: String| {
+        let end = if detail.ends_with('?') { "" } else { "." };
+        Problem::new(ProblemKind::BadQuery, format!("{detail}{end} The query has the form {expected}"))
+    };
+    if let Some((field, nearest)) = parse_unknown_field_and_find_nearest(error_text) {
+        return bad(format!("{field} {}", describe_unknown_field(nearest))).with_field(field.to_owned());
+    }
+    let twice = error_text.split_once("duplicate field `").and_then(|(_, rest)| rest.split_once('`'));
+    if let Some((field, _)) = twice {
+        return bad(format!("{field} is given twice")).with_field(field.to_owned());
     }
     let Some((field, what)) = error_text.split_once(": ") else {
         return bad(format!("the query cannot be read: {error_text}"));
@@ -79,6 +82,7 @@ mod tests {
             ("x_px=a", "x_px", "x_px is \"a\", but must be a number. The query has the form x_px"),
             ("count=-1", "count", "count is \"-1\", but must be a whole number, 0 or more"),
             ("x_px=1&z=2", "z", "z is not a known field"),
+            ("conut=2", "conut", "conut is not a known field; did you mean count? The query has the form x_px"),
             ("x_px=1&x_px=2", "x_px", "x_px is given twice"),
         ] {
             let uri = format!("/v1/field?{query}").parse().unwrap();

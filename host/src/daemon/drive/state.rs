@@ -18,6 +18,8 @@ pub struct DriveState {
     newest: u64,
     residual: ResidualVibration,
     burst: Option<Burst>,
+    /// Whether the last drives to begin have no voltage, as of a finger of 0 g: the board rests meanwhile.
+    is_silent: bool,
     /// What is driven.
     pub current: Option<CurrentPlan>,
     /// What is looked after.
@@ -29,7 +31,7 @@ impl DriveState {
     #[must_use]
     pub fn new(modes: Vec<PoleDecayAndTravel>, zero: Instant) -> Self {
         let residual = ResidualVibration::new(modes);
-        Self { zero, newest: 0, residual, burst: None, current: None, sustained: None }
+        Self { zero, newest: 0, residual, burst: None, is_silent: false, current: None, sustained: None }
     }
 
     /// The newest plan that has been driven, or for which older ones have been ended.
@@ -98,8 +100,13 @@ impl DriveState {
         let [now, until] = span;
         let (now_s, until_s) = (self.seconds_since_start(now), self.seconds_since_start(until));
         self.residual.record_drives_that_begin_in_place_of_others(id, motion, steady_drives, board, now_s, until_s);
-        let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
-        self.burst = Some(Burst::begin_or_continue(self.burst, Instant::now(), until, lowest_hz));
+        self.is_silent = steady_drives.is_some_and(|drives| drives.iter().all(|drive| drive.voltage_v == 0.0));
+        if !self.is_silent {
+            let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
+            self.burst = Some(Burst::begin_or_continue(self.burst, Instant::now(), until, lowest_hz));
+        } else if let Some(burst) = &mut self.burst {
+            burst.end_no_later_than(now);
+        }
         self.residual.count_begun_drives()
     }
 
@@ -142,6 +149,7 @@ impl DriveState {
             self.seconds_since_start(until),
         );
         if self.residual.current_drive_id_even_if_past_its_end() == Some(id)
+            && !self.is_silent
             && let Some(burst) = &mut self.burst
         {
             burst.end_no_earlier_than(until);
@@ -151,7 +159,8 @@ impl DriveState {
     /// When the board has to rest, if what is driven goes on until `drive_end`.
     #[must_use]
     pub fn start_of_rest_needed_if_driven_until(&self, drive_end: Instant) -> Option<Instant> {
-        self.burst.as_ref().and_then(|burst| burst.start_of_rest_needed_if_driven_until(drive_end))
+        let burst = self.burst.as_ref().filter(|_| !self.is_silent);
+        burst.and_then(|burst| burst.start_of_rest_needed_if_driven_until(drive_end))
     }
 
     /// When the board has rested, if nothing is driven from the last end on; `None` if nothing was driven.
@@ -219,5 +228,33 @@ mod tests {
         assert!(!state.is_newest_drive(5, begun, RailState::Driving));
         state.restore_newest_plan_id(before);
         assert!(state.is_newest_drive(5, begun, RailState::Driving));
+    }
+
+    /// Between the detents of a slider its finger has 0 g, and may rest on it for long: the board rests meanwhile, and needs no other rest.
+    #[test]
+    fn drives_without_voltage_are_a_rest() {
+        let (mut state, motion, [begin, far]) = rest();
+        let of_voltage = |voltage_v| {
+            let actuator = "left".into();
+            [Drive {
+                actuator,
+                frequency_hz: 200.0,
+                voltage_v,
+                pulse_width: 0.5,
+                phase_rad: 0.0,
+                force_phase_rad: 0.0,
+                force_n: 0.0,
+            }]
+        };
+        let click_end = begin + Duration::from_millis(40);
+        state.note_and_count_begun_drives(1, &motion, None, RailState::Driving, [begin, click_end]);
+        let rested = state.find_end_of_rest();
+        state.note_and_count_begun_drives(2, &motion, Some(&of_voltage(0.0)), RailState::Driving, [click_end, far]);
+        state.note_plan_extended(2, click_end, far + Duration::from_secs(9));
+        assert_eq!(state.find_end_of_rest(), rested);
+        assert_eq!(state.start_of_rest_needed_if_driven_until(far + Duration::from_secs(9)), None);
+        state.note_and_count_begun_drives(3, &motion, Some(&of_voltage(100.0)), RailState::Driving, [click_end, far]);
+        assert!(state.find_end_of_rest() > Some(far));
+        assert!(state.start_of_rest_needed_if_driven_until(far + Duration::from_secs(9)).is_some());
     }
 }

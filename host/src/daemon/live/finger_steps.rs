@@ -41,15 +41,21 @@ pub struct FingerStep {
 /// lifted stay, so that every tap is driven.
 #[derive(Debug, Default)]
 pub struct PageFingers {
-    steps: Mutex<VecDeque<FingerStep>>,
-    /// Those that are down by the last message, without those on controls that do not vibrate.
-    down: Mutex<Option<Touch>>,
-    /// Those of them that are on textures.
-    on_textures: Mutex<Vec<i64>>,
+    state: Mutex<PageFingersState>,
     changed: Notify,
-    gone: Mutex<bool>,
     /// Whether a tap that waits makes way for any newer one.
     only_newest_tap: bool,
+}
+
+#[derive(Debug, Default)]
+struct PageFingersState {
+    /// Those that wait to be driven.
+    steps: VecDeque<FingerStep>,
+    /// The fingers that are down by the last message, without those on controls that do not vibrate.
+    down: Option<Touch>,
+    /// Those of them that are on textures.
+    on_textures: Vec<i64>,
+    is_page_gone: bool,
 }
 
 impl FingerStep {
@@ -77,7 +83,8 @@ impl PageFingers {
     /// last, or that of the first finger.
     #[must_use]
     pub fn choose_effect_of_newest_finger(&self, fingers: &[CheckedFinger]) -> Option<NamedEffect> {
-        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner);
+        let state = self.lock_state();
+        let before = &state.down;
         let had = |checked: &CheckedFinger| {
             let mut before = before.iter().flat_map(|touch| &touch.fingers);
             before.any(|finger| (finger.id, finger.effect) == (checked.finger.id, checked.finger.effect))
@@ -114,9 +121,10 @@ impl PageFingers {
     ) -> Result<(), Problem> {
         let mut dropped = Ok(());
         let ids: Vec<i64> = touch.fingers.iter().map(|finger| finger.id).collect();
-        let mut steps = self.lock_steps();
-        on_textures.clone_into(&mut self.lock_on_textures());
-        let before = self.down.lock().unwrap_or_else(PoisonError::into_inner).replace(touch.clone());
+        let mut state = self.lock_state();
+        on_textures.clone_into(&mut state.on_textures);
+        let before = state.down.replace(touch.clone());
+        let steps = &mut state.steps;
         let was_down = |id: &&i64| before.iter().flat_map(|touch| &touch.fingers).any(|finger| finger.id == **id);
         let newly_down: Vec<i64> =
             ids.iter().filter(|id| !was_down(id) && !on_textures.contains(id)).copied().collect();
@@ -160,9 +168,9 @@ impl PageFingers {
                 step.newly_down.extend(come);
                 step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
             }
-            dropped = push_dropping_oldest_if_full(&mut steps, step);
+            dropped = push_dropping_oldest_if_full(steps, step);
         }
-        drop(steps);
+        drop(state);
         self.changed.notify_one();
         dropped
     }
@@ -190,12 +198,13 @@ impl PageFingers {
             is_texture: false,
             stops: stop_count_at_arrival,
         };
-        let mut steps = self.lock_steps();
+        let mut state = self.lock_state();
+        let steps = &mut state.steps;
         // Fingers outside of the controls that have just come are felt first.
         let has_come = |last: &FingerStep| !last.starts_effect && !last.lifted && !last.newly_down.is_empty();
         while steps.pop_back_if(|last| self.skips(last, &step) && !has_come(last)).is_some() {}
-        let dropped = push_dropping_oldest_if_full(&mut steps, step);
-        drop(steps);
+        let dropped = push_dropping_oldest_if_full(steps, step);
+        drop(state);
         self.changed.notify_one();
         dropped
     }
@@ -209,8 +218,7 @@ impl PageFingers {
 
     /// The fingers that are down by the last message.
     pub fn list_ids_of_fingers_down(&self) -> Vec<i64> {
-        let down = self.down.lock().unwrap_or_else(PoisonError::into_inner);
-        down.iter().flat_map(|touch| &touch.fingers).map(|finger| finger.id).collect()
+        self.lock_state().down.iter().flat_map(|touch| &touch.fingers).map(|finger| finger.id).collect()
     }
 
     /// All but these are lifted; those of them that are down stay as they were.
@@ -222,13 +230,16 @@ impl PageFingers {
         ids: &[i64],
         stop_count_at_arrival: u64,
     ) -> Result<(), Problem> {
-        let Some(before) = self.down.lock().unwrap_or_else(PoisonError::into_inner).clone() else { return Ok(()) };
+        let (down, on_textures) = {
+            let state = self.lock_state();
+            (state.down.clone(), state.on_textures.clone())
+        };
+        let Some(before) = down else { return Ok(()) };
         let count = before.fingers.len();
         let kept = before.keep_only_fingers(ids);
         if kept.fingers.len() == count {
             Ok(())
         } else {
-            let on_textures = self.lock_on_textures().clone();
             self.queue_fingers_and_textures_dropping_oldest_if_full(kept, &on_textures, stop_count_at_arrival)
         }
     }
@@ -240,14 +251,14 @@ impl PageFingers {
 
     /// Whatever they have done is not wanted any more.
     pub fn discard_steps_and_lift_all(&self) {
-        self.lock_steps().clear();
+        self.lock_state().steps.clear();
         self.lift_all_fingers();
     }
 
     /// The page has gone away: its fingers are lifted.
     pub fn lift_all_as_page_is_gone(&self) {
         self.lift_all_fingers();
-        *self.gone.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.lock_state().is_page_gone = true;
         self.changed.notify_one();
     }
 
@@ -259,7 +270,8 @@ impl PageFingers {
         loop {
             let changed = self.changed.notified();
             let waits = self
-                .lock_steps()
+                .lock_state()
+                .steps
                 .front()
                 .map(|step| find_earliest_drive_time(step).filter(|due| Instant::now() < *due));
             match waits {
@@ -272,13 +284,13 @@ impl PageFingers {
                     continue;
                 }
                 Some(None) => {
-                    if let Some(step) = self.lock_steps().pop_front() {
+                    if let Some(step) = self.lock_state().steps.pop_front() {
                         return Some(step);
                     }
                 }
                 None => {}
             }
-            if *self.gone.lock().unwrap_or_else(PoisonError::into_inner) {
+            if self.lock_state().is_page_gone {
                 return None;
             }
             changed.await;
@@ -289,15 +301,11 @@ impl PageFingers {
     pub fn has_step_in_place_of(&self, driven: &FingerStep) -> bool {
         let is_in_place =
             |step: &FingerStep| driven.makes_way_for(step) && (step.starts_effect || !driven.starts_effect);
-        self.lock_steps().front().is_some_and(|step| !step.touch.fingers.is_empty() && is_in_place(step))
+        self.lock_state().steps.front().is_some_and(|step| !step.touch.fingers.is_empty() && is_in_place(step))
     }
 
-    fn lock_steps(&self) -> MutexGuard<'_, VecDeque<FingerStep>> {
-        self.steps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lock_on_textures(&self) -> MutexGuard<'_, Vec<i64>> {
-        self.on_textures.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock_state(&self) -> MutexGuard<'_, PageFingersState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

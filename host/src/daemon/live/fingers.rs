@@ -29,28 +29,28 @@ pub async fn drive_fingers_until_page_is_gone(
     fingers: Arc<PageFingers>,
     replies: mpsc::Sender<Value>,
 ) {
-    let mut hand = HeldFingers { client, ..HeldFingers::default() };
+    let mut held_fingers = HeldFingers { client, ..HeldFingers::default() };
     loop {
         let step = tokio::select! {
-            step = fingers.wait_for_oldest_due_step(|step| hand.find_earliest_drive_time(&app, step)) => step,
-            () = tokio::time::sleep(RENEW), if hand.still.is_some() => {
-                hand.extend_drive_of_resting_fingers_or_restart(&app, &fingers, &replies).await;
+            step = fingers.wait_for_oldest_due_step(|step| held_fingers.find_earliest_drive_time(&app, step)) => step,
+            () = tokio::time::sleep(RENEW), if held_fingers.still.is_some() => {
+                held_fingers.extend_drive_of_resting_fingers_or_restart(&app, &fingers, &replies).await;
                 continue;
             }
         };
         let Some(step) = step else { return };
         let lifted = step.lifted;
-        hand.forget_lifted_fingers(&step.touch.fingers);
+        held_fingers.forget_lifted_fingers(&step.touch.fingers);
         if !step.touch.fingers.is_empty()
-            && !hand.is_covered_by_effect(&app, &step)
-            && let Err(problem) = hand.drive_step(&app, &fingers, step.clone()).await
+            && !held_fingers.is_covered_by_effect(&app, &step)
+            && let Err(problem) = held_fingers.drive_step(&app, &fingers, step.clone()).await
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(build_error_message(&problem));
-            hand.end_lifted_drive_after_minimum_tap(&app, &step.touch.fingers);
+            held_fingers.end_lifted_drive_after_minimum_tap(&app, &step.touch.fingers);
         }
         if lifted {
-            hand.end_drive(&app);
+            held_fingers.end_drive(&app);
         }
     }
 }

@@ -4,13 +4,15 @@ use era_shared::protocol::ChannelDrive;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// A frame that set drives, or prepared them for an effect.
+/// A frame that set drives, prepared them for an effect, or had a sequence of windows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveFrame {
     /// When its last byte was received.
     pub at: Instant,
-    /// What it asked for; at least one drive.
+    /// The drives that it asked for; none if it had windows.
     pub drives: Vec<ChannelDrive>,
+    /// How many windows it had.
+    pub window_count: usize,
 }
 
 /// The last frames, none unless that is asked for.
@@ -54,6 +56,7 @@ mod tests {
                 phase_microturns: 0,
                 voltage_millivolts: 1,
             }],
+            window_count: 0,
         };
         let mut frames = DriveFrameRecord::default();
         frames.add_frames(vec![frame(0)]);

@@ -120,7 +120,7 @@ impl SimControl {
         self.lock_requests().stop_received
     }
 
-    /// Keeps every frame that sets drives from now on, but no more than the last `max_frames`, for [`Self::stop_recording_and_take_recorded_frames`].
+    /// Keeps every frame that sets drives or has windows from now on, but no more than the last `max_frames`, for [`Self::stop_recording_and_take_recorded_frames`].
     pub fn record_drive_frames(&self, max_frames: usize) {
         self.lock_requests().frames = DriveFrameRecord::new(max_frames);
     }
@@ -349,7 +349,7 @@ impl DeviceLoop {
 
     /// Notes when frames that set drives, or stop everything, have become complete.
     fn note_request_times(&mut self, bytes: &[u8], received_at: Instant) {
-        let (mut sets, mut stops) = (Vec::new(), false);
+        let (mut sets, mut windows, mut stops) = (Vec::new(), Vec::new(), false);
         self.heard += self.board.take_stalled_time_since_last_call();
         let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
         // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
@@ -362,7 +362,11 @@ impl DeviceLoop {
             *heard = now;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) if !drives.is_empty() => {
-                    sets.push(DriveFrame { at: received_at, drives: drives.to_vec() });
+                    sets.push(DriveFrame { at: received_at, drives: drives.to_vec(), window_count: 0 });
+                }
+                Ok(Request::PlayWindows(sequence)) => {
+                    let window_count = sequence.windows.len();
+                    windows.push(DriveFrame { at: received_at, drives: Vec::new(), window_count });
                 }
                 Ok(Request::Stop) => stops = true,
                 Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
@@ -371,11 +375,12 @@ impl DeviceLoop {
                 _ => {}
             }
         });
-        if !sets.is_empty() || stops {
+        if !sets.is_empty() || !windows.is_empty() || stops {
             let mut wishes = self.control.lock_requests();
             wishes.drives_received = if sets.is_empty() { wishes.drives_received } else { Some(received_at) };
             wishes.stop_received = if stops { Some(received_at) } else { wishes.stop_received };
             wishes.frames.add_frames(sets);
+            wishes.frames.add_frames(windows);
         }
     }
 

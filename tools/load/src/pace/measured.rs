@@ -130,7 +130,7 @@ mod tests {
         let due = Instant::now();
         let at = due + Duration::from_millis(40);
         let touch = Touch { due, ended: due + Duration::from_millis(41), end: TouchEnd::Driven(Vec::new()) };
-        let frame = DriveFrame { at, drives: Vec::new() };
+        let frame = DriveFrame { at, drives: Vec::new(), window_count: 0 };
         let measured = TouchStatistics::from_touches(&[touch], &[frame]).unwrap();
         assert_eq!((measured.frame.longest_ms(), measured.answer.longest_ms()), (Some(40.0), Some(41.0)));
     }

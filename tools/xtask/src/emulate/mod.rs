@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::process::run_command;
 use crate::{elf, image, repository_root};
 use bridge::{Bridge, Pace};
+use report::ReportEnd;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
@@ -24,6 +25,9 @@ pub struct Options {
     /// fail on any difference.
     #[arg(long)]
     report: bool,
+    /// End the report at its first wrong row.
+    #[arg(long, requires = "report")]
+    first_wrong: bool,
     /// Run this image instead of building one.
     #[arg(long, value_name = "ELF")]
     image: Option<PathBuf>,
@@ -41,7 +45,8 @@ pub fn run_emulator(options: &Options) -> Result<(), Error> {
     let usage = elf::read_memory_usage(&image)?;
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
     if options.report {
-        return report::run_board_checks_printing_report(&image);
+        let end = if options.first_wrong { ReportEnd::FirstWrongRow } else { ReportEnd::LastRow };
+        return report::run_board_checks_printing_report(&image, end);
     }
     let mut bridge = Bridge::start(&image, Pace::Wall)?;
     println!("{}", bridge.terminal_path().display());
@@ -67,7 +72,7 @@ pub fn run_emulator_self_test_and_board_report() -> Result<(), Error> {
             .args(["--self-test", "--elf"])
             .arg(&image),
     )?;
-    report::run_board_checks_printing_report(&image)
+    report::run_board_checks_printing_report(&image, ReportEnd::LastRow)
 }
 
 fn send_hello_and_print_answer(terminal: &mut Terminal) -> Result<(), Error> {

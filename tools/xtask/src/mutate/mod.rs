@@ -216,7 +216,8 @@ fn build_image_and_run_report(bench: &Workbench) -> Result<TreeVerdict, Error> {
     }
     let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
     let image: PathBuf = target.join("thumbv7em-none-eabihf/release/era-firmware");
-    let (works, output) = run_and_read(Command::new(own).args(["emulate", "--report", "--image"]).arg(image))?;
+    let (works, output) =
+        run_and_read(Command::new(own).args(["emulate", "--report", "--first-wrong", "--image"]).arg(image))?;
     if works {
         return Ok(TreeVerdict::Sound);
     }

@@ -18,7 +18,7 @@ fn take_steps(fingers: &PageFingers) -> Vec<(Vec<i64>, bool, f64)> {
     let of = |step: FingerStep| {
         (step.newly_down, step.lifted || step.is_tap, step.touch.fingers.first().map_or(f64::NAN, |finger| finger.x_px))
     };
-    std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
+    std::iter::from_fn(|| fingers.lock_state().steps.pop_front()).map(of).collect()
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn of_too_many_taps_the_oldest_make_way() {
 /// Numbers of the fingers, whether an effect begins, and for which fingers, of each step that waits.
 fn take_effects(fingers: &PageFingers) -> Vec<(f64, bool, Vec<i64>)> {
     let of = |step: FingerStep| (step.touch.fingers[0].x_px, step.starts_effect, step.effect_fingers);
-    std::iter::from_fn(|| fingers.lock_steps().pop_front()).map(of).collect()
+    std::iter::from_fn(|| fingers.lock_state().steps.pop_front()).map(of).collect()
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn of_clicks_of_controls_the_newest_waits_and_each_press() {
             assert_eq!(take_steps(&fingers), [(vec![], false, 1.0), (vec![], false, 3.0)], "{feel:?}");
             click(&fingers, 4.0, false);
             say(&[], 5.0);
-            let steps: Vec<FingerStep> = fingers.lock_steps().drain(..).collect();
+            let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
             assert_eq!(
                 steps.iter().map(|step| (step.lifted, step.is_control_click)).collect::<Vec<_>>(),
                 [(true, false), (false, true)]
@@ -205,12 +205,12 @@ fn a_texture_makes_no_tap() {
     say(&[1], 0.0, &[1]);
     say(&[1], 1.0, &[1]);
     say(&[], 2.0, &[]);
-    let steps: Vec<FingerStep> = fingers.lock_steps().drain(..).collect();
+    let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
     assert!(steps.len() == 1 && steps[0].touch.fingers.is_empty(), "it has ended before it was driven: {steps:?}");
     say(&[1, 2], 3.0, &[1]);
-    let steps: Vec<FingerStep> = fingers.lock_steps().drain(..).collect();
+    let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
     assert_eq!((steps[0].newly_down.as_slice(), steps[0].is_texture), (&[2][..], false));
     fingers.lift_all_except_dropping_oldest_if_full(&[1], 0).unwrap();
-    let steps: Vec<FingerStep> = fingers.lock_steps().drain(..).collect();
+    let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
     assert!(steps[0].is_texture && steps[0].newly_down.is_empty(), "{steps:?}");
 }

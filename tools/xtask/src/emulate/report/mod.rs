@@ -28,6 +28,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use table::ReportTable;
 
+/// Where the report ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReportEnd {
+    /// After all rows.
+    LastRow,
+    /// At the first row that is wrong: enough where only that matters.
+    FirstWrongRow,
+}
+
 /// The parts of the report, each of which powers its board up itself, the longest first.
 const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
     session::check_session,
@@ -39,16 +48,21 @@ const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
     load::check_processor_load,
 ];
 
-/// Runs all parts, as many at a time as there are processors, each on a board of its own, and prints the rows of each when it is done.
+/// Runs all parts, as many at a time as there are processors, each on a board of its own, and prints the rows of each when it is done. With
+/// [`ReportEnd::FirstWrongRow`] the shortest parts come first, and the program ends at the first wrong row with exit code 1.
 ///
 /// # Errors
 /// [`Error::Report`] with the number of rows that are not as expected, or what kept the report from being made.
-pub fn run_board_checks_printing_report(image: &Path) -> Result<(), Error> {
+pub fn run_board_checks_printing_report(image: &Path, end: ReportEnd) -> Result<(), Error> {
     ReportTable::print_head();
-    let (next, whole) = (AtomicUsize::new(0), Mutex::new(ReportTable::default()));
+    let mut parts = PARTS;
+    if end == ReportEnd::FirstWrongRow {
+        parts.reverse();
+    }
+    let (next, whole) = (AtomicUsize::new(0), Mutex::new(ReportTable::new(end)));
     let run_parts = || -> Result<(), Error> {
-        while let Some(check) = PARTS.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let mut table = ReportTable::default();
+        while let Some(check) = parts.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let mut table = ReportTable::new(end);
             check(&mut EmulatedBoard::start(image)?, &mut table);
             if let Ok(mut whole) = whole.lock() {
                 table.print_rows();

@@ -1,5 +1,6 @@
 //! The table that the report prints.
 
+use super::ReportEnd;
 use crate::error::Error;
 
 /// Widths of the first two columns in characters; what is longer pushes the rest to the right.
@@ -7,14 +8,20 @@ const STEP: usize = 34;
 const EXPECTED: usize = 62;
 
 /// Rows so far, and figures for the end.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct ReportTable {
+    end: ReportEnd,
     lines: Vec<String>,
     wrong: Vec<String>,
     figures: Vec<(String, String)>,
 }
 
 impl ReportTable {
+    /// Without rows.
+    pub const fn new(end: ReportEnd) -> Self {
+        Self { end, lines: Vec::new(), wrong: Vec::new(), figures: Vec::new() }
+    }
+
     /// Prints the names of the columns.
     pub fn print_head() {
         println!("{:<STEP$} | {:<EXPECTED$} | seen | ", "step", "expected");
@@ -37,12 +44,18 @@ impl ReportTable {
         self.add_row(step, expected, seen, expected == seen);
     }
 
-    /// One row.
+    /// One row. Does not return after a wrong one if the report ends there.
     pub fn add_row(&mut self, step: &str, expected: &str, seen: &str, is_right: bool) {
         let verdict = if is_right { "ok" } else { "WRONG" };
         self.lines.push(format!("{step:<STEP$} | {expected:<EXPECTED$} | {seen} | {verdict}"));
         if !is_right {
             self.wrong.push(step.to_owned());
+            if self.end == ReportEnd::FirstWrongRow {
+                self.print_rows();
+                self.print_figures_and_wrong_rows();
+                // The emulated boards end as their standard inputs close.
+                std::process::exit(1);
+            }
         }
     }
 

@@ -1,0 +1,154 @@
+//! How long a detent of a slider takes: from the message of a moving finger to the windows of its click at the board.
+
+use crate::board::Bench;
+use crate::daemon::{Daemon, DaemonSetup};
+use crate::error::Error;
+use crate::http::{Endpoint, Http};
+use crate::live::Live;
+use crate::times::Times;
+use clap::Args;
+use era::device::sim::DriveFrame;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Between two messages of a finger: 60 a second.
+const BETWEEN_MESSAGES: Duration = Duration::from_nanos(16_666_667);
+/// Messages from one detent to the next: 15, 20 and 30 detents a second.
+const MESSAGES_PER_DETENT: [u32; 3] = [4, 3, 2];
+/// Detents of each speed, in strokes: the longest three of so many are above the p99.
+const STROKES: u32 = 10;
+const DETENTS_PER_STROKE: u32 = 30;
+/// Between two strokes: a board that is driven for 9.5 s without a rest takes one, and no finger slides for so long.
+const BETWEEN_STROKES: Duration = Duration::from_millis(500);
+/// Places along the screen, in px: the finger moves there and back.
+const FROM_PX: f64 = 300.0;
+const PLACES: u32 = 1300;
+/// Strength of a detent in g.
+const INTENSITY_G: f64 = 0.2;
+/// The time between a message and the first window that is asked for, p99, in ms.
+const AIM_MS: f64 = 20.0;
+/// A detent that takes longer is named.
+const LATE: Duration = Duration::from_millis(10);
+/// From a frame's last byte to its first window on a board whose rails are up: the board's tick, in ms.
+const BOARD_MS: f64 = 1.0;
+
+/// The program to measure.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// The program to start
+    #[arg(long, value_name = "FILE", default_value = "target/release/era")]
+    program: PathBuf,
+}
+
+/// Measures each speed and prints a table.
+///
+/// # Errors
+/// [`Error::Missed`] if a detent of up to 20 a second is not played, or takes too long.
+pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
+    let link = folder.path().join("board");
+    let bench = Bench::new_linked_directly_to_board(link.clone())?;
+    let daemon = Daemon::start(&DaemonSetup {
+        program: options.program.clone(),
+        device: link,
+        socket: folder.path().join("era.sock"),
+        cache: folder.path().join("cache"),
+        clears_silence: true,
+    })?;
+    daemon.await_device()?;
+    // The self-test and the rise of the rails belong to the first touch after a rest, and to no detent.
+    Http::new(Endpoint::Tcp(daemon.address)).post("/v1/arm", "").map_err(Error::system_error("cannot arm"))?;
+    let mut live = Live::open(daemon.address, "").map_err(Error::Answer)?;
+    println!(
+        "Times are p50 / p99 / longest, from a message with a detent to the last byte of the frame that has its windows"
+    );
+    println!("{:>14} {:>9} {:>9} {:>27}", "detents a s", "detents", "played", "to the frame");
+    let mut missed = Vec::new();
+    for messages_per_detent in MESSAGES_PER_DETENT {
+        let rate = 1.0 / (BETWEEN_MESSAGES.as_secs_f64() * f64::from(messages_per_detent));
+        let control = bench.sim_control();
+        control.record_drive_frames((STROKES * DETENTS_PER_STROKE) as usize * 2);
+        let mut sent = Vec::new();
+        for _ in 0..STROKES {
+            sent.extend(slide_over_detents(&mut live, messages_per_detent).map_err(Error::Answer)?);
+        }
+        let frames = control.stop_recording_and_take_recorded_frames();
+        let waits = find_waits_until_window_frames(&sent, &frames);
+        let mut times = Times::default();
+        for wait in &waits {
+            match wait {
+                Some(wait) => times.add_time(*wait),
+                None => times.add_missing(),
+            }
+        }
+        let played = waits.iter().flatten().count();
+        println!("{rate:>14.0} {:>9} {played:>9} {:>27}", sent.len(), times.describe_median_p99_and_longest());
+        let late = waits.iter().enumerate().filter(|(_, wait)| wait.is_none_or(|wait| wait > LATE));
+        let late: Vec<String> = late.map(|(detent, wait)| describe_wait(detent, *wait)).collect();
+        if let Some(late) = late.get(..late.len().min(10)).filter(|late| !late.is_empty()) {
+            println!("  late: {}", late.join(", "));
+        }
+        let p99_ms = times.percentile_counting_missing_as_infinite_ms(99);
+        // Faster detents cannot be told apart: of those that wait, only the newest is played.
+        if rate < 20.5 && p99_ms.is_none_or(|p99_ms| p99_ms + BOARD_MS > AIM_MS) {
+            missed.push(format!("a detent within {AIM_MS} ms at {rate:.0} a second"));
+        }
+    }
+    if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join(", "))) }
+}
+
+/// Moves a finger and lifts it; when each message with a detent was sent.
+fn slide_over_detents(live: &mut Live, messages_per_detent: u32) -> Result<Vec<Instant>, String> {
+    let begun = Instant::now();
+    let mut sent = Vec::new();
+    for message in 0..DETENTS_PER_STROKE * messages_per_detent {
+        std::thread::sleep((begun + BETWEEN_MESSAGES * message).saturating_duration_since(Instant::now()));
+        let x_px = FROM_PX + f64::from(message * 10 % PLACES);
+        let touches = json!([{"id": 1, "x_px": x_px, "y_px": 640}]);
+        let is_detent = message % messages_per_detent == 0;
+        let body = if is_detent {
+            json!({"type": "touch", "touches": touches, "effect": "click", "intensity_g": INTENSITY_G})
+        } else {
+            json!({"type": "touch", "touches": touches, "intensity_g": 0})
+        };
+        if is_detent {
+            sent.push(Instant::now());
+        }
+        live.send(&body)?;
+    }
+    live.send(&json!({"type": "touch", "touches": []}))?;
+    std::thread::sleep(BETWEEN_STROKES);
+    Ok(sent)
+}
+
+/// From each message to the first frame with windows before the next message with a detent; `None` where there is none.
+fn find_waits_until_window_frames(sent: &[Instant], frames: &[DriveFrame]) -> Vec<Option<Duration>> {
+    let find_wait = |(detent, at): (usize, &Instant)| {
+        let next = sent.get(detent + 1);
+        let is_own =
+            |frame: &&DriveFrame| frame.window_count > 0 && frame.at >= *at && next.is_none_or(|next| frame.at < *next);
+        frames.iter().find(is_own).map(|frame| frame.at.duration_since(*at))
+    };
+    sent.iter().enumerate().map(find_wait).collect()
+}
+
+fn describe_wait(detent: usize, wait: Option<Duration>) -> String {
+    let wait = wait.map_or_else(|| "not played".to_owned(), |wait| format!("{:.1} ms", wait.as_secs_f64() * 1e3));
+    format!("detent {} {wait}", detent + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_detent_has_the_first_frame_before_the_next_one() {
+        let begun = Instant::now();
+        let at = |ms| begun + Duration::from_millis(ms);
+        let frame = |ms, window_count| DriveFrame { at: at(ms), drives: Vec::new(), window_count };
+        let frames = [frame(1, 0), frame(3, 5), frame(4, 5), frame(27, 5)];
+        let waits = find_waits_until_window_frames(&[at(0), at(10), at(20)], &frames);
+        assert_eq!(waits, [Some(Duration::from_millis(3)), None, Some(Duration::from_millis(7))]);
+    }
+}
