@@ -64,7 +64,7 @@ impl Bench {
     /// If the device does not answer.
     pub fn begin_session(&self) -> Result<TestSession<'_>, String> {
         let mut session = TestSession { client: self.open_client()?, bench: self };
-        session.request(&Request::Stop)?;
+        session.send_request(&Request::Stop)?;
         match session.client.request(&Request::ClearFaults) {
             Ok(Reply::FaultsCleared) => {}
             other => return Err(format!("clear-faults was answered with {other:?}")),
@@ -229,7 +229,7 @@ impl TestSession<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn request(&mut self, request: &Request) -> Result<Reply, String> {
+    pub fn send_request(&mut self, request: &Request) -> Result<Reply, String> {
         self.client.request(request).map_err(|error| error.to_string())
     }
 
@@ -248,8 +248,8 @@ impl TestSession<'_> {
     ///
     /// # Errors
     /// As the link, or if the self-test fails.
-    pub fn arm(&mut self) -> CaseResult {
-        match self.request(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
+    pub fn arm_and_await_armed(&mut self) -> CaseResult {
+        match self.send_request(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
             Reply::ArmedWith { deadman_ms: 1000, burst_ms: BURST_MAX_MS } => {}
             other => return Err(format!("arm was answered with {other:?}")),
         }
@@ -277,7 +277,7 @@ impl TestSession<'_> {
     fn await_state_over(&mut self, wanted: SafetyState, passing: impl Fn(SafetyState) -> bool) -> CaseResult {
         let begun = Instant::now();
         loop {
-            let state = match self.request(&Request::KeepAlive)? {
+            let state = match self.send_request(&Request::KeepAlive)? {
                 Reply::Alive { state } => state,
                 other => return Err(format!("keep-alive was answered with {other:?}")),
             };
@@ -296,7 +296,7 @@ impl TestSession<'_> {
     /// # Errors
     /// As the link.
     pub fn request_details(&mut self) -> Result<DetailsReply, String> {
-        match self.request(&Request::Details)? {
+        match self.send_request(&Request::Details)? {
             Reply::Details(details) => Ok(details),
             other => Err(format!("details was answered with {other:?}")),
         }
@@ -307,7 +307,7 @@ impl TestSession<'_> {
     /// # Errors
     /// As the link.
     pub fn request_clock_us(&mut self) -> Result<u64, String> {
-        match self.request(&Request::Clock)? {
+        match self.send_request(&Request::Clock)? {
             Reply::Clock { now_us } => Ok(now_us),
             other => Err(format!("clock was answered with {other:?}")),
         }
@@ -317,16 +317,16 @@ impl TestSession<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn channel_count(&mut self) -> Result<u8, String> {
+    pub fn request_channel_count(&mut self) -> Result<u8, String> {
         u8::try_from(self.request_hello()?.channels.len()).map_err(|error| error.to_string())
     }
 
-    /// Disarms, or stops with [`TestSession::request`], and waits until the device says that it is safe.
+    /// Disarms, or stops with [`TestSession::send_request`], and waits until the device says that it is safe.
     ///
     /// # Errors
     /// As the link, or if it does not become safe.
-    pub fn disarm(&mut self) -> CaseResult {
-        self.request(&Request::Disarm)?;
+    pub fn disarm_and_await_safe(&mut self) -> CaseResult {
+        self.send_request(&Request::Disarm)?;
         self.await_state(SafetyState::Safe)
     }
 
@@ -336,7 +336,7 @@ impl TestSession<'_> {
     /// As the link.
     pub fn set_drives(&mut self, drives: &[ChannelDrive]) -> Result<Vec<AchievedDrive>, String> {
         let drives = heapless::Vec::from_slice(drives).map_err(|_| "too many drives")?;
-        match self.request(&Request::SetDrives { drives })? {
+        match self.send_request(&Request::SetDrives { drives })? {
             Reply::DrivesSet { achieved } => Ok(achieved.to_vec()),
             other => Err(format!("set-drives was answered with {other:?}")),
         }
@@ -347,7 +347,7 @@ impl TestSession<'_> {
     /// # Errors
     /// As the link.
     pub fn request_status(&mut self) -> Result<StatusReply, String> {
-        match self.request(&Request::Status)? {
+        match self.send_request(&Request::Status)? {
             Reply::Status(status) => Ok(status),
             other => Err(format!("status was answered with {other:?}")),
         }
@@ -378,7 +378,7 @@ impl TestSession<'_> {
     /// # Errors
     /// As the link.
     pub fn request_hello(&mut self) -> Result<WelcomeReply, String> {
-        match self.request(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
+        match self.send_request(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
             Reply::Welcome(welcome) => Ok(welcome),
             other => Err(format!("hello was answered with {other:?}")),
         }

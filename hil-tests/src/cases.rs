@@ -62,7 +62,7 @@ const fn make_case(name: &'static str, run: fn(&Bench) -> CaseResult, output_che
 
 /// All cases, in the order in which a person would try them.
 pub const CASES: &[Case] = &[
-    make_case("hello", hello, &[]),
+    make_case("hello", check_hello_reply, &[]),
     make_case("version_mismatch", link_cases::version_mismatch, &[]),
     make_case("nothing_drives_unarmed", nothing_drives_unarmed, &[Energised]),
     make_case("arm_and_disarm", arm_and_disarm, &[Energised]),
@@ -71,13 +71,13 @@ pub const CASES: &[Case] = &[
     make_case("drives_to_the_timer_step", drives_to_the_timer_step, &[Windows]),
     make_case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase, &[Windows, Phase]),
     make_case("refused_drives_change_nothing", refused_drives_change_nothing, &[Energised, Windows]),
-    make_case("stop", stop, &[Energised, PinsLow]),
-    make_case("silence", silence, &[Energised, PinsLow]),
+    make_case("stop", check_stop_request, &[Energised, PinsLow]),
+    make_case("silence", check_host_silence_is_fault, &[Energised, PinsLow]),
     make_case("keep_alive_holds", keep_alive_holds, &[Energised]),
-    make_case("garbage", link_cases::garbage, &[Energised]),
+    make_case("garbage", link_cases::check_garbage_is_ignored_and_counted, &[Energised]),
     make_case("frames_in_pieces", link_cases::frames_in_pieces, &[]),
-    make_case("clock", play_cases::clock, &[]),
-    make_case("details", safety_cases::details, &[]),
+    make_case("clock", play_cases::check_clock_advances, &[]),
+    make_case("details", safety_cases::check_details_and_credit, &[]),
     make_case("effect_on_all_channels", play_cases::effect_on_all_channels, &[Energised, Effects]),
     make_case("effects_queue", play_cases::effects_queue, &[]),
     make_case("late_and_early_effects", play_cases::late_and_early_effects, &[]),
@@ -95,13 +95,13 @@ pub const CASES: &[Case] = &[
         needs: CaseNeeds::Breaking,
         ..make_case("live_board_sees_what_breaks", safety_cases::live_board_sees_what_breaks, &[Energised, PinsLow])
     },
-    Case { needs: CaseNeeds::Reset, ..make_case("restart", restart, &[Energised, PinsLow]) },
+    Case { needs: CaseNeeds::Reset, ..make_case("restart", check_reset_while_live_is_fault, &[Energised, PinsLow]) },
     Case { needs: CaseNeeds::Knobs, ..make_case("silent_device", link_cases::silent_device, &[Energised]) },
     Case { needs: CaseNeeds::Knobs, ..make_case("slow_device", link_cases::slow_device, &[Energised]) },
     Case { needs: CaseNeeds::Knobs, ..make_case("corrupting_line", link_cases::corrupting_line, &[Energised]) },
 ];
 
-fn hello(bench: &Bench) -> CaseResult {
+fn check_hello_reply(bench: &Bench) -> CaseResult {
     let hello = bench.begin_session()?.request_hello()?;
     let wanted = if bench.sim_control().is_some() { BoardKind::Simulated } else { BoardKind::Stm32G474 };
     check_equal("board", hello.board, wanted)?;
@@ -127,9 +127,9 @@ fn nothing_drives_unarmed(bench: &Bench) -> CaseResult {
 
 fn arm_and_disarm(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.expect_state(SafetyState::Armed)?;
-    check_equal("disarm", session.request(&Request::Disarm)?, Reply::Disarmed)?;
+    check_equal("disarm", session.send_request(&Request::Disarm)?, Reply::Disarmed)?;
     session.await_state(SafetyState::Safe)?;
     session.expect_state(SafetyState::Safe)?;
     let refusal = session.expect_refusal(&Request::Arm { deadman_ms: Some(5) })?;
@@ -140,19 +140,19 @@ fn arm_and_disarm(bench: &Bench) -> CaseResult {
 
 fn drive_two_frequencies(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     let achieved = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     let status = session.expect_state(SafetyState::Running)?;
     let shown: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
     check_equal("drives in the status", shown, achieved.clone())?;
     await_achieved_timers(bench, &mut session, &achieved)?;
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
 fn change_drives(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     let narrower = ChannelDrive { pulse_width_ppm: 300_000, ..make_drive(0, 150_000) };
     for drives in [
@@ -166,13 +166,13 @@ fn change_drives(bench: &Bench) -> CaseResult {
     }
     session.set_drives(&[])?;
     session.expect_state(SafetyState::Armed)?;
-    session.disarm()
+    session.disarm_and_await_safe()
 }
 
 /// Frequencies at the ends and in the middle of the range, all within the timers' own step.
 fn drives_to_the_timer_step(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     for frequency_millihertz in [1_000, 19_999, 40_000, 123_457, 333_333, 1_000_000] {
         let wide = ChannelDrive { pulse_width_ppm: 500_000, ..make_drive(0, frequency_millihertz) };
         let achieved = session.set_drives(&[wide, ChannelDrive { channel: 1, ..wide }])?;
@@ -184,13 +184,13 @@ fn drives_to_the_timer_step(bench: &Bench) -> CaseResult {
             check_equal("guard time", achieved.guard_ns >= 200_000, true)?;
         }
     }
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
 fn equal_frequencies_keep_their_phase(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     for phase_microturns in [0, 125_000, 500_000, 999_999] {
         let second = ChannelDrive { phase_microturns, ..make_drive(1, 180_000) };
         let achieved = session.set_drives(&[make_drive(0, 180_000), second])?;
@@ -203,13 +203,13 @@ fn equal_frequencies_keep_their_phase(bench: &Bench) -> CaseResult {
         bench.wait_silently(Duration::from_millis(60))?;
         check_phase(bench, &achieved)?;
     }
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
 fn refused_drives_change_nothing(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     let before = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     let good = make_drive(0, 100_000);
     let bad = [
@@ -245,27 +245,27 @@ fn refused_drives_change_nothing(bench: &Bench) -> CaseResult {
         other => return Err(format!("beyond the supply: refused with {other:?}")),
     }
     await_achieved_timers(bench, &mut session, &before)?;
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
-fn stop(bench: &Bench) -> CaseResult {
+fn check_stop_request(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
-    check_equal("stop", session.request(&Request::Stop)?, Reply::Stopped)?;
+    check_equal("stop", session.send_request(&Request::Stop)?, Reply::Stopped)?;
     check_pins_low(bench)?;
     session.await_state(SafetyState::Safe)?;
     session.expect_state(SafetyState::Safe)?;
-    check_equal("stop again", session.request(&Request::Stop)?, Reply::Stopped)?;
+    check_equal("stop again", session.send_request(&Request::Stop)?, Reply::Stopped)?;
     Ok(())
 }
 
-fn silence(bench: &Bench) -> CaseResult {
+fn check_host_silence_is_fault(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
     check_equal(
         "default dead-man time",
-        session.request(&Request::Arm { deadman_ms: None })?,
+        session.send_request(&Request::Arm { deadman_ms: None })?,
         Reply::Armed { deadman_ms: 250 },
     )?;
     session.await_state(SafetyState::Armed)?;
@@ -279,32 +279,36 @@ fn silence(bench: &Bench) -> CaseResult {
     check_pins_low(bench)?;
     let refusal = session.expect_refusal(&Request::Arm { deadman_ms: None })?;
     check_equal("refusal", refusal, Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm })?;
-    check_equal("clear", session.request(&Request::ClearFaults)?, Reply::FaultsCleared)?;
+    check_equal("clear", session.send_request(&Request::ClearFaults)?, Reply::FaultsCleared)?;
     session.await_state(SafetyState::Safe)?;
     session.expect_state(SafetyState::Safe)?;
-    session.arm()?;
-    session.disarm()?;
+    session.arm_and_await_armed()?;
+    session.disarm_and_await_safe()?;
     Ok(())
 }
 
 fn keep_alive_holds(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 150_000)])?;
     // Longer than the dead-man time, shorter than the longest burst.
     for _ in 0..6 {
         bench.wait_silently(Duration::from_millis(250))?;
-        check_equal("keep-alive", session.request(&Request::KeepAlive)?, Reply::Alive { state: SafetyState::Running })?;
+        check_equal(
+            "keep-alive",
+            session.send_request(&Request::KeepAlive)?,
+            Reply::Alive { state: SafetyState::Running },
+        )?;
     }
     session.expect_state(SafetyState::Running)?;
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
-fn restart(bench: &Bench) -> CaseResult {
+fn check_reset_while_live_is_fault(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
     let before = session.request_hello()?.boot_id;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     bench.reset_device()?;
     // It was live: whoever has reset it is asked for.
@@ -313,7 +317,7 @@ fn restart(bench: &Bench) -> CaseResult {
     check_equal("a new boot identifier", status.boot_id != before, true)?;
     check_equal("fault", status.fault.map(|fault| fault.code), Some(FaultCode::ResetWhileLive))?;
     check_pins_low(bench)?;
-    check_equal("clear", session.request(&Request::ClearFaults)?, Reply::FaultsCleared)?;
+    check_equal("clear", session.send_request(&Request::ClearFaults)?, Reply::FaultsCleared)?;
     session.await_state(SafetyState::Safe)
 }
 
@@ -325,7 +329,7 @@ fn await_achieved_timers(bench: &Bench, session: &mut TestSession<'_>, achieved:
             None => return Ok(()),
             Some(_) => {
                 bench.wait_silently(Duration::from_millis(20))?;
-                session.request(&Request::KeepAlive)?;
+                session.send_request(&Request::KeepAlive)?;
             }
         }
     }

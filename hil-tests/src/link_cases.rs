@@ -17,7 +17,7 @@ pub(crate) fn version_mismatch(bench: &Bench) -> CaseResult {
     Ok(())
 }
 
-pub(crate) fn garbage(bench: &Bench) -> CaseResult {
+pub(crate) fn check_garbage_is_ignored_and_counted(bench: &Bench) -> CaseResult {
     bench.begin_session()?;
     let good = encode_request_frame(CURRENT_VERSION, 21, &Request::Faults)?;
     // A byte sequence without pattern, zeros among it, longer than any frame.
@@ -76,10 +76,10 @@ pub(crate) fn slow_device(bench: &Bench) -> CaseResult {
         &control,
         SimKnobs { reply_delay: Duration::from_millis(60), ..SimKnobs::default() },
     );
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 100_000)])?;
     session.expect_state(SafetyState::Running)?;
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }
 
@@ -87,13 +87,13 @@ pub(crate) fn corrupting_line(bench: &Bench) -> CaseResult {
     let control = bench.sim_control().ok_or("no knobs")?;
     let mut session = bench.begin_session()?;
     let _turned = Bench::set_knobs_until_dropped(&control, SimKnobs { corrupt_every: Some(2), ..SimKnobs::default() });
-    session.arm()?;
+    session.arm_and_await_armed()?;
     for _ in 0..5 {
         session.set_drives(&[make_drive(0, 100_000), make_drive(1, 150_000)])?;
         session.expect_state(SafetyState::Running)?;
     }
     check_equal("broken answers were noticed", session.client.link_statistics().bad_frames > 0, true)?;
     check_equal("broken answers were requested again", session.client.link_statistics().repeats > 0, true)?;
-    session.request(&Request::Stop)?;
+    session.send_request(&Request::Stop)?;
     Ok(())
 }

@@ -13,7 +13,7 @@ const EARLIEST_US: u64 = 10_000_000;
 
 fn prepare_drives(session: &mut TestSession<'_>, channels: u8) -> CaseResult {
     let drives = (0..channels).map(|channel| make_drive(channel, 200_000)).collect();
-    match session.request(&Request::Prepare { drives })? {
+    match session.send_request(&Request::Prepare { drives })? {
         Reply::Prepared { achieved } => check_equal("prepared channels", achieved.len(), usize::from(channels)),
         other => Err(format!("prepare was answered with {other:?}")),
     }
@@ -23,7 +23,7 @@ fn make_play_request(channel: u8, start_us: u64, effect: Effect) -> Request {
     Request::Play { channel, start_us, effect }
 }
 
-pub(crate) fn clock(bench: &Bench) -> CaseResult {
+pub(crate) fn check_clock_advances(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
     let before_us = session.request_clock_us()?;
     let status = session.request_status()?;
@@ -39,8 +39,8 @@ pub(crate) fn clock(bench: &Bench) -> CaseResult {
 
 pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    let channels = session.channel_count()?;
-    session.arm()?;
+    let channels = session.request_channel_count()?;
+    session.arm_and_await_armed()?;
     prepare_drives(&mut session, channels)?;
     session.expect_state(SafetyState::Running)?;
     check_driving_channel_count(bench, "channels that drive before the effect", 0)?;
@@ -48,7 +48,11 @@ pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
     // Longer than it takes to look at it.
     let pulse = Effect::new_pulse_train(600, 0, 1);
     for channel in 0..channels {
-        check_equal("play", session.request(&make_play_request(channel, start_us, pulse.clone()))?, Reply::Playing)?;
+        check_equal(
+            "play",
+            session.send_request(&make_play_request(channel, start_us, pulse.clone()))?,
+            Reply::Playing,
+        )?;
     }
     bench.wait_silently(Duration::from_millis(100))?;
     check_driving_channel_count(bench, "channels that drive during the effect", channels.into())?;
@@ -58,12 +62,12 @@ pub(crate) fn effect_on_all_channels(bench: &Bench) -> CaseResult {
     for channel in 0..channels {
         check_equal(
             "play at once",
-            session.request(&make_play_request(channel, 0, Effect::new_click(3, 2)))?,
+            session.send_request(&make_play_request(channel, 0, Effect::new_click(3, 2)))?,
             Reply::Playing,
         )?;
     }
     session.expect_state(SafetyState::Running)?;
-    session.disarm()
+    session.disarm_and_await_safe()
 }
 
 /// So many channels have windows, and none of them has both electrodes on together.
@@ -80,7 +84,7 @@ fn check_driving_channel_count(bench: &Bench, quantity: &str, wanted: usize) -> 
 
 pub(crate) fn effects_queue(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     let click = Effect::new_click(3, 2);
     let refusal = session.expect_refusal(&make_play_request(0, 0, click.clone()))?;
     check_equal("without a drive", refusal, Refusal::NoDrive { channel: 0 })?;
@@ -93,13 +97,13 @@ pub(crate) fn effects_queue(bench: &Bench) -> CaseResult {
     let start_us = session.request_clock_us()? + 5_000_000;
     for i in 0..4 {
         let request = make_play_request(0, start_us + i * 100_000, click.clone());
-        check_equal("queued", session.request(&request)?, Reply::Playing)?;
+        check_equal("queued", session.send_request(&request)?, Reply::Playing)?;
     }
     let refusal = session.expect_refusal(&make_play_request(0, start_us, click.clone()))?;
     check_equal("one too many", refusal, Refusal::QueueFull { channel: 0 })?;
     // Setting drives forgets what waits.
     prepare_drives(&mut session, 1)?;
-    check_equal("room again", session.request(&make_play_request(0, start_us, click.clone()))?, Reply::Playing)?;
+    check_equal("room again", session.send_request(&make_play_request(0, start_us, click.clone()))?, Reply::Playing)?;
     let bad = [
         Effect::default(),
         Effect { times: 0, ..click.clone() },
@@ -113,14 +117,14 @@ pub(crate) fn effects_queue(bench: &Bench) -> CaseResult {
             Refusal::Effect,
         )?;
     }
-    session.disarm()?;
+    session.disarm_and_await_safe()?;
     let not_armed = session.expect_refusal(&make_play_request(0, 0, Effect::new_click(1, 0)))?;
     check_equal("not armed", matches!(not_armed, Refusal::State { state: SafetyState::Safe, .. }), true)
 }
 
 pub(crate) fn late_and_early_effects(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     prepare_drives(&mut session, 1)?;
     while session.request_clock_us()? < 2 * LATEST_US {
         bench.wait_silently(Duration::from_millis(50))?;
@@ -139,6 +143,6 @@ pub(crate) fn late_and_early_effects(bench: &Bench) -> CaseResult {
     let refusal = session.expect_refusal(&make_play_request(0, far_us, click.clone()))?;
     check_equal("too far ahead", matches!(refusal, Refusal::Start { start_us, .. } if start_us == far_us), true)?;
     let ahead_us = session.request_clock_us()? + 1_000_000;
-    check_equal("in time", session.request(&make_play_request(0, ahead_us, click))?, Reply::Playing)?;
-    session.disarm()
+    check_equal("in time", session.send_request(&make_play_request(0, ahead_us, click))?, Reply::Playing)?;
+    session.disarm_and_await_safe()
 }

@@ -13,9 +13,9 @@ fn highest_rail_millivolts(rails: &[u32]) -> u32 {
     rails.iter().copied().max().unwrap_or(0)
 }
 
-pub(crate) fn details(bench: &Bench) -> CaseResult {
+pub(crate) fn check_details_and_credit(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    let channels = usize::from(session.channel_count()?);
+    let channels = usize::from(session.request_channel_count()?);
     let safe = session.request_details()?;
     check_equal("state", safe.state, SafetyState::Safe)?;
     check_equal(
@@ -27,7 +27,7 @@ pub(crate) fn details(bench: &Bench) -> CaseResult {
     let loops = [safe.interlock_closed, safe.stop_released, safe.earth_bonded];
     check_equal("interlock, emergency stop and earth", loops, [true; 3])?;
     check_equal("credits", safe.credit_ms.len(), channels)?;
-    session.arm()?;
+    session.arm_and_await_armed()?;
     session.set_drives(&[make_drive(0, 150_000), make_drive(1, 150_000)])?;
     bench.wait_silently(Duration::from_millis(100))?;
     let running = session.request_details()?;
@@ -36,7 +36,7 @@ pub(crate) fn details(bench: &Bench) -> CaseResult {
         check_equal(&format!("a set-point of {set} mV"), set.abs_diff(VOLTAGE_MILLIVOLTS) < 1_000, true)?;
         check_equal(&format!("a rail of {measured} mV"), measured.abs_diff(VOLTAGE_MILLIVOLTS) < 15_000, true)?;
     }
-    let credit = match session.request(&Request::Credit)? {
+    let credit = match session.send_request(&Request::Credit)? {
         Reply::Credit(credit) => credit,
         other => return Err(format!("credit was answered with {other:?}")),
     };
@@ -45,18 +45,22 @@ pub(crate) fn details(bench: &Bench) -> CaseResult {
     let driven: Vec<bool> = (0..channels).map(|channel| channel < 2).collect();
     check_equal("channels that are charged", charged, driven)?;
     check_equal("remaining drive time of a weak drive", credit.remaining_drive_time_ms(0), None)?;
-    session.disarm()
+    session.disarm_and_await_safe()
 }
 
 pub(crate) fn drives_set_while_arming(bench: &Bench) -> CaseResult {
     let mut session = bench.begin_session()?;
-    check_equal("arm", session.request(&Request::Arm { deadman_ms: Some(1000) })?, Reply::Armed { deadman_ms: 1000 })?;
+    check_equal(
+        "arm",
+        session.send_request(&Request::Arm { deadman_ms: Some(1000) })?,
+        Reply::Armed { deadman_ms: 1000 },
+    )?;
     let achieved = session.set_drives(&[make_drive(0, 150_000), make_drive(1, 270_500)])?;
     session.await_state(SafetyState::Running)?;
     let status = session.expect_state(SafetyState::Running)?;
     let shown: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
     check_equal("drives in the status", shown, achieved)?;
-    session.disarm()
+    session.disarm_and_await_safe()
 }
 
 pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
@@ -65,7 +69,7 @@ pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
     let refusal = session.expect_refusal(&arm(BURST_MAX_MS + 1))?;
     let wanted = Refusal::Burst { requested_ms: BURST_MAX_MS + 1, min_ms: 1, max_ms: BURST_MAX_MS };
     check_equal("too long a burst", refusal, wanted)?;
-    check_equal("arm", session.request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
+    check_equal("arm", session.send_request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
     session.await_state(SafetyState::Armed)?;
     // Asked for again and again, so that the refusal is not missed: a rest ends it.
     let begun = Instant::now();
@@ -80,12 +84,12 @@ pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
         }
     };
     check_equal("the wait in the refusal is at most one rest", (1..=REST_MS).contains(&wait_ms), true)?;
-    session.disarm()?;
+    session.disarm_and_await_safe()?;
     // A rest counts while not armed, too: drives can be set as soon as the device arms.
     bench.wait_silently(Duration::from_millis(u64::from(REST_MS) + 50))?;
-    check_equal("arm", session.request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
+    check_equal("arm", session.send_request(&arm(200))?, Reply::ArmedWith { deadman_ms: 1000, burst_ms: 200 })?;
     session.set_drives(&[make_drive(0, 150_000)])?;
-    session.disarm()
+    session.disarm_and_await_safe()
 }
 
 /// Waits for the fault, which must be `code`; everything must be off then.
@@ -138,8 +142,8 @@ pub(crate) fn arming_tests_every_loop(bench: &Bench) -> CaseResult {
         drop(broken);
         clear_fault_and_await_safe(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;
     }
-    session.arm()?;
-    session.disarm()
+    session.arm_and_await_armed()?;
+    session.disarm_and_await_safe()
 }
 
 pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> CaseResult {
@@ -158,7 +162,7 @@ pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> CaseResult {
         (Breakage::ShortedElectrode, 500_000, FaultCode::Electrode),
     ];
     for (breakage, voltage_millivolts, code) in breakages {
-        session.arm()?;
+        session.arm_and_await_armed()?;
         let driven = |channel| ChannelDrive { voltage_millivolts, ..make_drive(channel, 150_000) };
         session.set_drives(&[driven(0), driven(1)])?;
         bench.wait_silently(Duration::from_millis(100))?;
@@ -170,7 +174,7 @@ pub(crate) fn live_board_sees_what_breaks(bench: &Bench) -> CaseResult {
     }
     // Alone, as one electrode of four is not seen to be missing: at 1 kV and 200 Hz an ERA takes 46 uA.
     for breakage in [Breakage::OpenElectrode, Breakage::OpenLowerSwitch] {
-        session.arm()?;
+        session.arm_and_await_armed()?;
         session.set_drives(&[ChannelDrive { voltage_millivolts: 1_000_000, ..make_drive(0, 200_000) }])?;
         bench.wait_silently(Duration::from_millis(100))?;
         session.expect_state(SafetyState::Running)?;

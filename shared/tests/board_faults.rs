@@ -12,16 +12,16 @@ fn a_fault_of_the_board_itself_lasts_as_long_as_it_is_there() {
     for is_live in [false, true] {
         let mut bench = Bench::new();
         if is_live {
-            bench.arm();
+            bench.arm_and_await_armed();
         }
         bench.board.standing_fault = Some((FaultCode::Permit, 2));
         bench.wait_ms(20);
-        let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+        let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
         assert_eq!((fault.code, fault.detail, fault.count), (FaultCode::Permit, 2, 1), "told once");
-        assert!(!bench.board.live());
-        assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Permit)));
+        assert!(!bench.board.is_live());
+        assert_eq!(bench.send_request(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Permit)));
         bench.board.standing_fault = None;
-        assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+        assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
         bench.wait_ms(30);
         assert_eq!(bench.state(), SafetyState::Safe);
     }
@@ -30,7 +30,7 @@ fn a_fault_of_the_board_itself_lasts_as_long_as_it_is_there() {
     bench.board.trip = Some((FaultCode::OverCurrent, 0));
     bench.wait_ms(2);
     bench.board.standing_fault = Some((FaultCode::Permit, 1));
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Permit)));
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Permit)));
 }
 
 /// A loop that is not closed tells its level, in the self-test and while the board is live.
@@ -45,13 +45,13 @@ fn a_loop_that_is_not_closed_tells_its_level() {
         for is_live in [false, true] {
             let mut bench = Bench::new();
             if is_live {
-                bench.arm();
+                bench.arm_and_await_armed();
             }
             bench.board.loop_millivolts = [3_300, 1_900];
             open(&mut bench.board);
-            bench.ask(&support::arm());
+            bench.send_request(&support::make_arm_request());
             bench.wait_ms(2);
-            let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+            let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
             assert_eq!((fault.code, fault.detail), (code, millivolts));
         }
     }

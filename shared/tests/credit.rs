@@ -7,7 +7,7 @@ use era_shared::safety::{CreditCharge, DriveBudget};
 use era_shared::waveform::TimerPeriod;
 use proptest::prelude::*;
 use std::f64::consts::FRAC_PI_2;
-use support::cases;
+use support::reduce_case_count_under_miri;
 
 /// What rounding may add to a charge, in parts of the largest.
 const ROUNDED: f64 = 3e-5;
@@ -15,7 +15,7 @@ const ROUNDED: f64 = 3e-5;
 const HIGHEST_MILLIVOLTS: u32 = 2_000_000;
 
 /// (F / F_max)^2 of windows of `width` ticks.
-fn exposure(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> f64 {
+fn compute_squared_force_fraction(ticks: u32, width: u32, millivolts: u32, max_millivolts: u32) -> f64 {
     let voltage = (f64::from(millivolts) / f64::from(max_millivolts)).min(1.0);
     let pulse_width = f64::from(2 * width) / f64::from(ticks);
     (voltage.powi(2) * (FRAC_PI_2 * pulse_width).sin()).powi(2)
@@ -25,38 +25,40 @@ fn make_credit_charge(ticks: u32, width: u32, millivolts: u32, max_millivolts: u
     CreditCharge::from_period(&TimerPeriod::with_windows(7, ticks, width, false), millivolts, max_millivolts)
 }
 
-fn parts(charge: CreditCharge) -> f64 {
+fn convert_charge_to_fraction(charge: CreditCharge) -> f64 {
     f64::from(charge.as_ppm()) / 1e6
 }
 
-fn only(charge: CreditCharge) -> [Option<CreditCharge>; 4] {
+fn make_charges_of_first_channel(charge: CreditCharge) -> [Option<CreditCharge>; 4] {
     [Some(charge), None, None, None]
 }
 
 /// Windows as the timers have them: up to 65 535 ticks, less than half of them on.
-fn windows() -> impl Strategy<Value = (u32, u32)> {
+fn generate_period_and_width_ticks() -> impl Strategy<Value = (u32, u32)> {
     (8_u32..=TimerPeriod::MOST_TICKS).prop_flat_map(|ticks| (Just(ticks), 0..ticks.div_ceil(2)))
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(cases(20_000)))]
+    #![proptest_config(ProptestConfig::with_cases(reduce_case_count_under_miri(20_000)))]
 
     #[test]
     fn a_charge_is_the_square_of_the_force_rounded_up(
-        (ticks, width) in windows(), max in 1_u32..4_000_000, share in 0.0..1.05_f64, reversed in any::<bool>(),
+        (ticks, width) in generate_period_and_width_ticks(), max in 1_u32..4_000_000, share in 0.0..1.05_f64,
+        reversed in any::<bool>(),
     ) {
         let millivolts = (share * f64::from(max)) as u32;
         let period = TimerPeriod::with_windows(3, ticks, width, reversed);
-        let charged = parts(CreditCharge::from_period(&period, millivolts, max));
-        let exact = exposure(ticks, width, millivolts, max);
+        let charged = convert_charge_to_fraction(CreditCharge::from_period(&period, millivolts, max));
+        let exact = compute_squared_force_fraction(ticks, width, millivolts, max);
         prop_assert!(charged >= exact - 1e-12 && charged < exact + ROUNDED, "{charged}, {exact}");
         prop_assert_eq!(charged == 0.0, width == 0 || millivolts == 0);
     }
 
     #[test]
     fn more_voltage_and_wider_pulses_never_cost_less(
-        (ticks, width) in windows(), (other_ticks, other_width) in windows(), max in 1_u32..4_000_000, at in any::<u32>(),
-        more in 0_u32..100,
+        (ticks, width) in generate_period_and_width_ticks(),
+        (other_ticks, other_width) in generate_period_and_width_ticks(),
+        max in 1_u32..4_000_000, at in any::<u32>(), more in 0_u32..100,
     ) {
         let millivolts = at % (max + max / 10 + 1);
         let here = make_credit_charge(ticks, width, millivolts, max);
@@ -73,7 +75,8 @@ proptest! {
     /// Any drives, at any times: never more credit than the exposure leaves, never less than by what rounding adds.
     #[test]
     fn credit_is_what_exposure_leaves(
-        steps in prop::collection::vec((1_u64..3_000_000, any::<bool>(), windows(), 0..=HIGHEST_MILLIVOLTS), 1..60),
+        steps in prop::collection::vec(
+            (1_u64..3_000_000, any::<bool>(), generate_period_and_width_ticks(), 0..=HIGHEST_MILLIVOLTS), 1..60),
     ) {
         let mut budget = DriveBudget::new();
         let full_s = f64::from(DUTY_CREDIT_MS) / 1e3;
@@ -83,7 +86,8 @@ proptest! {
             now_us += elapsed_us;
             let drive = drives.then(|| make_credit_charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS));
             budget.account_and_find_channels_to_stop(now_us, [None, drive, None, None]);
-            let cost = if drives { exposure(ticks, width, millivolts, HIGHEST_MILLIVOLTS) } else { 0.0 };
+            let driven_cost = compute_squared_force_fraction(ticks, width, millivolts, HIGHEST_MILLIVOLTS);
+            let cost = if drives { driven_cost } else { 0.0 };
             let charged = if drives { f64::max(before, cost) } else { 0.0 };
             before = cost;
             let elapsed_s = elapsed_us as f64 / 1e6;
@@ -143,7 +147,11 @@ fn nothing_costs_nothing_and_the_most_costs_its_time() {
     assert_eq!(make_credit_charge(60_000, 29_998, 1, 0), CreditCharge::FULL, "no limit known");
     // Half the voltage: a sixteenth. A third of the half period: a quarter.
     assert_eq!(make_credit_charge(60_000, 29_998, 1_000_000, HIGHEST_MILLIVOLTS).as_ppm(), 62_500);
-    assert!((parts(make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS)) - 0.25).abs() < ROUNDED);
+    assert!(
+        (convert_charge_to_fraction(make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS)) - 0.25)
+            .abs()
+            < ROUNDED
+    );
     // The least that there is costs something.
     assert_eq!(make_credit_charge(TimerPeriod::MOST_TICKS, 1, 1, u32::MAX).as_ppm(), 1);
     assert_eq!((CreditCharge::FULL.as_ppm(), CreditCharge::NONE.as_ppm()), (1_000_000, 0));
@@ -160,7 +168,10 @@ fn a_tenth_of_the_exposure_never_runs_out() {
         assert!(volts_share < 1.0);
         let millivolts = (volts_share * f64::from(HIGHEST_MILLIVOLTS)) as u32;
         let weak = make_credit_charge(ticks, width, millivolts, HIGHEST_MILLIVOLTS);
-        assert!(parts(weak) <= share && parts(weak) > share - 1e-4, "{weak:?}");
+        assert!(
+            convert_charge_to_fraction(weak) <= share && convert_charge_to_fraction(weak) > share - 1e-4,
+            "{weak:?}"
+        );
         let mut budget = DriveBudget::new();
         budget.set_burst_limit(BURST_MAX_MS);
         let (mut now_us, mut least_ms) = (0_u64, u32::MAX);
@@ -170,7 +181,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
             // 1.000 to 1.998 ms.
             elapsed_us = 1_000 + (elapsed_us * 7 + 13) % 999;
             now_us += elapsed_us;
-            budget.account_and_find_channels_to_stop(now_us, only(weak));
+            budget.account_and_find_channels_to_stop(now_us, make_charges_of_first_channel(weak));
             least_ms = least_ms.min(budget.remaining_credit_ms(0));
         }
         // What one look costs, before what it earns is there: the first is rounded down.
@@ -184,7 +195,7 @@ fn a_tenth_of_the_exposure_never_runs_out() {
         let mut seconds = 0;
         while budget.remaining_credit_ms(0) > 0 && seconds < 10_000 {
             seconds += 1;
-            budget.account_and_find_channels_to_stop(seconds * 1_000_000, only(twice));
+            budget.account_and_find_channels_to_stop(seconds * 1_000_000, make_charges_of_first_channel(twice));
         }
         assert!(seconds.abs_diff(600) <= 2, "{seconds} s for 60 s of credit at a tenth net");
     }
@@ -196,15 +207,15 @@ fn a_change_between_two_looks_costs_the_greater() {
     let quarter = make_credit_charge(60_000, 10_000, HIGHEST_MILLIVOLTS, HIGHEST_MILLIVOLTS);
     let spent_ms = |order: [CreditCharge; 2]| {
         let mut budget = DriveBudget::new();
-        budget.account_and_find_channels_to_stop(0, only(order[0]));
-        budget.account_and_find_channels_to_stop(10_000_000, only(order[1]));
+        budget.account_and_find_channels_to_stop(0, make_charges_of_first_channel(order[0]));
+        budget.account_and_find_channels_to_stop(10_000_000, make_charges_of_first_channel(order[1]));
         DUTY_CREDIT_MS - budget.remaining_credit_ms(0)
     };
     assert_eq!(spent_ms([CreditCharge::FULL, quarter]), 10_000);
     assert_eq!(spent_ms([quarter, CreditCharge::FULL]), 10_000);
     assert!(spent_ms([quarter, quarter]).abs_diff(2_500) <= 1);
     let mut budget = DriveBudget::new();
-    budget.account_and_find_channels_to_stop(0, only(CreditCharge::FULL));
+    budget.account_and_find_channels_to_stop(0, make_charges_of_first_channel(CreditCharge::FULL));
     budget.account_and_find_channels_to_stop(10_000_000, [None; 4]);
     assert_eq!(budget.remaining_credit_ms(0), DUTY_CREDIT_MS, "what has ended costs nothing more");
 }

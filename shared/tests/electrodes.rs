@@ -8,7 +8,7 @@ use era_shared::waveform::{Effect, Electrode, SequenceWindow};
 use heapless::Vec as Short;
 use proptest::prelude::*;
 use support::circuit::{ElectrodeState, Parts};
-use support::{Bench, arm, cases};
+use support::{Bench, make_arm_request, reduce_case_count_under_miri};
 
 /// Parts at one end of their tolerances or the other: capacitances 20 %, resistances 5 % (the bleeders, and the product with a capacitance
 /// as a whole 20 %), 1 % of the shunt and 1 % of the dividers, 8 steps of the converter.
@@ -67,26 +67,26 @@ fn mean_measured_microamps(drives: &[ChannelDrive], millivolts: u32, parts: &Par
 fn wait_alive(bench: &mut Bench, ms: u64) {
     for _ in 0..ms.div_ceil(50) {
         bench.wait_ms(50);
-        bench.ask(&Request::KeepAlive);
+        bench.send_request(&Request::KeepAlive);
     }
 }
 
 fn arm_bench_with_parts(parts: Parts) -> Bench {
     let mut bench = Bench::new();
     bench.board.circuit.parts = parts;
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
     bench.wait_ms(200);
     assert_eq!((bench.state(), read_latched_fault(&mut bench)), (SafetyState::Armed, None), "{parts:?}");
     bench
 }
 
 fn expect_drives_set(bench: &mut Bench, drives: &[ChannelDrive]) {
-    let reply = bench.ask(&Request::SetDrives { drives: Short::from_slice(drives).unwrap() });
+    let reply = bench.send_request(&Request::SetDrives { drives: Short::from_slice(drives).unwrap() });
     assert!(matches!(reply, Reply::DrivesSet { .. }), "{reply:?}");
 }
 
 fn read_latched_fault(bench: &mut Bench) -> Option<(FaultCode, u32)> {
-    let Reply::Faults { latched } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched } = bench.send_request(&Request::Faults) else { panic!() };
     latched.map(|fault| (fault.code, fault.detail))
 }
 
@@ -103,15 +103,15 @@ fn arming_finds_each_broken_electrode() {
             for (state, more) in states {
                 let mut bench = Bench::new();
                 bench.board.circuit.broken[channel][place] = state;
-                bench.ask(&arm());
+                bench.send_request(&make_arm_request());
                 bench.wait_ms(200);
                 let detail = more + 10 * (channel as u32 + 1) + electrode;
                 assert_eq!(read_latched_fault(&mut bench), Some((FaultCode::Electrode, detail)), "{state:?}");
-                assert!(!bench.board.live());
+                assert!(!bench.board.is_live());
                 bench.board.circuit.broken = Default::default();
-                assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+                assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
                 bench.wait_ms(30);
-                bench.arm();
+                bench.arm_and_await_armed();
             }
         }
     }
@@ -124,22 +124,22 @@ fn only_electrodes_that_are_there_are_tried() {
     bench.board.info.channels.truncate(2);
     bench.board.circuit.broken[2] = [ElectrodeState::Open; 2];
     bench.board.circuit.broken[3] = [ElectrodeState::Shorted; 2];
-    bench.arm();
+    bench.arm_and_await_armed();
 }
 
 /// An ERA that is not connected is no fault as long as it is not driven, or with no more than is harmless.
 #[test]
 fn an_era_that_is_not_connected_is_not_driven_with_high_voltage() {
-    let drive = |channel, millivolts| ChannelDrive { voltage_millivolts: millivolts, ..support::drive(channel) };
+    let drive = |channel, millivolts| ChannelDrive { voltage_millivolts: millivolts, ..support::make_drive(channel) };
     let mut bench = Bench::new();
     bench.board.circuit.broken[2] = [ElectrodeState::Open; 2];
-    bench.arm();
+    bench.arm_and_await_armed();
     expect_drives_set(&mut bench, &[drive(0, 1_000_000), drive(1, 500_000), drive(3, 500_000)]);
     wait_alive(&mut bench, 500);
     assert_eq!(read_latched_fault(&mut bench), None, "its rail may have any voltage");
-    bench.ask(&Request::Stop);
+    bench.send_request(&Request::Stop);
     bench.wait_ms(50);
-    bench.arm();
+    bench.arm_and_await_armed();
     expect_drives_set(&mut bench, &[drive(2, 50_000)]);
     wait_alive(&mut bench, 500);
     assert_eq!(read_latched_fault(&mut bench), None, "harmless");
@@ -148,9 +148,9 @@ fn an_era_that_is_not_connected_is_not_driven_with_high_voltage() {
     assert_eq!(read_latched_fault(&mut bench), Some((FaultCode::Electrode, 30)));
     // Connected again.
     bench.board.circuit.broken = Default::default();
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(30);
-    bench.arm();
+    bench.arm_and_await_armed();
     expect_drives_set(&mut bench, &[drive(2, 100_000)]);
     wait_alive(&mut bench, 500);
     assert_eq!(read_latched_fault(&mut bench), None);
@@ -187,7 +187,10 @@ fn is_large_enough(drive: &ChannelDrive, state: ElectrodeState, offset: f64) -> 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { max_global_rejects: 1_000_000, ..ProptestConfig::with_cases(cases(200)) })]
+    #![proptest_config(ProptestConfig {
+        max_global_rejects: 1_000_000,
+        ..ProptestConfig::with_cases(reduce_case_count_under_miri(200))
+    })]
 
     /// Whatever is driven, replaced, lowered and raised again, for as long as it may be: a sound circuit at any end of its tolerances
     /// is not found broken. Drives that take more than the supply may deliver end in the fault for that.
@@ -209,10 +212,10 @@ proptest! {
                 continue;
             }
             if effects {
-                bench.ask(&Request::Prepare { drives: Short::from_slice(drives).unwrap() });
+                bench.send_request(&Request::Prepare { drives: Short::from_slice(drives).unwrap() });
                 for drive in drives {
                     let effect = Effect::new_click(3, 5);
-                    bench.ask(&Request::Play { channel: drive.channel, start_us: 0, effect });
+                    bench.send_request(&Request::Play { channel: drive.channel, start_us: 0, effect });
                 }
             } else {
                 expect_drives_set(&mut bench, drives);
@@ -220,7 +223,7 @@ proptest! {
             wait_alive(&mut bench, ms);
             prop_assert_eq!(read_latched_fault(&mut bench), None, "{:?}", drives);
             if bench.state() == SafetyState::Armed {
-                bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+                bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
                 bench.wait_ms(120);
             }
         }
@@ -242,7 +245,7 @@ proptest! {
                 width_ticks: *width_ticks,
             });
             let sequence = WindowSequence { number, start_us: 0, rail_millivolts: rails, windows: windows.collect() };
-            bench.ask(&Request::PlayWindows(sequence));
+            bench.send_request(&Request::PlayWindows(sequence));
             wait_alive(&mut bench, 400);
             prop_assert_eq!(read_latched_fault(&mut bench), None);
         }

@@ -12,19 +12,19 @@ use era_shared::safety::{SafetyEvent, SafetyState};
 use era_shared::waveform::{Effect, Segment};
 use heapless::Vec as Short;
 use serde::Serialize;
-use support::golden::check;
+use support::golden::check_message_bytes;
 
 const VERSION: u8 = 2;
 
-fn request(message: Request, expected: &str) {
-    check(VERSION, FrameKind::Request, message, expected);
+fn check_request_bytes(message: Request, expected: &str) {
+    check_message_bytes(VERSION, FrameKind::Request, message, expected);
 }
 
-fn reply(message: Reply, expected: &str) {
-    check(VERSION, FrameKind::Reply, message, expected);
+fn check_reply_bytes(message: Reply, expected: &str) {
+    check_message_bytes(VERSION, FrameKind::Reply, message, expected);
 }
 
-fn welcome() -> WelcomeReply {
+fn make_welcome_reply() -> WelcomeReply {
     WelcomeReply {
         protocol_min: 1,
         protocol_current: 2,
@@ -34,49 +34,52 @@ fn welcome() -> WelcomeReply {
         reset_cause: ResetCause::Watchdog,
         image: "era-firmware".try_into().unwrap(),
         firmware: FirmwareVersion { major: 0, minor: 2, patch: 0, commit: *b"0123abcd" },
-        channels: Short::from_slice(&[support::limits()]).unwrap(),
+        channels: Short::from_slice(&[support::make_channel_limits()]).unwrap(),
         failure: "panicked at src/main.rs:7".try_into().unwrap(),
     }
 }
 
 #[test]
 fn requests() {
-    request(Request::ArmWith { deadman_ms: None, burst_ms: Some(10_000) }, "06020134120a0801904e7c8a30bd00");
-    request(
-        Request::Prepare { drives: Short::from_slice(&[support::drive(0)]).unwrap() },
+    check_request_bytes(
+        Request::ArmWith { deadman_ms: None, burst_ms: Some(10_000) },
+        "06020134120a0801904e7c8a30bd00",
+    );
+    check_request_bytes(
+        Request::Prepare { drives: Short::from_slice(&[support::make_drive(0)]).unwrap() },
         "07020134120b0107f09309abd82808c0843d102c932e00",
     );
-    request(
+    check_request_bytes(
         Request::Play { channel: 3, start_us: 123_456_789, effect: Effect::new_click(3, 2) },
         "19020134120c03959aef3a0202d00f0302cf0f02018c0d53e600",
     );
-    request(
+    check_request_bytes(
         Request::Play { channel: 0, start_us: 0, effect: Effect::new_swell(50, 300, 400) },
         "06020134120c0103030104d00f3208d00fac0201d00f08900301d898a5fe00",
     );
     let levels = [Segment::Hold { level: -1000, milliseconds: 65_535 }, Segment::Cycles { level: 1, count: 1 }];
     let effect = Effect { segments: Short::from_slice(&levels).unwrap(), times: 1_000 };
-    request(
+    check_request_bytes(
         Request::Play { channel: 1, start_us: u64::MAX, effect },
         "12020134120c01ffffffffffffffffff01020fcf0fffff03020201e8077bcab67600",
     );
-    request(Request::Clock, "0a020134120d3a82792100");
-    request(Request::Details, "0a020134120e80d370b800");
-    request(Request::Log, "0a020134120f16e377cf00");
-    request(Request::Bootloader { key: BOOTLOADER_KEY }, "0f0201341210d49ebd92043f7062aa00");
+    check_request_bytes(Request::Clock, "0a020134120d3a82792100");
+    check_request_bytes(Request::Details, "0a020134120e80d370b800");
+    check_request_bytes(Request::Log, "0a020134120f16e377cf00");
+    check_request_bytes(Request::Bootloader { key: BOOTLOADER_KEY }, "0f0201341210d49ebd92043f7062aa00");
 }
 
 #[test]
 fn replies() {
-    reply(
-        Reply::Welcome(welcome()),
+    check_reply_bytes(
+        Reply::Welcome(make_welcome_reply()),
         "28020234120b010201676f6c64656e2d626f617264effdb6f50d030c6572612d6669726d77617265020237303132336162636401e807c0843d80897ac09a0c80fd87511970616e69636b6564206174207372632f6d61696e2e72733a374a7ec39100",
     );
-    reply(Reply::ArmedWith { deadman_ms: 250, burst_ms: 2_000 }, "0e020234120cfa01d00fffb086a400");
-    reply(Reply::Prepared { achieved: Short::new() }, "06020234120d056d358f5300");
-    reply(Reply::Playing, "0a020234120e6e7cc5aa00");
-    reply(Reply::Clock { now_us: 123_456_789 }, "0e020234120f959aef3a7494487f00");
-    reply(
+    check_reply_bytes(Reply::ArmedWith { deadman_ms: 250, burst_ms: 2_000 }, "0e020234120cfa01d00fffb086a400");
+    check_reply_bytes(Reply::Prepared { achieved: Short::new() }, "06020234120d056d358f5300");
+    check_reply_bytes(Reply::Playing, "0a020234120e6e7cc5aa00");
+    check_reply_bytes(Reply::Clock { now_us: 123_456_789 }, "0e020234120f959aef3a7494487f00");
+    check_reply_bytes(
         Reply::Details(DetailsReply {
             state: SafetyState::Discharging,
             set_point_millivolts: [1_700_000, 50_000],
@@ -89,32 +92,35 @@ fn replies() {
         }),
         "15020234121006a0e167d08603b8d967e8fe022801060102e0d403051b1f022900",
     );
-    reply(Reply::Log { bytes: Short::from_slice(&[1, 0, 255]).unwrap() }, "080202341211030106ffe28d1dfb00");
-    reply(Reply::Bootloader, "0a02023412122120c4be00");
-    reply(Reply::Alive { state: SafetyState::Arming }, "0b020234120505ea4b3ceb00");
+    check_reply_bytes(Reply::Log { bytes: Short::from_slice(&[1, 0, 255]).unwrap() }, "080202341211030106ffe28d1dfb00");
+    check_reply_bytes(Reply::Bootloader, "0a02023412122120c4be00");
+    check_reply_bytes(Reply::Alive { state: SafetyState::Arming }, "0b020234120505ea4b3ceb00");
     let fault = Fault { code: FaultCode::TimerStopped, at_us: 1, detail: 3, count: 1 };
-    reply(Reply::Faults { latched: Some(fault) }, "0f02023412070112010301d3cfd2bf00");
+    check_reply_bytes(Reply::Faults { latched: Some(fault) }, "0f02023412070112010301d3cfd2bf00");
 }
 
 #[test]
 fn refusals() {
-    reply(Reply::Refused(Refusal::Duty { channel: 2, wait_ms: 100 }), "0d020234120a0802647b3e142c00");
-    reply(Reply::Refused(Refusal::StillThere(FaultCode::InterlockOpen)), "0c020234120a0908a358043b00");
-    reply(Reply::Refused(Refusal::NoDrive { channel: 1 }), "0c020234120a0a01c4b3f56900");
-    reply(Reply::Refused(Refusal::Start { start_us: 5, now_us: 1_000_000 }), "0f020234120a0b05c0843df625f24f00");
-    reply(Reply::Refused(Refusal::Effect), "0b020234120a0c81ef781500");
-    reply(Reply::Refused(Refusal::QueueFull { channel: 1 }), "0c020234120a0d010325b42600");
-    reply(
+    check_reply_bytes(Reply::Refused(Refusal::Duty { channel: 2, wait_ms: 100 }), "0d020234120a0802647b3e142c00");
+    check_reply_bytes(Reply::Refused(Refusal::StillThere(FaultCode::InterlockOpen)), "0c020234120a0908a358043b00");
+    check_reply_bytes(Reply::Refused(Refusal::NoDrive { channel: 1 }), "0c020234120a0a01c4b3f56900");
+    check_reply_bytes(
+        Reply::Refused(Refusal::Start { start_us: 5, now_us: 1_000_000 }),
+        "0f020234120a0b05c0843df625f24f00",
+    );
+    check_reply_bytes(Reply::Refused(Refusal::Effect), "0b020234120a0c81ef781500");
+    check_reply_bytes(Reply::Refused(Refusal::QueueFull { channel: 1 }), "0c020234120a0d010325b42600");
+    check_reply_bytes(
         Reply::Refused(Refusal::Burst { requested_ms: 0, min_ms: 1, max_ms: 10_000 }),
         "07020234120a0e0801904e105103c700",
     );
-    reply(Reply::Refused(Refusal::Live(SafetyState::Running)), "0c020234120a0f03ad268cfa00");
+    check_reply_bytes(Reply::Refused(Refusal::Live(SafetyState::Running)), "0c020234120a0f03ad268cfa00");
 }
 
 /// The numbers of plain enums: their order is wire format.
 #[test]
 fn plain_enums_keep_their_numbers() {
-    fn number<E: Serialize>(entry: &E) -> u8 {
+    fn encode_variant_number<E: Serialize>(entry: &E) -> u8 {
         let mut out = [0; 4];
         postcard::to_slice(entry, &mut out).unwrap()[0]
     }
@@ -135,10 +141,13 @@ fn plain_enums_keep_their_numbers() {
         (F::TimerStopped, 18),
     ];
     for (code, wire) in faults {
-        assert_eq!((number(&code), code.number()), (wire, wire), "{code:?}");
+        assert_eq!((encode_variant_number(&code), code.number()), (wire, wire), "{code:?}");
     }
-    assert_eq!((number(&SafetyState::Arming), number(&SafetyState::Discharging)), (5, 6));
-    assert_eq!((number(&SafetyEvent::Discharged), number(&SafetyEvent::TestPassed)), (9, 10));
+    assert_eq!((encode_variant_number(&SafetyState::Arming), encode_variant_number(&SafetyState::Discharging)), (5, 6));
+    assert_eq!(
+        (encode_variant_number(&SafetyEvent::Discharged), encode_variant_number(&SafetyEvent::TestPassed)),
+        (9, 10)
+    );
     for (index, code) in F::ALL.iter().enumerate() {
         assert_eq!(usize::from(code.number()), index, "in order");
     }
@@ -155,11 +164,11 @@ fn the_longest_messages_fit() {
         timer_clock_hz: u32::MAX,
     };
     let typical = WelcomeReply {
-        channels: Short::from_slice(&[support::limits(); 4]).unwrap(),
+        channels: Short::from_slice(&[support::make_channel_limits(); 4]).unwrap(),
         image: "x".repeat(IMAGE_NAME).as_str().try_into().unwrap(),
         failure: "x".repeat(FAILURE_MESSAGE).as_str().try_into().unwrap(),
         boot_id: u32::MAX,
-        ..welcome()
+        ..make_welcome_reply()
     };
     let mut out = [0; MAX_ENCODED];
     assert!(encode_frame(2, FrameKind::Reply, 0, &Reply::Welcome(typical.clone()), &mut out).is_ok());

@@ -9,21 +9,21 @@ mod support;
 use era_shared::link::{FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
 use heapless::Vec as Short;
-use support::golden::check;
+use support::golden::check_message_bytes;
 
 const VERSION: u8 = 3;
 
-fn request(message: Request, expected: &str) {
-    check(VERSION, FrameKind::Request, message, expected);
+fn check_request_bytes(message: Request, expected: &str) {
+    check_message_bytes(VERSION, FrameKind::Request, message, expected);
 }
 
-fn reply(message: Reply, expected: &str) {
-    check(VERSION, FrameKind::Reply, message, expected);
+fn check_reply_bytes(message: Reply, expected: &str) {
+    check_message_bytes(VERSION, FrameKind::Reply, message, expected);
 }
 
 #[test]
 fn requests() {
-    request(Request::Credit, "0a0301341211c5f7180800");
+    check_request_bytes(Request::Credit, "0a0301341211c5f7180800");
 }
 
 #[test]
@@ -37,8 +37,11 @@ fn replies() {
         let channels = Short::from_slice(channels).unwrap();
         Reply::Credit(CreditReply { rule, earned_ppm: 100_000, channels })
     };
-    reply(credit(ChargeRule::ForceSquared, &channels), "0e030234121301a08d0603e0d403010dc0843dd2099cee021c01908c00");
-    reply(credit(ChargeRule::Time, &[]), "06030234121304a08d0605f66d13a000");
+    check_reply_bytes(
+        credit(ChargeRule::ForceSquared, &channels),
+        "0e030234121301a08d0603e0d403010dc0843dd2099cee021c01908c00",
+    );
+    check_reply_bytes(credit(ChargeRule::Time, &[]), "06030234121304a08d0605f66d13a000");
     let most = [ChannelCredit { left_ms: u32::MAX, charge_ppm: u32::MAX }; 4];
     let mut out = [0; MAX_ENCODED];
     assert!(encode_frame(VERSION, FrameKind::Reply, 0, &credit(ChargeRule::ForceSquared, &most), &mut out).is_ok());

@@ -4,7 +4,7 @@ use era_shared::link::{DecodeError, Decoder, FrameKind, MAX_BODY, MAX_ENCODED, P
 use era_shared::protocol::Request;
 use proptest::prelude::*;
 
-fn frame(sequence: u16, request: &Request) -> Vec<u8> {
+fn encode_request_frame(sequence: u16, request: &Request) -> Vec<u8> {
     let mut out = [0; MAX_ENCODED];
     let length = encode_frame(1, FrameKind::Request, sequence, request, &mut out).unwrap();
     out[..length].to_vec()
@@ -23,7 +23,7 @@ fn decode_all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Owned, DecodeEr
 
 #[test]
 fn empty_stretches_are_silent_and_stray_bytes_spoil_one_frame_only() {
-    let good = frame(9, &Request::Status);
+    let good = encode_request_frame(9, &Request::Status);
     let mut bytes = vec![0, 0, 0];
     bytes.extend_from_slice(b"stray");
     bytes.extend_from_slice(&good);
@@ -38,7 +38,7 @@ fn empty_stretches_are_silent_and_stray_bytes_spoil_one_frame_only() {
 fn a_flood_without_a_zero_is_one_error_and_the_next_frame_is_read() {
     let mut bytes = vec![0x55; 100_000];
     bytes.push(0);
-    bytes.extend_from_slice(&frame(3, &Request::Stop));
+    bytes.extend_from_slice(&encode_request_frame(3, &Request::Stop));
     let found = decode_all(&mut Decoder::new(), &bytes);
     assert_eq!(found[0], Err(DecodeError::TooLong));
     assert!(found[1].is_ok());
@@ -77,7 +77,7 @@ proptest! {
     /// One flipped bit anywhere: the frame is not taken for a good one.
     #[test]
     fn one_changed_bit_never_passes(sequence: u16, bit in 0_usize..64) {
-        let good = frame(sequence, &Request::Arm { deadman_ms: Some(250) });
+        let good = encode_request_frame(sequence, &Request::Arm { deadman_ms: Some(250) });
         let mut bad = good.clone();
         let bit = bit % (8 * (bad.len() - 1));
         bad[bit / 8] ^= 1 << (bit % 8);

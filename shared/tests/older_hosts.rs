@@ -7,13 +7,14 @@ use era_shared::protocol::*;
 use era_shared::safety::{SafetyEvent, SafetyState};
 use era_shared::waveform::{Electrode, SequenceWindow};
 use heapless::Vec as Short;
-use support::{Bench, arm, both};
+use support::{Bench, make_arm_request, make_two_drives_request};
 
 /// Asks as a host of a version does; the answer is in the same version.
-fn ask_in_version(bench: &mut Bench, version: u8, request: &Request) -> Reply {
+fn send_request_in_version(bench: &mut Bench, version: u8, request: &Request) -> Reply {
     let mut frame = [0; MAX_ENCODED];
     let length = encode_frame(version, FrameKind::Request, 9, request, &mut frame).unwrap();
-    let (answered_in, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+    let (answered_in, sequence, reply) =
+        support::decode_reply(&bench.send_bytes_and_collect_answers(0, &frame[..length]));
     assert_eq!((answered_in, sequence), (version, 9));
     reply
 }
@@ -22,10 +23,10 @@ fn ask_in_version(bench: &mut Bench, version: u8, request: &Request) -> Reply {
 #[test]
 fn a_host_of_version_2_is_answered_in_its_words() {
     let mut bench = Bench::new();
-    let ask = |bench: &mut Bench, request: &Request| ask_in_version(bench, 2, request);
+    let ask = |bench: &mut Bench, request: &Request| send_request_in_version(bench, 2, request);
     let Reply::Welcome(welcome) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
     assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 4));
-    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
+    assert_eq!(ask(&mut bench, &make_arm_request()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Arming });
     let Reply::Details(details) = ask(&mut bench, &Request::Details) else { panic!() };
     assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
@@ -38,7 +39,8 @@ fn a_foreign_version_is_told_both_versions() {
     for (got, answered_in) in [(0_u8, MIN_VERSION), (CURRENT_VERSION + 1, CURRENT_VERSION), (255, CURRENT_VERSION)] {
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(got, FrameKind::Request, 5, &Request::Status, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        let (version, sequence, reply) =
+            support::decode_reply(&bench.send_bytes_and_collect_answers(0, &frame[..length]));
         assert_eq!((version, sequence), (answered_in, 5));
         let refusal = Refusal::Version { got, device_min: MIN_VERSION, device_current: CURRENT_VERSION };
         assert_eq!(reply, Reply::Refused(refusal));
@@ -52,15 +54,19 @@ fn a_host_of_version_1_is_answered_in_its_words() {
     let ask = |bench: &mut Bench, request: &Request| {
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(1, FrameKind::Request, 9, request, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        let (version, sequence, reply) =
+            support::decode_reply(&bench.send_bytes_and_collect_answers(0, &frame[..length]));
         assert_eq!((version, sequence), (1, 9));
         reply
     };
     let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
     assert_eq!((hello.protocol_min, hello.protocol_current), (1, 4));
-    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
+    assert_eq!(ask(&mut bench, &make_arm_request()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Armed }, "arming may be live");
-    assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
+    assert!(
+        matches!(ask(&mut bench, &make_two_drives_request()), Reply::DrivesSet { .. }),
+        "at once, as it is used to"
+    );
     bench.wait_ms(support::ARMING_MS);
     assert_eq!(bench.state(), SafetyState::Running);
     assert_eq!(ask(&mut bench, &Request::Stop), Reply::Stopped);
@@ -68,7 +74,7 @@ fn a_host_of_version_1_is_answered_in_its_words() {
     bench.wait_ms(support::DISCHARGE_MS);
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: SafetyState::Safe });
     bench.board.interlock_closed = false;
-    ask(&mut bench, &arm());
+    ask(&mut bench, &make_arm_request());
     bench.wait_ms(2);
     let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DriveFailed, "a code that it knows");
@@ -85,7 +91,7 @@ fn a_host_of_version_1_is_answered_in_its_words() {
 #[test]
 fn a_host_of_version_3_is_answered_in_its_words() {
     let mut bench = Bench::new();
-    let ask = |bench: &mut Bench, request: &Request| ask_in_version(bench, 3, request);
+    let ask = |bench: &mut Bench, request: &Request| send_request_in_version(bench, 3, request);
     let window = SequenceWindow { channel: 0, electrode: Electrode::A, wait_ticks: 2_000, width_ticks: 10_000 };
     let windows = Short::from_slice(&[window]).unwrap();
     let one_window = WindowSequence { number: 1, start_us: 0, rail_millivolts: [500_000; 2], windows };

@@ -5,16 +5,16 @@ mod support;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use heapless::Vec as Short;
-use support::{Bench, arm, both, drive};
+use support::{Bench, make_arm_request, make_drive, make_two_drives_request};
 
 #[test]
 fn safe_is_only_said_of_rails_that_were_measured() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     bench.wait_ms(60);
     bench.board.rails_show = [Some(900_000), None];
-    bench.ask(&Request::Stop);
+    bench.send_request(&Request::Stop);
     for left in (61..900).rev().step_by(80) {
         bench.board.rails_show = [Some(left * 1000), None];
         bench.wait_ms(1);
@@ -25,22 +25,25 @@ fn safe_is_only_said_of_rails_that_were_measured() {
     assert_eq!(bench.state(), SafetyState::Safe);
     // And if it never falls, that is a fault, which cannot be cleared while it lasts.
     bench.board.rails_show = [None; 2];
-    bench.arm();
+    bench.arm_and_await_armed();
     bench.board.rails_show = [None, Some(150_000)];
-    bench.ask(&Request::Disarm);
+    bench.send_request(&Request::Disarm);
     bench.wait_ms(14);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(
         (fault.code, fault.detail, fault.count),
         (FaultCode::DischargeSlow, 20_150, 1),
         "the switch is too slow"
     );
     bench.wait_ms(1_000);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.count), (FaultCode::DischargeSlow, 2), "and nothing else discharges it either");
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow)));
+    assert_eq!(
+        bench.send_request(&Request::ClearFaults),
+        Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow))
+    );
     bench.board.rails_show = [None; 2];
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(1);
     assert_eq!(bench.state(), SafetyState::Safe);
     // A rail that charges by itself is noticed too.
@@ -52,38 +55,45 @@ fn safe_is_only_said_of_rails_that_were_measured() {
 #[test]
 fn a_rail_that_stays_charged_is_told_whatever_came_first() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     bench.wait_ms(60);
     // The enclosure is opened and the discharge fails.
     bench.board.rails_show = [Some(900_000), None];
     bench.board.interlock_closed = false;
     bench.wait_ms(1_100);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(
         (fault.code, fault.count),
         (FaultCode::InterlockOpen, 3),
         "the first reason is kept, a slow discharge and one that failed are counted"
     );
     bench.board.interlock_closed = true;
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
+    assert_eq!(
+        bench.send_request(&Request::ClearFaults),
+        Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed))
+    );
     bench.board.rails_show = [None; 2];
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
 }
 
 #[test]
 fn asking_again_does_not_give_the_discharge_more_time() {
     let mut bench = Bench::new();
-    bench.arm();
+    bench.arm_and_await_armed();
     bench.board.rails_show = [Some(900_000), None];
     for _ in 0..3 {
-        bench.ask(&Request::Stop);
+        bench.send_request(&Request::Stop);
         bench.wait_ms(400);
     }
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.count), (FaultCode::DischargeSlow, 2));
     let go = Request::Bootloader { key: BOOTLOADER_KEY };
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)), "no bootloader while charged");
+    assert_eq!(
+        bench.send_request(&go),
+        Reply::Refused(Refusal::Live(SafetyState::Fault)),
+        "no bootloader while charged"
+    );
 }
 
 /// A broken divider shows nothing of a rail that is charged. Whatever is done in which order, the rail counts as charged until a bleeder
@@ -92,9 +102,9 @@ fn asking_again_does_not_give_the_discharge_more_time() {
 fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     let broken = || {
         let mut bench = Bench::new();
-        bench.arm();
-        bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
-        bench.ask(&both());
+        bench.arm_and_await_armed();
+        bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+        bench.send_request(&make_two_drives_request());
         bench.wait_ms(60);
         bench.board.rails_show = [Some(0), None];
         bench
@@ -109,44 +119,44 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     let mut bench = broken();
     bench.wait_ms(15);
     assert_eq!(bench.state(), SafetyState::Fault);
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
     is_safe_after_bleeding(&mut bench);
     // Stopped before it was noticed: no rail falls from 1 kV to nothing within a ms.
     let mut bench = broken();
-    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
     // Nor does the board leave for its bootloader, where nothing measures or discharges.
     let mut bench = broken();
     bench.wait_ms(200);
     assert_eq!(bench.state(), SafetyState::Fault);
     let go = Request::Bootloader { key: BOOTLOADER_KEY };
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)));
+    assert_eq!(bench.send_request(&go), Reply::Refused(Refusal::Live(SafetyState::Fault)));
     bench.wait_ms(800);
-    assert_eq!(bench.ask(&go), Reply::Bootloader);
+    assert_eq!(bench.send_request(&go), Reply::Bootloader);
     // Stopped while the rail was still far above a new, low set-point.
     let mut bench = broken();
     bench.board.rails_show = [None; 2];
     bench.wait_ms(5);
-    let low = [ChannelDrive { voltage_millivolts: 60_000, ..drive(0) }];
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
+    let low = [ChannelDrive { voltage_millivolts: 60_000, ..make_drive(0) }];
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
     bench.board.rails_show = [Some(0), None];
-    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
     // The same with the set-point down already, so that only what was measured tells of the charge.
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
-    let high = [ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) }];
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&high).unwrap() });
+    bench.arm_and_await_armed();
+    bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    let high = [ChannelDrive { voltage_millivolts: 2_000_000, ..make_drive(0) }];
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&high).unwrap() });
     bench.wait_ms(150);
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&low).unwrap() });
     bench.wait_ms(2);
     bench.board.rails_show = [Some(0), None];
-    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
     // Reset instead of waited for: the next run knows of it, and the bleeder has its time from there.
     let mut bench = broken();
-    bench.ask(&Request::Stop);
+    bench.send_request(&Request::Stop);
     bench.wait_ms(2);
     let kept = bench.board.kept;
     assert!(kept.is_some_and(|run| run.is_measurement_distrusted && !run.is_live), "{kept:?}");
@@ -157,28 +167,28 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
     assert!(bench.board.kept.is_some_and(|run| !run.is_measurement_distrusted), "the next start is a sound one");
     // Armed again instead of waited for.
     let mut bench = broken();
-    bench.ask(&Request::Stop);
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    bench.send_request(&Request::Stop);
+    bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
     bench.wait_ms(930);
     assert_eq!(bench.state(), SafetyState::Arming);
     assert!(
         !bench.board.supply.is_enabled_or_any_discharge_open(),
         "nothing is charged before the bleeder has had its time"
     );
-    bench.ask(&Request::KeepAlive);
+    bench.send_request(&Request::KeepAlive);
     bench.wait_ms(200);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::ShortCircuit, 1), "and rail 1 never shows its test voltage");
     // A divider that shows too little, at a rail of too low a voltage for an arc to be told.
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&Request::SetDrives {
-        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 150_000, ..drive(0) }]).unwrap(),
+    bench.arm_and_await_armed();
+    bench.send_request(&Request::SetDrives {
+        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 150_000, ..make_drive(0) }]).unwrap(),
     });
     bench.wait_ms(60);
     bench.board.rails_show = [Some(20_000), None];
     bench.wait_ms(10);
-    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
     is_safe_after_bleeding(&mut bench);
 }
 
@@ -187,22 +197,22 @@ fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
 #[test]
 fn a_dead_discharge_switch_is_a_fault() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     bench.wait_ms(60);
     bench.board.circuit.dead_discharge = true;
-    bench.ask(&Request::Stop);
+    bench.send_request(&Request::Stop);
     bench.wait_ms(15);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DischargeSlow);
-    assert!(!bench.board.live());
+    assert!(!bench.board.is_live());
     bench.wait_ms(1_000);
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(1_000);
     assert_eq!(bench.state(), SafetyState::Safe, "the bleeders have done it");
-    bench.ask(&arm());
+    bench.send_request(&make_arm_request());
     bench.wait_ms(60);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DischargeSlow, "no arming with a dead switch");
 }
 
@@ -210,12 +220,12 @@ fn a_dead_discharge_switch_is_a_fault() {
 #[test]
 fn a_wrong_rail_is_noticed_in_time() {
     let low = || Request::SetDrives {
-        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 500_000, ..drive(0) }]).unwrap(),
+        drives: Short::from_slice(&[ChannelDrive { voltage_millivolts: 500_000, ..make_drive(0) }]).unwrap(),
     };
     let live = || {
         let mut bench = Bench::new();
-        bench.arm();
-        bench.ask(&low());
+        bench.arm_and_await_armed();
+        bench.send_request(&low());
         bench.wait_ms(60);
         assert_eq!(bench.state(), SafetyState::Running);
         bench
@@ -223,23 +233,23 @@ fn a_wrong_rail_is_noticed_in_time() {
     let mut bench = live();
     bench.board.rails_show = [Some(2_000_000), None];
     bench.wait_ms(50);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::DischargeSlow, 12_000));
     // Shown too low, with one good ms in 40.
     let mut bench = live();
     for ms in 0..100 {
         bench.board.rails_show = [(ms % 40 != 39).then_some(440_000), None];
         bench.wait_ms(1);
-        bench.ask(&Request::KeepAlive);
+        bench.send_request(&Request::KeepAlive);
     }
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::RailImplausible);
     // One bad ms in 40 is none.
     let mut bench = live();
     for ms in 0..1_000 {
         bench.board.rails_show = [(ms % 40 == 39).then_some(440_000), None];
         bench.wait_ms(1);
-        bench.ask(&Request::KeepAlive);
+        bench.send_request(&Request::KeepAlive);
     }
     assert_eq!(bench.state(), SafetyState::Running);
 }
@@ -250,16 +260,16 @@ fn a_wrong_rail_is_noticed_in_time() {
 fn a_measurement_that_comes_and_goes_is_noticed() {
     let find_fault = |wrong_ms: u64, period_ms: u64, shown_millivolts: u32, longest_ms: u64| {
         let mut bench = Bench::new();
-        bench.arm();
-        let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(0) };
-        bench.ask(&Request::SetDrives { drives: Short::from_slice(&[low]).unwrap() });
+        bench.arm_and_await_armed();
+        let low = ChannelDrive { voltage_millivolts: 500_000, ..make_drive(0) };
+        bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[low]).unwrap() });
         bench.wait_ms(60);
         for ms in 0..longest_ms {
             bench.board.rails_show = [(ms % period_ms < wrong_ms).then_some(shown_millivolts), None];
             bench.wait_ms(1);
-            bench.ask(&Request::KeepAlive);
+            bench.send_request(&Request::KeepAlive);
         }
-        let Reply::Faults { latched } = bench.ask(&Request::Faults) else { panic!() };
+        let Reply::Faults { latched } = bench.send_request(&Request::Faults) else { panic!() };
         latched.map(|fault| fault.code)
     };
     for period_ms in 2_u64..=20 {
@@ -282,9 +292,9 @@ fn a_measurement_that_comes_and_goes_is_noticed() {
 #[test]
 fn the_rails_start_softly_and_serve_two_voltages() {
     let mut bench = Bench::new();
-    bench.arm();
-    let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(2) };
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0), low]).unwrap() });
+    bench.arm_and_await_armed();
+    let low = ChannelDrive { voltage_millivolts: 500_000, ..make_drive(2) };
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[make_drive(0), low]).unwrap() });
     let mut last = [50_000; 2];
     for _ in 0..48 {
         bench.wait_ms(1);
@@ -294,7 +304,7 @@ fn the_rails_start_softly_and_serve_two_voltages() {
     }
     assert!(last[0] >= 999_000 && last[1] == 50_000, "rail 2 feeds nobody: {last:?}");
     let width = |channel: usize| {
-        let period = bench.board.latest(channel);
+        let period = bench.board.find_latest_period(channel);
         f64::from(period.a.off - period.a.on) / f64::from(period.ticks)
     };
     // A quarter of the force: sin(pi w/2), w being twice the part of the period.
@@ -308,13 +318,13 @@ fn the_rails_start_softly_and_serve_two_voltages() {
 #[test]
 fn a_rail_above_its_set_point_makes_no_more_force() {
     let force = |rail_v: f64, bench: &Bench| {
-        let period = bench.board.latest(0);
+        let period = bench.board.find_latest_period(0);
         let part = f64::from(period.a.off - period.a.on) / f64::from(period.ticks);
         (std::f64::consts::PI * part).sin() * rail_v * rail_v
     };
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0)]).unwrap() });
+    bench.arm_and_await_armed();
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[make_drive(0)]).unwrap() });
     bench.wait_ms(60);
     let asked = force(1_000.0, &bench);
     bench.board.rails_show = [Some(1_050_000), None];
@@ -328,7 +338,7 @@ fn a_rail_above_its_set_point_makes_no_more_force() {
 #[test]
 fn a_rail_that_did_not_come_up_is_not_believed_to_be_discharged() {
     let mut bench = Bench::new();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
+    bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None });
     bench.board.rails_show = [Some(0), None];
     for ms in 0.. {
         assert!(ms < 100, "no fault");
@@ -337,9 +347,9 @@ fn a_rail_that_did_not_come_up_is_not_believed_to_be_discharged() {
             break;
         }
     }
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::ShortCircuit, 1));
-    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
     bench.wait_ms(930);
     assert_eq!(bench.state(), SafetyState::Discharging, "the bleeder has not had its time");
     bench.wait_ms(30);
@@ -350,8 +360,8 @@ fn a_rail_that_did_not_come_up_is_not_believed_to_be_discharged() {
 #[test]
 fn a_late_look_does_not_make_a_rail_jump() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     bench.wait_ms(10);
     let before = bench.board.supply.set_point_millivolts;
     assert!(before[0] > 100_000 && before[0] < 400_000, "{before:?}");
@@ -370,18 +380,18 @@ fn a_late_look_does_not_make_a_rail_jump() {
 fn a_rail_that_shows_too_little_does_not_save_credit() {
     let left_ms = |shown: Option<u32>| {
         let mut bench = Bench::new();
-        bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+        bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
         bench.wait_ms(support::ARMING_MS);
-        let strong = [ChannelDrive { voltage_millivolts: 1_800_000, pulse_width_ppm: 900_000, ..drive(0) }];
-        bench.ask(&Request::SetDrives { drives: Short::from_slice(&strong).unwrap() });
+        let strong = [ChannelDrive { voltage_millivolts: 1_800_000, pulse_width_ppm: 900_000, ..make_drive(0) }];
+        bench.send_request(&Request::SetDrives { drives: Short::from_slice(&strong).unwrap() });
         bench.wait_ms(200);
         bench.board.rails_show = [shown, None];
         for _ in 0..20 {
             bench.wait_ms(100);
-            bench.ask(&Request::KeepAlive);
+            bench.send_request(&Request::KeepAlive);
         }
         assert_eq!(bench.state(), SafetyState::Running);
-        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+        let Reply::Credit(credit) = bench.send_request(&Request::Credit) else { panic!() };
         credit.channels[0].left_ms
     };
     let sound = left_ms(None);
@@ -390,6 +400,6 @@ fn a_rail_that_shows_too_little_does_not_save_credit() {
 }
 
 fn left_ms_of_idle_board() -> u32 {
-    let Reply::Credit(credit) = Bench::new().ask(&Request::Credit) else { panic!() };
+    let Reply::Credit(credit) = Bench::new().send_request(&Request::Credit) else { panic!() };
     credit.channels[0].left_ms
 }

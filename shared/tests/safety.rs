@@ -151,7 +151,7 @@ fn a_live_state_without_a_session_counts_as_silence() {
     assert_eq!(safety.host_silence_us_if_over_deadman(0), Some(u64::MAX));
 }
 
-fn readings(millivolts: u32) -> SensorReadings {
+fn make_readings(millivolts: u32) -> SensorReadings {
     SensorReadings {
         rail_millivolts: [millivolts; 2],
         interlock_closed: true,
@@ -162,8 +162,8 @@ fn readings(millivolts: u32) -> SensorReadings {
 }
 
 /// One step of a self-test at a time in ms, with these rails in V.
-fn step(test: &mut SelfTest, at_ms: u64, volts: [u32; 2]) -> SelfTestVerdict {
-    let readings = SensorReadings { rail_millivolts: volts.map(|volts| volts * 1000), ..readings(0) };
+fn advance_self_test(test: &mut SelfTest, at_ms: u64, volts: [u32; 2]) -> SelfTestVerdict {
+    let readings = SensorReadings { rail_millivolts: volts.map(|volts| volts * 1000), ..make_readings(0) };
     test.advance(at_ms * 1000, &readings, true)
 }
 
@@ -178,59 +178,59 @@ const OFF: (bool, [bool; 2], [u32; 2]) = (false, [true; 2], [0; 2]);
 #[test]
 fn the_self_test_passes_in_order() {
     let mut test = SelfTest::new(0, 2);
-    assert_eq!(supply_command_of_verdict(step(&mut test, 0, [300, 0])), OFF);
-    assert_eq!(step(&mut test, 9, [59, 59]), SelfTestVerdict::TryTrips);
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 0, [300, 0])), OFF);
+    assert_eq!(advance_self_test(&mut test, 9, [59, 59]), SelfTestVerdict::TryTrips);
     assert_eq!(
-        supply_command_of_verdict(step(&mut test, 10, [40, 40])),
+        supply_command_of_verdict(advance_self_test(&mut test, 10, [40, 40])),
         (true, [false, true], [50, 0]),
         "rail 1 alone"
     );
-    assert_eq!(supply_command_of_verdict(step(&mut test, 11, [20, 40])), (true, [false, true], [50, 0]));
-    assert_eq!(step(&mut test, 13, [48, 10]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
-    assert_eq!(supply_command_of_verdict(step(&mut test, 14, [50, 4])), (true, [false; 2], [50; 2]));
-    assert_eq!(step(&mut test, 17, [50, 45]), SelfTestVerdict::TryOverVoltageInputs([true; 2]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 11, [20, 40])), (true, [false, true], [50, 0]));
+    assert_eq!(advance_self_test(&mut test, 13, [48, 10]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 14, [50, 4])), (true, [false; 2], [50; 2]));
+    assert_eq!(advance_self_test(&mut test, 17, [50, 45]), SelfTestVerdict::TryOverVoltageInputs([true; 2]));
     assert_eq!(
-        supply_command_of_verdict(step(&mut test, 18, [50, 48])),
+        supply_command_of_verdict(advance_self_test(&mut test, 18, [50, 48])),
         (false, [false; 2], [50; 2]),
         "disabled, and nothing else"
     );
-    assert_eq!(supply_command_of_verdict(step(&mut test, 28, [46, 44])), (false, [false; 2], [50; 2]));
-    assert_eq!(supply_command_of_verdict(step(&mut test, 29, [46, 44])), OFF, "now the switches");
-    assert_eq!(supply_command_of_verdict(step(&mut test, 30, [30, 28])), OFF);
-    assert_eq!(supply_command_of_verdict(step(&mut test, 31, [14, 12])), (true, [false; 2], [50; 2]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 28, [46, 44])), (false, [false; 2], [50; 2]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 29, [46, 44])), OFF, "now the switches");
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 30, [30, 28])), OFF);
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 31, [14, 12])), (true, [false; 2], [50; 2]));
     for at_ms in [34, 35] {
-        let SelfTestVerdict::Continue(supply) = step(&mut test, at_ms, [48, 48]) else { panic!() };
+        let SelfTestVerdict::Continue(supply) = advance_self_test(&mut test, at_ms, [48, 48]) else { panic!() };
         let withdrawn = SupplyCommand { permitted: false, ..CHARGED };
         assert_eq!(supply, withdrawn, "the permit is withdrawn, and nothing else");
     }
-    assert_eq!(supply_command_of_verdict(step(&mut test, 38, [14, 12])), (true, [false; 2], [50; 2]));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 38, [14, 12])), (true, [false; 2], [50; 2]));
     for (at_ms, channel, electrode) in
         [(41, 0, Electrode::A), (46, 1, Electrode::A), (49, 0, Electrode::B), (52, 1, Electrode::B)]
     {
         let verdict = SelfTestVerdict::TryElectrode { channel, electrode };
-        assert_eq!(step(&mut test, at_ms, [48, 48]), verdict, "every electrode that there is, each alone");
+        assert_eq!(advance_self_test(&mut test, at_ms, [48, 48]), verdict, "every electrode that there is, each alone");
         assert_eq!(
-            supply_command_of_verdict(step(&mut test, at_ms + 1, [34, 48])),
+            supply_command_of_verdict(advance_self_test(&mut test, at_ms + 1, [34, 48])),
             (true, [false; 2], [50; 2]),
             "its rail recovers"
         );
     }
-    assert_eq!(step(&mut test, 55, [48, 48]), SelfTestVerdict::Passed);
+    assert_eq!(advance_self_test(&mut test, 55, [48, 48]), SelfTestVerdict::Passed);
 }
 
 /// While rails are charged again a current flows; before the first electrode and after the last one none may.
 #[test]
 fn nothing_may_flow_before_and_after_the_electrodes() {
-    let with = |microamps: u32| SensorReadings { average_microamps: microamps, ..readings(50_000) };
+    let with = |microamps: u32| SensorReadings { average_microamps: microamps, ..make_readings(50_000) };
     let mut test = SelfTest::new(0, 1);
-    step(&mut test, 0, [0, 0]);
-    step(&mut test, 1, [0, 0]);
-    step(&mut test, 2, [50, 0]);
-    step(&mut test, 3, [50, 0]);
-    step(&mut test, 4, [50, 50]);
-    step(&mut test, 5, [50, 50]);
-    step(&mut test, 16, [45, 45]);
-    step(&mut test, 20, [0, 0]);
+    advance_self_test(&mut test, 0, [0, 0]);
+    advance_self_test(&mut test, 1, [0, 0]);
+    advance_self_test(&mut test, 2, [50, 0]);
+    advance_self_test(&mut test, 3, [50, 0]);
+    advance_self_test(&mut test, 4, [50, 50]);
+    advance_self_test(&mut test, 5, [50, 50]);
+    advance_self_test(&mut test, 16, [45, 45]);
+    advance_self_test(&mut test, 20, [0, 0]);
     let withdrawn = SupplyCommand { permitted: false, ..CHARGED };
     assert_eq!(test.advance(25_000, &with(21), true), SelfTestVerdict::Continue(CHARGED));
     assert_eq!(
@@ -238,7 +238,7 @@ fn nothing_may_flow_before_and_after_the_electrodes() {
         SelfTestVerdict::Continue(withdrawn),
         "before the permit likewise"
     );
-    step(&mut test, 29, [0, 0]);
+    advance_self_test(&mut test, 29, [0, 0]);
     assert_eq!(test.advance(34_000, &with(21), true), SelfTestVerdict::Continue(CHARGED));
     let is_tried = |verdict| matches!(verdict, SelfTestVerdict::TryElectrode { .. });
     assert!(is_tried(test.advance(35_000, &with(20), true)));
@@ -289,25 +289,25 @@ fn each_way_to_fail_the_self_test_has_its_code() {
         _ => None,
     };
     let open = [
-        (SensorReadings { interlock_closed: false, ..readings(0) }, FaultCode::InterlockOpen),
-        (SensorReadings { stop_released: false, ..readings(0) }, FaultCode::EmergencyStop),
-        (SensorReadings { earth_bonded: false, ..readings(0) }, FaultCode::EarthOpen),
+        (SensorReadings { interlock_closed: false, ..make_readings(0) }, FaultCode::InterlockOpen),
+        (SensorReadings { stop_released: false, ..make_readings(0) }, FaultCode::EmergencyStop),
+        (SensorReadings { earth_bonded: false, ..make_readings(0) }, FaultCode::EarthOpen),
     ];
     for (readings, code) in open {
         assert_eq!(failed(SelfTest::new(0, 2).advance(0, &readings, true)), Some((code, 0)));
     }
     let mut test = SelfTest::new(0, 2);
-    assert_eq!(failed(step(&mut test, 1_000, [60, 0])), None);
-    assert_eq!(failed(step(&mut test, 1_001, [60, 0])), Some((FaultCode::DischargeFailed, 10_060)));
+    assert_eq!(failed(advance_self_test(&mut test, 1_000, [60, 0])), None);
+    assert_eq!(failed(advance_self_test(&mut test, 1_001, [60, 0])), Some((FaultCode::DischargeFailed, 10_060)));
     // Whose measurement is not trusted waits, whatever is measured.
     let mut test = SelfTest::new(0, 2);
-    assert_eq!(test.advance(0, &readings(0), false), SelfTestVerdict::Continue(SupplyCommand::OFF));
-    assert_eq!(test.advance(1_000, &readings(0), true), SelfTestVerdict::TryTrips);
+    assert_eq!(test.advance(0, &make_readings(0), false), SelfTestVerdict::Continue(SupplyCommand::OFF));
+    assert_eq!(test.advance(1_000, &make_readings(0), true), SelfTestVerdict::TryTrips);
 
     let at_first = || {
         let mut test = SelfTest::new(0, 2);
-        step(&mut test, 0, [0; 2]);
-        step(&mut test, 1, [0; 2]);
+        advance_self_test(&mut test, 0, [0; 2]);
+        advance_self_test(&mut test, 1, [0; 2]);
         test
     };
     for (volts, finding) in [
@@ -318,46 +318,50 @@ fn each_way_to_fail_the_self_test_has_its_code() {
         ([50, 50], (FaultCode::SelfTest, 2_002)),
     ] {
         let mut test = at_first();
-        assert_eq!(failed(step(&mut test, 61, volts)), None, "it has until 60 ms");
-        assert_eq!(failed(step(&mut test, 62, volts)), Some(finding), "{volts:?}");
+        assert_eq!(failed(advance_self_test(&mut test, 61, volts)), None, "it has until 60 ms");
+        assert_eq!(failed(advance_self_test(&mut test, 62, volts)), Some(finding), "{volts:?}");
     }
     let at_both = || {
         let mut test = at_first();
-        assert_eq!(step(&mut test, 5, [50, 0]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
-        assert_eq!(supply_command_of_verdict(step(&mut test, 6, [50, 0])), (true, [false; 2], [50; 2]));
+        assert_eq!(advance_self_test(&mut test, 5, [50, 0]), SelfTestVerdict::TryOverVoltageInputs([true, false]));
+        assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 6, [50, 0])), (true, [false; 2], [50; 2]));
         test
     };
     for (volts, detail) in [([50, 10], 2), ([34, 50], 1), ([66, 50], 1)] {
-        assert_eq!(failed(step(&mut at_both(), 67, volts)), Some((FaultCode::ShortCircuit, detail)), "{volts:?}");
+        assert_eq!(
+            failed(advance_self_test(&mut at_both(), 67, volts)),
+            Some((FaultCode::ShortCircuit, detail)),
+            "{volts:?}"
+        );
     }
-    let leaks = SensorReadings { average_microamps: 21, ..readings(TEST_MILLIVOLTS) };
+    let leaks = SensorReadings { average_microamps: 21, ..make_readings(TEST_MILLIVOLTS) };
     assert_eq!(failed(at_both().advance(67_000, &leaks, true)), Some((FaultCode::ShortCircuit, 0)));
     let at_enable = || {
         let mut test = at_both();
-        assert_eq!(step(&mut test, 10, [50; 2]), SelfTestVerdict::TryOverVoltageInputs([true; 2]));
+        assert_eq!(advance_self_test(&mut test, 10, [50; 2]), SelfTestVerdict::TryOverVoltageInputs([true; 2]));
         test
     };
     let at_bleeding = || {
         let mut test = at_enable();
-        assert_eq!(supply_command_of_verdict(step(&mut test, 11, [50; 2])), (false, [false; 2], [50; 2]));
+        assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 11, [50; 2])), (false, [false; 2], [50; 2]));
         test
     };
     // The supply goes on though it is disabled.
-    assert_eq!(failed(step(&mut at_bleeding(), 22, [46, 49])), Some((FaultCode::SelfTest, 2_012)));
-    assert_eq!(failed(step(&mut at_bleeding(), 22, [50, 46])), Some((FaultCode::SelfTest, 2_011)));
+    assert_eq!(failed(advance_self_test(&mut at_bleeding(), 22, [46, 49])), Some((FaultCode::SelfTest, 2_012)));
+    assert_eq!(failed(advance_self_test(&mut at_bleeding(), 22, [50, 46])), Some((FaultCode::SelfTest, 2_011)));
     // A discharge switch does not close.
     let mut test = at_bleeding();
-    assert_eq!(supply_command_of_verdict(step(&mut test, 22, [46; 2])), OFF);
-    assert_eq!(failed(step(&mut test, 35, [5, 42])), None);
-    assert_eq!(failed(step(&mut test, 36, [5, 41])), Some((FaultCode::DischargeSlow, 20_041)));
+    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 22, [46; 2])), OFF);
+    assert_eq!(failed(advance_self_test(&mut test, 35, [5, 42])), None);
+    assert_eq!(failed(advance_self_test(&mut test, 36, [5, 41])), Some((FaultCode::DischargeSlow, 20_041)));
     // A rail stays up without the permit.
     for (volts, detail) in [([50, 50], 21), ([16, 5], 21), ([5, 16], 22)] {
         let mut test = at_bleeding();
-        assert_eq!(supply_command_of_verdict(step(&mut test, 22, [46; 2])), OFF);
-        assert_eq!(supply_command_of_verdict(step(&mut test, 26, [5; 2])), (true, [false; 2], [50; 2]));
-        step(&mut test, 30, [50; 2]);
-        assert_eq!(failed(step(&mut test, 43, volts)), None, "it has until 13 ms");
-        assert_eq!(failed(step(&mut test, 44, volts)), Some((FaultCode::Permit, detail)), "{volts:?}");
+        assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 22, [46; 2])), OFF);
+        assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 26, [5; 2])), (true, [false; 2], [50; 2]));
+        advance_self_test(&mut test, 30, [50; 2]);
+        assert_eq!(failed(advance_self_test(&mut test, 43, volts)), None, "it has until 13 ms");
+        assert_eq!(failed(advance_self_test(&mut test, 44, volts)), Some((FaultCode::Permit, detail)), "{volts:?}");
     }
 }
 

@@ -8,7 +8,7 @@ use era_shared::waveform::{
     ChannelGoal, Effect, Electrode, FULL_STRENGTH, ModelTimers, OutputPair, Pulse, Segment, compute_channel_program,
 };
 use proptest::prelude::*;
-use support::limits;
+use support::make_channel_limits;
 
 const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
 const CLOCKS_PER_US: u64 = 170;
@@ -30,7 +30,7 @@ impl Timers {
         Self { model, pulses: vec![Vec::new(); 4], now_us: Self::STARTED_US }
     }
 
-    fn poll(&mut self) {
+    fn run_model_and_record_pulses(&mut self) {
         let pulses = &mut self.pulses;
         let told = self.model.run_and_preload(self.now_us, |channel, pulse| match pulses[channel].last_mut() {
             // A pulse that was going on when the model last stopped is told in two parts.
@@ -45,33 +45,33 @@ impl Timers {
         while self.now_us < end {
             self.now_us = (self.now_us + 1000)
                 .min(self.model.sequencer.next_extra_poll_us_if_needed().unwrap_or(u64::MAX).max(self.now_us + 1));
-            self.poll();
+            self.run_model_and_record_pulses();
         }
     }
 
-    fn set(&mut self, drives: &[ChannelDrive], drives_without_envelope: bool) {
+    fn set_drives(&mut self, drives: &[ChannelDrive], drives_without_envelope: bool) {
         let mut goals = [None; 4];
         for drive in drives {
             goals[usize::from(drive.channel)] = Some(ChannelGoal {
-                program: compute_channel_program(&limits(), drive).unwrap(),
+                program: compute_channel_program(&make_channel_limits(), drive).unwrap(),
                 drives_without_envelope,
             });
         }
         self.model.sequencer.set_or_end_drives_from_next_boundary(&goals, self.now_us);
-        self.poll();
+        self.run_model_and_record_pulses();
     }
 
-    fn forget(&mut self) {
+    fn clear_recorded_pulses(&mut self) {
         self.pulses.iter_mut().for_each(Vec::clear);
     }
 
     /// Centres of A's last pulse, in half clocks.
-    fn last_a(&self, channel: usize) -> u64 {
+    fn find_last_a_pulse_centre_half_clocks(&self, channel: usize) -> u64 {
         let pulse = self.pulses[channel].iter().rev().skip(1).find(|pulse| pulse.electrode == Electrode::A).unwrap();
         pulse.from + pulse.to
     }
 
-    fn check(&self) {
+    fn check_overlap_and_guards(&self) {
         for check in &self.model.checks {
             assert_eq!(check.overlap, 0);
             assert!(check.least_guard.is_none_or(|guard| guard >= GUARD_CLOCKS), "{check:?}");
@@ -79,15 +79,17 @@ impl Timers {
     }
 }
 
-fn drive(channel: u8, frequency_millihertz: u32, phase_microturns: u32) -> ChannelDrive {
-    ChannelDrive { frequency_millihertz, phase_microturns, pulse_width_ppm: 400_000, ..support::drive(channel) }
+fn make_drive(channel: u8, frequency_millihertz: u32, phase_microturns: u32) -> ChannelDrive {
+    ChannelDrive { frequency_millihertz, phase_microturns, pulse_width_ppm: 400_000, ..support::make_drive(channel) }
 }
 
 /// How far the phase of channel 1 against channel 0 is from what was asked, in ticks.
-fn phase_error(timers: &Timers, first: &ChannelDrive, second: &ChannelDrive) -> f64 {
-    let planned = compute_channel_program(&limits(), first).unwrap();
+fn measure_phase_error_ticks(timers: &Timers, first: &ChannelDrive, second: &ChannelDrive) -> f64 {
+    let planned = compute_channel_program(&make_channel_limits(), first).unwrap();
     let clocks = planned.period_clocks() as f64;
-    let later = (timers.last_a(0) as f64 - timers.last_a(1) as f64) / 2.0;
+    let later = (timers.find_last_a_pulse_centre_half_clocks(0) as f64
+        - timers.find_last_a_pulse_centre_half_clocks(1) as f64)
+        / 2.0;
     let asked = (f64::from(second.phase_microturns) - f64::from(first.phase_microturns)) / 1e6;
     let turns = (later / clocks - asked + 0.5).rem_euclid(1.0) - 0.5;
     turns.abs() * f64::from(planned.ticks)
@@ -98,20 +100,20 @@ fn a_drive_begins_within_two_ms_and_ends_at_a_boundary() {
     let mut timers = Timers::new();
     timers.run_ms(3);
     let began = (timers.now_us - Timers::STARTED_US) * CLOCKS_PER_US;
-    timers.set(&[drive(0, 150_000, 0)], true);
+    timers.set_drives(&[make_drive(0, 150_000, 0)], true);
     timers.run_ms(100);
-    let planned = compute_channel_program(&limits(), &drive(0, 150_000, 0)).unwrap();
+    let planned = compute_channel_program(&make_channel_limits(), &make_drive(0, 150_000, 0)).unwrap();
     let first = timers.pulses[0][0];
     assert_eq!(first.electrode, Electrode::A);
     let boundary = first.from - u64::from(planned.full_level_period().a.on) * u64::from(planned.divider);
     assert!(boundary > began && boundary <= began + 2 * 170_000, "{boundary} {began}");
     assert!(timers.pulses[1].is_empty());
-    timers.set(&[], true);
+    timers.set_drives(&[], true);
     timers.run_ms(20);
-    timers.forget();
+    timers.clear_recorded_pulses();
     timers.run_ms(50);
     assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.is_active_or_preloaded_period_driving(0));
-    timers.check();
+    timers.check_overlap_and_guards();
     let width = u64::from(planned.width) * u64::from(planned.divider);
     assert_eq!(timers.model.checks[0].least_pulse, Some(width), "no pulse was cut short");
 }
@@ -119,33 +121,37 @@ fn a_drive_begins_within_two_ms_and_ends_at_a_boundary() {
 #[test]
 fn an_unchanged_drive_goes_on_undisturbed() {
     let mut timers = Timers::new();
-    let (first, second) = (drive(0, 100_000, 0), drive(1, 100_000, 250_000));
-    timers.set(&[first, second], true);
+    let (first, second) = (make_drive(0, 100_000, 0), make_drive(1, 100_000, 250_000));
+    timers.set_drives(&[first, second], true);
     timers.run_ms(200);
     let before = timers.pulses[0].len();
-    let expected = timers.last_a(0) / 2;
+    let expected = timers.find_last_a_pulse_centre_half_clocks(0) / 2;
     // The other channel changes its phase, its width, then its frequency; a third one comes.
-    timers.set(&[first, drive(1, 100_000, 500_000)], true);
+    timers.set_drives(&[first, make_drive(1, 100_000, 500_000)], true);
     timers.run_ms(100);
-    timers.set(
-        &[first, ChannelDrive { pulse_width_ppm: 200_000, ..drive(1, 100_000, 500_000) }, drive(2, 77_000, 0)],
+    timers.set_drives(
+        &[
+            first,
+            ChannelDrive { pulse_width_ppm: 200_000, ..make_drive(1, 100_000, 500_000) },
+            make_drive(2, 77_000, 0),
+        ],
         true,
     );
     timers.run_ms(100);
-    let period = compute_channel_program(&limits(), &first).unwrap().period_clocks();
+    let period = compute_channel_program(&make_channel_limits(), &first).unwrap().period_clocks();
     let told: Vec<_> = timers.pulses[0][before..].iter().filter(|pulse| pulse.electrode == Electrode::A).collect();
     assert!(told.len() >= 18);
     for pulse in told {
         assert_eq!(((pulse.from + pulse.to) / 2).abs_diff(expected) % period, 0, "still on its own lattice");
     }
-    timers.check();
+    timers.check_overlap_and_guards();
 }
 
 #[test]
 fn a_click_has_its_cycles_and_its_brake() {
     for frequency_millihertz in [40_000, 150_000, 333_300, 700_000, 999_999] {
         let mut timers = Timers::new();
-        timers.set(&[drive(0, frequency_millihertz, 0)], false);
+        timers.set_drives(&[make_drive(0, frequency_millihertz, 0)], false);
         timers.run_ms(50);
         assert!(timers.pulses[0].is_empty(), "prepared is silent");
         assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
@@ -157,19 +163,19 @@ fn a_click_has_its_cycles_and_its_brake() {
         let electrodes: Vec<_> = timers.pulses[0].iter().map(|pulse| pulse.electrode).collect();
         use Electrode::{A, B};
         assert_eq!(electrodes, [A, B, A, B, A, B, B, A, B, A], "at {frequency_millihertz} mHz");
-        let planned = compute_channel_program(&limits(), &drive(0, frequency_millihertz, 0)).unwrap();
+        let planned = compute_channel_program(&make_channel_limits(), &make_drive(0, frequency_millihertz, 0)).unwrap();
         let start = (50_000 + 7_300) * CLOCKS_PER_US;
         let boundary =
             timers.pulses[0][0].from - u64::from(planned.full_level_period().a.on) * u64::from(planned.divider);
         assert!(boundary >= start && boundary < start + planned.period_clocks(), "the first boundary after its start");
-        timers.check();
+        timers.check_overlap_and_guards();
     }
 }
 
 #[test]
 fn ramps_widen_and_trains_pulse() {
     let mut timers = Timers::new();
-    timers.set(&[drive(0, 200_000, 0)], false);
+    timers.set_drives(&[make_drive(0, 200_000, 0)], false);
     timers.run_ms(5);
     assert!(timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_swell(50, 20, 50)));
     timers.run_ms(150);
@@ -178,14 +184,14 @@ fn ramps_widen_and_trains_pulse() {
     assert!(widths[..top].is_sorted() && top >= 18, "{widths:?}");
     assert!(widths[top..].is_sorted_by(|one, next| one >= next));
     // A force of half the height: sin(pi w / 2) halves. The ramp's middle of 50 ms is between cycles 4 and 5.
-    let planned = compute_channel_program(&limits(), &drive(0, 200_000, 0)).unwrap();
+    let planned = compute_channel_program(&make_channel_limits(), &make_drive(0, 200_000, 0)).unwrap();
     let force = |width: u64| {
         let part = 2.0 * width as f64 / planned.period_clocks() as f64;
         (std::f64::consts::FRAC_PI_2 * part).sin()
     };
     let half = force(widths[2 * 4]) / force(widths[top]);
     assert!((half - 0.45).abs() < 0.06, "{half}");
-    timers.forget();
+    timers.clear_recorded_pulses();
     assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
         0,
         timers.now_us,
@@ -194,7 +200,7 @@ fn ramps_widen_and_trains_pulse() {
     timers.run_ms(300);
     let gaps = timers.pulses[0].windows(2).filter(|pair| pair[1].from - pair[0].to > 20_000 * CLOCKS_PER_US).count();
     assert_eq!((timers.pulses[0].len(), gaps), (3 * 4 * 2, 2), "4 cycles of 5 ms, three times");
-    timers.check();
+    timers.check_overlap_and_guards();
 }
 
 #[test]
@@ -212,7 +218,7 @@ fn effects_are_checked_and_queued_in_order() {
         !timers.model.sequencer.queue_effect_if_goal_and_room(0, timers.now_us, &Effect::new_click(1, 0)),
         "no drive"
     );
-    timers.set(&[drive(0, 500_000, 0)], false);
+    timers.set_drives(&[make_drive(0, 500_000, 0)], false);
     let now_us = timers.now_us;
     for (start_ms, cycles) in [(90, 4), (30, 2), (60, 3), (10, 1)] {
         assert!(timers.model.sequencer.queue_effect_if_goal_and_room(
@@ -232,10 +238,10 @@ fn effects_are_checked_and_queued_in_order() {
 #[test]
 fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
     let mut timers = Timers::new();
-    timers.set(&[drive(0, 100_000, 0)], true);
+    timers.set_drives(&[make_drive(0, 100_000, 0)], true);
     timers.model.sequencer.set_force_fraction_of_drive_windows(0, FULL_STRENGTH / 4);
     timers.run_ms(50);
-    let planned = compute_channel_program(&limits(), &drive(0, 100_000, 0)).unwrap();
+    let planned = compute_channel_program(&make_channel_limits(), &make_drive(0, 100_000, 0)).unwrap();
     let angle = |ticks: f64| std::f64::consts::PI * ticks / f64::from(planned.ticks);
     let width = timers.model.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
     let ratio = angle(width).sin() / angle(f64::from(planned.width)).sin();
@@ -260,7 +266,7 @@ fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(support::cases(3_000)))]
+    #![proptest_config(ProptestConfig::with_cases(support::reduce_case_count_under_miri(3_000)))]
 
     /// Any drives after any others, at any time, with polls that come late: never both on, never less than the guard, never a
     /// pulse shorter than one that was asked for.
@@ -274,17 +280,17 @@ proptest! {
             let all = [drives.0, drives.1, drives.2, drives.3];
             let chosen: Vec<_> = all.into_iter().zip(on).filter(|(_, on)| *on).map(|(drive, _)| drive).collect();
             for drive in &chosen {
-                let planned = compute_channel_program(&limits(), drive).unwrap();
+                let planned = compute_channel_program(&make_channel_limits(), drive).unwrap();
                 narrowest = narrowest.min(u64::from(planned.width) * u64::from(planned.divider));
             }
-            timers.set(&chosen, true);
+            timers.set_drives(&chosen, true);
             timers.run_ms(wait_ms);
             // Once a poll is late.
             timers.now_us += offset_us + late_us;
-            timers.poll();
+            timers.run_model_and_record_pulses();
         }
         timers.run_ms(20);
-        timers.check();
+        timers.check_overlap_and_guards();
         for check in &timers.model.checks {
             prop_assert!(check.least_pulse.is_none_or(|pulse| pulse >= narrowest), "{:?} {}", check, narrowest);
         }
@@ -297,24 +303,25 @@ proptest! {
         phases in prop::array::uniform2(0_u32..1_000_000), later in 0_u32..1_000_000, wait_ms in 0_u64..50
     ) {
         let mut timers = Timers::new();
-        timers.set(&[before.0, before.1], true);
+        timers.set_drives(&[before.0, before.1], true);
         timers.run_ms(wait_ms);
-        let (first, second) = (drive(0, frequency_millihertz, phases[0]), drive(1, frequency_millihertz, phases[1]));
-        timers.set(&[first, second], true);
+        let first = make_drive(0, frequency_millihertz, phases[0]);
+        let second = make_drive(1, frequency_millihertz, phases[1]);
+        timers.set_drives(&[first, second], true);
         // A period of 1 Hz may have to end first.
         timers.run_ms(1_300);
-        timers.forget();
+        timers.clear_recorded_pulses();
         timers.run_ms(400);
-        let error = phase_error(&timers, &first, &second);
+        let error = measure_phase_error_ticks(&timers, &first, &second);
         prop_assert!(error <= 1.0, "{error} ticks");
         // One of them is given another phase while the other goes on.
-        let second = drive(1, frequency_millihertz, later);
-        timers.set(&[first, second], true);
+        let second = make_drive(1, frequency_millihertz, later);
+        timers.set_drives(&[first, second], true);
         timers.run_ms(300);
-        timers.forget();
+        timers.clear_recorded_pulses();
         timers.run_ms(2_000);
-        let error = phase_error(&timers, &first, &second);
+        let error = measure_phase_error_ticks(&timers, &first, &second);
         prop_assert!(error <= 1.0, "{error} ticks after a change");
-        timers.check();
+        timers.check_overlap_and_guards();
     }
 }

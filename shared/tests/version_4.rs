@@ -7,21 +7,21 @@ use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
 use heapless::Vec as Short;
-use support::{Bench, arm, both, drive};
+use support::{Bench, make_arm_request, make_drive, make_two_drives_request};
 
 /// A repeated request is not played again: 12 ms of a drive stay 12 ms. Another one is played after it, and loses nothing.
 #[test]
 fn an_effect_is_played_once_and_the_next_after_it() {
     let mut bench = Bench::new();
-    bench.arm();
-    let prepare = Request::Prepare { drives: Short::from_slice(&[drive(0)]).unwrap() };
-    bench.ask(&prepare);
+    bench.arm_and_await_armed();
+    let prepare = Request::Prepare { drives: Short::from_slice(&[make_drive(0)]).unwrap() };
+    bench.send_request(&prepare);
     bench.wait_ms(60);
     let play = |number| Request::PlayOnce { number, channel: 0, start_us: 0, effect: Effect::new_click(2, 2) };
     // Periods in which something is on.
     let driven = |bench: &mut Bench| {
         for _ in 0..20 {
-            bench.ask(&Request::KeepAlive);
+            bench.send_request(&Request::KeepAlive);
             bench.wait_ms(10);
         }
         let own: Vec<_> = bench.board.preloads.iter().filter(|it| it.channel == 0).collect();
@@ -30,15 +30,15 @@ fn an_effect_is_played_once_and_the_next_after_it() {
         bench.board.preloads.clear();
         clocks as f64 * 150.0 / 170e6
     };
-    assert_eq!(bench.ask(&play(1)), Reply::Playing);
+    assert_eq!(bench.send_request(&play(1)), Reply::Playing);
     bench.wait_ms(1);
-    assert_eq!(bench.ask(&play(1)), Reply::Playing, "its answer was lost");
+    assert_eq!(bench.send_request(&play(1)), Reply::Playing, "its answer was lost");
     let periods = driven(&mut bench);
     assert!((periods - 4.0).abs() < 0.4, "{periods}");
-    bench.ask(&prepare);
-    assert_eq!(bench.ask(&play(2)), Reply::Playing);
+    bench.send_request(&prepare);
+    assert_eq!(bench.send_request(&play(2)), Reply::Playing);
     bench.board.now_us += 1_000;
-    assert_eq!(bench.ask(&play(3)), Reply::Playing);
+    assert_eq!(bench.send_request(&play(3)), Reply::Playing);
     let periods = driven(&mut bench);
     assert!((periods - 8.0).abs() < 0.4, "two clicks of four periods: {periods}");
 }
@@ -49,27 +49,32 @@ fn a_fault_is_cleared_by_its_number() {
     let mut bench = Bench::new();
     bench.board.trip = Some((FaultCode::OverCurrent, 0));
     bench.wait_ms(1);
-    let Reply::NumberedFault { number: 1, latched: Some(fault) } = bench.ask(&Request::NumberedFault) else { panic!() };
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = bench.send_request(&Request::NumberedFault) else {
+        panic!()
+    };
     assert_eq!(fault.code, FaultCode::OverCurrent);
-    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared);
-    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::FaultsCleared, "repeated");
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 1 }), Reply::FaultsCleared);
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 1 }), Reply::FaultsCleared, "repeated");
     bench.board.trip = Some((FaultCode::EmergencyStop, 0));
     bench.wait_ms(1);
-    assert_eq!(bench.ask(&Request::ClearFault { number: 1 }), Reply::Refused(Refusal::OtherFault { number: 2 }));
-    assert_eq!(bench.ask(&Request::ClearFault { number: 2 }), Reply::FaultsCleared);
+    assert_eq!(
+        bench.send_request(&Request::ClearFault { number: 1 }),
+        Reply::Refused(Refusal::OtherFault { number: 2 })
+    );
+    assert_eq!(bench.send_request(&Request::ClearFault { number: 2 }), Reply::FaultsCleared);
 }
 
 /// A link that was closed and opened again has another program at its end: the session of the one before is over.
 #[test]
 fn a_reopened_link_ends_its_session() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     let [first, second] = &mut bench.ports;
     bench.device.reopen_link_switching_off_if_armed(&mut bench.board, second);
     assert_eq!(bench.device.state(), SafetyState::Running, "another link is nobody's session");
     bench.device.reopen_link_switching_off_if_armed(&mut bench.board, first);
-    assert!(!bench.board.live());
+    assert!(!bench.board.is_live());
     bench.wait_ms(20);
     assert_eq!(bench.state(), SafetyState::Safe, "which is no fault");
 }
@@ -78,11 +83,11 @@ fn a_reopened_link_ends_its_session() {
 #[test]
 fn refused_requests_do_not_feed_the_dead_man_timer() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&both());
+    bench.arm_and_await_armed();
+    bench.send_request(&make_two_drives_request());
     for _ in 0..3 {
         bench.wait_ms(100);
-        let refused = bench.ask(&Request::Arm { deadman_ms: Some(7) });
+        let refused = bench.send_request(&Request::Arm { deadman_ms: Some(7) });
         assert!(matches!(refused, Reply::Refused(_)), "{refused:?}");
     }
     assert_eq!(bench.state(), SafetyState::Fault);
@@ -93,13 +98,13 @@ fn the_bootloader_swallows_no_trip_and_nothing_is_armed_on_the_way() {
     let mut bench = Bench::new();
     let go = Request::Bootloader { key: BOOTLOADER_KEY };
     bench.board.trip = Some((FaultCode::OverVoltage, 0));
-    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::StillThere(FaultCode::OverVoltage)));
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(bench.send_request(&go), Reply::Refused(Refusal::StillThere(FaultCode::OverVoltage)));
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::OverVoltage);
-    bench.ask(&Request::ClearFaults);
+    bench.send_request(&Request::ClearFaults);
     bench.wait_ms(1_000);
-    assert_eq!(bench.ask(&go), Reply::Bootloader);
-    assert_eq!(bench.ask(&arm()), Reply::Refused(Refusal::Restarting));
+    assert_eq!(bench.send_request(&go), Reply::Bootloader);
+    assert_eq!(bench.send_request(&make_arm_request()), Reply::Refused(Refusal::Restarting));
 }
 
 /// Set-points, measurements and trips refer to one supply: if it is wrong, all of them agree with each other. The chip's own reference tells.
@@ -109,19 +114,22 @@ fn a_wrong_reference_is_a_fault_in_every_state() {
         for is_live in [false, true] {
             let mut bench = Bench::new();
             if is_live {
-                bench.arm();
+                bench.arm_and_await_armed();
             }
             bench.board.reference_millivolts = millivolts;
             bench.wait_ms(8);
-            let Reply::NumberedFault { latched: Some(fault), .. } = bench.ask(&Request::NumberedFault) else {
+            let Reply::NumberedFault { latched: Some(fault), .. } = bench.send_request(&Request::NumberedFault) else {
                 panic!()
             };
             assert_eq!((fault.code, fault.detail), (FaultCode::Reference, millivolts));
-            assert!(!bench.board.live());
-            assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::Reference)));
+            assert!(!bench.board.is_live());
+            assert_eq!(
+                bench.send_request(&Request::ClearFaults),
+                Reply::Refused(Refusal::StillThere(FaultCode::Reference))
+            );
             bench.board.reference_millivolts = 3_300;
             bench.wait_ms(40);
-            assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+            assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
         }
     }
     let mut bench = Bench::new();
@@ -136,13 +144,13 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     let mut bench = Bench::new();
     let idle = KeptRun { is_live: false, is_measurement_distrusted: false, credit_ms: [60_000; 4] };
     assert_eq!(bench.board.kept, Some(idle));
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
     bench.wait_ms(support::ARMING_MS);
-    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(0) };
-    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[strong]).unwrap() });
+    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..make_drive(0) };
+    bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[strong]).unwrap() });
     for _ in 0..8 {
         bench.wait_ms(500);
-        bench.ask(&Request::KeepAlive);
+        bench.send_request(&Request::KeepAlive);
     }
     let Some(kept @ KeptRun { is_live: true, credit_ms, .. }) = bench.board.kept else {
         panic!("{:?}", bench.board.kept)
@@ -154,11 +162,13 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     next.board.info.fault_before_reset = Some((FaultCode::ResetWhileLive, 0));
     next.device = era_shared::device::Device::new();
     next.device.complete_boot_to_discharging_or_fault(&mut next.board);
-    let Reply::Credit(credit) = next.ask(&Request::Credit) else { panic!() };
+    let Reply::Credit(credit) = next.send_request(&Request::Credit) else { panic!() };
     assert_eq!(credit.channels[0].left_ms, credit_ms[0]);
     assert_eq!(next.state(), SafetyState::Fault);
-    let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.ask(&Request::NumberedFault) else { panic!() };
+    let Reply::NumberedFault { number: 1, latched: Some(fault) } = next.send_request(&Request::NumberedFault) else {
+        panic!()
+    };
     assert_eq!(fault.code, FaultCode::ResetWhileLive);
-    bench.ask(&Request::Stop);
+    bench.send_request(&Request::Stop);
     assert_eq!(bench.board.kept.map(|run| run.is_live), Some(false), "at once, and not a ms later");
 }

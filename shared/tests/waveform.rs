@@ -8,14 +8,14 @@ use era_shared::waveform::{
     WindowsError, compute_channel_program,
 };
 use proptest::prelude::*;
-use support::limits;
+use support::make_channel_limits;
 
 const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
 
 /// All that must hold for a drive that was accepted, seen from the edges.
 fn check_edges(drive: &ChannelDrive) -> Result<(), TestCaseError> {
-    let planned =
-        compute_channel_program(&limits(), drive).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
+    let planned = compute_channel_program(&make_channel_limits(), drive)
+        .map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
     let registers = TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS);
     let windows =
         ElectrodeWindows::from_registers(&registers).map_err(|error| TestCaseError::fail(format!("{error:?}")))?;
@@ -56,7 +56,7 @@ fn check_edges(drive: &ChannelDrive) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(support::cases(20_000)))]
+    #![proptest_config(ProptestConfig::with_cases(support::reduce_case_count_under_miri(20_000)))]
 
     #[test]
     fn accepted_drives_have_safe_edges(
@@ -81,7 +81,7 @@ proptest! {
     #[test]
     fn any_request_is_safe_or_refused(frequency_millihertz: u32, pulse_width_ppm: u32, phase_microturns: u32, voltage_millivolts: u32) {
         let drive = ChannelDrive { channel: 0, frequency_millihertz, pulse_width_ppm, phase_microturns, voltage_millivolts };
-        if compute_channel_program(&limits(), &drive).is_ok() {
+        if compute_channel_program(&make_channel_limits(), &drive).is_ok() {
             check_edges(&drive)?;
         }
     }
@@ -89,8 +89,8 @@ proptest! {
     /// A board whose configuration asks for less than 88 us keeps them: 40 us until the lower switch is on, and 1.2 x 3.507 x 11.6 us.
     #[test]
     fn the_guard_is_never_under_88_us(min_guard_ns in 0_u32..88_000, frequency_millihertz in 1_000_u32..=1_000_000, pulse_width_ppm in 1_u32..=1_000_000) {
-        let limits = ChannelLimits { min_guard_ns, ..limits() };
-        let drive = ChannelDrive { frequency_millihertz, pulse_width_ppm, ..support::drive(0) };
+        let limits = ChannelLimits { min_guard_ns, ..make_channel_limits() };
+        let drive = ChannelDrive { frequency_millihertz, pulse_width_ppm, ..support::make_drive(0) };
         if let Ok(planned) = compute_channel_program(&limits, &drive) {
             let windows = ElectrodeWindows::from_registers(&TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS)).unwrap();
             prop_assert!(f64::from(windows.shortest_guard_ticks().unwrap()) * windows.tick_length_s(170_000_000) >= 88e-6);
@@ -126,7 +126,7 @@ fn every_boundary_frequency() {
             frequency_millihertz,
             pulse_width_ppm: 300_000,
             phase_microturns: 499_999,
-            ..support::drive(0)
+            ..support::make_drive(0)
         };
         check_edges(&drive).unwrap();
     }
@@ -210,9 +210,9 @@ fn preload_break_and_idle_of_the_model() {
 
 #[test]
 fn each_way_to_be_out_of_range_has_its_error() {
-    let good = support::drive(0);
-    let fails = |drive: ChannelDrive| compute_channel_program(&limits(), &drive).unwrap_err();
-    assert!(compute_channel_program(&limits(), &good).is_ok());
+    let good = support::make_drive(0);
+    let fails = |drive: ChannelDrive| compute_channel_program(&make_channel_limits(), &drive).unwrap_err();
+    assert!(compute_channel_program(&make_channel_limits(), &good).is_ok());
     assert_eq!(
         fails(ChannelDrive { frequency_millihertz: 999, ..good }),
         DriveError::Frequency { requested_millihertz: 999, min_millihertz: 1_000, max_millihertz: 1_000_000 }
@@ -239,7 +239,7 @@ fn each_way_to_be_out_of_range_has_its_error() {
     // 150 Hz: half a period is 3333 us, of which 200 us must stay free: 94 %.
     assert_eq!((widest_ppm / 1000, min_guard_ns), (939, 200_000));
     check_edges(&ChannelDrive { pulse_width_ppm: widest_ppm, ..good }).unwrap();
-    let slow_clock = ChannelLimits { timer_clock_hz: 1_000, ..limits() };
+    let slow_clock = ChannelLimits { timer_clock_hz: 1_000, ..make_channel_limits() };
     assert!(matches!(
         compute_channel_program(&slow_clock, &good),
         Err(DriveError::NotRepresentable { timer_clock_hz: 1_000 })
@@ -248,7 +248,7 @@ fn each_way_to_be_out_of_range_has_its_error() {
 
 #[test]
 fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
-    let planned = compute_channel_program(&limits(), &support::drive(0)).unwrap();
+    let planned = compute_channel_program(&make_channel_limits(), &support::make_drive(0)).unwrap();
     let running = TimerRegisters::for_running_timer(&planned.full_level_period(), OUTPUTS);
     let off = ElectrodeWindows::from_registers(&TimerRegisters { bdtr: 0, ..running }).unwrap();
     assert_eq!((off.a.length, off.b.length, off.shortest_guard_ticks()), (0, 0, None));
@@ -270,8 +270,11 @@ fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
 fn the_rail_is_rounded_down() {
     use era_shared::supply::{rail_dac_code, round_down_to_dac_step_millivolts};
     for voltage_millivolts in (0..=2_000_000).step_by(1_237) {
-        let planned =
-            compute_channel_program(&limits(), &ChannelDrive { voltage_millivolts, ..support::drive(0) }).unwrap();
+        let planned = compute_channel_program(
+            &make_channel_limits(),
+            &ChannelDrive { voltage_millivolts, ..support::make_drive(0) },
+        )
+        .unwrap();
         let achieved = planned.achieved.voltage_millivolts;
         assert!(achieved <= voltage_millivolts && voltage_millivolts - achieved <= 2_000_000 / 4095 + 1);
         assert_eq!(rail_dac_code(achieved), rail_dac_code(voltage_millivolts), "the same step of the converter");

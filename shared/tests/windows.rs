@@ -10,7 +10,7 @@ use era_shared::waveform::{
 };
 use heapless::Vec as Short;
 use proptest::prelude::*;
-use support::{Bench, both, drive, limits};
+use support::{Bench, make_channel_limits, make_drive, make_two_drives_request};
 
 /// A tick of a sequence in clocks of 170 MHz: 0.1 us.
 const TICK: u64 = 17;
@@ -18,7 +18,7 @@ const TICK: u64 = 17;
 const GUARD_CLOCKS: u64 = 34_000;
 const GUARD: u32 = 2_000;
 
-fn window(channel: u8, electrode: Electrode, wait_ticks: u32, width_ticks: u32) -> SequenceWindow {
+fn make_window(channel: u8, electrode: Electrode, wait_ticks: u32, width_ticks: u32) -> SequenceWindow {
     SequenceWindow { channel, electrode, wait_ticks, width_ticks }
 }
 
@@ -28,7 +28,7 @@ fn any_windows() -> impl Strategy<Value = Vec<SequenceWindow>> {
         prop_oneof![GUARD..GUARD + 3, GUARD..12_000_u32, 6_990_u32..7_010, 60_000_u32..80_000, 2_000_u32..1_000_000];
     let width = prop_oneof![3_000_u32..3_003, 3_000_u32..56_034, 56_030_u32..56_034];
     let one = (0_u8..4, any::<bool>(), wait, width).prop_map(|(channel, is_a, wait, width)| {
-        window(channel, if is_a { Electrode::A } else { Electrode::B }, wait, width)
+        make_window(channel, if is_a { Electrode::A } else { Electrode::B }, wait, width)
     });
     prop::collection::vec(one, 1..=24)
 }
@@ -81,7 +81,7 @@ impl Player {
     fn play_windows(&mut self, windows: &[SequenceWindow]) -> (PlacedWindows, u64) {
         let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
         let start = self.model.sequencer.earliest_sequence_start_clock(used, self.now_us);
-        let mut placed = PlacedWindows::from_sequence(&[limits(); 4], windows).unwrap();
+        let mut placed = PlacedWindows::from_sequence(&[make_channel_limits(); 4], windows).unwrap();
         placed.begin_at(start);
         self.model.sequencer.play_windows_ending_all_drives(&placed, self.now_us);
         (placed, start)
@@ -89,7 +89,7 @@ impl Player {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(support::cases(500)))]
+    #![proptest_config(ProptestConfig::with_cases(support::reduce_case_count_under_miri(500)))]
 
     /// Whatever was driven before and however late the device looks (a request that it answers takes up to 0.25 ms), every window of every
     /// channel is where it was asked to be, to the clock, from one common clock edge on; and around them all guards are kept.
@@ -103,8 +103,14 @@ proptest! {
         let mut player = Player::new(lates_us);
         let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
             let (frequency, phase) = *before.get(channel)?;
-            let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: 300_000, ..drive(0) };
-            Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
+            let drive = ChannelDrive {
+                frequency_millihertz: frequency,
+                phase_microturns: phase,
+                pulse_width_ppm: 300_000,
+                ..make_drive(0)
+            };
+            let program = compute_channel_program(&make_channel_limits(), &drive).unwrap();
+            Some(ChannelGoal { program, drives_without_envelope: true })
         });
         player.run_until(5_000 + waits_us[0]);
         player.model.sequencer.set_or_end_drives_from_next_boundary(&goals, player.now_us);
@@ -145,10 +151,17 @@ proptest! {
         let goals: [Option<ChannelGoal>; 4] = std::array::from_fn(|channel| {
             let (frequency, phase, width) = *after.get(channel)?;
             // What the guards leave of half a period of 5e11 ns over the frequency in mHz, as the widest window.
-            let guards_ppm = (f64::from(frequency) * f64::from(limits().min_guard_ns) * 2e-6).ceil() as u32;
+            let min_guard_ns = make_channel_limits().min_guard_ns;
+            let guards_ppm = (f64::from(frequency) * f64::from(min_guard_ns) * 2e-6).ceil() as u32;
             let width = width.min(999_000 - guards_ppm);
-            let drive = ChannelDrive { frequency_millihertz: frequency, phase_microturns: phase, pulse_width_ppm: width, ..drive(0) };
-            Some(ChannelGoal { program: compute_channel_program(&limits(), &drive).unwrap(), drives_without_envelope: true })
+            let drive = ChannelDrive {
+                frequency_millihertz: frequency,
+                phase_microturns: phase,
+                pulse_width_ppm: width,
+                ..make_drive(0)
+            };
+            let program = compute_channel_program(&make_channel_limits(), &drive).unwrap();
+            Some(ChannelGoal { program, drives_without_envelope: true })
         });
         player.model.sequencer.set_or_end_drives_from_next_boundary(&goals, player.now_us);
         player.run_until(player.now_us + 300_000);
@@ -178,9 +191,9 @@ proptest! {
     ) {
         let windows: Vec<SequenceWindow> = windows.iter().map(|(channel, is_a, wait, width, is_good)| {
             let (wait, width) = if *is_good { (wait % 100_000 + 20_000, width % 40_000 + 3_000) } else { (*wait, *width) };
-            window(*channel, if *is_a { Electrode::A } else { Electrode::B }, wait, width)
+            make_window(*channel, if *is_a { Electrode::A } else { Electrode::B }, wait, width)
         }).collect();
-        let limit = ChannelLimits { min_guard_ns: guard_ns, ..limits() };
+        let limit = ChannelLimits { min_guard_ns: guard_ns, ..make_channel_limits() };
         let guard_ticks = u64::from(guard_ns.max(88_000)).div_ceil(100);
         match PlacedWindows::from_sequence(&[limit; 4], &windows) {
             Ok(mut placed) => {
@@ -215,7 +228,7 @@ proptest! {
     }
 }
 
-fn sequence(number: u32, windows: &[SequenceWindow]) -> Request {
+fn make_play_windows_request(number: u32, windows: &[SequenceWindow]) -> Request {
     Request::PlayWindows(WindowSequence {
         number,
         start_us: 0,
@@ -227,27 +240,30 @@ fn sequence(number: u32, windows: &[SequenceWindow]) -> Request {
 /// 1 ms of A, then 1.5 ms of B, on two channels.
 fn make_click_windows() -> [SequenceWindow; 4] {
     [
-        window(0, Electrode::A, 2_000, 10_000),
-        window(0, Electrode::B, 5_000, 15_000),
-        window(1, Electrode::B, 12_000, 10_000),
-        window(1, Electrode::A, 2_000, 15_000),
+        make_window(0, Electrode::A, 2_000, 10_000),
+        make_window(0, Electrode::B, 5_000, 15_000),
+        make_window(1, Electrode::B, 12_000, 10_000),
+        make_window(1, Electrode::A, 2_000, 15_000),
     ]
 }
 
 #[test]
 fn a_sequence_waits_for_its_rails_is_played_once_and_ends() {
     let mut bench = Bench::new();
-    let refusal = bench.ask(&sequence(1, &make_click_windows()));
+    let refusal = bench.send_request(&make_play_windows_request(1, &make_click_windows()));
     assert!(matches!(refusal, Reply::Refused(Refusal::State { state: SafetyState::Safe, .. })), "{refusal:?}");
-    bench.arm();
+    bench.arm_and_await_armed();
     let asked_us = bench.board.now_us;
-    let Reply::WindowsPlaying { start_us } = bench.ask(&sequence(7, &make_click_windows())) else { panic!() };
+    let Reply::WindowsPlaying { start_us } = bench.send_request(&make_play_windows_request(7, &make_click_windows()))
+    else {
+        panic!()
+    };
     // The rails rise by 20 V/ms from 50 V, and settle for 10 ms.
     assert!(start_us >= asked_us + 37_500 + 10_000 && start_us < asked_us + 60_000, "{}", start_us - asked_us);
     assert_eq!(bench.state(), SafetyState::Running);
     bench.wait_ms(5);
     assert_eq!(
-        bench.ask(&sequence(7, &make_click_windows())),
+        bench.send_request(&make_play_windows_request(7, &make_click_windows())),
         Reply::WindowsPlaying { start_us },
         "the same again is the same"
     );
@@ -274,9 +290,12 @@ fn a_sequence_waits_for_its_rails_is_played_once_and_ends() {
     );
     bench.wait_ms(5);
     assert_eq!(bench.state(), SafetyState::Armed, "nothing is driven any more");
-    assert!(!bench.board.driving());
+    assert!(!bench.board.is_any_channel_driven());
     let count = bench.board.preloads.len();
-    assert_eq!(bench.ask(&sequence(7, &make_click_windows())), Reply::WindowsPlaying { start_us });
+    assert_eq!(
+        bench.send_request(&make_play_windows_request(7, &make_click_windows())),
+        Reply::WindowsPlaying { start_us }
+    );
     bench.wait_ms(100);
     assert_eq!(bench.board.preloads.len(), count, "a repeated request plays nothing");
 }
@@ -284,11 +303,11 @@ fn a_sequence_waits_for_its_rails_is_played_once_and_ends() {
 #[test]
 fn a_sequence_is_refused_as_a_whole() {
     let mut bench = Bench::new();
-    bench.arm();
+    bench.arm_and_await_armed();
     let mut ask = |change: &dyn Fn(&mut WindowSequence)| {
-        let Request::PlayWindows(mut asked) = sequence(9, &make_click_windows()) else { panic!() };
+        let Request::PlayWindows(mut asked) = make_play_windows_request(9, &make_click_windows()) else { panic!() };
         change(&mut asked);
-        let Reply::Refused(refusal) = bench.ask(&Request::PlayWindows(asked)) else { panic!() };
+        let Reply::Refused(refusal) = bench.send_request(&Request::PlayWindows(asked)) else { panic!() };
         refusal
     };
     let too_high = SequenceError::Voltage { rail: 2, requested_millivolts: 2_000_001, max_millivolts: 2_000_000 };
@@ -307,50 +326,56 @@ fn a_sequence_is_refused_as_a_whole() {
     // and the bleeders of both rails take 80 uA.
     let crowd = |it: &mut WindowSequence| {
         it.rail_millivolts = [2_000_000; 2];
-        it.windows = (0..24).map(|i| window(i % 2, Electrode::A, 2_000, 3_000)).collect();
+        it.windows = (0..24).map(|i| make_window(i % 2, Electrode::A, 2_000, 3_000)).collect();
     };
     let Refusal::Current { requested_microamps, max_microamps: 500 } = ask(&crowd) else { panic!() };
     assert!((600..=640).contains(&requested_microamps), "{requested_microamps}");
     assert!(matches!(ask(&|it| it.start_us = 1), Refusal::Start { start_us: 1, .. }));
     let now_us = bench.board.now_us;
     let mut soon = |start_us: u64| {
-        let Request::PlayWindows(asked) = sequence(10, &make_click_windows()) else { panic!() };
-        bench.ask(&Request::PlayWindows(WindowSequence { start_us, ..asked }))
+        let Request::PlayWindows(asked) = make_play_windows_request(10, &make_click_windows()) else { panic!() };
+        bench.send_request(&Request::PlayWindows(WindowSequence { start_us, ..asked }))
     };
     assert!(matches!(soon(now_us + 20_000), Reply::Refused(Refusal::Start { .. })), "the rails are not there by then");
     assert_eq!(soon(now_us + 100_000), Reply::WindowsPlaying { start_us: now_us + 100_000 });
-    assert_eq!(bench.ask_on(1, &sequence(1, &make_click_windows())), Reply::Refused(Refusal::OtherLink));
+    assert_eq!(
+        bench.send_request_on_link(1, &make_play_windows_request(1, &make_click_windows())),
+        Reply::Refused(Refusal::OtherLink)
+    );
 }
 
 /// A window that cannot be prepared in time would come at another time: everything goes off.
 #[test]
 fn a_missed_window_is_a_fault() {
     let mut bench = Bench::new();
-    bench.arm();
-    let Reply::WindowsPlaying { start_us } = bench.ask(&sequence(1, &make_click_windows())) else { panic!() };
+    bench.arm_and_await_armed();
+    let Reply::WindowsPlaying { start_us } = bench.send_request(&make_play_windows_request(1, &make_click_windows()))
+    else {
+        panic!()
+    };
     bench.wait_ms((start_us - bench.board.now_us) / 1000);
     // The device does not look for 4 ms.
     bench.board.now_us += 4_000;
     bench.wait_ms(1);
-    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    let Reply::Faults { latched: Some(fault) } = bench.send_request(&Request::Faults) else { panic!() };
     assert_eq!(fault.code, FaultCode::DriveFailed);
-    assert!(!bench.board.live());
+    assert!(!bench.board.is_live());
 }
 
 #[test]
 fn a_stop_ends_a_sequence_and_drives_replace_it() {
     let mut bench = Bench::new();
-    bench.arm();
-    bench.ask(&sequence(1, &make_click_windows()));
+    bench.arm_and_await_armed();
+    bench.send_request(&make_play_windows_request(1, &make_click_windows()));
     bench.wait_ms(20);
-    assert!(matches!(bench.ask(&both()), Reply::DrivesSet { .. }));
+    assert!(matches!(bench.send_request(&make_two_drives_request()), Reply::DrivesSet { .. }));
     bench.wait_ms(60);
     let plays = |bench: &Bench| bench.board.preloads.iter().any(|it| it.period.divider == 17 && !it.period.is_blank());
-    assert!(!plays(&bench) && bench.board.driving(), "the drives, and no window");
-    bench.ask(&sequence(2, &make_click_windows()));
+    assert!(!plays(&bench) && bench.board.is_any_channel_driven(), "the drives, and no window");
+    bench.send_request(&make_play_windows_request(2, &make_click_windows()));
     bench.wait_ms(20);
-    assert_eq!(bench.ask(&Request::Stop), Reply::Stopped);
-    assert!(!bench.board.live());
+    assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped);
+    assert!(!bench.board.is_live());
     bench.wait_ms(100);
-    assert!(!bench.board.live() && bench.board.preloads.is_empty());
+    assert!(!bench.board.is_live() && bench.board.preloads.is_empty());
 }

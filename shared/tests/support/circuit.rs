@@ -150,7 +150,7 @@ impl Circuit {
         self.tracks = [Track::IDLE; 4];
     }
 
-    pub fn preload(&mut self, preload: &TimerPreload) {
+    pub fn schedule_preload(&mut self, preload: &TimerPreload) {
         let track = &mut self.tracks[preload.channel];
         if let Some((period, at)) = track.pending.filter(|(_, at)| *at < preload.at) {
             (track.period, track.boundary) = (period, at);
@@ -158,7 +158,7 @@ impl Circuit {
         track.pending = Some((preload.period, preload.at));
     }
 
-    pub fn hold(&mut self, electrode: Option<(usize, Electrode)>) {
+    pub fn set_held_electrode(&mut self, electrode: Option<(usize, Electrode)>) {
         self.held = electrode.map(|(channel, electrode)| (channel, usize::from(electrode == Electrode::B)));
     }
 
@@ -177,7 +177,7 @@ impl Circuit {
     }
 
     /// Goes on to `now_us`; `started_us` and `connected` tell whether the timers reach the electrodes.
-    pub fn advance(&mut self, now_us: u64, supply: &SupplyCommand, started_us: Option<u64>, connected: bool) {
+    pub fn advance_to_time(&mut self, now_us: u64, supply: &SupplyCommand, started_us: Option<u64>, connected: bool) {
         let end_us = now_us as f64;
         while self.time_us < end_us {
             let mut next_us = end_us;
@@ -202,7 +202,7 @@ impl Circuit {
             }
             let step_us = (next_us - self.time_us).max(1.0 / CLOCKS_PER_US);
             let step_us = if self.is_settled(&on, supply) { step_us } else { step_us.min(STEP_US) };
-            self.step(step_us, &on, supply);
+            self.advance_without_switching(step_us, &on, supply);
         }
     }
 
@@ -239,7 +239,7 @@ impl Circuit {
     }
 
     /// One step in which nothing is switched.
-    fn step(&mut self, step_us: f64, on: &[[bool; 2]; 4], supply: &SupplyCommand) {
+    fn advance_without_switching(&mut self, step_us: f64, on: &[[bool; 2]; 4], supply: &SupplyCommand) {
         let parts = self.parts;
         // pF times ohm is 1e-6 us.
         let after = |us: f64| 1.0 - (-step_us / us).exp();

@@ -4,12 +4,12 @@ use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
 
-pub fn hex(bytes: &[u8]) -> String {
+pub fn format_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The message has exactly these bytes, and they decode to it again.
-pub fn check<M: Serialize + DeserializeOwned + PartialEq + Debug>(
+pub fn check_message_bytes<M: Serialize + DeserializeOwned + PartialEq + Debug>(
     version: u8,
     kind: FrameKind,
     message: M,
@@ -17,7 +17,7 @@ pub fn check<M: Serialize + DeserializeOwned + PartialEq + Debug>(
 ) {
     let mut out = [0; MAX_ENCODED];
     let length = encode_frame(version, kind, 0x1234, &message, &mut out).unwrap();
-    assert_eq!(hex(&out[..length]), expected, "{message:?}");
+    assert_eq!(format_hex(&out[..length]), expected, "{message:?}");
     let mut decoded = None;
     Decoder::new().feed_bytes(&out[..length], |frame| {
         let frame = frame.unwrap();

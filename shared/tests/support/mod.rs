@@ -15,7 +15,7 @@ use era_shared::supply::{RAILS, SensorReadings, SupplyCommand};
 use era_shared::waveform::{Electrode, IDLE, TimerPeriod, TimerPreload};
 
 /// Limits as the STM32G474 board reports them.
-pub fn limits() -> ChannelLimits {
+pub fn make_channel_limits() -> ChannelLimits {
     ChannelLimits {
         min_frequency_millihertz: 1_000,
         max_frequency_millihertz: 1_000_000,
@@ -26,7 +26,7 @@ pub fn limits() -> ChannelLimits {
 }
 
 /// How many random cases a property gets: an interpreter that checks every access is a thousand times slower.
-pub const fn cases(many: u32) -> u32 {
+pub const fn reduce_case_count_under_miri(many: u32) -> u32 {
     if cfg!(miri) { 10 } else { many }
 }
 
@@ -36,7 +36,7 @@ pub const ARMING_MS: u64 = 95;
 pub const DISCHARGE_MS: u64 = 10;
 
 /// 150 Hz, 2/3 wide, 1 kV.
-pub fn drive(channel: u8) -> ChannelDrive {
+pub fn make_drive(channel: u8) -> ChannelDrive {
     ChannelDrive {
         channel,
         frequency_millihertz: 150_000,
@@ -47,11 +47,11 @@ pub fn drive(channel: u8) -> ChannelDrive {
 }
 
 /// Sets the first two channels' drives.
-pub fn both() -> Request {
-    Request::SetDrives { drives: heapless::Vec::from_slice(&[drive(0), drive(1)]).unwrap() }
+pub fn make_two_drives_request() -> Request {
+    Request::SetDrives { drives: heapless::Vec::from_slice(&[make_drive(0), make_drive(1)]).unwrap() }
 }
 
-pub fn arm() -> Request {
+pub fn make_arm_request() -> Request {
     Request::Arm { deadman_ms: None }
 }
 
@@ -105,7 +105,7 @@ pub struct FakeBoard {
 
 impl FakeBoard {
     pub fn new() -> Self {
-        let channels = heapless::Vec::from_slice(&[limits(); 4]).unwrap();
+        let channels = heapless::Vec::from_slice(&[make_channel_limits(); 4]).unwrap();
         Self {
             info: BoardInfo {
                 board: BoardKind::Simulated,
@@ -148,7 +148,7 @@ impl FakeBoard {
 
     /// Lets the circuit go on to now, as it was told last.
     fn advance_circuit(&mut self) {
-        self.circuit.advance(self.now_us, &self.supply, self.started_us, self.connected);
+        self.circuit.advance_to_time(self.now_us, &self.supply, self.started_us, self.connected);
     }
 
     fn shown_millivolts(&self, rail: usize) -> u32 {
@@ -157,17 +157,17 @@ impl FakeBoard {
     }
 
     /// Whether anything could be at high voltage.
-    pub fn live(&self) -> bool {
+    pub fn is_live(&self) -> bool {
         self.supply.enabled || self.connected || self.started_us.is_some()
     }
 
     /// What a channel's timer does from now on, as far as it is known.
-    pub fn latest(&self, channel: usize) -> TimerPeriod {
+    pub fn find_latest_period(&self, channel: usize) -> TimerPeriod {
         self.preloads.iter().rev().find(|preload| preload.channel == channel).map_or(IDLE, |preload| preload.period)
     }
 
-    pub fn driving(&self) -> bool {
-        (0..4).any(|channel| !self.latest(channel).is_blank())
+    pub fn is_any_channel_driven(&self) -> bool {
+        (0..4).any(|channel| !self.find_latest_period(channel).is_blank())
     }
 }
 
@@ -185,7 +185,7 @@ impl Board for FakeBoard {
         self.connected = false;
         self.preloads.clear();
         self.circuit.stop_timers();
-        self.circuit.hold(None);
+        self.circuit.set_held_electrode(None);
         self.supply = SupplyCommand { discharge: [true; RAILS], ..SupplyCommand::default() };
     }
     fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
@@ -222,7 +222,7 @@ impl Board for FakeBoard {
         for _ in 0..TEST_PULSES {
             for (held, us) in [(Some((channel, electrode)), TEST_PULSE_MICROSECONDS), (None, TEST_PAUSE_MICROSECONDS)] {
                 self.advance_circuit();
-                self.circuit.hold(held);
+                self.circuit.set_held_electrode(held);
                 self.now_us += u64::from(us);
             }
             self.advance_circuit();
@@ -263,7 +263,7 @@ impl Board for FakeBoard {
             return Err(FaultCode::ReadBack);
         }
         self.advance_circuit();
-        self.circuit.preload(preload);
+        self.circuit.schedule_preload(preload);
         self.preloads.push(*preload);
         Ok(())
     }
@@ -281,7 +281,7 @@ impl Board for FakeBoard {
         3
     }
     fn request_bootloader_restart(&mut self) {
-        assert!(!self.live(), "left for the bootloader while live");
+        assert!(!self.is_live(), "left for the bootloader while live");
         self.bootloader = true;
     }
 }
@@ -309,28 +309,28 @@ impl Bench {
     }
 
     /// Arms and waits until it is done.
-    pub fn arm(&mut self) {
-        assert_eq!(self.ask(&Request::Arm { deadman_ms: None }), Reply::Armed { deadman_ms: 250 });
+    pub fn arm_and_await_armed(&mut self) {
+        assert_eq!(self.send_request(&Request::Arm { deadman_ms: None }), Reply::Armed { deadman_ms: 250 });
         self.wait_ms(ARMING_MS);
         assert_eq!(self.state(), SafetyState::Armed);
     }
 
-    pub fn ask(&mut self, request: &Request) -> Reply {
-        self.ask_on(0, request)
+    pub fn send_request(&mut self, request: &Request) -> Reply {
+        self.send_request_on_link(0, request)
     }
 
-    pub fn ask_on(&mut self, link: usize, request: &Request) -> Reply {
+    pub fn send_request_on_link(&mut self, link: usize, request: &Request) -> Reply {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(CURRENT_VERSION, FrameKind::Request, self.sequence, request, &mut frame).unwrap();
-        let answers = self.raw(link, &frame[..length]);
+        let answers = self.send_bytes_and_collect_answers(link, &frame[..length]);
         let (version, sequence, reply) = decode_reply(&answers);
         assert_eq!((version, sequence), (CURRENT_VERSION, self.sequence));
         reply
     }
 
     /// Everything that the device sends back.
-    pub fn raw(&mut self, link: usize, bytes: &[u8]) -> Vec<u8> {
+    pub fn send_bytes_and_collect_answers(&mut self, link: usize, bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         self.device
             .receive_bytes(&mut self.board, &mut self.ports[link], bytes, |answer| answers.extend_from_slice(answer));

@@ -22,7 +22,7 @@ const GETTING_WORSE: f64 = 2.0;
 const HIGHEST_ORDER: usize = 15;
 
 /// An answer, its bounds and how many levels were asked.
-pub struct Found<A> {
+pub struct AnswerWithBounds<A> {
     /// From the last level.
     pub answer: A,
     /// For each part of it.
@@ -31,64 +31,71 @@ pub struct Found<A> {
     pub levels: usize,
 }
 
-/// Climbs as it was done, without the smaller cells that came after the highest order.
+/// Raises the order of the elements until the bound is within the tolerance, as it was done, without the smaller cells
+/// that came after the highest order.
 ///
 /// # Errors
-/// Those of `ask`, and [`Error::Model`].
-pub fn climb<A: Clone>(
+/// Those of `compute_answer`, and [`Error::Model`].
+pub fn refine_with_former_error_bounds<A: Clone>(
     scene: &Scene,
     accuracy: Accuracy,
     max_hz: f64,
     is_response: bool,
-    ask: impl Fn(&PanelModel) -> Result<A, Error>,
-    differences: impl Fn(&A, &A) -> Vec<f64>,
-) -> Result<Found<A>, Error> {
+    compute_answer: impl Fn(&PanelModel) -> Result<A, Error>,
+    compute_differences: impl Fn(&A, &A) -> Vec<f64>,
+) -> Result<AnswerWithBounds<A>, Error> {
     let usual = PanelModel::build(scene, accuracy, max_hz)?.fineness();
-    let level = |order: usize| -> Result<A, Error> {
+    let compute_answer_of_order = |order: usize| -> Result<A, Error> {
         let fineness = Fineness { order, layers: (order - 1) / 2, ..usual };
-        ask(&PanelModel::build_with_fineness(scene, fineness)?)
+        compute_answer(&PanelModel::build_with_fineness(scene, fineness)?)
     };
     let mut order = accuracy.choose_element_order_for_tolerance();
-    let mut last = [level(order - 4)?, level(order - 2)?, level(order)?];
+    let mut last =
+        [compute_answer_of_order(order - 4)?, compute_answer_of_order(order - 2)?, compute_answer_of_order(order)?];
     let mut levels = 3;
     let mut before: Option<(A, Vec<f64>)> = None;
     loop {
         let [coarse, middle, fine] = last;
-        let earlier = differences(&coarse, &middle).into_iter().chain(std::iter::repeat(f64::INFINITY));
+        let earlier = compute_differences(&coarse, &middle).into_iter().chain(std::iter::repeat(f64::INFINITY));
         let factor = if is_response { RESPONSE } else { 1.0 };
-        let bounds: Vec<f64> =
-            differences(&middle, &fine).iter().zip(earlier).map(|(d, e)| factor * estimate(order, e, *d)).collect();
+        let bounds: Vec<f64> = compute_differences(&middle, &fine)
+            .iter()
+            .zip(earlier)
+            .map(|(d, e)| factor * estimate_error_bound_from_differences(order, e, *d))
+            .collect();
         if let Some((answer, kept)) = before.take()
-            && largest(&bounds) > GETTING_WORSE * largest(&kept)
+            && find_largest_bound(&bounds) > GETTING_WORSE * find_largest_bound(&kept)
         {
-            return Ok(Found { answer, bounds: kept, levels });
+            return Ok(AnswerWithBounds { answer, bounds: kept, levels });
         }
-        if largest(&bounds) <= accuracy.relative_tolerance_or_tightest() || order + 2 > HIGHEST_ORDER {
-            return Ok(Found { answer: fine, bounds, levels });
+        if find_largest_bound(&bounds) <= accuracy.relative_tolerance_or_tightest() || order + 2 > HIGHEST_ORDER {
+            return Ok(AnswerWithBounds { answer: fine, bounds, levels });
         }
         order += 2;
         levels += 1;
         // Cells then shrank towards corners with the order, until rounding was all that was left.
-        let Ok(finer) = level(order) else { return Ok(Found { answer: fine, bounds, levels }) };
-        if largest(&bounds).is_finite() {
+        let Ok(finer) = compute_answer_of_order(order) else {
+            return Ok(AnswerWithBounds { answer: fine, bounds, levels });
+        };
+        if find_largest_bound(&bounds).is_finite() {
             before = Some((fine.clone(), bounds));
         }
         last = [middle, fine, finer];
     }
 }
 
-fn largest(bounds: &[f64]) -> f64 {
+fn find_largest_bound(bounds: &[f64]) -> f64 {
     bounds.iter().copied().fold(0.0, f64::max)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "orders are small")]
-fn estimate(order: usize, before: f64, last: f64) -> f64 {
-    if last == 0.0 {
+fn estimate_error_bound_from_differences(order: usize, earlier_difference: f64, last_difference: f64) -> f64 {
+    if last_difference == 0.0 {
         return 0.0;
     }
     let p = order as f64;
-    let ratio = if before.is_finite() { last / before } else { LARGEST_RATIO };
-    if ratio.is_nan() || ratio > LARGEST_RATIO || !last.is_finite() {
+    let ratio = if earlier_difference.is_finite() { last_difference / earlier_difference } else { LARGEST_RATIO };
+    if ratio.is_nan() || ratio > LARGEST_RATIO || !last_difference.is_finite() {
         return f64::INFINITY;
     }
     let error = |order: f64, power: f64| ((p - 4.0) / order).powf(power);
@@ -99,5 +106,5 @@ fn estimate(order: usize, before: f64, last: f64) -> f64 {
         if ratio_of(middle) > ratio { low = middle } else { high = middle }
     }
     let rest = |power: f64| 1.0 / ((p / (p - 2.0)).powf(power) - 1.0);
-    SAFETY * last * rest(LEAST_POWER.max(BELIEVED * low)).max(ratio / (1.0 - ratio))
+    SAFETY * last_difference * rest(LEAST_POWER.max(BELIEVED * low)).max(ratio / (1.0 - ratio))
 }

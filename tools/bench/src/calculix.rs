@@ -1,12 +1,12 @@
 //! (c): CalculiX on the same plate.
 
-use crate::clock::median;
+use crate::clock::compute_median;
 use crate::environment::Environment;
 use crate::error::Error;
 use crate::own::TIGHTEST;
-use crate::problem::{Problem, curves};
-use crate::process::json;
-use crate::table::{Table, relative, seconds};
+use crate::problem::{Problem, compute_acceleration_curves_on_mesh};
+use crate::process::run_and_parse_json;
+use crate::table::{Table, format_relative_error, format_time};
 use num_complex::Complex64;
 use serde::Deserialize;
 use std::path::Path;
@@ -17,7 +17,7 @@ const CCX: &str = "ccx";
 
 /// What `peers/calculix.py` prints.
 #[derive(Clone, Debug, Deserialize)]
-struct Report {
+struct CalculixReport {
     version: String,
     mesh: String,
     unknowns: usize,
@@ -33,7 +33,11 @@ struct Report {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::Json`], [`Error::Model`], [`Error::Response`].
-pub fn table(environment: &Environment, problem: &Problem, file: &Path) -> Result<Table, Error> {
+pub fn build_table_of_calculix_comparison(
+    environment: &Environment,
+    problem: &Problem,
+    problem_file: &Path,
+) -> Result<Table, Error> {
     let columns = ["mesh", "unknowns", "frequencies", "time", "median difference", "largest, of a curve's peak"];
     let mut table = Table::new("(c) Side by side: CalculiX", &columns);
     let found = Command::new(CCX).arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
@@ -46,17 +50,22 @@ pub fn table(environment: &Environment, problem: &Problem, file: &Path) -> Resul
         if environment.quick { &[("12x8", "10")] } else { &[("12x8", "70"), ("24x16", "20")] };
     let mut version = String::new();
     for (mesh, between) in meshes {
-        let mut command = environment.script("calculix.py");
-        command.arg(file).arg(environment.scratch.join("calculix")).args(["--mesh", mesh, "--between", between]);
-        let report: Report = json(&mut command)?;
-        let (typical, largest) = differences(&report, problem)?;
-        table.row([
+        let mut command = environment.make_script_command("calculix.py");
+        command.arg(problem_file).arg(environment.scratch.join("calculix")).args([
+            "--mesh",
+            mesh,
+            "--between",
+            between,
+        ]);
+        let report: CalculixReport = run_and_parse_json(&mut command)?;
+        let (typical, largest) = compute_median_and_largest_relative_difference(&report, problem)?;
+        table.add_row([
             report.mesh,
             report.unknowns.to_string(),
             report.frequencies_hz.len().to_string(),
-            seconds(report.elapsed_s),
-            relative(typical),
-            relative(largest),
+            format_time(report.elapsed_s),
+            format_relative_error(typical),
+            format_relative_error(largest),
         ]);
         version = report.version;
     }
@@ -73,20 +82,23 @@ pub fn table(environment: &Environment, problem: &Problem, file: &Path) -> Resul
 }
 
 /// Median difference of magnitudes relative to the value, and the largest deviation relative to the curve's peak.
-fn differences(report: &Report, problem: &Problem) -> Result<(f64, f64), Error> {
+fn compute_median_and_largest_relative_difference(
+    report: &CalculixReport,
+    problem: &Problem,
+) -> Result<(f64, f64), Error> {
     let places: Vec<_> = report.x_m.iter().copied().zip(report.y_m.iter().copied()).collect();
-    let own = curves(&problem.scene, TIGHTEST, &report.frequencies_hz, &places)?;
+    let own = compute_acceleration_curves_on_mesh(&problem.scene, TIGHTEST, &report.frequencies_hz, &places)?;
     let other =
         |place: usize, f: usize| Complex64::new(report.acceleration_re[f][place], report.acceleration_im[f][place]);
-    let mut relative = Vec::new();
+    let mut differences = Vec::new();
     let mut largest = 0.0_f64;
     // The first load's curves come first.
     for (place, curve) in own.values.chunks_exact(own.count).take(places.len()).enumerate() {
         let peak = curve.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
         for (f, z) in curve.iter().enumerate() {
-            relative.push((other(place, f).norm() / z.norm() - 1.0).abs());
+            differences.push((other(place, f).norm() / z.norm() - 1.0).abs());
             largest = largest.max((other(place, f) - z).norm() / peak);
         }
     }
-    Ok((median(relative), largest))
+    Ok((compute_median(differences), largest))
 }

@@ -2,7 +2,7 @@
 
 use crate::environment::Environment;
 use crate::error::Error;
-use crate::process::json;
+use crate::process::run_and_parse_json;
 use clap::{Args, Subcommand};
 use era_model::model::Fineness;
 use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
@@ -17,16 +17,16 @@ use std::time::Instant;
 #[derive(Clone, Debug, Subcommand)]
 pub enum Case {
     /// Modes to a tolerance.
-    Modes(Question),
+    Modes(ToleranceCase),
     /// Responses at a point to a tolerance.
-    Response(Question),
+    Response(ToleranceCase),
     /// A mesh of a given fineness.
-    Mesh(Mesh),
+    Mesh(MeshCase),
 }
 
 /// Something asked to a tolerance.
 #[derive(Clone, Debug, Args)]
-pub struct Question {
+pub struct ToleranceCase {
     /// Scene file.
     #[arg(long)]
     pub scene: PathBuf,
@@ -40,7 +40,7 @@ pub struct Question {
 
 /// A mesh, and what is computed on it.
 #[derive(Clone, Debug, Args)]
-pub struct Mesh {
+pub struct MeshCase {
     /// Scene file.
     #[arg(long)]
     pub scene: PathBuf,
@@ -64,7 +64,7 @@ const COUNT: usize = 951;
 
 /// What comes back.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct CaseOutcome {
     /// Answer with its bound, in s.
     pub elapsed_s: f64,
     /// Mesh and factors, in s.
@@ -91,125 +91,120 @@ pub struct Outcome {
     pub curves: Vec<(f64, f64)>,
 }
 
-/// The frequencies of responses.
+/// The frequencies of responses, in Hz.
 #[must_use]
-pub fn frequencies(max_hz: f64) -> Vec<f64> {
+pub fn list_response_frequencies_hz(max_hz: f64) -> Vec<f64> {
     equidistant_numbers(50.0, max_hz, COUNT)
 }
 
-/// Does a case in this process.
+/// Runs a case in this process.
 ///
 /// # Errors
 /// [`Error::Parse`], [`Error::Model`], [`Error::Response`], [`Error::File`].
-pub fn run(case: &Case) -> Result<Outcome, Error> {
+pub fn run_case(case: &Case) -> Result<CaseOutcome, Error> {
     let mut outcome = match case {
-        Case::Modes(question) => modes(question)?,
-        Case::Response(question) => response(question)?,
-        Case::Mesh(mesh) => mesh_case(mesh)?,
+        Case::Modes(case) => compute_and_time_modes_and_bounds(case)?,
+        Case::Response(case) => compute_and_time_responses_and_bounds(case)?,
+        Case::Mesh(case) => time_mesh_modes_and_sweep(case)?,
     };
     if outcome.peak_bytes == 0.0 {
-        outcome.peak_bytes = peak_bytes()?;
+        outcome.peak_bytes = read_peak_memory_bytes()?;
     }
     Ok(outcome)
 }
 
-fn values(bounds: &[Bound]) -> Vec<Option<f64>> {
+fn list_limit_of_each_bound_if_known(bounds: &[Bound]) -> Vec<Option<f64>> {
     bounds.iter().map(|bound| bound.limit_if_known()).collect()
 }
 
-fn modes(question: &Question) -> Result<Outcome, Error> {
-    let scene = Scene::load(&question.scene)?;
+fn compute_and_time_modes_and_bounds(case: &ToleranceCase) -> Result<CaseOutcome, Error> {
+    let scene = Scene::load(&case.scene)?;
     let started = Instant::now();
-    let found =
-        compute_modes_with_error_bounds(&scene, Accuracy::from_tolerance(question.tolerance)?, question.max_hz)?;
-    Ok(Outcome {
+    let found = compute_modes_with_error_bounds(&scene, Accuracy::from_tolerance(case.tolerance)?, case.max_hz)?;
+    Ok(CaseOutcome {
         elapsed_s: started.elapsed().as_secs_f64(),
         unknowns: found.model.count_unknowns(),
         order: found.model.element_order(),
         levels: found.steps.len(),
         coordinates: found.answer.len(),
         frequencies_hz: found.answer.iter().map(|mode| mode.frequency_hz).collect(),
-        bounds: values(&found.bounds),
-        ..Outcome::default()
+        bounds: list_limit_of_each_bound_if_known(&found.bounds),
+        ..CaseOutcome::default()
     })
 }
 
-fn response(question: &Question) -> Result<Outcome, Error> {
-    let scene = Scene::load(&question.scene)?;
-    let frequencies_hz = frequencies(question.max_hz);
+fn compute_and_time_responses_and_bounds(case: &ToleranceCase) -> Result<CaseOutcome, Error> {
+    let scene = Scene::load(&case.scene)?;
+    let frequencies_hz = list_response_frequencies_hz(case.max_hz);
     let started = Instant::now();
-    let found = compute_curves_with_error_bounds(
-        &scene,
-        Accuracy::from_tolerance(question.tolerance)?,
-        POINT_M,
-        &frequencies_hz,
-    )?;
+    let found =
+        compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(case.tolerance)?, POINT_M, &frequencies_hz)?;
     let elapsed_s = started.elapsed().as_secs_f64();
     // Before anything else is allocated.
-    let peak_bytes = peak_bytes()?;
-    let reduced = found.model.reduce(question.max_hz, &[POINT_M])?;
-    Ok(Outcome {
+    let peak_bytes = read_peak_memory_bytes()?;
+    let reduced = found.model.reduce(case.max_hz, &[POINT_M])?;
+    Ok(CaseOutcome {
         elapsed_s,
         peak_bytes,
         unknowns: found.model.count_unknowns(),
         order: found.model.element_order(),
         levels: found.steps.len(),
         coordinates: reduced.count_coordinates(),
-        bounds: values(&found.bounds),
+        bounds: list_limit_of_each_bound_if_known(&found.bounds),
         curves: found.answer.iter().flatten().map(|z| (z.re, z.im)).collect(),
-        ..Outcome::default()
+        ..CaseOutcome::default()
     })
 }
 
-fn mesh_case(mesh: &Mesh) -> Result<Outcome, Error> {
-    let scene = Scene::load(&mesh.scene)?;
-    let fineness = Fineness { cell_m: mesh.cell_m, order: mesh.order, layers: 0 };
+fn time_mesh_modes_and_sweep(case: &MeshCase) -> Result<CaseOutcome, Error> {
+    let scene = Scene::load(&case.scene)?;
+    let fineness = Fineness { cell_m: case.cell_m, order: case.order, layers: 0 };
     let started = Instant::now();
     let model = PanelModel::build_with_fineness(&scene, fineness)?;
     let mesh_s = started.elapsed().as_secs_f64();
-    let reduced = model.reduce(mesh.max_hz, &[])?;
+    let reduced = model.reduce(case.max_hz, &[])?;
     let modes_s = started.elapsed().as_secs_f64() - mesh_s;
     let begun = Instant::now();
     let solver = CoordinateSolver::new(&reduced);
-    for frequency_hz in equidistant_numbers(50.0, mesh.max_hz, mesh.frequencies) {
+    for frequency_hz in equidistant_numbers(50.0, case.max_hz, case.frequencies) {
         std::hint::black_box(solver.solve_coordinates_per_newton_at(frequency_hz)?);
     }
-    Ok(Outcome {
+    Ok(CaseOutcome {
         elapsed_s: started.elapsed().as_secs_f64(),
         mesh_s,
         modes_s,
         sweep_s: begun.elapsed().as_secs_f64(),
         unknowns: model.count_unknowns(),
-        order: mesh.order,
+        order: case.order,
         levels: 1,
         coordinates: reduced.count_coordinates(),
-        ..Outcome::default()
+        ..CaseOutcome::default()
     })
 }
 
-/// The kernel's high-water mark of this process.
-fn peak_bytes() -> Result<f64, Error> {
+/// The most memory that was resident in this process, as the kernel says; NaN if it does not.
+fn read_peak_memory_bytes() -> Result<f64, Error> {
     let path = Path::new("/proc/self/status");
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let text = std::fs::read_to_string(path).map_err(Error::file_error(path))?;
     let kilobytes = |line: &str| line.split_whitespace().nth(1).and_then(|value| value.parse::<f64>().ok());
     let found = text.lines().find(|line| line.starts_with("VmHWM:")).and_then(kilobytes);
     Ok(found.map_or(f64::NAN, |kilobytes| kilobytes * 1024.0))
 }
 
-/// Does a case in a process of its own.
+/// Runs a case in a process of its own.
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::Json`].
-pub fn in_child(
+pub fn run_case_in_child_process(
     environment: &Environment,
     kind: &str,
     scene: &Path,
     options: &[(&str, String)],
-) -> Result<Outcome, Error> {
-    let mut command = Command::new(&environment.own);
+) -> Result<CaseOutcome, Error> {
+    let mut command = Command::new(&environment.own_program);
     command.args(["case", kind, "--scene"]).arg(scene);
     for (option, value) in options {
         command.arg(option).arg(value);
     }
-    json(&mut command)
+    run_and_parse_json(&mut command)
 }

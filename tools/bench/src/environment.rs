@@ -14,7 +14,7 @@ pub struct Environment {
     /// The environment's interpreter.
     pub python: PathBuf,
     /// This program.
-    pub own: PathBuf,
+    pub own_program: PathBuf,
     /// Fewer and smaller cases.
     pub quick: bool,
 }
@@ -24,8 +24,8 @@ impl Environment {
     ///
     /// # Errors
     /// [`Error::File`], [`Error::Python`].
-    pub fn new(quick: bool, with_peers: bool) -> Result<Self, Error> {
-        let own = std::env::current_exe().map_err(Error::file("era-bench"))?;
+    pub fn prepare(quick: bool, with_peers: bool) -> Result<Self, Error> {
+        let own_program = std::env::current_exe().map_err(Error::file_error("era-bench"))?;
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
         let target = folder.ancestors().nth(2).unwrap_or(folder).join("target");
         let scripts = folder.join("peers");
@@ -34,15 +34,15 @@ impl Environment {
             python_environment::ensure_environment(&scripts.join("requirements.txt"), &target.join("bench-venv"))?;
         }
         let scratch = target.join("bench");
-        std::fs::create_dir_all(&scratch).map_err(Error::file(&scratch))?;
-        Ok(Self { scripts, scratch, python, own, quick })
+        std::fs::create_dir_all(&scratch).map_err(Error::file_error(&scratch))?;
+        Ok(Self { scripts, scratch, python, own_program, quick })
     }
 
-    /// A command that runs one of the scripts.
+    /// A command that runs the script of this file name, without arguments.
     #[must_use]
-    pub fn script(&self, name: &str) -> Command {
+    pub fn make_script_command(&self, file_name: &str) -> Command {
         let mut command = Command::new(&self.python);
-        command.arg(self.scripts.join(name));
+        command.arg(self.scripts.join(file_name));
         command
     }
 }

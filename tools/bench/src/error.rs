@@ -98,8 +98,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// For `map_err` on what concerns a file.
-    pub fn file(path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
+    /// Makes an [`Error::File`] of an input or output error; for `map_err`.
+    pub fn file_error(path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { path, source }
     }

@@ -1,6 +1,6 @@
 //! Clicks over grids of places: how many are crisp, before and now, on the panel and on panels whose stiffness is off, beside what is possible.
 
-use crate::clock::median;
+use crate::clock::compute_median;
 use crate::error::Error;
 use crate::table::Table;
 use era_model::model::{Accuracy, levels::ReducedLevels};
@@ -28,7 +28,7 @@ const QUIET_OFF: f64 = 0.2;
 const OFF: f64 = 0.05;
 
 /// A sheet of 700 x 400 mm on eight springs, with four ERAs.
-fn sheet_scene_text() -> String {
+fn make_sheet_scene_toml() -> String {
     let mut text = String::from(
         "version = 1\nname = \"sheet\"\n[surface]\nkind = \"plate\"\nlength_mm = 700.0\nwidth_mm = 400.0\nthickness_mm = 3.0\n\
          [surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.33\ndensity_kg_m3 = 2700.0\n[surface.damping]\nloss_factor = 0.01\n\
@@ -50,7 +50,7 @@ fn sheet_scene_text() -> String {
 }
 
 /// A scene whose values of a key are so many times as large.
-fn scale_values(text: &str, key: &str, factor: f64) -> String {
+fn scale_values_of_key(text: &str, key: &str, factor: f64) -> String {
     let scaled = |line: &str| {
         let (name, value) = line.split_once('=').filter(|(name, _)| name.trim() == key)?;
         let number = value.split('#').next()?.trim().parse::<f64>().ok()?;
@@ -59,7 +59,7 @@ fn scale_values(text: &str, key: &str, factor: f64) -> String {
     text.lines().map(|line| scaled(line).unwrap_or_else(|| line.to_owned()) + "\n").collect()
 }
 
-fn build_table(text: &str) -> Result<PlanTable, Error> {
+fn build_plan_table_from_toml(text: &str) -> Result<PlanTable, Error> {
     let scene = Scene::parse("bench feel", text)?;
     let grid = TableOptions::default();
     Ok(PlanTable::from_levels(&scene, ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?, grid)?)
@@ -72,30 +72,35 @@ fn list_places_m(scene: &Scene) -> Vec<(f64, f64)> {
     (0..rows).flat_map(|r| (0..COLUMNS).map(move |c| (r, c))).map(|(r, c)| place(r, c)).collect()
 }
 
-/// One place.
-struct Clicked {
+/// The click at one place, and how it compares.
+struct ClickAtPlace {
     before_is_crisp: bool,
     click: ClickDesign,
     took_ms: f64,
     /// On the panels off the scene.
-    off: Vec<ClickMeasures>,
-    quiet_off: bool,
+    perturbed_measures: Vec<ClickMeasures>,
+    is_quiet_when_perturbed: bool,
     contrast_db: f64,
 }
 
-fn is_crisp(measures: &ClickMeasures) -> bool {
+fn is_click_crisp(measures: &ClickMeasures) -> bool {
     measures.peak_s <= LATEST_PEAK_S && measures.quiet_s.is_some_and(|quiet_s| quiet_s <= QUIET_S)
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sample number")]
-fn is_quiet_after(motion: &[f64], fraction: f64) -> bool {
+fn is_below_fraction_of_peak_after_quiet_time(motion: &[f64], fraction: f64) -> bool {
     let peak = motion.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let from = (QUIET_S * motion.len() as f64) as usize;
     let counted = motion.len() * 9 / 10;
     motion.get(from..counted).is_some_and(|rest| rest.iter().all(|x| x.abs() <= fraction * peak))
 }
 
-fn click_at(table: &PlanTable, off: &[PlanTable], (x_m, y_m): (f64, f64), others: &[DVector<f64>]) -> Option<Clicked> {
+fn design_and_measure_click(
+    table: &PlanTable,
+    perturbed_tables: &[PlanTable],
+    (x_m, y_m): (f64, f64),
+    other_shapes: &[DVector<f64>],
+) -> Option<ClickAtPlace> {
     let poles = table.panel_poles()?;
     let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
     let begun = Instant::now();
@@ -107,35 +112,36 @@ fn click_at(table: &PlanTable, off: &[PlanTable], (x_m, y_m): (f64, f64), others
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
     let before_is_crisp = before.peak_at_ms <= 15.0 && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0);
-    let motions: Vec<Vec<f64>> = off
+    let motions: Vec<Vec<f64>> = perturbed_tables
         .iter()
         .filter_map(|table| {
             let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
             simulate_felt_motion_of_windows(table, table.panel_poles()?, &[shape], &click.windows).pop()
         })
         .collect();
-    let measured: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
-    let quiet_off = motions.iter().all(|motion| is_quiet_after(motion, QUIET_OFF));
+    let perturbed_measures: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
+    let is_quiet_when_perturbed =
+        motions.iter().all(|motion| is_below_fraction_of_peak_after_quiet_time(motion, QUIET_OFF));
     let square = |motion: &[f64]| motion.iter().map(|x| x * x).sum::<f64>();
-    let elsewhere = simulate_felt_motion_of_windows(table, poles, others, &click.windows);
+    let elsewhere = simulate_felt_motion_of_windows(table, poles, other_shapes, &click.windows);
     #[expect(clippy::cast_precision_loss, reason = "some places")]
     let mean = elsewhere.iter().map(|motion| square(motion)).sum::<f64>() / elsewhere.len().max(1) as f64;
     let contrast_db = 10.0 * (square(&click.felt_motion) / mean).log10();
-    Some(Clicked { before_is_crisp, click, took_ms, off: measured, quiet_off, contrast_db })
+    Some(ClickAtPlace { before_is_crisp, click, took_ms, perturbed_measures, is_quiet_when_perturbed, contrast_db })
 }
 
-/// The tables.
+/// Measures clicks: a list of one table.
 ///
 /// # Errors
 /// [`Error`]: a scene that cannot be modelled.
-pub fn tables() -> Result<Vec<Table>, Error> {
+pub fn build_click_tables() -> Result<Vec<Table>, Error> {
     let scenes = [
         ("plate", EXAMPLE_PLATE.to_owned()),
         ("starting plate", STARTING_PLATE.to_owned()),
         ("bar", EXAMPLE_BAR.to_owned()),
         ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned()),
         ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned()),
-        ("sheet 700 x 400 mm, 4 ERAs", sheet_scene_text()),
+        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml()),
     ];
     let mut table = Table::new(
         "Clicks of 0.5 g at 12 x 8 places (at 12 of the bar)",
@@ -156,58 +162,65 @@ pub fn tables() -> Result<Vec<Table>, Error> {
         ],
     );
     for (name, text) in scenes {
-        let own = build_table(&text)?;
+        let own = build_plan_table_from_toml(&text)?;
         let variants = [
             ("youngs_modulus_pa", 1.0 + OFF),
             ("youngs_modulus_pa", 1.0 - OFF),
             ("stiffness_n_per_m", 1.0 + OFF),
             ("stiffness_n_per_m", 1.0 - OFF),
         ];
-        let off = variants
+        let perturbed_tables = variants
             .iter()
-            .map(|(key, factor)| build_table(&scale_values(&text, key, *factor)))
+            .map(|(key, factor)| build_plan_table_from_toml(&scale_values_of_key(&text, key, *factor)))
             .collect::<Result<Vec<_>, _>>()?;
         let places = list_places_m(&own.scene);
-        let others: Vec<DVector<f64>> = places
+        let other_shapes: Vec<DVector<f64>> = places
             .iter()
             .step_by(4)
             .map(|(x_m, y_m)| mode_shape_values_at_point_or_on_bar_axis(&own, *x_m, *y_m))
             .collect();
-        let clicked: Vec<Clicked> = places.iter().filter_map(|place| click_at(&own, &off, *place, &others)).collect();
+        let clicked: Vec<ClickAtPlace> = places
+            .iter()
+            .filter_map(|place| design_and_measure_click(&own, &perturbed_tables, *place, &other_shapes))
+            .collect();
         // A place without a click counts as one that is not crisp.
-        table.row(row_of(name, places.len(), &clicked));
+        table.add_row(build_row_of_clicks(name, places.len(), &clicked));
         eprintln!("{name}: {} places", clicked.len());
     }
     Ok(vec![table])
 }
 
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some places")]
-fn row_of(name: &str, places: usize, clicked: &[Clicked]) -> Vec<String> {
+fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> Vec<String> {
     let count = places.max(1) as f64;
-    let share = |is: &dyn Fn(&Clicked) -> bool| {
-        format!("{:.0} %", 100.0 * clicked.iter().filter(|own| is(own)).count() as f64 / count)
+    let share_where = |is_counted: &dyn Fn(&ClickAtPlace) -> bool| {
+        format!("{:.0} %", 100.0 * clicked.iter().filter(|own| is_counted(own)).count() as f64 / count)
     };
-    let middle = |of: &dyn Fn(&Clicked) -> Option<f64>| median(clicked.iter().filter_map(of).collect());
-    let least = |of: &dyn Fn(&Clicked) -> f64| clicked.iter().map(of).fold(f64::INFINITY, f64::min);
-    let peak_g = |own: &Clicked| own.click.measures.peak / STANDARD_GRAVITY;
-    let bound_g = |own: &Clicked| own.click.best_possible.unwrap_or(0.0) / STANDARD_GRAVITY;
+    let median_of =
+        |value_of: &dyn Fn(&ClickAtPlace) -> Option<f64>| compute_median(clicked.iter().filter_map(value_of).collect());
+    let least_of = |value_of: &dyn Fn(&ClickAtPlace) -> f64| clicked.iter().map(value_of).fold(f64::INFINITY, f64::min);
+    let peak_g = |own: &ClickAtPlace| own.click.measures.peak / STANDARD_GRAVITY;
+    let bound_g = |own: &ClickAtPlace| own.click.best_possible.unwrap_or(0.0) / STANDARD_GRAVITY;
     let mut times: Vec<f64> = clicked.iter().map(|own| own.took_ms).collect();
     times.sort_by(f64::total_cmp);
     let slow = times.get((0.99 * (times.len().max(1) - 1) as f64).round() as usize).copied().unwrap_or(0.0);
     vec![
         name.to_owned(),
-        share(&|own| own.before_is_crisp),
-        share(&|own| is_crisp(&own.click.measures)),
-        share(&|own| own.quiet_off && own.off.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)),
-        format!("{:.1} ms", 1e3 * middle(&|own| Some(own.click.measures.peak_s))),
-        format!("{:.1} ms", 1e3 * middle(&|own| Some(own.click.measures.quiet_s.unwrap_or(f64::INFINITY)))),
-        format!("{:.2} g", least(&peak_g)),
-        format!("{:.2} g", least(&bound_g)),
-        format!("{:.2}", least(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
-        format!("{:.1} dB", middle(&|own| own.click.measures.pulse_to_ring_db)),
-        format!("{:.2} dB/ms", middle(&|own| own.click.measures.sharpness_db_per_ms())),
-        format!("{:.1} dB", middle(&|own| Some(own.contrast_db))),
-        format!("{:.1} ms, {slow:.1} ms", median(times)),
+        share_where(&|own| own.before_is_crisp),
+        share_where(&|own| is_click_crisp(&own.click.measures)),
+        share_where(&|own| {
+            own.is_quiet_when_perturbed
+                && own.perturbed_measures.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)
+        }),
+        format!("{:.1} ms", 1e3 * median_of(&|own| Some(own.click.measures.peak_s))),
+        format!("{:.1} ms", 1e3 * median_of(&|own| Some(own.click.measures.quiet_s.unwrap_or(f64::INFINITY)))),
+        format!("{:.2} g", least_of(&peak_g)),
+        format!("{:.2} g", least_of(&bound_g)),
+        format!("{:.2}", least_of(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
+        format!("{:.1} dB", median_of(&|own| own.click.measures.pulse_to_ring_db)),
+        format!("{:.2} dB/ms", median_of(&|own| own.click.measures.sharpness_db_per_ms())),
+        format!("{:.1} dB", median_of(&|own| Some(own.contrast_db))),
+        format!("{:.1} ms, {slow:.1} ms", compute_median(times)),
     ]
 }
 

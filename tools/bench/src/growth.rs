@@ -1,12 +1,12 @@
 //! (b): how time and memory grow.
 
-use crate::case::{Outcome, in_child};
-use crate::clock::median;
+use crate::case::{CaseOutcome, run_case_in_child_process};
+use crate::clock::compute_median;
 use crate::environment::Environment;
 use crate::error::Error;
 use crate::fit;
-use crate::problem::{MAX_HZ, Problem, scene_text};
-use crate::table::{Table, bytes, seconds, three};
+use crate::problem::{MAX_HZ, Problem, make_lightly_damped_plate_toml};
+use crate::table::{Table, format_bytes, format_three_digits, format_time};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -19,11 +19,16 @@ const ORDERS: [usize; 2] = [3, 7];
 /// The mesh on which modes, actuators and frequencies are varied: right to 1e-3 up to 4 kHz.
 const CELL_M: f64 = 0.05;
 
-/// With the number of unknowns, as long as a size is expected to take no more than `most_s`.
+/// Measures the growth of time and memory with the number of unknowns, as long as a size is expected to take no more
+/// than `longest_s`.
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
-pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Result<Table, Error> {
+pub fn build_table_of_growth_with_unknowns(
+    environment: &Environment,
+    problem: &Problem,
+    longest_s: f64,
+) -> Result<Table, Error> {
     let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
     let mut table = Table::new("(b) Growth: unknowns", &columns);
     table.above.push(String::from(
@@ -31,7 +36,7 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
          residual shapes are for 50 to 1000 Hz. Each size runs in a process of its own. Below the table, the growth of \
          time and memory is given as a power of the number of unknowns. This power follows from the two largest sizes.",
     ));
-    let scene = write_scene(environment, 2)?;
+    let scene = write_plate_scene_with_actuators(environment, 2)?;
     let surface = &problem.scene.surface;
     for order in ORDERS {
         let (mut times, mut peaks) = (Vec::new(), Vec::new());
@@ -39,52 +44,56 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
             // Functions along a side: order - 1 for each cell.
             #[expect(clippy::cast_precision_loss, reason = "a dozen")]
             let cell_m = (order - 1) as f64 * (surface.length_m * surface.width_m / wanted).sqrt();
-            if let (Some(time_s), Some(peak)) = (fit::at(&times, wanted), fit::at(&peaks, wanted)) {
-                let free = available_bytes()?;
-                if time_s > most_s || peak > MOST_MEMORY * free {
+            if let (Some(time_s), Some(peak)) =
+                (fit::evaluate_power_law(&times, wanted), fit::evaluate_power_law(&peaks, wanted))
+            {
+                let free = read_available_memory_bytes()?;
+                if time_s > longest_s || peak > MOST_MEMORY * free {
                     table.below.push(format!(
                         "Order {order} ends here: {wanted:.0e} unknowns would take about {} and {} (limits of this \
                          measurement: {}, and half of the {} that are free).",
-                        seconds(time_s),
-                        bytes(peak),
-                        seconds(most_s),
-                        bytes(free)
+                        format_time(time_s),
+                        format_bytes(peak),
+                        format_time(longest_s),
+                        format_bytes(free)
                     ));
                     break;
                 }
             }
-            let outcome = mesh(environment, &scene, order, cell_m, MAX_HZ, 2)?;
+            let outcome = run_mesh_case_with_median_times(environment, &scene, order, cell_m, MAX_HZ, 2)?;
             #[expect(clippy::cast_precision_loss, reason = "a million at most")]
             let unknowns = outcome.unknowns as f64;
             times.push((unknowns, outcome.mesh_s + outcome.modes_s));
             peaks.push((unknowns, outcome.peak_bytes));
-            table.row([
+            table.add_row([
                 order.to_string(),
                 outcome.unknowns.to_string(),
-                seconds(outcome.mesh_s),
-                seconds(outcome.modes_s),
+                format_time(outcome.mesh_s),
+                format_time(outcome.modes_s),
                 outcome.coordinates.to_string(),
-                seconds(outcome.mesh_s + outcome.modes_s),
-                bytes(outcome.peak_bytes),
+                format_time(outcome.mesh_s + outcome.modes_s),
+                format_bytes(outcome.peak_bytes),
             ]);
         }
-        if let (Some(time), Some(memory)) = (exponent(&times), exponent(&peaks)) {
+        if let (Some(time), Some(memory)) =
+            (compute_power_law_exponent_of_last_two(&times), compute_power_law_exponent_of_last_two(&peaks))
+        {
             table.below.push(format!(
                 "For order {order}, the time grows with the power {} of the number of unknowns, and the memory with \
                  the power {}.",
-                three(time),
-                three(memory)
+                format_three_digits(time),
+                format_three_digits(memory)
             ));
         }
     }
     Ok(table)
 }
 
-/// With modes, actuators and frequencies.
+/// Measures the growth of time with modes, actuators and frequencies.
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
-pub fn others(environment: &Environment) -> Result<Table, Error> {
+pub fn build_table_of_growth_with_modes_actuators_and_frequencies(environment: &Environment) -> Result<Table, Error> {
     let columns = ["varied", "value", "unknowns", "coordinates", "mesh and factors", "modes", "sweep", "per frequency"];
     let mut table = Table::new("(b) Growth: modes, actuators, frequencies", &columns);
     table.above.push(format!(
@@ -93,98 +102,99 @@ pub fn others(environment: &Environment) -> Result<Table, Error> {
          the coordinates of all actuators at all frequencies. Times are medians.",
         CELL_M * 1e3
     ));
-    let two = write_scene(environment, 2)?;
-    let mut row = |varied: &str, value: String, outcome: &Outcome, frequencies: usize| {
+    let two = write_plate_scene_with_actuators(environment, 2)?;
+    let mut add_row = |varied: &str, value: String, outcome: &CaseOutcome, frequencies: usize| {
         #[expect(clippy::cast_precision_loss, reason = "ten thousand")]
         let each = outcome.sweep_s / frequencies as f64;
-        table.row([
+        table.add_row([
             String::from(varied),
             value,
             outcome.unknowns.to_string(),
             outcome.coordinates.to_string(),
-            seconds(outcome.mesh_s),
-            seconds(outcome.modes_s),
-            seconds(outcome.sweep_s),
-            seconds(each),
+            format_time(outcome.mesh_s),
+            format_time(outcome.modes_s),
+            format_time(outcome.sweep_s),
+            format_time(each),
         ]);
     };
     for max_hz in [250.0, 500.0, 1000.0, 2000.0, 4000.0] {
-        let outcome = mesh(environment, &two, 7, CELL_M, max_hz, 1000)?;
-        row("band up to", format!("{max_hz} Hz"), &outcome, 1000);
+        let outcome = run_mesh_case_with_median_times(environment, &two, 7, CELL_M, max_hz, 1000)?;
+        add_row("band up to", format!("{max_hz} Hz"), &outcome, 1000);
     }
     for count in 1..=4 {
-        let scene = write_scene(environment, count)?;
-        let outcome = mesh(environment, &scene, 7, CELL_M, MAX_HZ, 1000)?;
-        row("actuators", count.to_string(), &outcome, 1000);
+        let scene = write_plate_scene_with_actuators(environment, count)?;
+        let outcome = run_mesh_case_with_median_times(environment, &scene, 7, CELL_M, MAX_HZ, 1000)?;
+        add_row("actuators", count.to_string(), &outcome, 1000);
     }
     for frequencies in [100, 1000, 10_000] {
-        let outcome = mesh(environment, &two, 7, CELL_M, MAX_HZ, frequencies)?;
-        row("frequencies", frequencies.to_string(), &outcome, frequencies);
+        let outcome = run_mesh_case_with_median_times(environment, &two, 7, CELL_M, MAX_HZ, frequencies)?;
+        add_row("frequencies", frequencies.to_string(), &outcome, frequencies);
     }
     Ok(table)
 }
 
-fn exponent(pairs: &[(f64, f64)]) -> Option<f64> {
+fn compute_power_law_exponent_of_last_two(pairs: &[(f64, f64)]) -> Option<f64> {
     let [.., (x0, y0), (x1, y1)] = pairs else { return None };
     Some((y1 / y0).ln() / (x1 / x0).ln())
 }
 
-/// One mesh; small ones several times, with medians.
-fn mesh(
+/// Runs one mesh, a small one several times, with the medians of its times.
+fn run_mesh_case_with_median_times(
     environment: &Environment,
     scene: &Path,
     order: usize,
     cell_m: f64,
     max_hz: f64,
     frequencies: usize,
-) -> Result<Outcome, Error> {
+) -> Result<CaseOutcome, Error> {
     let options = [
         ("--cell-m", cell_m.to_string()),
         ("--order", order.to_string()),
         ("--max-hz", max_hz.to_string()),
         ("--frequencies", frequencies.to_string()),
     ];
-    let first = in_child(environment, "mesh", scene, &options)?;
+    let first = run_case_in_child_process(environment, "mesh", scene, &options)?;
     // Above a second the noise is small against it.
     let more = if first.elapsed_s > 1.0 || environment.quick { 0 } else { 4 };
     let mut all = vec![first];
     for _ in 0..more {
-        all.push(in_child(environment, "mesh", scene, &options)?);
+        all.push(run_case_in_child_process(environment, "mesh", scene, &options)?);
     }
-    let of = |what: fn(&Outcome) -> f64| median(all.iter().map(what).collect());
-    let (mesh_s, modes_s, sweep_s) = (of(|o| o.mesh_s), of(|o| o.modes_s), of(|o| o.sweep_s));
-    Ok(Outcome { mesh_s, modes_s, sweep_s, ..all.swap_remove(0) })
+    let median_of = |what: fn(&CaseOutcome) -> f64| compute_median(all.iter().map(what).collect());
+    let (mesh_s, modes_s, sweep_s) = (median_of(|o| o.mesh_s), median_of(|o| o.modes_s), median_of(|o| o.sweep_s));
+    Ok(CaseOutcome { mesh_s, modes_s, sweep_s, ..all.swap_remove(0) })
 }
 
-/// The starting plate with 1 to 4 actuators: its own two, and two more placed off its centre lines.
-fn write_scene(environment: &Environment, actuators: usize) -> Result<std::path::PathBuf, Error> {
+/// Writes a scene file of the starting plate with 1 to 4 actuators: its own two, and two more placed off its centre
+/// lines.
+fn write_plate_scene_with_actuators(environment: &Environment, actuators: usize) -> Result<std::path::PathBuf, Error> {
     const BLOCK: &str = "[[actuator]]";
-    let text = scene_text()?;
+    let text = make_lightly_damped_plate_toml()?;
     let mut parts = text.split(BLOCK);
     let mut out = String::from(parts.next().ok_or(Error::Scene(BLOCK))?);
     let own: Vec<&str> = parts.collect();
     let pattern = own.first().ok_or(Error::Scene(BLOCK))?;
     let more = [("third", 120.0, 40.0), ("fourth", 190.0, 155.0)].map(|(id, x_mm, y_mm)| {
-        let replaced = |line: &str| match line.split('=').next().map(str::trim) {
+        let replace_value = |line: &str| match line.split('=').next().map(str::trim) {
             Some("id") => format!("id = \"{id}\""),
             Some("x_mm") => format!("x_mm = {x_mm:?}"),
             Some("y_mm") => format!("y_mm = {y_mm:?}"),
             _ => String::from(line),
         };
-        pattern.lines().map(replaced).collect::<Vec<_>>().join("\n")
+        pattern.lines().map(replace_value).collect::<Vec<_>>().join("\n")
     });
     for block in own.iter().copied().chain(more.iter().map(String::as_str)).take(actuators) {
         let _ = writeln!(out, "{BLOCK}{block}");
     }
     let path = environment.scratch.join(format!("plate-{actuators}.toml"));
-    std::fs::write(&path, out).map_err(Error::file(&path))?;
+    std::fs::write(&path, out).map_err(Error::file_error(&path))?;
     Ok(path)
 }
 
-/// Memory that programs may still take.
-fn available_bytes() -> Result<f64, Error> {
+/// Memory that programs may still take; infinite if the kernel does not say.
+fn read_available_memory_bytes() -> Result<f64, Error> {
     let path = Path::new("/proc/meminfo");
-    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let text = std::fs::read_to_string(path).map_err(Error::file_error(path))?;
     let line = text.lines().find(|line| line.starts_with("MemAvailable:"));
     let kilobytes = line.and_then(|line| line.split_whitespace().nth(1)).and_then(|value| value.parse::<f64>().ok());
     Ok(kilobytes.map_or(f64::INFINITY, |kilobytes| kilobytes * 1024.0))

@@ -36,7 +36,7 @@ use problem::{Problem, WANTED};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
-use table::{Table, relative, seconds};
+use table::{Table, format_relative_error, format_time};
 
 /// Time that one size of the growth with unknowns may take, in s.
 const LONGEST_S: f64 = 45.0;
@@ -119,15 +119,21 @@ struct Options {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Model(options) => model(&options),
-        Command::Planner { update } => {
-            measured(Part::Planner, swarm::tables_with_swarm_and_annealing, update.as_deref())
+        Command::Model(options) => run_model_benchmark(&options),
+        Command::Planner { update } => print_tables_and_update_document(
+            Part::Planner,
+            swarm::build_planner_tables_with_swarm_and_annealing,
+            update.as_deref(),
+        ),
+        Command::Study { update } => print_tables_and_update_document(
+            Part::Study,
+            || study::build_study_tables(&Environment::prepare(true, true)?),
+            update.as_deref(),
+        ),
+        Command::Feel { update } => {
+            print_tables_and_update_document(Part::Feel, feel::build_click_tables, update.as_deref())
         }
-        Command::Study { update } => {
-            measured(Part::Study, || study::tables(&Environment::new(true, true)?), update.as_deref())
-        }
-        Command::Feel { update } => measured(Part::Feel, feel::tables, update.as_deref()),
-        Command::Case(case) => case::run(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
+        Command::Case(case) => case::run_case(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -138,61 +144,61 @@ fn main() -> ExitCode {
     }
 }
 
-fn measured(
+fn print_tables_and_update_document(
     part: Part,
-    tables: impl FnOnce() -> Result<Vec<Table>, Error>,
-    update: Option<&Path>,
+    build_tables: impl FnOnce() -> Result<Vec<Table>, Error>,
+    document_path: Option<&Path>,
 ) -> Result<(), Error> {
-    println!("{}\n", document::machine()?);
-    let tables = tables()?;
+    println!("{}\n", document::describe_machine()?);
+    let tables = build_tables()?;
     for table in &tables {
-        println!("{}", table.text());
+        println!("{}", table.format_as_text());
     }
     let tables: Vec<(Part, Table)> = tables.into_iter().map(|table| (part, table)).collect();
-    update.map_or(Ok(()), |path| document::update(path, &tables))
+    document_path.map_or(Ok(()), |path| document::update_tables_in_document(path, &tables))
 }
 
-fn model(options: &Options) -> Result<(), Error> {
-    let wants = |part| options.only.is_empty() || options.only.contains(&part);
-    let environment = Environment::new(options.quick, wants(Part::Peers) || wants(Part::Table1))?;
-    let problem = Problem::new()?;
+fn run_model_benchmark(options: &Options) -> Result<(), Error> {
+    let is_wanted = |part| options.only.is_empty() || options.only.contains(&part);
+    let environment = Environment::prepare(options.quick, is_wanted(Part::Peers) || is_wanted(Part::Table1))?;
+    let problem = Problem::from_starting_plate()?;
     let mut tables = Vec::new();
-    let mut tell = |part: Part, table: Table| {
-        println!("{}", table.text());
+    let mut add_table = |part: Part, table: Table| {
+        println!("{}", table.format_as_text());
         tables.push((part, table));
     };
     let started = Instant::now();
-    println!("{}\n", document::machine()?);
-    if wants(Part::Peers) || wants(Part::Arithmetic) {
-        side_by_side(&environment, &problem, &wants, &mut tell)?;
+    println!("{}\n", document::describe_machine()?);
+    if is_wanted(Part::Peers) || is_wanted(Part::Arithmetic) {
+        measure_peers_and_arithmetic(&environment, &problem, &is_wanted, &mut add_table)?;
     }
-    if wants(Part::Table1) {
-        tell(Part::Table1, table1::table(&environment)?);
+    if is_wanted(Part::Table1) {
+        add_table(Part::Table1, table1::build_table_of_motion_in_time(&environment)?);
     }
-    if wants(Part::Tradeoff) {
-        let (table, responses) = tradeoff::responses(&environment, &problem)?;
-        tell(Part::Tradeoff, table);
-        let (table, modes) = tradeoff::modes(&environment)?;
-        tell(Part::Tradeoff, table);
+    if is_wanted(Part::Tradeoff) {
+        let (table, responses) = tradeoff::build_table_and_plot_points_of_responses(&environment, &problem)?;
+        add_table(Part::Tradeoff, table);
+        let (table, modes) = tradeoff::build_table_and_plot_points_of_mode_frequencies(&environment)?;
+        add_table(Part::Tradeoff, table);
         if let Some(path) = &options.plot {
-            plot::write(path, &responses, &modes)?;
+            plot::write_accuracy_cost_svg(path, &responses, &modes)?;
         }
     }
-    if wants(Part::Proof) {
-        tell(Part::Proof, proof::price(&environment, &problem)?);
-        tell(Part::Proof, proof::tightness(&environment)?);
+    if is_wanted(Part::Proof) {
+        add_table(Part::Proof, proof::build_table_of_error_bound_cost(&environment, &problem)?);
+        add_table(Part::Proof, proof::build_table_of_bound_over_error(&environment)?);
     }
-    if wants(Part::Growth) {
-        let most_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });
-        tell(Part::Growth, growth::unknowns(&environment, &problem, most_s)?);
-        tell(Part::Growth, growth::others(&environment)?);
+    if is_wanted(Part::Growth) {
+        let longest_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });
+        add_table(Part::Growth, growth::build_table_of_growth_with_unknowns(&environment, &problem, longest_s)?);
+        add_table(Part::Growth, growth::build_table_of_growth_with_modes_actuators_and_frequencies(&environment)?);
     }
-    println!("{} in all", seconds(started.elapsed().as_secs_f64()));
+    println!("{} in all", format_time(started.elapsed().as_secs_f64()));
     if let Some(path) = &options.markdown {
-        document::write(path, &tables)?;
+        document::write_tables_as_markdown(path, &tables)?;
     }
     if let Some(path) = &options.update {
-        document::update(path, &tables)?;
+        document::update_tables_in_document(path, &tables)?;
     }
     Ok(())
 }
@@ -201,54 +207,54 @@ fn model(options: &Options) -> Result<(), Error> {
 const TRIED: [f64; 3] = [1e-3, 1e-4, 1e-6];
 
 /// (c) and (e), which have a reference in common.
-fn side_by_side(
+fn measure_peers_and_arithmetic(
     environment: &Environment,
     problem: &Problem,
-    wants: &dyn Fn(Part) -> bool,
-    tell: &mut dyn FnMut(Part, Table),
+    is_wanted: &dyn Fn(Part) -> bool,
+    add_table: &mut dyn FnMut(Part, Table),
 ) -> Result<(), Error> {
-    let reference = problem.reference(TIGHTEST)?;
+    let reference = problem.compute_reference_curves(TIGHTEST)?;
     let runs = if environment.quick { 3 } else { 21 };
     // In the order of cost.
     let mut own = Vec::new();
     let mut good_enough = None;
     for tolerance in TRIED {
         let accuracy = Accuracy::from_tolerance(tolerance)?;
-        let double = own::solve::<f64>(problem, accuracy, &reference, runs)?.0;
+        let double = own::measure_solution_on_one_mesh::<f64>(problem, accuracy, &reference, runs)?.0;
         if double.error <= WANTED {
             good_enough.get_or_insert(accuracy);
         }
         own.push(double);
-        own.push(own::solve::<f32>(problem, accuracy, &reference, runs)?.0);
+        own.push(own::measure_solution_on_one_mesh::<f32>(problem, accuracy, &reference, runs)?.0);
     }
-    if wants(Part::Peers) {
-        let next = problem.reference(NEXT)?;
-        let uncertainty = next.error_of(|curve, f| reference.values[curve * reference.count + f]);
-        let file = problem.write(&environment.scratch, &reference)?;
-        let report = peers::run(environment, &file)?;
+    if is_wanted(Part::Peers) {
+        let next = problem.compute_reference_curves(NEXT)?;
+        let uncertainty = next.compute_largest_relative_error(|curve, f| reference.values[curve * reference.count + f]);
+        let file = problem.write_files_and_return_problem_path(&environment.scratch, &reference)?;
+        let report = peers::run_scipy_and_numpy(environment, &file)?;
         let good = own.iter().filter(|own| own.error <= WANTED);
-        let best = good.min_by(|a, b| a.total_s().total_cmp(&b.total_s())).cloned();
-        let bounded = own::solve_bounded(problem, Accuracy::BALANCED, &reference, runs)?;
+        let best = good.min_by(|a, b| a.total_time_s().total_cmp(&b.total_time_s())).cloned();
+        let bounded = own::measure_solution_with_bound(problem, Accuracy::BALANCED, &reference, runs)?;
         own.push(bounded.clone());
-        let mut all = peers::table(&report, &own, problem);
+        let mut all = peers::build_table_of_all_measurements(&report, &own, problem);
         all.below.push(format!(
             "The most accurate answer has elements of order {} and cells of {} mm. With elements of the next lower \
              order on the same cells, the answer differs by {}. In the row with a bound, the program computes all \
              meshes of the sequence, like `era sweep`; the column \"set-up\" has the whole time of this row.",
             TIGHTEST.order,
             TIGHTEST.cell_m * 1e3,
-            relative(uncertainty)
+            format_relative_error(uncertainty)
         ));
-        tell(Part::Peers, all);
+        add_table(Part::Peers, all);
         if let Some(best) = best {
-            tell(Part::Peers, peers::ratios(&report, &best));
+            add_table(Part::Peers, peers::build_table_of_times_at_equal_error(&report, &best));
         }
-        tell(Part::Peers, peers::ratios(&report, &bounded));
-        tell(Part::Peers, calculix::table(environment, problem, &file)?);
+        add_table(Part::Peers, peers::build_table_of_times_at_equal_error(&report, &bounded));
+        add_table(Part::Peers, calculix::build_table_of_calculix_comparison(environment, problem, &file)?);
     }
-    if wants(Part::Arithmetic) {
+    if is_wanted(Part::Arithmetic) {
         let accuracy = good_enough.unwrap_or(Accuracy::REFERENCE);
-        tell(Part::Arithmetic, arithmetic::table(problem, accuracy, &reference, runs)?);
+        add_table(Part::Arithmetic, arithmetic::build_table_of_arithmetics(problem, accuracy, &reference, runs)?);
     }
     Ok(())
 }

@@ -3,27 +3,27 @@
 use crate::environment::Environment;
 use crate::error::Error;
 use crate::fit;
-use crate::own::Own;
+use crate::own::EraMeasurement;
 use crate::problem::{Problem, WANTED};
-use crate::process::json;
-use crate::table::{Table, relative, seconds, times};
+use crate::process::run_and_parse_json;
+use crate::table::{Table, format_factor, format_relative_error, format_time};
 use serde::Deserialize;
 use std::path::Path;
 
 /// What `peers/peers.py` prints.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Report {
+pub struct PeerReport {
     /// Version of NumPy.
     pub numpy: String,
     /// Version of SciPy.
     pub scipy: String,
     /// In the order of the meshes.
-    pub results: Vec<Solved>,
+    pub results: Vec<PeerMeasurement>,
 }
 
-/// One method on one mesh.
+/// Size, times and error of one method on one mesh.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Solved {
+pub struct PeerMeasurement {
     /// `direct`, `modal`, `modal+2` or `real`.
     pub method: String,
     /// As in `12x8`.
@@ -42,8 +42,8 @@ pub struct Solved {
     pub error: f64,
 }
 
-impl Solved {
-    fn total_s(&self) -> f64 {
+impl PeerMeasurement {
+    fn total_time_s(&self) -> f64 {
         self.set_up_s + self.sweep_s
     }
 }
@@ -60,9 +60,9 @@ const METHODS: [(&str, &str); 4] = [
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::Json`].
-pub fn run(environment: &Environment, problem: &Path) -> Result<Report, Error> {
-    let mut command = environment.script("peers.py");
-    command.arg(problem);
+pub fn run_scipy_and_numpy(environment: &Environment, problem_file: &Path) -> Result<PeerReport, Error> {
+    let mut command = environment.make_script_command("peers.py");
+    command.arg(problem_file);
     if environment.quick {
         command.args([
             "--meshes",
@@ -79,12 +79,12 @@ pub fn run(environment: &Environment, problem: &Path) -> Result<Report, Error> {
     } else {
         command.args(["--meshes", "12x8", "24x16", "48x32", "96x64", "--direct-most", "96", "--real-most", "24"]);
     }
-    json(&mut command)
+    run_and_parse_json(&mut command)
 }
 
-/// Every measurement.
+/// The table of every measurement.
 #[must_use]
-pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
+pub fn build_table_of_all_measurements(report: &PeerReport, own: &[EraMeasurement], problem: &Problem) -> Table {
     let columns = ["method", "mesh", "unknowns", "set-up", "sweep", "timed at", "total", "error"];
     let mut table = Table::new("(c) Side by side: every measurement", &columns);
     table.above.push(format!(
@@ -96,90 +96,97 @@ pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
          frequencies. The timed frequencies include those with the largest errors. In the rows of `era`, the column \
          \"mesh\" has the number of coordinates. Versions: NumPy {}, SciPy {}.",
         problem.frequencies_hz.len(),
-        problem.points(),
+        problem.count_points(),
         report.numpy,
         report.scipy
     ));
     for own in own {
-        table.row([
+        table.add_row([
             own.name.clone(),
             format!("{} coordinates", own.coordinates),
             own.unknowns.to_string(),
-            seconds(own.set_up_s),
-            own.sweep_s.map_or_else(String::new, seconds),
+            format_time(own.set_up_s),
+            own.sweep_s.map_or_else(String::new, format_time),
             problem.frequencies_hz.len().to_string(),
-            seconds(own.total_s()),
-            relative(own.error),
+            format_time(own.total_time_s()),
+            format_relative_error(own.error),
         ]);
     }
     for (method, name) in METHODS {
         for result in report.results.iter().filter(|result| result.method == method) {
-            table.row([
+            table.add_row([
                 String::from(name),
                 result.mesh.clone(),
                 result.unknowns.to_string(),
-                seconds(result.set_up_s),
-                seconds(result.sweep_s),
+                format_time(result.set_up_s),
+                format_time(result.sweep_s),
                 result.timed_frequencies.to_string(),
-                seconds(result.total_s()),
-                relative(result.error),
+                format_time(result.total_time_s()),
+                format_relative_error(result.error),
             ]);
         }
     }
     table
 }
 
-/// What a method needs for an error.
-struct Need {
+/// The mesh and the time with which a method comes down to an error.
+struct MeshAndTime {
     cells: f64,
     total_s: f64,
-    is_measured: bool,
+    /// Or extrapolated.
+    is_interpolated: bool,
 }
 
-fn need(results: &[&Solved], error: f64, errors: &[(f64, f64)]) -> Option<Need> {
-    let cells = fit::reaches(errors, error)?;
-    let totals: Vec<_> = results.iter().map(|result| (result.cells, result.total_s())).collect();
-    let total_s = fit::at(&totals, cells)?;
-    Some(Need { cells, total_s, is_measured: fit::is_measured(&totals, cells) })
+fn find_mesh_and_time_for_error(
+    results: &[&PeerMeasurement],
+    error: f64,
+    errors: &[(f64, f64)],
+) -> Option<MeshAndTime> {
+    let cells = fit::find_x_where_power_law_falls_to(errors, error)?;
+    let totals: Vec<_> = results.iter().map(|result| (result.cells, result.total_time_s())).collect();
+    let total_s = fit::evaluate_power_law(&totals, cells)?;
+    Some(MeshAndTime { cells, total_s, is_interpolated: fit::is_within_measured_range(&totals, cells) })
 }
 
-/// Times at equal error, and how many times the program's own they are.
+/// The table of times at equal error, and of how many times the program's own they are.
 #[must_use]
-pub fn ratios(report: &Report, own: &Own) -> Table {
+pub fn build_table_of_times_at_equal_error(report: &PeerReport, own: &EraMeasurement) -> Table {
     let columns = ["method", "error", "cells along x", "total", "ratio", "from"];
     let mut table = Table::new(format!("(c) Side by side: at equal error, {}", own.name), &columns);
-    let own_s = own.total_s();
+    let own_s = own.total_time_s();
     table.above.push(format!(
         "The row \"{}\" above takes {} from scene to result{}, and has an error of {}. The next table says which mesh \
          and how much time each other method needs for two errors: 0.1 %, and the error of that row. Mesh and time are \
          interpolated or extrapolated from the meshes above, along straight lines in logarithms.",
         own.name,
-        seconds(own_s),
-        own.sweep_s.map_or_else(String::new, |s| format!(" ({} after the modes are known)", seconds(s))),
-        relative(own.error)
+        format_time(own_s),
+        own.sweep_s.map_or_else(String::new, |s| format!(" ({} after the modes are known)", format_time(s))),
+        format_relative_error(own.error)
     ));
     // The error is the mesh's, whichever way its matrices are solved.
-    let of = |method: &str| report.results.iter().filter(|result| result.method == method).collect::<Vec<_>>();
-    let errors_of = |method: &str| of(method).iter().map(|result| (result.cells, result.error)).collect::<Vec<_>>();
+    let list_results_of =
+        |method: &str| report.results.iter().filter(|result| result.method == method).collect::<Vec<_>>();
+    let list_cells_and_errors_of =
+        |method: &str| list_results_of(method).iter().map(|result| (result.cells, result.error)).collect::<Vec<_>>();
     for (method, name) in METHODS {
-        let errors = errors_of(if method == "modal" { "modal" } else { "modal+2" });
+        let errors = list_cells_and_errors_of(if method == "modal" { "modal" } else { "modal+2" });
         let mut wanted = vec![WANTED];
         if own.error < WANTED {
             wanted.push(own.error);
         }
         for error in wanted {
-            let measured = of(method);
-            let cells = match need(&measured, error, &errors) {
-                Some(Need { cells, total_s, is_measured }) => [
+            let measured = list_results_of(method);
+            let cells = match find_mesh_and_time_for_error(&measured, error, &errors) {
+                Some(MeshAndTime { cells, total_s, is_interpolated }) => [
                     format!("{cells:.0}"),
-                    seconds(total_s),
-                    times(total_s / own_s),
-                    String::from(if is_measured { "interpolated" } else { "extrapolated" }),
+                    format_time(total_s),
+                    format_factor(total_s / own_s),
+                    String::from(if is_interpolated { "interpolated" } else { "extrapolated" }),
                 ],
                 None if measured.len() < 2 => ["-", "-", "-", "one mesh only"].map(String::from),
                 None => ["-", "-", "-", "not reached by finer meshes"].map(String::from),
             };
-            table.row([String::from(name), relative(error)].into_iter().chain(cells));
+            table.add_row([String::from(name), format_relative_error(error)].into_iter().chain(cells));
         }
     }
     table
@@ -189,7 +196,7 @@ pub fn ratios(report: &Report, own: &Own) -> Table {
 mod tests {
     use super::*;
 
-    fn report() -> Report {
+    fn make_report() -> PeerReport {
         let result = |method: &str, cells: f64, seconds: f64, error: f64| {
             serde_json::json!({
                 "method": method, "mesh": "any", "cells": cells, "unknowns": 1, "set_up_s": 0.0, "sweep_s": seconds,
@@ -208,14 +215,14 @@ mod tests {
     }
 
     /// One second in all for an error.
-    fn own(error: f64) -> Own {
+    fn make_own_measurement(error: f64) -> EraMeasurement {
         let name = String::from("own");
-        Own { name, unknowns: 1, coordinates: 1, set_up_s: 0.5, sweep_s: Some(0.5), error, operations: 1.0 }
+        EraMeasurement { name, unknowns: 1, coordinates: 1, set_up_s: 0.5, sweep_s: Some(0.5), error, operations: 1.0 }
     }
 
     #[test]
     fn equal_error_is_read_off_the_measurements() {
-        let rows = ratios(&report(), &own(2e-3)).rows;
+        let rows = build_table_of_times_at_equal_error(&make_report(), &make_own_measurement(2e-3)).rows;
         let row = |method: usize| rows[method].iter().map(String::as_str).collect::<Vec<_>>();
         // 100 cells are ten times ten: as the cube of it, 1000 s.
         assert_eq!(row(0)[2..], ["100", "1000 s", "1000 x", "extrapolated"]);
@@ -226,7 +233,7 @@ mod tests {
 
     #[test]
     fn own_error_is_a_second_goal_if_it_is_smaller() {
-        let rows = ratios(&report(), &own(1e-5)).rows;
+        let rows = build_table_of_times_at_equal_error(&make_report(), &make_own_measurement(1e-5)).rows;
         assert_eq!(rows.len(), 8);
         assert_eq!((rows[4][1].as_str(), rows[5][1].as_str(), rows[5][2].as_str()), ("1.0e-3", "1.0e-5", "1000"));
     }

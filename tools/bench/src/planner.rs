@@ -1,7 +1,7 @@
 //! The planner: time per plan, and its optimum against all combinations.
 
 use crate::error::Error;
-use crate::table::{Table, relative, seconds};
+use crate::table::{Table, format_relative_error, format_time};
 use era_model::model::Accuracy;
 use era_model::model::levels::ReducedLevels;
 use era_model::scene::{STARTING_PLATE, Scene};
@@ -52,17 +52,17 @@ pub fn build_plan_table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error>
 }
 
 /// A touch somewhere, by a low-discrepancy sequence.
-pub fn place_touch_by_number(scene: &Scene, number: u32, intensity_g: f64) -> Target {
-    let at = |step: f64| (0.5 + step * f64::from(number + 1)).fract();
+pub fn make_touch_by_number(scene: &Scene, number: u32, intensity_g: f64) -> Target {
+    let fraction_of_side = |step: f64| (0.5 + step * f64::from(number + 1)).fract();
     Target {
-        x_m: scene.surface.length_m * at(0.754_877_666),
-        y_m: scene.surface.width_m * at(0.569_840_291),
+        x_m: scene.surface.length_m * fraction_of_side(0.754_877_666),
+        y_m: scene.surface.width_m * fraction_of_side(0.569_840_291),
         intensity_g: Some(intensity_g),
     }
 }
 
-/// The tables.
-pub fn tables() -> Result<Vec<Table>, Error> {
+/// Measures the planner: the tables of the time per plan, of brute force and of phases.
+pub fn build_planner_tables() -> Result<Vec<Table>, Error> {
     let mut times = Table::new(
         "Time per plan",
         &[
@@ -117,53 +117,57 @@ pub fn tables() -> Result<Vec<Table>, Error> {
         for (name, intensities) in [("0.05 to 0.5 g", [0.05, 0.1, 0.2, 0.5]), ("20 g", [20.0; 4])] {
             let (mut seconds_each, mut proven) = (Vec::new(), 0_u32);
             for number in 0..TOUCHES {
-                let target = place_touch_by_number(&scene, number, intensities[number as usize % 4]);
+                let target = make_touch_by_number(&scene, number, intensities[number as usize % 4]);
                 let started = Instant::now();
                 let plan = fine.plan(&[target])?;
                 seconds_each.push(started.elapsed().as_secs_f64());
                 proven += u32::from(plan.optimality_gap == 0.0);
             }
-            let [median, p99, longest] = sort_and_take_median_p99_largest(&mut seconds_each);
-            times.row([
+            let [median, p99, longest] = sort_and_take_median_p99_and_largest(&mut seconds_each);
+            times.add_row([
                 actuators.to_string(),
                 name.to_owned(),
-                seconds(median),
-                seconds(p99),
-                seconds(longest),
+                format_time(median),
+                format_time(p99),
+                format_time(longest),
                 format!("{:.1} %", 100.0 * f64::from(proven) / f64::from(TOUCHES)),
-                format!("{:.1} MB", megabytes(fine.memory_bytes())),
-                seconds(made_s),
+                format!("{:.1} MB", bytes_to_mb(fine.memory_bytes())),
+                format_time(made_s),
             ]);
         }
         let step_hz = STEPS_HZ[actuators - 1];
         let coarse = if step_hz == FINE_HZ { None } else { Some(build_plan_table(&scene, step_hz)?) };
-        checks.row(check(&scene, actuators, coarse.as_ref().unwrap_or(&fine))?);
+        checks.add_row(build_row_of_search_against_brute_force(&scene, actuators, coarse.as_ref().unwrap_or(&fine))?);
         if actuators > 1 {
-            phases.row(with_phases(&scene, &fine, actuators)?);
+            phases.add_row(build_row_of_plans_with_phases(&scene, &fine, actuators)?);
         }
     }
     Ok(vec![times, checks, phases])
 }
 
 #[expect(clippy::cast_precision_loss, reason = "megabytes")]
-fn megabytes(bytes: usize) -> f64 {
+fn bytes_to_mb(bytes: usize) -> f64 {
     bytes as f64 / 1e6
 }
 
 /// Median, 99th percentile and the largest.
-pub fn sort_and_take_median_p99_largest(values: &mut [f64]) -> [f64; 3] {
+pub fn sort_and_take_median_p99_and_largest(values: &mut [f64]) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     [last / 2, last * 99 / 100, last].map(|at| values.get(at).copied().unwrap_or(f64::NAN))
 }
 
-fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 8], Error> {
+fn build_row_of_search_against_brute_force(
+    scene: &Scene,
+    actuators: usize,
+    table: &PlanTable,
+) -> Result<[String; 8], Error> {
     let count = CHECKED[actuators - 1];
     let (mut brute_s, mut search_s, mut worst, mut of_touch, mut combinations) = (0.0, 0.0, 0.0_f64, 0.0_f64, 0_u64);
     let mut touches = 0;
     for intensity_g in [0.1, 1.0, 20.0] {
         for number in 0..count {
-            let target = place_touch_by_number(scene, number, intensity_g);
+            let target = make_touch_by_number(scene, number, intensity_g);
             let wanted = intensity_g * STANDARD_GRAVITY;
             let started = Instant::now();
             let study = search_best_allocation(table, target, SearchEffort::Study)?;
@@ -175,9 +179,9 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
             let (best, looked) = all.find_best_allocation_exhaustively_and_count_combinations(&|_, _| true);
             brute_s += started.elapsed().as_secs_f64();
             combinations = combinations.max(looked);
-            let best = best.ok_or_else(no_frequencies_error)?;
-            worst = worst.max(difference(&study, &best));
-            of_touch = of_touch.max(difference(&touch, &best));
+            let best = best.ok_or_else(make_no_frequencies_error)?;
+            worst = worst.max(compute_relative_difference_of_cost_or_reach(&study, &best));
+            of_touch = of_touch.max(compute_relative_difference_of_cost_or_reach(&touch, &best));
             touches += 1;
         }
     }
@@ -189,10 +193,10 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
         table.frequencies_hz.len().to_string(),
         touches.to_string(),
         combinations.to_string(),
-        seconds(brute_s / f64::from(touches)),
-        seconds(search_s / f64::from(touches)),
-        relative(worst),
-        relative(of_touch),
+        format_time(brute_s / f64::from(touches)),
+        format_time(search_s / f64::from(touches)),
+        format_relative_error(worst),
+        format_relative_error(of_touch),
     ])
 }
 
@@ -208,25 +212,25 @@ pub fn search_best_allocation(table: &PlanTable, target: Target, work: SearchEff
         formulation.shortlist_candidates_for_one_target(wanted, &|_, _| true),
         &|_, _| true,
     );
-    found.map(|(_, found)| found.allocation).ok_or_else(no_frequencies_error)
+    found.map(|(_, found)| found.allocation).ok_or_else(make_no_frequencies_error)
 }
 
 /// Relative difference of the cost, or of the reach where the wish is out of reach.
-fn difference(found: &Allocation, best: &Allocation) -> f64 {
+fn compute_relative_difference_of_cost_or_reach(found: &Allocation, best: &Allocation) -> f64 {
     let reach = (found.met - best.met).abs() / best.met;
     let cost = if best.met < 1.0 { 0.0 } else { (found.cost - best.cost).abs() / best.cost };
     reach.max(cost)
 }
 
-fn no_frequencies_error() -> Error {
+fn make_no_frequencies_error() -> Error {
     era_planner::PlanError::NoFrequencies.into()
 }
 
-fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[String; 4], Error> {
+fn build_row_of_plans_with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[String; 4], Error> {
     const PLANS: u32 = 100;
     let (mut times, mut gains) = (Vec::new(), Vec::new());
     for number in 0..PLANS {
-        let target = place_touch_by_number(scene, number, 0.1);
+        let target = make_touch_by_number(scene, number, 0.1);
         let plan = |grouping| {
             let request = Request { grouping, ..Request::for_touch(&[target]) };
             table.plan_request(&request)
@@ -237,7 +241,7 @@ fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[St
         times.push(started.elapsed().as_secs_f64());
         gains.push(found.predicted.contrast_db - distinct.predicted.contrast_db);
     }
-    let [median, p99, _] = sort_and_take_median_p99_largest(&mut times);
-    let [gain_db, _, _] = sort_and_take_median_p99_largest(&mut gains);
-    Ok([actuators.to_string(), seconds(median), seconds(p99), format!("{gain_db:+.2} dB")])
+    let [median, p99, _] = sort_and_take_median_p99_and_largest(&mut times);
+    let [gain_db, _, _] = sort_and_take_median_p99_and_largest(&mut gains);
+    Ok([actuators.to_string(), format_time(median), format_time(p99), format!("{gain_db:+.2} dB")])
 }

@@ -1,19 +1,28 @@
 //! The plot of what accuracy costs.
 
 use crate::error::Error;
-use crate::tradeoff::Point;
+use crate::tradeoff::TimeErrorAndBound;
 use plotters::prelude::*;
 use std::path::Path;
 
-/// Times of responses and modes over error and bound, as SVG.
+/// Writes a plot of the times of responses and modes over error and bound, as SVG.
 ///
 /// # Errors
 /// [`Error::Plot`].
-pub fn write(path: &Path, responses: &[Point], modes: &[Point]) -> Result<(), Error> {
-    draw(path, responses, modes).map_err(|error| Error::Plot { path: path.to_path_buf(), reason: error.to_string() })
+pub fn write_accuracy_cost_svg(
+    path: &Path,
+    responses: &[TimeErrorAndBound],
+    modes: &[TimeErrorAndBound],
+) -> Result<(), Error> {
+    draw_accuracy_cost_svg(path, responses, modes)
+        .map_err(|error| Error::Plot { path: path.to_path_buf(), reason: error.to_string() })
 }
 
-fn draw(path: &Path, responses: &[Point], modes: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
+fn draw_accuracy_cost_svg(
+    path: &Path,
+    responses: &[TimeErrorAndBound],
+    modes: &[TimeErrorAndBound],
+) -> Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::new(path, (760, 460)).into_drawing_area();
     root.fill(&WHITE)?;
     let times = responses.iter().chain(modes).map(|point| point.time_s * 1e3);

@@ -31,11 +31,11 @@ pub struct Problem {
     pub y_m: Vec<f64>,
 }
 
-/// The scene's file.
+/// The starting plate's scene file with a loss factor of 0.005.
 ///
 /// # Errors
 /// [`Error::Scene`] if the example has another damping than is replaced here.
-pub fn scene_text() -> Result<String, Error> {
+pub fn make_lightly_damped_plate_toml() -> Result<String, Error> {
     if !STARTING_PLATE.contains(DAMPING.0) {
         return Err(Error::Scene(DAMPING.0));
     }
@@ -43,12 +43,12 @@ pub fn scene_text() -> Result<String, Error> {
 }
 
 impl Problem {
-    /// The problem.
+    /// The problem that is solved side by side.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Parse`].
-    pub fn new() -> Result<Self, Error> {
-        let scene = Scene::parse("examples/scenes/plate.toml", &scene_text()?)?;
+    pub fn from_starting_plate() -> Result<Self, Error> {
+        let scene = Scene::parse("examples/scenes/plate.toml", &make_lightly_damped_plate_toml()?)?;
         debug_assert_eq!(scene.surface.damping, SurfaceDamping::LossFactor(0.005));
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         Ok(Self {
@@ -59,15 +59,15 @@ impl Problem {
         })
     }
 
-    /// Points of the grid.
+    /// How many points the grid has.
     #[must_use]
-    pub fn points(&self) -> usize {
+    pub fn count_points(&self) -> usize {
         self.x_m.len() * self.y_m.len()
     }
 
-    /// The places of the grid's points, x first.
+    /// The points of the grid, all x of a row after each other.
     #[must_use]
-    pub fn places(&self) -> Vec<(f64, f64)> {
+    pub fn list_grid_points_m(&self) -> Vec<(f64, f64)> {
         self.y_m.iter().flat_map(|y| self.x_m.iter().map(move |x| (*x, *y))).collect()
     }
 
@@ -75,71 +75,75 @@ impl Problem {
     ///
     /// # Errors
     /// [`Error::Model`], [`Error::Response`].
-    pub fn reference(&self, fineness: Fineness) -> Result<Curves, Error> {
-        curves(&self.scene, fineness, &self.frequencies_hz, &self.places())
+    pub fn compute_reference_curves(&self, fineness: Fineness) -> Result<AccelerationCurves, Error> {
+        compute_acceleration_curves_on_mesh(&self.scene, fineness, &self.frequencies_hz, &self.list_grid_points_m())
     }
 
     /// Writes the problem and its answer for another program, and returns the file to name to it.
     ///
     /// # Errors
     /// [`Error::File`].
-    pub fn write(&self, folder: &Path, reference: &Curves) -> Result<PathBuf, Error> {
-        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+    pub fn write_files_and_return_problem_path(
+        &self,
+        folder: &Path,
+        reference: &AccelerationCurves,
+    ) -> Result<PathBuf, Error> {
+        std::fs::create_dir_all(folder).map_err(Error::file_error(folder))?;
         let (numbers, path) = (folder.join("reference.f64"), folder.join("problem.json"));
         let raw: Vec<u8> = reference.values.iter().flat_map(|z| [z.re, z.im]).flat_map(f64::to_le_bytes).collect();
-        std::fs::write(&numbers, raw).map_err(Error::file(&numbers))?;
+        std::fs::write(&numbers, raw).map_err(Error::file_error(&numbers))?;
         let document = json!({
             "scene": self.scene, "frequencies_hz": self.frequencies_hz, "x_m": self.x_m, "y_m": self.y_m,
             "reference": numbers,
         });
-        std::fs::write(&path, document.to_string()).map_err(Error::file(&path))?;
+        std::fs::write(&path, document.to_string()).map_err(Error::file_error(&path))?;
         Ok(path)
     }
 }
 
 /// Acceleration in m/s^2 for 1 N at each actuator alone.
 #[derive(Clone, Debug)]
-pub struct Curves {
+pub struct AccelerationCurves {
     /// `[actuator][point, x first][frequency]`.
     pub values: Vec<Complex64>,
     /// Frequencies.
     pub count: usize,
 }
 
-impl Curves {
-    /// From values by curve (actuator times points plus point) and frequency.
-    pub fn new(curves: usize, count: usize, value: impl Fn(usize, usize) -> Complex64) -> Self {
-        let value = &value;
-        let values = (0..curves).flat_map(|curve| (0..count).map(move |f| value(curve, f))).collect();
-        Self { values, count }
+impl AccelerationCurves {
+    /// From a function of the curve (actuator times points plus point) and the frequency, both as indices.
+    pub fn from_fn(curves: usize, frequencies: usize, value_of: impl Fn(usize, usize) -> Complex64) -> Self {
+        let value_of = &value_of;
+        let values = (0..curves).flat_map(|curve| (0..frequencies).map(move |f| value_of(curve, f))).collect();
+        Self { values, count: frequencies }
     }
 
-    /// Largest deviation of a curve, relative to its own peak here; `value` gives the other's by actuator times points plus
-    /// point, and frequency.
+    /// Largest deviation of other values from these on any curve, relative to the peak of the curve here;
+    /// `other_value_of` gives them by actuator times points plus point, and frequency.
     #[must_use]
-    pub fn error_of(&self, value: impl Fn(usize, usize) -> Complex64) -> f64 {
-        let relative = |(place, curve): (usize, &[Complex64])| {
+    pub fn compute_largest_relative_error(&self, other_value_of: impl Fn(usize, usize) -> Complex64) -> f64 {
+        let relative_error_of_curve = |(place, curve): (usize, &[Complex64])| {
             let peak = curve.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
-            let off = curve.iter().enumerate().map(|(f, z)| (z - value(place, f)).norm()).fold(0.0, f64::max);
+            let off = curve.iter().enumerate().map(|(f, z)| (z - other_value_of(place, f)).norm()).fold(0.0, f64::max);
             off / peak
         };
-        self.values.chunks_exact(self.count).enumerate().map(relative).fold(0.0, f64::max)
+        self.values.chunks_exact(self.count).enumerate().map(relative_error_of_curve).fold(0.0, f64::max)
     }
 }
 
 /// Most places that get residual shapes of their own.
 const FEW: usize = 4;
 
-/// Accelerations at some places by the definition, from a mesh that is said.
+/// Accelerations at some places by the definition, from a mesh of the given fineness.
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Response`].
-pub fn curves(
+pub fn compute_acceleration_curves_on_mesh(
     scene: &Scene,
     fineness: Fineness,
     frequencies_hz: &[f64],
     places: &[(f64, f64)],
-) -> Result<Curves, Error> {
+) -> Result<AccelerationCurves, Error> {
     let residual = if places.len() <= FEW { places } else { &[] };
     let reduced = PanelModel::build_with_fineness(scene, fineness)?.reduce(MAX_HZ, residual)?;
     let (n, loads, count) = (reduced.count_coordinates(), reduced.count_actuators(), frequencies_hz.len());
@@ -165,7 +169,7 @@ pub fn curves(
             values.extend(own.map(|row| Complex64::new(re[row], im[row])));
         }
     }
-    Ok(Curves { values, count })
+    Ok(AccelerationCurves { values, count })
 }
 
 #[cfg(test)]
@@ -174,17 +178,17 @@ mod tests {
 
     #[test]
     fn the_example_becomes_the_problem() {
-        let problem = Problem::new().unwrap();
+        let problem = Problem::from_starting_plate().unwrap();
         assert_eq!(problem.scene.surface.damping, SurfaceDamping::LossFactor(0.005));
-        assert_eq!((problem.points(), problem.frequencies_hz.len()), (49 * 33, 1000));
+        assert_eq!((problem.count_points(), problem.frequencies_hz.len()), (49 * 33, 1000));
         assert_eq!(problem.frequencies_hz.last(), Some(&1000.0));
     }
 
     #[test]
     fn an_error_is_relative_to_its_curve() {
-        let curves = Curves { values: [1.0, 10.0, 0.1, 0.0].map(Complex64::from).to_vec(), count: 2 };
+        let curves = AccelerationCurves { values: [1.0, 10.0, 0.1, 0.0].map(Complex64::from).to_vec(), count: 2 };
         // 0.5 off on a curve of 10, 0.02 off on a curve of 0.1.
-        let error = curves.error_of(|place, f| match (place, f) {
+        let error = curves.compute_largest_relative_error(|place, f| match (place, f) {
             (0, 1) => Complex64::from(10.5),
             (1, 0) => Complex64::from(0.12),
             (place, f) => curves.values[2 * place + f],

@@ -1,11 +1,11 @@
 //! (f): what the bound costs beside the answer, and how far it is above the error; beside the levels as they were.
 
 use crate::before;
-use crate::clock::{median, timed};
+use crate::clock::{compute_median, run_and_time_s};
 use crate::environment::Environment;
 use crate::error::Error;
 use crate::problem::{MAX_HZ, Problem};
-use crate::table::{Table, relative, seconds, three};
+use crate::table::{Table, format_relative_error, format_three_digits, format_time};
 use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::sweep::{AccelerationSweep, SurfaceShapes};
 use era_model::response::{
@@ -28,11 +28,11 @@ const NOTHING: f64 = 1e-6;
 /// How much tighter the solution is that stands for the exact one.
 const EXACT: f64 = 1e-2;
 
-/// The price: the sweep of the starting plate with and without its bound.
+/// Measures what the bound costs: the table of the sweep of the starting plate with and without its bound.
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Curves`], [`Error::Response`].
-pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Error> {
+pub fn build_table_of_error_bound_cost(environment: &Environment, problem: &Problem) -> Result<Table, Error> {
     let runs = if environment.quick { 3 } else { 15 };
     let columns =
         ["tolerance", "answer alone", "with its bound", "ratio", "levels as they were", "ratio", "bound", "bound then"];
@@ -43,32 +43,40 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
         let (mut alone, mut proven, mut then) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounds = (f64::NAN, f64::NAN);
         for _ in 0..runs {
-            let (found, elapsed_s) =
-                timed(|| sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))?;
+            let (found, elapsed_s) = run_and_time_s(|| {
+                sweep_with_error_bounds::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz)
+            })?;
             proven.push(elapsed_s);
             bounds.0 = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::NAN)).fold(0.0, f64::max);
             let fineness = found.model.fineness();
-            let (one, elapsed_s) = timed(|| -> Result<_, Error> {
-                sweep(problem, &PanelModel::build_with_fineness(&problem.scene, fineness)?)
+            let (one, elapsed_s) = run_and_time_s(|| -> Result<_, Error> {
+                compute_acceleration_sweep(problem, &PanelModel::build_with_fineness(&problem.scene, fineness)?)
             })?;
             drop(one);
             alone.push(elapsed_s);
-            let (old, elapsed_s) = timed(|| {
-                before::climb(&problem.scene, accuracy, MAX_HZ, true, |model| sweep(problem, model), sweep_differences)
+            let (old, elapsed_s) = run_and_time_s(|| {
+                before::refine_with_former_error_bounds(
+                    &problem.scene,
+                    accuracy,
+                    MAX_HZ,
+                    true,
+                    |model| compute_acceleration_sweep(problem, model),
+                    compute_largest_relative_difference_of_each_actuator,
+                )
             })?;
             then.push(elapsed_s);
             bounds.1 = old.bounds.iter().copied().fold(0.0, f64::max);
         }
-        let (alone, proven, then) = (median(alone), median(proven), median(then));
-        table.row([
-            relative(tolerance),
-            seconds(alone),
-            seconds(proven),
-            three(proven / alone),
-            seconds(then),
-            three(then / alone),
-            relative(bounds.0),
-            relative(bounds.1),
+        let (alone, proven, then) = (compute_median(alone), compute_median(proven), compute_median(then));
+        table.add_row([
+            format_relative_error(tolerance),
+            format_time(alone),
+            format_time(proven),
+            format_three_digits(proven / alone),
+            format_time(then),
+            format_three_digits(then / alone),
+            format_relative_error(bounds.0),
+            format_relative_error(bounds.1),
         ]);
     }
     table.above.push(format!(
@@ -78,19 +86,22 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
          sequence of meshes of an earlier version. Each ratio is the time before it divided by the time of the answer \
          alone. Times are medians of {runs} runs.",
         problem.frequencies_hz.len(),
-        problem.points()
+        problem.count_points()
     ));
     Ok(table)
 }
 
-fn sweep(problem: &Problem, model: &PanelModel) -> Result<AccelerationSweep<f32>, Error> {
+fn compute_acceleration_sweep(problem: &Problem, model: &PanelModel) -> Result<AccelerationSweep<f32>, Error> {
     let reduced = model.reduce(MAX_HZ, &[])?;
     let shapes = SurfaceShapes::<f32>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
     Ok(shapes.compute_accelerations(&problem.frequencies_hz)?)
 }
 
-/// At every point, relative to the point's own peak.
-fn sweep_differences(coarse: &AccelerationSweep<f32>, fine: &AccelerationSweep<f32>) -> Vec<f64> {
+/// The largest difference at any point, relative to the peak at this point, for each actuator.
+fn compute_largest_relative_difference_of_each_actuator(
+    coarse: &AccelerationSweep<f32>,
+    fine: &AccelerationSweep<f32>,
+) -> Vec<f64> {
     let frequencies = fine.re.len() / (fine.actuators * fine.points).max(1);
     (0..fine.actuators)
         .map(|actuator| {
@@ -111,59 +122,60 @@ fn sweep_differences(coarse: &AccelerationSweep<f32>, fine: &AccelerationSweep<f
 
 /// Bounds over errors, and how many were below their error.
 #[derive(Default)]
-struct Tightness {
+struct BoundOverErrorStatistics {
     ratios: Vec<f64>,
     below: usize,
     missing: usize,
     levels: usize,
 }
 
-impl Tightness {
-    /// `own` is the bound of what stands for the exact answer.
-    fn add(&mut self, bound: f64, error: f64, own: f64) {
+impl BoundOverErrorStatistics {
+    /// `exact_bound` is the bound of what stands for the exact answer.
+    fn add_bound_and_error(&mut self, bound: f64, error: f64, exact_bound: f64) {
         if !bound.is_finite() {
             self.missing += 1;
         } else if error > ROUNDING {
-            self.below += usize::from(error > bound + own);
+            self.below += usize::from(error > bound + exact_bound);
             self.ratios.push(bound / error);
         }
     }
 
-    fn row(self, what: &str, whose: &str, table: &mut Table) {
-        table.row([
-            what.into(),
-            whose.into(),
+    fn add_row_to_table(self, quantity: &str, levels: &str, table: &mut Table) {
+        table.add_row([
+            quantity.into(),
+            levels.into(),
             self.ratios.len().to_string(),
             self.below.to_string(),
             self.missing.to_string(),
             self.levels.to_string(),
-            three(median(self.ratios)),
+            format_three_digits(compute_median(self.ratios)),
         ]);
     }
 }
 
-/// Bound over error on random scenes, now and as it was.
+/// Measures the bound over the error on random scenes: the table of the bounds now and as they were.
 ///
 /// # Errors
 /// [`Error::Parse`], [`Error::Model`], [`Error::Curves`], [`Error::Response`].
-pub fn tightness(environment: &Environment) -> Result<Table, Error> {
+pub fn build_table_of_bound_over_error(environment: &Environment) -> Result<Table, Error> {
     let scenes = if environment.quick { SCENES / 6 } else { SCENES };
     let columns =
         ["what", "levels", "compared", "bounds below the error", "no bound", "levels asked", "bound / error, median"];
     let mut table = Table::new("(f) Bound over error on random scenes", &columns);
-    let mut all: [Tightness; 4] = Default::default();
+    let mut all: [BoundOverErrorStatistics; 4] = Default::default();
     let frequencies = equidistant_numbers(4.0, BAND_HZ, 100);
     for number in 0..scenes {
         let scene = Scene::parse("random", &random_scene_text(SEED, number))?;
         let tolerance = [1e-2, 1e-3, 1e-4][usize::try_from(number % 3).unwrap_or(0)];
-        let (accuracy, exactly) = (Accuracy::from_tolerance(tolerance)?, Accuracy::from_tolerance(EXACT * tolerance)?);
-        frequencies_of(&scene, accuracy, exactly, &mut all)?;
-        responses_of(&scene, accuracy, exactly, &frequencies, &mut all)?;
+        let (accuracy, exact_accuracy) =
+            (Accuracy::from_tolerance(tolerance)?, Accuracy::from_tolerance(EXACT * tolerance)?);
+        add_bounds_and_errors_of_mode_frequencies(&scene, accuracy, exact_accuracy, &mut all)?;
+        add_bounds_and_errors_of_responses(&scene, accuracy, exact_accuracy, &frequencies, &mut all)?;
     }
     let names =
         [("frequencies", "now"), ("frequencies", "as they were"), ("responses", "now"), ("responses", "as they were")];
-    for ((what, whose), found) in names.into_iter().zip(all) {
-        found.row(what, whose, &mut table);
+    for ((quantity, levels), found) in names.into_iter().zip(all) {
+        found.add_row_to_table(quantity, levels, &mut table);
     }
     table.above.push(format!(
         "There are {scenes} random scenes (`host/model/src/scene/random.rs`, seed {SEED}), computed up to {BAND_HZ} \
@@ -175,12 +187,17 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
     Ok(table)
 }
 
-fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mut [Tightness; 4]) -> Result<(), Error> {
+fn add_bounds_and_errors_of_mode_frequencies(
+    scene: &Scene,
+    accuracy: Accuracy,
+    exact_accuracy: Accuracy,
+    all: &mut [BoundOverErrorStatistics; 4],
+) -> Result<(), Error> {
     let (found, exact) = (
         compute_modes_with_error_bounds(scene, accuracy, BAND_HZ)?,
-        compute_modes_with_error_bounds(scene, exactly, BAND_HZ)?,
+        compute_modes_with_error_bounds(scene, exact_accuracy, BAND_HZ)?,
     );
-    let old = before::climb(
+    let old = before::refine_with_former_error_bounds(
         scene,
         accuracy,
         BAND_HZ,
@@ -209,42 +226,42 @@ fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mu
         let own = exact.bounds[k].limit_if_known().unwrap_or(f64::INFINITY);
         let error = |hz: f64| (hz / exact_mode.frequency_hz - 1.0).abs();
         if let (Some(mode), Some(bound)) = (found.answer.get(k), found.bounds.get(k)) {
-            all[0].add(bound.limit_if_known().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
+            all[0].add_bound_and_error(bound.limit_if_known().unwrap_or(f64::INFINITY), error(mode.frequency_hz), own);
         }
         if let (Some(hz), Some(bound)) = (old.answer.get(k), old.bounds.get(k)) {
-            all[1].add(*bound, error(*hz), own);
+            all[1].add_bound_and_error(*bound, error(*hz), own);
         }
     }
     Ok(())
 }
 
-fn responses_of(
+fn add_bounds_and_errors_of_responses(
     scene: &Scene,
     accuracy: Accuracy,
-    exactly: Accuracy,
+    exact_accuracy: Accuracy,
     frequencies: &[f64],
-    all: &mut [Tightness; 4],
+    all: &mut [BoundOverErrorStatistics; 4],
 ) -> Result<(), Error> {
     let across = if scene.surface.kind == SurfaceKind::Bar { 0.5 } else { 0.47 };
-    let at = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
-    let found = compute_curves_with_error_bounds(scene, accuracy, at, frequencies)?;
-    let exact = compute_curves_with_error_bounds(scene, exactly, at, frequencies)?;
+    let point_m = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
+    let found = compute_curves_with_error_bounds(scene, accuracy, point_m, frequencies)?;
+    let exact = compute_curves_with_error_bounds(scene, exact_accuracy, point_m, frequencies)?;
     // What counts as no acceleration, of a force on an edge that does not move.
     let nothing = NOTHING / scene.surface_mass_with_air_kg();
     let difference = |a: &[Complex64], b: &[Complex64]| {
         let peak = b.iter().map(|z| z.norm()).fold(nothing, f64::max);
         a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak
     };
-    let old = before::climb(
+    let old = before::refine_with_former_error_bounds(
         scene,
         accuracy,
         BAND_HZ,
         true,
         |model| {
-            let reduced = model.reduce(BAND_HZ, &[at])?;
+            let reduced = model.reduce(BAND_HZ, &[point_m])?;
             Ok(compute_acceleration_curves_per_newton(
                 &reduced,
-                &reduced.shape_deflections_at(at.0, at.1),
+                &reduced.shape_deflections_at(point_m.0, point_m.1),
                 frequencies,
             )?)
         },
@@ -255,8 +272,12 @@ fn responses_of(
     for (k, exact_curve) in exact.answer.iter().enumerate() {
         let Some(own) = exact.bounds[k].limit_if_known() else { continue };
         let error = |curve: &[Complex64]| difference(curve, exact_curve);
-        all[2].add(found.bounds[k].limit_if_known().unwrap_or(f64::INFINITY), error(&found.answer[k]), own);
-        all[3].add(old.bounds[k], error(&old.answer[k]), own);
+        all[2].add_bound_and_error(
+            found.bounds[k].limit_if_known().unwrap_or(f64::INFINITY),
+            error(&found.answer[k]),
+            own,
+        );
+        all[3].add_bound_and_error(old.bounds[k], error(&old.answer[k]), own);
     }
     Ok(())
 }

@@ -4,10 +4,10 @@
 
 use crate::error::Error;
 use crate::planner::{
-    FINE_HZ, build_plan_table, build_starting_plate_with_actuators, place_touch_by_number, search_best_allocation,
-    sort_and_take_median_p99_largest,
+    FINE_HZ, build_plan_table, build_starting_plate_with_actuators, make_touch_by_number, search_best_allocation,
+    sort_and_take_median_p99_and_largest,
 };
-use crate::table::{Table, relative, seconds};
+use crate::table::{Table, format_relative_error, format_time};
 use era_model::scene::MAX_ACTUATORS;
 use era_planner::allocate::Allocation;
 use era_planner::candidates::Formulation;
@@ -51,7 +51,7 @@ fn allocate_forces_if_frequencies_are_spaced(all: &CandidateSet, choice: &Choice
 }
 
 /// What is made least: first of all that the wish is met, then the logarithm of the cost.
-fn unmet_wish_and_log_cost(found: Option<&Allocation>) -> f64 {
+fn compute_penalty_of_unmet_peak_plus_log_cost(found: Option<&Allocation>) -> f64 {
     found.map_or(f64::INFINITY, |found| UNMET * (1.0 - found.met) + found.cost.max(f64::MIN_POSITIVE).ln())
 }
 
@@ -68,7 +68,7 @@ struct Particle {
 }
 
 /// The best choice of a swarm of particles.
-fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
+fn find_allocation_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
     let actuators = all.candidates.len();
     let mut swarm = Vec::new();
     let mut best: (f64, Choice, Option<Allocation>) = (f64::INFINITY, draw_random_choice(random, actuators), None);
@@ -80,7 +80,7 @@ fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<All
     for _ in 0..MOVES {
         for Particle { place, speed, least, best_place } in &mut swarm {
             let found = allocate_forces_if_frequencies_are_spaced(all, place);
-            let bad = unmet_wish_and_log_cost(found.as_ref());
+            let bad = compute_penalty_of_unmet_peak_plus_log_cost(found.as_ref());
             if bad < *least {
                 (*least, *best_place) = (bad, place.clone());
             }
@@ -97,16 +97,17 @@ fn choose_by_swarm(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<All
 }
 
 /// The best choice of simulated annealing.
-fn choose_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
+fn find_allocation_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option<Allocation> {
     let looks = PARTICLES * MOVES;
     let mut place = draw_random_choice(random, all.candidates.len());
-    let mut bad = unmet_wish_and_log_cost(allocate_forces_if_frequencies_are_spaced(all, &place).as_ref());
+    let mut bad =
+        compute_penalty_of_unmet_peak_plus_log_cost(allocate_forces_if_frequencies_are_spaced(all, &place).as_ref());
     let mut best = (f64::INFINITY, None);
     for look in 0..looks {
         let temperature = FIRST_TEMPERATURE * (LAST_TEMPERATURE / FIRST_TEMPERATURE).powf(look as f64 / looks as f64);
         let other: Choice = place.iter().map(|x| (x + STEP * (2.0 * random.f64() - 1.0)).rem_euclid(1.0)).collect();
         let found = allocate_forces_if_frequencies_are_spaced(all, &other);
-        let next = unmet_wish_and_log_cost(found.as_ref());
+        let next = compute_penalty_of_unmet_peak_plus_log_cost(found.as_ref());
         if next < best.0 {
             best = (next, found);
         }
@@ -118,7 +119,7 @@ fn choose_by_annealing(all: &CandidateSet, random: &mut fastrand::Rng) -> Option
 }
 
 /// How far a choice is from the best: of its cost, or of what it reaches.
-fn relative_distance_from_best(found: Option<&Allocation>, best: &Allocation) -> f64 {
+fn compute_relative_distance_from_best(found: Option<&Allocation>, best: &Allocation) -> f64 {
     match found {
         None => 1.0,
         Some(found) if best.met < 1.0 || found.met < 1.0 - 1e-9 => 1.0 - found.met / best.met,
@@ -130,13 +131,13 @@ fn relative_distance_from_best(found: Option<&Allocation>, best: &Allocation) ->
 ///
 /// # Errors
 /// As the planner.
-pub fn tables_with_swarm_and_annealing() -> Result<Vec<Table>, Error> {
-    let mut tables = crate::planner::tables()?;
-    tables.push(compare_with_swarm_and_annealing()?);
+pub fn build_planner_tables_with_swarm_and_annealing() -> Result<Vec<Table>, Error> {
+    let mut tables = crate::planner::build_planner_tables()?;
+    tables.push(build_table_of_swarm_and_annealing()?);
     Ok(tables)
 }
 
-fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
+fn build_table_of_swarm_and_annealing() -> Result<Table, Error> {
     let mut rows = Table::new(
         "Swarm and annealing",
         &["actuators", "touches", "method", "within 1 %", "median distance", "largest distance", "median time"],
@@ -151,15 +152,15 @@ fn compare_with_swarm_and_annealing() -> Result<Table, Error> {
         let scene = build_starting_plate_with_actuators(actuators)?;
         let table = build_plan_table(&scene, FINE_HZ)?;
         for intensity_g in [0.1, 20.0] {
-            for row in measure_each_method(&scene, &table, actuators, intensity_g)? {
-                rows.row(row);
+            for row in build_row_of_each_method(&scene, &table, actuators, intensity_g)? {
+                rows.add_row(row);
             }
         }
     }
     Ok(rows)
 }
 
-fn measure_each_method(
+fn build_row_of_each_method(
     scene: &era_model::scene::Scene,
     table: &PlanTable,
     actuators: usize,
@@ -170,7 +171,7 @@ fn measure_each_method(
     let mut distances: [Vec<f64>; 3] = Default::default();
     let mut times: [Vec<f64>; 3] = Default::default();
     for number in 0..TOUCHES {
-        let target = place_touch_by_number(scene, number, intensity_g);
+        let target = make_touch_by_number(scene, number, intensity_g);
         let best = search_best_allocation(table, target, SearchEffort::Study)?;
         let started = Instant::now();
         let own = search_best_allocation(table, target, SearchEffort::Touch)?;
@@ -178,14 +179,14 @@ fn measure_each_method(
         let request = Request::for_touch(&[target]);
         let all = Formulation::new(table, &request).list_candidates_at_all_table_frequencies(&[wanted]);
         let started = Instant::now();
-        let swarm = choose_by_swarm(&all, &mut random);
+        let swarm = find_allocation_by_swarm(&all, &mut random);
         let swarm_s = started.elapsed().as_secs_f64();
         let started = Instant::now();
-        let annealed = choose_by_annealing(&all, &mut random);
+        let annealed = find_allocation_by_annealing(&all, &mut random);
         let annealed_s = started.elapsed().as_secs_f64();
         let found = [(Some(&own), own_s), (swarm.as_ref(), swarm_s), (annealed.as_ref(), annealed_s)];
         for ((found, s), (distances, times)) in found.into_iter().zip(distances.iter_mut().zip(&mut times)) {
-            distances.push(relative_distance_from_best(found, &best));
+            distances.push(compute_relative_distance_from_best(found, &best));
             times.push(s);
         }
     }
@@ -194,15 +195,15 @@ fn measure_each_method(
         let Some((name, (distances, times))) = methods.next() else { return Default::default() };
         let near = distances.iter().filter(|distance| **distance < 0.01).count() as f64 / f64::from(TOUCHES);
         let ([median, _, largest], [time, ..]) =
-            (sort_and_take_median_p99_largest(distances), sort_and_take_median_p99_largest(times));
+            (sort_and_take_median_p99_and_largest(distances), sort_and_take_median_p99_and_largest(times));
         [
             actuators.to_string(),
             format!("{TOUCHES} of {intensity_g} g"),
             name.to_owned(),
             format!("{:.0} %", 100.0 * near),
-            relative(median),
-            relative(largest),
-            seconds(time),
+            format_relative_error(median),
+            format_relative_error(largest),
+            format_time(time),
         ]
     }))
 }

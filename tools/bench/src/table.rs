@@ -23,17 +23,17 @@ impl Table {
         Self { title: title.into(), columns: columns.to_vec(), ..Self::default() }
     }
 
-    /// Adds a row.
-    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+    /// Adds a row; missing cells are empty.
+    pub fn add_row(&mut self, cells: impl IntoIterator<Item = String>) {
         let mut cells: Vec<String> = cells.into_iter().collect();
         cells.resize(self.columns.len(), String::new());
         self.rows.push(cells);
     }
 
-    /// For a terminal: columns of equal width, the first to the left, the others to the right.
+    /// The table for a terminal: columns of equal width, the first to the left, the others to the right.
     #[must_use]
-    pub fn text(&self) -> String {
-        let widths = self.widths();
+    pub fn format_as_text(&self) -> String {
+        let widths = self.compute_column_widths();
         let mut out = format!("== {}\n", self.title);
         for paragraph in &self.above {
             let _ = writeln!(out, "{paragraph}");
@@ -58,9 +58,9 @@ impl Table {
         out
     }
 
-    /// For a document, as a section of the third level.
+    /// The table for a document, as a section of the third level.
     #[must_use]
-    pub fn markdown(&self) -> String {
+    pub fn format_as_markdown(&self) -> String {
         let mut out = format!("### {}\n\n", self.title);
         for paragraph in &self.above {
             let _ = writeln!(out, "{paragraph}\n");
@@ -83,50 +83,51 @@ impl Table {
         out
     }
 
-    fn widths(&self) -> Vec<usize> {
+    /// In characters.
+    fn compute_column_widths(&self) -> Vec<usize> {
         let all =
             |k: usize| self.rows.iter().map(move |row| row[k].chars().count()).chain([self.columns[k].chars().count()]);
         (0..self.columns.len()).map(|k| all(k).max().unwrap_or(0)).collect()
     }
 }
 
-/// A time with three digits and its unit.
+/// A time with three digits in the unit that suits it, from microseconds to hours.
 #[must_use]
-pub fn seconds(value: f64) -> String {
-    match value {
+pub fn format_time(time_s: f64) -> String {
+    match time_s {
         v if !v.is_finite() => String::from("-"),
-        v if v < 0.999_5e-3 => format!("{} us", three(v * 1e6)),
-        v if v < 0.999_5 => format!("{} ms", three(v * 1e3)),
-        v if v < 7200.0 => format!("{} s", three(v)),
-        v => format!("{} h", three(v / 3600.0)),
+        v if v < 0.999_5e-3 => format!("{} us", format_three_digits(v * 1e6)),
+        v if v < 0.999_5 => format!("{} ms", format_three_digits(v * 1e3)),
+        v if v < 7200.0 => format!("{} s", format_three_digits(v)),
+        v => format!("{} h", format_three_digits(v / 3600.0)),
     }
 }
 
 /// A factor with two or three digits.
 #[must_use]
-pub fn times(value: f64) -> String {
-    if value.is_finite() { format!("{} x", three(value)) } else { String::from("-") }
+pub fn format_factor(factor: f64) -> String {
+    if factor.is_finite() { format!("{} x", format_three_digits(factor)) } else { String::from("-") }
 }
 
-/// A relative error.
+/// A relative error, bound, difference or tolerance with two digits, as `1.2e-3`.
 #[must_use]
-pub fn relative(value: f64) -> String {
-    if value.is_finite() { format!("{value:.1e}") } else { String::from("-") }
+pub fn format_relative_error(error: f64) -> String {
+    if error.is_finite() { format!("{error:.1e}") } else { String::from("-") }
 }
 
-/// A number of bytes.
+/// A number of bytes with three digits in kB, MB or GB.
 #[must_use]
-pub fn bytes(value: f64) -> String {
-    match value {
-        v if v < 1e6 => format!("{} kB", three(v / 1e3)),
-        v if v < 1e9 => format!("{} MB", three(v / 1e6)),
-        v => format!("{} GB", three(v / 1e9)),
+pub fn format_bytes(bytes: f64) -> String {
+    match bytes {
+        v if v < 1e6 => format!("{} kB", format_three_digits(v / 1e3)),
+        v if v < 1e9 => format!("{} MB", format_three_digits(v / 1e6)),
+        v => format!("{} GB", format_three_digits(v / 1e9)),
     }
 }
 
 /// Three digits, whole numbers from 100 on.
 #[must_use]
-pub fn three(value: f64) -> String {
+pub fn format_three_digits(value: f64) -> String {
     match value.abs() {
         v if v >= 99.95 => format!("{value:.0}"),
         v if v >= 9.995 => format!("{value:.1}"),
@@ -141,28 +142,28 @@ mod tests {
     #[test]
     fn columns_are_as_wide_as_their_widest_cell() {
         let mut table = Table::new("title", &["name", "t"]);
-        table.row(["a long name".into(), "1 ms".into()]);
-        table.row(["b".into()]);
+        table.add_row(["a long name".into(), "1 ms".into()]);
+        table.add_row(["b".into()]);
         table.below.push("remark".into());
-        assert_eq!(table.text(), "== title\nname            t\na long name  1 ms\nb\nremark\n");
+        assert_eq!(table.format_as_text(), "== title\nname            t\na long name  1 ms\nb\nremark\n");
     }
 
     #[test]
     fn markdown_escapes_bars() {
         let mut table = Table::new("title", &["a", "b"]);
-        table.row(["|x|".into(), "y".into()]);
-        assert_eq!(table.markdown(), "### title\n\n| a | b |\n|---|---|\n| \\|x\\| | y |\n\n");
+        table.add_row(["|x|".into(), "y".into()]);
+        assert_eq!(table.format_as_markdown(), "### title\n\n| a | b |\n|---|---|\n| \\|x\\| | y |\n\n");
     }
 
     #[test]
     fn numbers_have_three_digits_and_a_unit() {
-        assert_eq!(seconds(12.34e-6), "12.3 us");
-        assert_eq!(seconds(0.0405), "40.5 ms");
-        assert_eq!(seconds(0.9996), "1.00 s");
-        assert_eq!(seconds(207.4), "207 s");
-        assert_eq!(seconds(7.3e6), "2028 h");
-        assert_eq!(seconds(f64::NAN), "-");
-        assert_eq!(times(5012.0), "5012 x");
-        assert_eq!(bytes(52.4e6), "52.4 MB");
+        assert_eq!(format_time(12.34e-6), "12.3 us");
+        assert_eq!(format_time(0.0405), "40.5 ms");
+        assert_eq!(format_time(0.9996), "1.00 s");
+        assert_eq!(format_time(207.4), "207 s");
+        assert_eq!(format_time(7.3e6), "2028 h");
+        assert_eq!(format_time(f64::NAN), "-");
+        assert_eq!(format_factor(5012.0), "5012 x");
+        assert_eq!(format_bytes(52.4e6), "52.4 MB");
     }
 }

@@ -1,10 +1,10 @@
 //! (d): the thesis' Table 1, with matrices stated.
 
-use crate::clock::median_s;
+use crate::clock::measure_median_time_s;
 use crate::environment::Environment;
 use crate::error::Error;
-use crate::process::json;
-use crate::table::{Table, relative, seconds, times};
+use crate::process::run_and_parse_json;
+use crate::table::{Table, format_factor, format_relative_error, format_time};
 use era_model::transient::{
     HarmonicForce, InitialState, MotionQuantity, OutputRows, Propagator, SecondOrderSystem, TimeGrid, TransientError,
     as_published, solve_steady_state,
@@ -62,7 +62,7 @@ fn make_mass_spring_chain(n: usize) -> SecondOrderSystem {
 }
 
 /// One system, and what it took.
-struct Measured {
+struct SystemTimes {
     n: usize,
     damping: &'static str,
     two_s: f64,
@@ -74,18 +74,18 @@ struct Measured {
 
 /// What `peers/table1.py` prints for a system.
 #[derive(Clone, Copy, Debug, Deserialize)]
-struct Peer {
+struct PeerTimesAndErrors {
     explicit_s: f64,
     explicit_error: f64,
     published_s: f64,
     published_error: f64,
 }
 
-/// Measures everything.
+/// Measures all systems, here and by the script.
 ///
 /// # Errors
 /// [`Error::Transient`], [`Error::File`], and those of the script.
-pub fn table(environment: &Environment) -> Result<Table, Error> {
+pub fn build_table_of_motion_in_time(environment: &Environment) -> Result<Table, Error> {
     let columns = [
         "unknowns",
         "damping",
@@ -115,33 +115,33 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
             let mut force_n = DVector::zeros(n);
             (force_n[0], force_n[n - 1]) = (1.0, 1.0);
             let drive = HarmonicForce { omega_rad_s: OMEGA_RAD_S, phase_rad: -std::f64::consts::FRAC_PI_2, force_n };
-            measured.push(measure(&system, &drive, damping, runs)?);
+            measured.push(measure_solution_times(&system, &drive, damping, runs)?);
             let file = environment.scratch.join(format!("table1-{n}-{damping}.f64"));
-            systems.push(written(&system, &drive, file)?);
+            systems.push(write_answer_and_make_system_json(&system, &drive, file)?);
         }
     }
     let file = environment.scratch.join("table1.json");
     let document = json!({"step_s": GRID.step_s, "count": GRID.count, "omega_rad_s": OMEGA_RAD_S, "systems": systems});
-    std::fs::write(&file, document.to_string()).map_err(Error::file(&file))?;
-    let mut script = environment.script("table1.py");
+    std::fs::write(&file, document.to_string()).map_err(Error::file_error(&file))?;
+    let mut script = environment.make_script_command("table1.py");
     script.arg(&file).args(["--runs", if environment.quick { "1" } else { "3" }]);
-    let peers: Vec<Peer> = json(&mut script)?;
+    let peers: Vec<PeerTimesAndErrors> = run_and_parse_json(&mut script)?;
     for (own, peer) in measured.iter().zip(&peers) {
         let thesis = THESIS.iter().find(|row| row.0 == own.n);
-        let published = |time: Option<f64>| time.map_or_else(String::new, seconds);
-        table.row([
+        let published = |time: Option<f64>| time.map_or_else(String::new, format_time);
+        table.add_row([
             own.n.to_string(),
             String::from(own.damping),
-            seconds(own.two_s),
-            seconds(own.all_s),
-            seconds(own.steady_s),
-            seconds(own.again_s),
-            seconds(own.published_s),
-            seconds(peer.published_s),
-            relative(peer.published_error),
-            seconds(peer.explicit_s),
-            relative(peer.explicit_error),
-            times(peer.explicit_s / own.all_s),
+            format_time(own.two_s),
+            format_time(own.all_s),
+            format_time(own.steady_s),
+            format_time(own.again_s),
+            format_time(own.published_s),
+            format_time(peer.published_s),
+            format_relative_error(peer.published_error),
+            format_time(peer.explicit_s),
+            format_relative_error(peer.explicit_error),
+            format_factor(peer.explicit_s / own.all_s),
             published(thesis.map(|row| row.1)),
             published(thesis.map(|row| row.2)),
         ]);
@@ -157,7 +157,7 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
     Ok(table)
 }
 
-fn full(
+fn compute_displacements_from_rest(
     system: &SecondOrderSystem,
     drive: &HarmonicForce,
     outputs: OutputRows<'_>,
@@ -171,37 +171,41 @@ fn full(
     )
 }
 
-fn measure(
+fn measure_solution_times(
     system: &SecondOrderSystem,
     drive: &HarmonicForce,
     damping: &'static str,
     runs: usize,
-) -> Result<Measured, TransientError> {
+) -> Result<SystemTimes, TransientError> {
     let n = system.count_unknowns();
     // The thesis' Figure 11: fourth from the start, third from the end.
     let mut two = DMatrix::zeros(2, n);
     (two[(0, 3)], two[(1, n.max(6) - 3)]) = (1.0, 1.0);
     let ready = Propagator::new(system, GRID)?;
     let rest = InitialState::at_rest(n);
-    Ok(Measured {
+    Ok(SystemTimes {
         n,
         damping,
-        two_s: median_s(runs, || full(system, drive, OutputRows::Rows(&two)))?,
-        all_s: median_s(runs, || full(system, drive, OutputRows::All))?,
-        steady_s: median_s(10 * runs, || solve_steady_state(system, drive))?,
-        again_s: median_s(10 * runs, || ready.solve_steady_amplitudes(drive))?,
-        published_s: median_s(runs.div_ceil(20), || {
+        two_s: measure_median_time_s(runs, || compute_displacements_from_rest(system, drive, OutputRows::Rows(&two)))?,
+        all_s: measure_median_time_s(runs, || compute_displacements_from_rest(system, drive, OutputRows::All))?,
+        steady_s: measure_median_time_s(10 * runs, || solve_steady_state(system, drive))?,
+        again_s: measure_median_time_s(10 * runs, || ready.solve_steady_amplitudes(drive))?,
+        published_s: measure_median_time_s(runs.div_ceil(20), || {
             as_published::compute_published_displacements_row_per_time(system, &rest, std::slice::from_ref(drive), GRID)
         })?,
     })
 }
 
-/// A system and its answer, as the script reads them.
-fn written(system: &SecondOrderSystem, drive: &HarmonicForce, file: PathBuf) -> Result<Value, Error> {
+/// Writes the answer to a file, and returns the system and the name of this file as the script reads them.
+fn write_answer_and_make_system_json(
+    system: &SecondOrderSystem,
+    drive: &HarmonicForce,
+    file: PathBuf,
+) -> Result<Value, Error> {
     // Row by row is time by time.
-    let answer = full(system, drive, OutputRows::All)?;
+    let answer = compute_displacements_from_rest(system, drive, OutputRows::All)?;
     let raw: Vec<u8> = answer.transpose().iter().flat_map(|value| value.to_le_bytes()).collect();
-    std::fs::write(&file, raw).map_err(Error::file(&file))?;
+    std::fs::write(&file, raw).map_err(Error::file_error(&file))?;
     let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
     };

@@ -1,22 +1,22 @@
 //! (a): what accuracy costs.
 
-use crate::case::{Outcome, POINT_M, frequencies, in_child};
-use crate::clock::median;
+use crate::case::{CaseOutcome, POINT_M, list_response_frequencies_hz, run_case_in_child_process};
+use crate::clock::compute_median;
 use crate::environment::Environment;
 use crate::error::Error;
 use crate::own::{NEXT, TIGHTEST};
-use crate::problem::{MAX_HZ, Problem, curves, scene_text};
-use crate::references::{Reference, references};
-use crate::table::{Table, bytes, relative, seconds, three};
+use crate::problem::{MAX_HZ, Problem, compute_acceleration_curves_on_mesh, make_lightly_damped_plate_toml};
+use crate::references::{ReferencePanel, list_reference_panels};
+use crate::table::{Table, format_bytes, format_relative_error, format_three_digits, format_time};
 use num_complex::Complex64;
 use std::path::Path;
 
 /// The tolerances.
 const TOLERANCES: [f64; 8] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8];
 
-/// One tolerance.
+/// What an answer to one tolerance takes, and how exact it is.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct TimeErrorAndBound {
     /// Median in s.
     pub time_s: f64,
     /// Of what was computed.
@@ -25,33 +25,33 @@ pub struct Point {
     pub bound: f64,
 }
 
-fn runs(environment: &Environment) -> usize {
+fn choose_run_count(environment: &Environment) -> usize {
     if environment.quick { 1 } else { 5 }
 }
 
-fn tolerances(environment: &Environment) -> Vec<f64> {
+fn list_tolerances(environment: &Environment) -> Vec<f64> {
     TOLERANCES.iter().copied().step_by(if environment.quick { 2 } else { 1 }).collect()
 }
 
 /// Several runs of one case: the last's outcome with the median of the times.
-fn repeated(
+fn run_case_repeatedly_with_median_time(
     environment: &Environment,
     kind: &str,
     scene: &Path,
     tolerance: f64,
     max_hz: f64,
-) -> Result<Outcome, Error> {
+) -> Result<CaseOutcome, Error> {
     let options = [("--tolerance", tolerance.to_string()), ("--max-hz", max_hz.to_string())];
     let mut all = Vec::new();
-    for _ in 0..runs(environment) {
-        all.push(in_child(environment, kind, scene, &options)?);
+    for _ in 0..choose_run_count(environment) {
+        all.push(run_case_in_child_process(environment, kind, scene, &options)?);
     }
-    let time = median(all.iter().map(|outcome| outcome.elapsed_s).collect());
-    Ok(Outcome { elapsed_s: time, ..all.pop().unwrap_or_default() })
+    let time = compute_median(all.iter().map(|outcome| outcome.elapsed_s).collect());
+    Ok(CaseOutcome { elapsed_s: time, ..all.pop().unwrap_or_default() })
 }
 
 /// The largest bound; NaN if one is missing.
-fn largest(bounds: &[Option<f64>]) -> f64 {
+fn find_largest_bound_or_nan_if_any_missing(bounds: &[Option<f64>]) -> f64 {
     bounds
         .iter()
         .map(|bound| bound.unwrap_or(f64::NAN))
@@ -62,7 +62,10 @@ fn largest(bounds: &[Option<f64>]) -> f64 {
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
-pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table, Vec<Point>), Error> {
+pub fn build_table_and_plot_points_of_responses(
+    environment: &Environment,
+    problem: &Problem,
+) -> Result<(Table, Vec<TimeErrorAndBound>), Error> {
     let columns = [
         "tolerance",
         "time",
@@ -76,34 +79,34 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
         "bound / error",
     ];
     let mut table = Table::new("(a) What accuracy costs: responses", &columns);
-    let frequencies_hz = frequencies(MAX_HZ);
-    let tightest = curves(&problem.scene, TIGHTEST, &frequencies_hz, &[POINT_M])?;
-    let next = curves(&problem.scene, NEXT, &frequencies_hz, &[POINT_M])?;
-    let uncertainty = tightest.error_of(|curve, f| next.values[curve * next.count + f]);
+    let frequencies_hz = list_response_frequencies_hz(MAX_HZ);
+    let tightest = compute_acceleration_curves_on_mesh(&problem.scene, TIGHTEST, &frequencies_hz, &[POINT_M])?;
+    let next = compute_acceleration_curves_on_mesh(&problem.scene, NEXT, &frequencies_hz, &[POINT_M])?;
+    let uncertainty = tightest.compute_largest_relative_error(|curve, f| next.values[curve * next.count + f]);
     let scene = environment.scratch.join("plate.toml");
-    std::fs::write(&scene, scene_text()?).map_err(Error::file(&scene))?;
+    std::fs::write(&scene, make_lightly_damped_plate_toml()?).map_err(Error::file_error(&scene))?;
     let mut points = Vec::new();
-    for tolerance in tolerances(environment) {
-        let outcome = repeated(environment, "response", &scene, tolerance, MAX_HZ)?;
+    for tolerance in list_tolerances(environment) {
+        let outcome = run_case_repeatedly_with_median_time(environment, "response", &scene, tolerance, MAX_HZ)?;
         let count = frequencies_hz.len();
-        let error = tightest.error_of(|curve, f| {
+        let error = tightest.compute_largest_relative_error(|curve, f| {
             let (re, im) = outcome.curves[curve * count + f];
             Complex64::new(re, im)
         });
-        let bound = largest(&outcome.bounds);
-        table.row([
-            relative(tolerance),
-            seconds(outcome.elapsed_s),
-            bytes(outcome.peak_bytes),
+        let bound = find_largest_bound_or_nan_if_any_missing(&outcome.bounds);
+        table.add_row([
+            format_relative_error(tolerance),
+            format_time(outcome.elapsed_s),
+            format_bytes(outcome.peak_bytes),
             outcome.order.to_string(),
             outcome.unknowns.to_string(),
             outcome.coordinates.to_string(),
             outcome.levels.to_string(),
-            relative(error),
-            relative(bound),
-            three(bound / error),
+            format_relative_error(error),
+            format_relative_error(bound),
+            format_three_digits(bound / error),
         ]);
-        points.push(Point { time_s: outcome.elapsed_s, error, bound });
+        points.push(TimeErrorAndBound { time_s: outcome.elapsed_s, error, bound });
     }
     table.above.push(format!(
         "The scene is the starting plate with a loss factor of 0.005. The program computes the acceleration at {}, {} \
@@ -116,7 +119,7 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
         frequencies_hz.len(),
         TIGHTEST.order,
         TIGHTEST.cell_m * 1e3,
-        relative(uncertainty)
+        format_relative_error(uncertainty)
     ));
     Ok((table, points))
 }
@@ -125,7 +128,9 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
-pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
+pub fn build_table_and_plot_points_of_mode_frequencies(
+    environment: &Environment,
+) -> Result<(Table, Vec<TimeErrorAndBound>), Error> {
     let columns = [
         "tolerance",
         "time",
@@ -138,25 +143,25 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
         "bounds below the error",
     ];
     let mut table = Table::new("(a) What accuracy costs: frequencies against known ones", &columns);
-    let references = references();
+    let references = list_reference_panels();
     let mut scenes = Vec::new();
     for (k, reference) in references.iter().enumerate() {
         let scene = environment.scratch.join(format!("reference-{k}.toml"));
-        std::fs::write(&scene, &reference.scene).map_err(Error::file(&scene))?;
+        std::fs::write(&scene, &reference.scene).map_err(Error::file_error(&scene))?;
         scenes.push(scene);
     }
     let mut points = Vec::new();
-    for tolerance in tolerances(environment) {
+    for tolerance in list_tolerances(environment) {
         let (mut time_s, mut peak, mut unknowns) = (0.0, 0.0_f64, 0);
         let (mut worst, mut panel, mut bound, mut ratios, mut below) = (0.0, "", 0.0_f64, Vec::new(), 0);
         let mut modes = 0;
         for (reference, scene) in references.iter().zip(&scenes) {
             let highest = reference.frequencies_hz.last().copied().unwrap_or(1.0);
-            let outcome = repeated(environment, "modes", scene, tolerance, 1.01 * highest)?;
+            let outcome = run_case_repeatedly_with_median_time(environment, "modes", scene, tolerance, 1.01 * highest)?;
             time_s += outcome.elapsed_s;
             peak = peak.max(outcome.peak_bytes);
             unknowns = unknowns.max(outcome.unknowns);
-            for (error, own_bound) in errors(reference, &outcome) {
+            for (error, own_bound) in list_errors_and_bounds_of_known_modes(reference, &outcome) {
                 if error > worst {
                     (worst, panel) = (error, reference.name);
                 }
@@ -168,18 +173,18 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
                 below += usize::from(own_bound < error - KNOWN_TO);
             }
         }
-        table.row([
-            relative(tolerance),
-            seconds(time_s),
-            bytes(peak),
+        table.add_row([
+            format_relative_error(tolerance),
+            format_time(time_s),
+            format_bytes(peak),
             unknowns.to_string(),
-            relative(worst),
+            format_relative_error(worst),
             String::from(panel),
-            relative(bound),
-            if ratios.is_empty() { String::from("-") } else { three(median(ratios)) },
+            format_relative_error(bound),
+            if ratios.is_empty() { String::from("-") } else { format_three_digits(compute_median(ratios)) },
             format!("{below} of {modes}"),
         ]);
-        points.push(Point { time_s, error: worst, bound });
+        points.push(TimeErrorAndBound { time_s, error: worst, bound });
     }
     let names: Vec<_> = references.iter().map(|reference| reference.name).collect();
     table.above.push(format!(
@@ -196,7 +201,7 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
 const KNOWN_TO: f64 = 1e-9;
 
 /// Errors and bounds of the elastic modes that are known.
-fn errors(reference: &Reference, outcome: &Outcome) -> Vec<(f64, f64)> {
+fn list_errors_and_bounds_of_known_modes(reference: &ReferencePanel, outcome: &CaseOutcome) -> Vec<(f64, f64)> {
     let elastic = outcome.frequencies_hz.iter().zip(&outcome.bounds).filter(|(hz, _)| **hz > 0.0);
     reference
         .frequencies_hz

@@ -118,16 +118,20 @@ impl WatchedBoard {
     /// Whether nothing is energised, nothing is driven, and what was charged is being discharged.
     pub fn is_off(&self) -> bool {
         let SupplyCommand { enabled, discharge, set_point_millivolts, permitted } = self.supply;
-        !enabled && !permitted && discharge == [true; RAILS] && set_point_millivolts == [0; RAILS] && !self.drives()
+        !enabled
+            && !permitted
+            && discharge == [true; RAILS]
+            && set_point_millivolts == [0; RAILS]
+            && !self.can_drive_electrodes()
     }
 
     /// Whether the timers can reach the electrodes.
-    pub fn drives(&self) -> bool {
+    pub fn can_drive_electrodes(&self) -> bool {
         self.connected || self.timers.is_some()
     }
 
     /// What the rails are at: they follow at once, unless something is wrong with them.
-    pub fn rails(&self) -> [u32; RAILS] {
+    pub fn compute_rail_voltages_millivolts(&self) -> [u32; RAILS] {
         if self.wrong & outside::RAILS != 0 {
             return [1_000_000, 0];
         }
@@ -138,11 +142,11 @@ impl WatchedBoard {
     }
 
     /// What the supply has delivered to bleeders and electrodes since power-on, in fC; to be called at least every ms for the mean.
-    fn note_delivered(&mut self) {
-        self.run();
+    fn record_delivered_charge(&mut self) {
+        self.run_timers_and_check_pulses();
         let (last_us, mut delivered) = self.delivered.back().copied().unwrap_or_default();
         let charges = self.timers.as_ref().map(|timers| timers.charges).unwrap_or_default();
-        let rails = self.rails();
+        let rails = self.compute_rail_voltages_millivolts();
         for (channel, (now, before)) in charges.into_iter().zip(self.counted).enumerate() {
             // 116 pF times mV is fC.
             delivered += now.saturating_sub(before) * 116 * u64::from(rails[channel % RAILS]);
@@ -157,8 +161,8 @@ impl WatchedBoard {
     }
 
     /// The mean current of the last ms, or since the last look if that is longer, in uA.
-    fn average_microamps(&mut self) -> u32 {
-        self.note_delivered();
+    fn measure_mean_current_microamps(&mut self) -> u32 {
+        self.record_delivered_charge();
         let (Some((from_us, before)), Some((to_us, after))) = (self.delivered.front(), self.delivered.back()) else {
             return 0;
         };
@@ -166,12 +170,12 @@ impl WatchedBoard {
         u32::try_from((after - before) / (to_us - from_us).max(1) / 1_000).unwrap_or(u32::MAX)
     }
 
-    fn refuses(&self, bit: u8) -> bool {
+    fn is_refused(&self, bit: u8) -> bool {
         self.refused & bit != 0
     }
 
     /// Lets the pins move up to now and looks at what they did.
-    fn run(&mut self) {
+    fn run_timers_and_check_pulses(&mut self) {
         let Some(timers) = &mut self.timers else { return };
         let now = (self.now_us - timers.started_us) * u64::from(CLOCK_MHZ);
         let counts = timers.last_on.iter_mut().zip(&mut timers.charges);
@@ -199,7 +203,7 @@ impl Board for WatchedBoard {
     }
 
     fn switch_outputs_off(&mut self) {
-        self.note_delivered();
+        self.record_delivered_charge();
         self.timers = None;
         self.counted = [0; MAX_CHANNELS];
         self.connected = false;
@@ -207,9 +211,9 @@ impl Board for WatchedBoard {
     }
 
     fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
-        let average_microamps = self.average_microamps();
+        let average_microamps = self.measure_mean_current_microamps();
         SensorReadings {
-            rail_millivolts: self.rails(),
+            rail_millivolts: self.compute_rail_voltages_millivolts(),
             average_microamps: if self.wrong & outside::CURRENT != 0 { 5_000 } else { average_microamps },
             interlock_closed: self.wrong & outside::INTERLOCK == 0,
             stop_released: self.wrong & outside::STOP == 0,
@@ -224,17 +228,23 @@ impl Board for WatchedBoard {
 
     fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         assert!(self.is_off(), "comparators tried while something was on");
-        if self.refuses(refuses::TRIPS) { Err((FaultCode::SelfTest, 1)) } else { Ok(()) }
+        if self.is_refused(refuses::TRIPS) { Err((FaultCode::SelfTest, 1)) } else { Ok(()) }
     }
 
     fn test_over_voltage_inputs(&mut self, charged: [bool; RAILS]) -> Result<(), FaultFinding> {
-        assert!(self.supply.enabled && !self.drives(), "inputs tried while something was driven, or nothing charged");
-        let trips = self.rails().map(|millivolts| millivolts > 25_000);
+        assert!(
+            self.supply.enabled && !self.can_drive_electrodes(),
+            "inputs tried while something was driven, or nothing charged"
+        );
+        let trips = self.compute_rail_voltages_millivolts().map(|millivolts| millivolts > 25_000);
         if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_001)) }
     }
 
     fn pulse_electrode(&mut self, channel: usize, _electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
-        assert!(!self.drives() && !self.supply.enabled, "an electrode tried while something else was live");
+        assert!(
+            !self.can_drive_electrodes() && !self.supply.enabled,
+            "an electrode tried while something else was live"
+        );
         assert!(self.supply.permitted, "an electrode tried without the permit");
         assert!(channel < self.info.channels.len(), "an electrode tried that is not there");
         self.now_us += 2_400;
@@ -243,19 +253,19 @@ impl Board for WatchedBoard {
     }
 
     fn keep_for_next_start(&mut self, run: KeptRun) {
-        assert!(run.is_live || !self.drives(), "the next start would not know that something was driven");
+        assert!(run.is_live || !self.can_drive_electrodes(), "the next start would not know that something was driven");
     }
 
     fn apply_supply_command(&mut self, supply: &SupplyCommand) {
         let highest = supply.set_point_millivolts.into_iter().max();
         assert!(highest <= Some(MAX_RAIL_MILLIVOLTS), "set to {highest:?} mV");
-        self.note_delivered();
+        self.record_delivered_charge();
         self.supply = *supply;
     }
 
     fn start_timers(&mut self) -> Result<(), FaultCode> {
-        assert!(!self.drives(), "timers started twice, or under connected electrodes");
-        if self.refuses(refuses::START) {
+        assert!(!self.can_drive_electrodes(), "timers started twice, or under connected electrodes");
+        if self.is_refused(refuses::START) {
             return Err(FaultCode::ArmFailed);
         }
         let model = TimerModel::new(TimerRegisters::for_running_timer(&IDLE, OUTPUTS), 0);
@@ -270,9 +280,9 @@ impl Board for WatchedBoard {
     }
 
     fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
-        self.note_delivered();
+        self.record_delivered_charge();
         assert!(self.timers.is_some() && self.supply.enabled, "electrodes connected without being armed");
-        if self.refuses(refuses::CONNECT) {
+        if self.is_refused(refuses::CONNECT) {
             return Err(FaultCode::DriveFailed);
         }
         self.connected = connected;
@@ -281,7 +291,7 @@ impl Board for WatchedBoard {
 
     fn write_preload_and_check_read_back(&mut self, preload: &TimerPreload) -> Result<(), FaultCode> {
         assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
-        self.run();
+        self.run_timers_and_check_pulses();
         let timers = self.timers.as_mut().expect("timers that run");
         let model = timers.models.get_mut(preload.channel).expect("a channel that is there");
         let earliest = (self.now_us - timers.started_us + MARGIN_US) * u64::from(CLOCK_MHZ);
@@ -296,7 +306,7 @@ impl Board for WatchedBoard {
 
     fn check_timers(&mut self) -> Result<(), FaultFinding> {
         assert!(self.timers.is_some(), "timers looked at that do not run");
-        if self.refuses(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
+        if self.is_refused(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
     }
 
     fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {

@@ -2,7 +2,7 @@
 //! every step what must hold of any device.
 
 use crate::board::{WatchedBoard, outside};
-use crate::decoder::encoded;
+use crate::decoder::encode_unchecked_frame;
 use crate::step::{LINKS, Step};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::{DEADMAN_MAX_MS, DISCHARGED_MILLIVOLTS};
@@ -19,10 +19,10 @@ const WATCHER: LinkId = LinkId(0xFE);
 ///
 /// # Panics
 /// If the device does what no device may do.
-pub fn run(input: &[u8]) {
+pub fn run_script_with_safety_checks(input: &[u8]) {
     let mut bench = Bench::new();
-    for step in Step::script(input) {
-        bench.carry_out(&step);
+    for step in Step::decode_script(input) {
+        bench.perform_step_and_check_device(&step);
     }
 }
 
@@ -68,22 +68,30 @@ impl Bench {
         bench
     }
 
-    fn carry_out(&mut self, step: &Step) {
+    fn perform_step_and_check_device(&mut self, step: &Step) {
         let before = self.device.state();
         let mut order = Order::default();
         match step {
-            Step::Request { link, body } => order = self.frame(*link, CURRENT_VERSION, FrameKind::Request as u8, body),
-            Step::Frame { link, version, kind, body } => order = self.frame(*link, *version, *kind, body),
+            Step::Request { link, body } => {
+                order = self.send_frame_and_check_reply(*link, CURRENT_VERSION, FrameKind::Request as u8, body);
+            }
+            Step::Frame { link, version, kind, body } => {
+                order = self.send_frame_and_check_reply(*link, *version, *kind, body);
+            }
             Step::Bytes { link, bytes } => {
-                self.anything(*link, bytes);
+                self.send_bytes_and_tell_whether_answered(*link, bytes);
                 order = Order { heard: true, anything: true, request: None };
             }
             Step::Wait { ms } => {
-                self.wait(u64::from(*ms) * 1_000);
-                assert!(!self.is_silent_too_long() || self.board.is_off(), "live after the dead-man time");
+                self.advance_time_us(u64::from(*ms) * 1_000);
+                assert!(!self.is_deadman_time_over() || self.board.is_off(), "live after the dead-man time");
                 let open = self.board.wrong & outside::LOOPS != 0;
                 assert!(*ms < 2 || !open || self.board.is_off(), "live with an open loop");
-                let charged = self.board.rails().iter().any(|millivolts| *millivolts >= DISCHARGED_MILLIVOLTS);
+                let charged = self
+                    .board
+                    .compute_rail_voltages_millivolts()
+                    .iter()
+                    .any(|millivolts| *millivolts >= DISCHARGED_MILLIVOLTS);
                 assert!(
                     *ms < 2 || !charged || self.device.state() != SafetyState::Safe,
                     "called safe with charged rails"
@@ -95,13 +103,13 @@ impl Bench {
                 return;
             }
             Step::Fault { code, detail } => {
-                let (code, now_us) = (found_by_boards(*code), self.board.now_us);
+                let (code, now_us) = (select_board_fault_code(*code), self.board.now_us);
                 self.device.raise_fault(&mut self.board, code, u32::from(*detail), now_us);
                 assert_eq!(self.device.state(), SafetyState::Fault, "{code:?} is a fault in every state");
             }
             Step::Hardware { refuses } => self.board.refused = *refuses,
             Step::Outside { wrong } => self.board.wrong = *wrong,
-            Step::Trip { code } => self.board.trip = Some((found_by_boards(*code), 0)),
+            Step::Trip { code } => self.board.trip = Some((select_board_fault_code(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
                     self.device.reopen_link_switching_off_if_armed(&mut self.board, port);
@@ -111,11 +119,11 @@ impl Bench {
         if order.heard {
             self.heard_at_us = self.board.now_us;
         }
-        self.assert_safe_after_order(before, &order);
+        self.assert_safety_rules_after_step(before, &order);
     }
 
     /// What holds after every step.
-    fn assert_safe_after_order(&mut self, before: SafetyState, order: &Order) {
+    fn assert_safety_rules_after_step(&mut self, before: SafetyState, order: &Order) {
         let state = self.device.state();
         assert!(state.is_live() || self.board.is_off(), "energised in state {state:?}");
         assert!(state != SafetyState::Running || self.board.connected, "running with the electrodes disconnected");
@@ -152,7 +160,7 @@ impl Bench {
         let frame = Frame { version: CURRENT_VERSION, kind: FrameKind::Request as u8, sequence: 0, body };
         let mut out = [0; MAX_ENCODED];
         let length = self.device.answer_frame(&mut self.board, WATCHER, &frame, &mut out).expect("an answer");
-        match decoded(&out[..length]).2 {
+        match decode_reply_frame(&out[..length]).2 {
             Reply::NumberedFault { number, latched } => (number, latched),
             other => panic!("{other:?} to a question for faults"),
         }
@@ -160,10 +168,10 @@ impl Bench {
 
     /// Bytes that may end frames with any requests; whether any was answered. What is answered is well-formed, and all that
     /// is known of the session from then on is the longest dead-man time there is.
-    fn anything(&mut self, link: usize, bytes: &[u8]) -> bool {
-        let answers = self.send(link, bytes);
+    fn send_bytes_and_tell_whether_answered(&mut self, link: usize, bytes: &[u8]) -> bool {
+        let answers = self.send_bytes_and_collect_answers(link, bytes);
         for answer in &answers {
-            decoded(answer);
+            decode_reply_frame(answer);
         }
         if !answers.is_empty() {
             self.deadman_ms = DEADMAN_MAX_MS;
@@ -172,7 +180,7 @@ impl Bench {
     }
 
     /// One well-formed frame, and its answer checked.
-    fn frame(&mut self, link: usize, version: u8, kind: u8, body: &[u8]) -> Order {
+    fn send_frame_and_check_reply(&mut self, link: usize, version: u8, kind: u8, body: &[u8]) -> Order {
         let body = body.get(..body.len().min(era_shared::link::MAX_BODY)).unwrap_or(body);
         let request = postcard::from_bytes::<Request>(body).ok();
         let request = request.filter(|request| {
@@ -182,16 +190,17 @@ impl Bench {
         });
         self.sequence = self.sequence.wrapping_add(1);
         // A zero first ends whatever the line held, which may have been a whole frame but for its end: any request.
-        let anything = self.anything(link, &[0]);
+        let anything = self.send_bytes_and_tell_whether_answered(link, &[0]);
         let state = self.device.state();
-        let too_late = state.is_live() && self.is_silent_too_long();
-        let answers = self.send(link, &encoded(version, kind, self.sequence, body));
+        let too_late = state.is_live() && self.is_deadman_time_over();
+        let answers =
+            self.send_bytes_and_collect_answers(link, &encode_unchecked_frame(version, kind, self.sequence, body));
         if kind == FrameKind::Reply as u8 {
             assert!(answers.is_empty(), "an answer was answered");
             return Order { heard: true, anything, ..Order::default() };
         }
         assert_eq!(answers.len(), 1, "answers to one frame");
-        let (said, sequence, reply) = decoded(&answers[0]);
+        let (said, sequence, reply) = decode_reply_frame(&answers[0]);
         assert_eq!(sequence, self.sequence, "the answer's number");
         assert!(
             is_version_supported(said) && (said == version || !is_version_supported(version)),
@@ -201,16 +210,16 @@ impl Bench {
         assert!(!too_late || request.is_none() || self.board.is_off(), "revived by {request:?}");
         assert!(request.is_some() || refused, "{reply:?} to what is no request");
         if let Some(request) = &request {
-            self.judge(request, &reply);
+            self.check_reply_and_board_state(request, &reply);
         }
         if version == 1 {
-            assert!(known_to_1(&reply), "{reply:?} to a host of version 1");
+            assert!(is_version_1_reply(&reply), "{reply:?} to a host of version 1");
         }
         Order { heard: true, request, anything }
     }
 
     /// Whether the board is as the answer says.
-    fn judge(&mut self, request: &Request, reply: &Reply) {
+    fn check_reply_and_board_state(&mut self, request: &Request, reply: &Reply) {
         let state = self.device.state();
         match (request, reply) {
             (_, Reply::Refused(refusal)) => {
@@ -257,7 +266,7 @@ impl Bench {
     }
 
     /// Polls the device whenever it wants to be polled.
-    fn wait(&mut self, us: u64) {
+    fn advance_time_us(&mut self, us: u64) {
         let end_us = self.board.now_us + us;
         loop {
             let due_us = self.device.poll_next_due_us(&mut self.board);
@@ -271,11 +280,11 @@ impl Bench {
     }
 
     /// Whether no link has carried anything for the dead-man time of the last session.
-    fn is_silent_too_long(&self) -> bool {
+    fn is_deadman_time_over(&self) -> bool {
         self.board.now_us - self.heard_at_us >= u64::from(self.deadman_ms) * 1_000
     }
 
-    fn send(&mut self, link: usize, bytes: &[u8]) -> Vec<Vec<u8>> {
+    fn send_bytes_and_collect_answers(&mut self, link: usize, bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut answers = Vec::new();
         if let Some(port) = self.ports.get_mut(link) {
             self.device.receive_bytes(&mut self.board, port, bytes, |answer| answers.push(answer.to_vec()));
@@ -285,13 +294,13 @@ impl Bench {
 }
 
 /// A fault that a board can find; silence is the device's own finding.
-fn found_by_boards(code: u8) -> FaultCode {
+fn select_board_fault_code(code: u8) -> FaultCode {
     let of_boards = FaultCode::ALL.into_iter().filter(|code| *code != FaultCode::HostSilent);
     of_boards.cycle().nth(usize::from(code)).unwrap_or(FaultCode::ReadBack)
 }
 
 /// Whether a host of version 1 has every word of this reply: its last variants were these.
-fn known_to_1(reply: &Reply) -> bool {
+fn is_version_1_reply(reply: &Reply) -> bool {
     let state = |state: SafetyState| !matches!(state, SafetyState::Arming | SafetyState::Discharging);
     let fault = |fault: &Fault| fault.code.number() <= FaultCode::ReadBack.number();
     match reply {
@@ -322,7 +331,7 @@ fn known_to_1(reply: &Reply) -> bool {
 }
 
 /// The one reply that `bytes` hold.
-fn decoded(bytes: &[u8]) -> (u8, u16, Reply) {
+fn decode_reply_frame(bytes: &[u8]) -> (u8, u16, Reply) {
     let mut found = Vec::new();
     Decoder::new().feed_bytes(bytes, |result| {
         let frame = result.expect("the device sends good frames");

@@ -1,7 +1,7 @@
 //! The seeds: frames as they are on the wire, and the sessions that a person would try first.
 
 use crate::board::outside;
-use crate::decoder::encoded;
+use crate::decoder::encode_unchecked_frame;
 use crate::step::Step;
 use era_shared::link::{FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request, WindowSequence};
@@ -10,16 +10,16 @@ use era_shared::waveform::{Effect, Electrode, Segment, SequenceWindow};
 /// Name of a seed, which is that of its file, and its bytes.
 pub type Seed = (&'static str, Vec<u8>);
 
-/// Seeds of [`crate::decoder::run`]: how many bytes arrive at once, then the bytes.
+/// Seeds of [`crate::decoder::check_decoder_against_reference`]: how many bytes arrive at once, then the bytes.
 #[must_use]
-pub fn decoder() -> Vec<Seed> {
-    let hello = wire(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION });
-    let drives = wire(&set([drive(0, 150_000), drive(1, 151_500)]));
+pub fn make_decoder_seeds() -> Vec<Seed> {
+    let hello = encode_request_frame(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION });
+    let drives = encode_request_frame(&make_set_drives_request([make_drive(0, 150_000), make_drive(1, 151_500)]));
     let two = [&hello[..], &drives].concat();
     let mut broken = drives.clone();
     broken[5] ^= 0x10;
-    let longest = encoded(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY]);
-    let too_long = encoded(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY + 1]);
+    let longest = encode_unchecked_frame(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY]);
+    let too_long = encode_unchecked_frame(CURRENT_VERSION, FrameKind::Request as u8, 1, &[0x5A; MAX_BODY + 1]);
     vec![
         ("frames_at_once", [&[0], &two[..]].concat()),
         ("frames_byte_by_byte", [&[1], &two[..]].concat()),
@@ -35,102 +35,119 @@ pub fn decoder() -> Vec<Seed> {
     ]
 }
 
-/// Seeds of [`crate::handle_frame::run`]: scripts.
+/// Seeds of [`crate::handle_frame::run_script_with_safety_checks`]: scripts.
 #[must_use]
-pub fn handle_frame() -> Vec<Seed> {
+pub fn make_handle_frame_seeds() -> Vec<Seed> {
     let session = [
-        ask(0, &Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION }),
+        make_request_step(0, &Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION }),
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: Some(100) }),
-        ask(0, &set([drive(0, 150_000), drive(1, 151_500)])),
+        make_request_step(0, &Request::Arm { deadman_ms: Some(100) }),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 150_000), make_drive(1, 151_500)])),
         ARMING,
-        ask(0, &Request::KeepAlive),
-        ask(0, &set([drive(3, 20_000), drive(2, 1_000_000), drive(0, 150_000), drive(1, 150_000)])),
+        make_request_step(0, &Request::KeepAlive),
+        make_request_step(
+            0,
+            &make_set_drives_request([
+                make_drive(3, 20_000),
+                make_drive(2, 1_000_000),
+                make_drive(0, 150_000),
+                make_drive(1, 150_000),
+            ]),
+        ),
         Step::Wait { ms: 60 },
-        ask(0, &Request::Status),
-        ask(0, &Request::Telemetry),
-        ask(0, &set([])),
+        make_request_step(0, &Request::Status),
+        make_request_step(0, &Request::Telemetry),
+        make_request_step(0, &make_set_drives_request([])),
         Step::Wait { ms: 60 },
-        ask(0, &Request::Stop),
+        make_request_step(0, &Request::Stop),
         ARMING,
-        ask(0, &Request::Disarm),
+        make_request_step(0, &Request::Disarm),
     ];
     let effects = [
         ARMING,
-        ask(0, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(500) }),
+        make_request_step(0, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(500) }),
         ARMING,
-        ask(0, &Request::Prepare { drives: [drive(0, 200_000), drive(1, 90_000)].into_iter().collect() }),
-        ask(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::new_click(3, 2) }),
-        ask(0, &Request::Play { channel: 1, start_us: 50_000, effect: every_segment() }),
-        ask(0, &Request::PlayOnce { number: 1, channel: 0, start_us: 0, effect: Effect::new_click(1, 1) }),
+        make_request_step(
+            0,
+            &Request::Prepare { drives: [make_drive(0, 200_000), make_drive(1, 90_000)].into_iter().collect() },
+        ),
+        make_request_step(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::new_click(3, 2) }),
+        make_request_step(
+            0,
+            &Request::Play { channel: 1, start_us: 50_000, effect: make_effect_of_every_segment_kind() },
+        ),
+        make_request_step(
+            0,
+            &Request::PlayOnce { number: 1, channel: 0, start_us: 0, effect: Effect::new_click(1, 1) },
+        ),
         Step::Wait { ms: 200 },
-        ask(0, &Request::Play { channel: 0, start_us: 0, effect: every_segment() }),
-        ask(0, &set([drive(0, 201_000)])),
+        make_request_step(0, &Request::Play { channel: 0, start_us: 0, effect: make_effect_of_every_segment_kind() }),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 201_000)])),
         Step::Wait { ms: 600 },
-        ask(0, &Request::Clock),
-        ask(0, &Request::Details),
-        ask(0, &Request::Log),
-        ask(0, &Request::Credit),
-        ask(0, &Request::PlayWindows(windows())),
+        make_request_step(0, &Request::Clock),
+        make_request_step(0, &Request::Details),
+        make_request_step(0, &Request::Log),
+        make_request_step(0, &Request::Credit),
+        make_request_step(0, &Request::PlayWindows(make_window_sequence())),
         Step::Wait { ms: 200 },
-        ask(0, &Request::PlayWindows(windows())),
-        ask(0, &Request::NumberedFault),
-        ask(0, &Request::ClearFault { number: 0 }),
-        ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
-        ask(0, &Request::Disarm),
-        ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
-        ask(0, &Request::Bootloader { key: 1 }),
+        make_request_step(0, &Request::PlayWindows(make_window_sequence())),
+        make_request_step(0, &Request::NumberedFault),
+        make_request_step(0, &Request::ClearFault { number: 0 }),
+        make_request_step(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
+        make_request_step(0, &Request::Disarm),
+        make_request_step(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
+        make_request_step(0, &Request::Bootloader { key: 1 }),
     ];
     let silence = [
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: None }),
+        make_request_step(0, &Request::Arm { deadman_ms: None }),
         ARMING,
-        ask(0, &set([drive(0, 80_000)])),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 80_000)])),
         Step::Wait { ms: 300 },
-        ask(0, &Request::Faults),
-        ask(0, &Request::Arm { deadman_ms: None }),
-        ask(0, &Request::ClearFaults),
+        make_request_step(0, &Request::Faults),
+        make_request_step(0, &Request::Arm { deadman_ms: None }),
+        make_request_step(0, &Request::ClearFaults),
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: Some(50) }),
+        make_request_step(0, &Request::Arm { deadman_ms: Some(50) }),
         Step::Late { ms: 51 },
-        ask(0, &Request::KeepAlive),
+        make_request_step(0, &Request::KeepAlive),
     ];
     let two_links = [
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: Some(1_000) }),
+        make_request_step(0, &Request::Arm { deadman_ms: Some(1_000) }),
         ARMING,
-        ask(1, &Request::Arm { deadman_ms: None }),
-        ask(1, &set([drive(0, 100_000)])),
-        ask(0, &set([drive(0, 100_000)])),
-        ask(1, &Request::KeepAlive),
-        ask(1, &Request::Stop),
+        make_request_step(1, &Request::Arm { deadman_ms: None }),
+        make_request_step(1, &make_set_drives_request([make_drive(0, 100_000)])),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 100_000)])),
+        make_request_step(1, &Request::KeepAlive),
+        make_request_step(1, &Request::Stop),
         ARMING,
-        ask(1, &Request::Arm { deadman_ms: None }),
+        make_request_step(1, &Request::Arm { deadman_ms: None }),
         Step::Wait { ms: 1_001 },
     ];
     let faults = [
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: None }),
+        make_request_step(0, &Request::Arm { deadman_ms: None }),
         Step::Fault { code: 5, detail: 2 },
         Step::Fault { code: 2, detail: 3 },
         // Of another number, then of its own, twice; and one that is cleared too late to meet its fault.
-        ask(0, &Request::ClearFault { number: 2 }),
-        ask(0, &Request::ClearFault { number: 1 }),
-        ask(0, &Request::ClearFault { number: 1 }),
+        make_request_step(0, &Request::ClearFault { number: 2 }),
+        make_request_step(0, &Request::ClearFault { number: 1 }),
+        make_request_step(0, &Request::ClearFault { number: 1 }),
         Step::Fault { code: 4, detail: 0 },
-        ask(0, &Request::ClearFault { number: 1 }),
-        ask(0, &Request::ClearFaults),
+        make_request_step(0, &Request::ClearFault { number: 1 }),
+        make_request_step(0, &Request::ClearFaults),
         ARMING,
         Step::Outside { wrong: outside::INTERLOCK },
-        ask(0, &Request::Arm { deadman_ms: None }),
+        make_request_step(0, &Request::Arm { deadman_ms: None }),
         ARMING,
-        ask(0, &Request::ClearFaults),
+        make_request_step(0, &Request::ClearFaults),
         Step::Outside { wrong: 0 },
-        ask(0, &Request::ClearFaults),
+        make_request_step(0, &Request::ClearFaults),
         ARMING,
         Step::Trip { code: 7 },
         ARMING,
-        ask(0, &Request::ClearFaults),
+        make_request_step(0, &Request::ClearFaults),
         Step::Outside { wrong: outside::RAILS },
         Step::Wait { ms: 1_100 },
     ];
@@ -138,28 +155,37 @@ pub fn handle_frame() -> Vec<Seed> {
     let hardware = (0..5).flat_map(|bit| {
         [
             Step::Hardware { refuses: 1 << bit },
-            ask(0, &Request::ClearFaults),
+            make_request_step(0, &Request::ClearFaults),
             ARMING,
-            ask(0, &Request::Arm { deadman_ms: None }),
+            make_request_step(0, &Request::Arm { deadman_ms: None }),
             ARMING,
-            ask(0, &set([drive(0, 100_000)])),
+            make_request_step(0, &make_set_drives_request([make_drive(0, 100_000)])),
             ARMING,
         ]
     });
     let out_of_range = [
         ARMING,
-        ask(0, &Request::Arm { deadman_ms: Some(7) }),
-        ask(0, &Request::Arm { deadman_ms: None }),
+        make_request_step(0, &Request::Arm { deadman_ms: Some(7) }),
+        make_request_step(0, &Request::Arm { deadman_ms: None }),
         ARMING,
-        ask(0, &set([drive(9, 100_000)])),
-        ask(0, &set([drive(0, 2_000_000)])),
-        ask(0, &set([drive(0, 100_000), drive(0, 100_000)])),
-        ask(0, &set([ChannelDrive { pulse_width_ppm: 999_999, ..drive(0, 900_000) }])),
-        ask(0, &set([ChannelDrive { pulse_width_ppm: 0, ..drive(0, 900_000) }])),
-        ask(0, &set([ChannelDrive { voltage_millivolts: 9_000_000, ..drive(0, 900_000) }])),
-        ask(0, &set([ChannelDrive { phase_microturns: 1_000_000, ..drive(0, 900_000) }])),
+        make_request_step(0, &make_set_drives_request([make_drive(9, 100_000)])),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 2_000_000)])),
+        make_request_step(0, &make_set_drives_request([make_drive(0, 100_000), make_drive(0, 100_000)])),
+        make_request_step(
+            0,
+            &make_set_drives_request([ChannelDrive { pulse_width_ppm: 999_999, ..make_drive(0, 900_000) }]),
+        ),
+        make_request_step(0, &make_set_drives_request([ChannelDrive { pulse_width_ppm: 0, ..make_drive(0, 900_000) }])),
+        make_request_step(
+            0,
+            &make_set_drives_request([ChannelDrive { voltage_millivolts: 9_000_000, ..make_drive(0, 900_000) }]),
+        ),
+        make_request_step(
+            0,
+            &make_set_drives_request([ChannelDrive { phase_microturns: 1_000_000, ..make_drive(0, 900_000) }]),
+        ),
     ];
-    let keep_alive = wire(&Request::KeepAlive);
+    let keep_alive = encode_request_frame(&Request::KeepAlive);
     let noise = [
         Step::Bytes { link: 0, bytes: vec![0xA5; 40] },
         Step::Bytes { link: 0, bytes: keep_alive[..4].to_vec() },
@@ -175,24 +201,34 @@ pub fn handle_frame() -> Vec<Seed> {
     // Every version that is spoken gets the same session.
     let versions = (MIN_VERSION..=CURRENT_VERSION).flat_map(|version| {
         let say = move |request: Request| {
-            [Step::Frame { link: 0, version, kind: FrameKind::Request as u8, body: body(&request) }, ARMING]
+            [
+                Step::Frame { link: 0, version, kind: FrameKind::Request as u8, body: encode_request_body(&request) },
+                ARMING,
+            ]
         };
         let hello = Request::Hello { host_min: version, host_current: version };
         let arm = Request::Arm { deadman_ms: None };
-        [hello, arm, set([drive(0, 150_000)]), Request::Status, Request::Clock, Request::Disarm]
-            .into_iter()
-            .flat_map(say)
+        [
+            hello,
+            arm,
+            make_set_drives_request([make_drive(0, 150_000)]),
+            Request::Status,
+            Request::Clock,
+            Request::Disarm,
+        ]
+        .into_iter()
+        .flat_map(say)
     });
     vec![
-        ("session", script(session)),
-        ("effects", script(effects)),
-        ("hardware", script(hardware)),
-        ("silence", script(silence)),
-        ("two_links", script(two_links)),
-        ("faults", script(faults)),
-        ("out_of_range", script(out_of_range)),
-        ("noise", script(noise)),
-        ("versions", script(versions)),
+        ("session", encode_script(session)),
+        ("effects", encode_script(effects)),
+        ("hardware", encode_script(hardware)),
+        ("silence", encode_script(silence)),
+        ("two_links", encode_script(two_links)),
+        ("faults", encode_script(faults)),
+        ("out_of_range", encode_script(out_of_range)),
+        ("noise", encode_script(noise)),
+        ("versions", encode_script(versions)),
     ]
 }
 
@@ -200,7 +236,7 @@ pub fn handle_frame() -> Vec<Seed> {
 const ARMING: Step = Step::Wait { ms: 20 };
 
 /// An effect with each kind of segment.
-fn every_segment() -> Effect {
+fn make_effect_of_every_segment_kind() -> Effect {
     let segments = [
         Segment::Ramp { from: 0, to: 1_000, milliseconds: 20 },
         Segment::Hold { level: 500, milliseconds: 10 },
@@ -210,33 +246,33 @@ fn every_segment() -> Effect {
     Effect { segments: segments.into_iter().collect(), times: 3 }
 }
 
-fn script(steps: impl IntoIterator<Item = Step>) -> Vec<u8> {
+fn encode_script(steps: impl IntoIterator<Item = Step>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    steps.into_iter().for_each(|step| step.write(&mut bytes));
+    steps.into_iter().for_each(|step| step.append_encoded_step(&mut bytes));
     bytes
 }
 
-fn ask(link: usize, request: &Request) -> Step {
-    Step::Request { link, body: body(request) }
+fn make_request_step(link: usize, request: &Request) -> Step {
+    Step::Request { link, body: encode_request_body(request) }
 }
 
-fn body(request: &Request) -> Vec<u8> {
+fn encode_request_body(request: &Request) -> Vec<u8> {
     let mut bytes = [0; MAX_BODY];
     postcard::to_slice(request, &mut bytes).map(|body| body.to_vec()).unwrap_or_default()
 }
 
-fn wire(request: &Request) -> Vec<u8> {
+fn encode_request_frame(request: &Request) -> Vec<u8> {
     let mut bytes = [0; MAX_ENCODED];
     let length = encode_frame(CURRENT_VERSION, FrameKind::Request, 1, request, &mut bytes).unwrap_or(0);
     bytes[..length].to_vec()
 }
 
-fn set(drives: impl IntoIterator<Item = ChannelDrive>) -> Request {
+fn make_set_drives_request(drives: impl IntoIterator<Item = ChannelDrive>) -> Request {
     Request::SetDrives { drives: drives.into_iter().collect() }
 }
 
 /// Half a half period wide, so that 1 kHz is possible; 1 kV.
-fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
+fn make_drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
     ChannelDrive {
         channel,
         frequency_millihertz,
@@ -247,7 +283,7 @@ fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
 }
 
 /// Two windows on each of two channels.
-fn windows() -> WindowSequence {
+fn make_window_sequence() -> WindowSequence {
     let window = |channel, electrode| SequenceWindow { channel, electrode, wait_ticks: 2_000, width_ticks: 10_000 };
     let of = |channel| [window(channel, Electrode::A), window(channel, Electrode::B)];
     WindowSequence {

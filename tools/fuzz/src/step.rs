@@ -78,40 +78,45 @@ const KINDS: u8 = 10;
 impl Step {
     /// The steps in `bytes`, up to where one is incomplete. Every input is a script, so that the engine wastes none.
     #[must_use]
-    pub fn script(mut bytes: &[u8]) -> Vec<Step> {
-        std::iter::from_fn(|| Step::read(&mut bytes)).collect()
+    pub fn decode_script(mut bytes: &[u8]) -> Vec<Step> {
+        std::iter::from_fn(|| Step::take_step(&mut bytes)).collect()
     }
 
-    fn read(rest: &mut &[u8]) -> Option<Step> {
-        let kind = byte(rest)? % KINDS;
+    fn take_step(rest: &mut &[u8]) -> Option<Step> {
+        let kind = take_byte(rest)? % KINDS;
         Some(match kind {
-            0 => Step::Request { link: link(rest)?, body: block(rest)? },
-            1 => Step::Frame { link: link(rest)?, version: byte(rest)?, kind: byte(rest)?, body: block(rest)? },
-            2 => Step::Bytes { link: link(rest)?, bytes: block(rest)? },
-            3 => Step::Wait { ms: time(rest)? },
-            4 => Step::Late { ms: time(rest)? },
-            5 => Step::Fault { code: byte(rest)?, detail: byte(rest)? },
-            6 => Step::Hardware { refuses: byte(rest)? },
-            7 => Step::Reopen { link: link(rest)? },
-            8 => Step::Outside { wrong: byte(rest)? },
-            _ => Step::Trip { code: byte(rest)? },
+            0 => Step::Request { link: take_link_index(rest)?, body: take_block(rest)? },
+            1 => Step::Frame {
+                link: take_link_index(rest)?,
+                version: take_byte(rest)?,
+                kind: take_byte(rest)?,
+                body: take_block(rest)?,
+            },
+            2 => Step::Bytes { link: take_link_index(rest)?, bytes: take_block(rest)? },
+            3 => Step::Wait { ms: take_time_ms(rest)? },
+            4 => Step::Late { ms: take_time_ms(rest)? },
+            5 => Step::Fault { code: take_byte(rest)?, detail: take_byte(rest)? },
+            6 => Step::Hardware { refuses: take_byte(rest)? },
+            7 => Step::Reopen { link: take_link_index(rest)? },
+            8 => Step::Outside { wrong: take_byte(rest)? },
+            _ => Step::Trip { code: take_byte(rest)? },
         })
     }
 
     /// Appends the bytes that are read back as this step.
-    pub fn write(&self, out: &mut Vec<u8>) {
+    pub fn append_encoded_step(&self, out: &mut Vec<u8>) {
         match self {
             Step::Request { link, body } => {
                 out.extend([0, *link as u8]);
-                write_block(body, out);
+                append_block_cut_to_255_bytes(body, out);
             }
             Step::Frame { link, version, kind, body } => {
                 out.extend([1, *link as u8, *version, *kind]);
-                write_block(body, out);
+                append_block_cut_to_255_bytes(body, out);
             }
             Step::Bytes { link, bytes } => {
                 out.extend([2, *link as u8]);
-                write_block(bytes, out);
+                append_block_cut_to_255_bytes(bytes, out);
             }
             Step::Wait { ms } => out.extend([&[3], &ms.to_le_bytes()[..]].concat()),
             Step::Late { ms } => out.extend([&[4], &ms.to_le_bytes()[..]].concat()),
@@ -124,25 +129,25 @@ impl Step {
     }
 }
 
-fn byte(rest: &mut &[u8]) -> Option<u8> {
+fn take_byte(rest: &mut &[u8]) -> Option<u8> {
     rest.split_off_first().copied()
 }
 
-fn link(rest: &mut &[u8]) -> Option<usize> {
-    Some(usize::from(byte(rest)?) % LINKS)
+fn take_link_index(rest: &mut &[u8]) -> Option<usize> {
+    Some(usize::from(take_byte(rest)?) % LINKS)
 }
 
-fn time(rest: &mut &[u8]) -> Option<u16> {
-    Some(u16::from_le_bytes([byte(rest)?, byte(rest)?]) % (LONGEST_MS + 1))
+fn take_time_ms(rest: &mut &[u8]) -> Option<u16> {
+    Some(u16::from_le_bytes([take_byte(rest)?, take_byte(rest)?]) % (LONGEST_MS + 1))
 }
 
-fn block(rest: &mut &[u8]) -> Option<Vec<u8>> {
-    let length = usize::from(byte(rest)?);
+fn take_block(rest: &mut &[u8]) -> Option<Vec<u8>> {
+    let length = usize::from(take_byte(rest)?);
     rest.split_off(..length).map(<[u8]>::to_vec)
 }
 
 /// A block longer than its length byte can say is cut: seeds are short, and a test reads them back.
-fn write_block(bytes: &[u8], out: &mut Vec<u8>) {
+fn append_block_cut_to_255_bytes(bytes: &[u8], out: &mut Vec<u8>) {
     let length = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
     out.push(length);
     out.extend(bytes.iter().take(usize::from(length)));

@@ -15,7 +15,7 @@ pub(super) struct Random(pub(super) u64);
 
 impl Random {
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(super) fn draw_fraction(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -23,8 +23,8 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
+    pub(super) fn draw_between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.draw_fraction()
     }
 }
 
@@ -53,7 +53,7 @@ impl Owned {
         }
     }
 
-    pub(super) fn field(&self) -> TargetField<'_> {
+    pub(super) fn borrow_target_field(&self) -> TargetField<'_> {
         TargetField {
             frequencies_hz: &self.frequencies_hz,
             actuators: self.actuators,
@@ -69,17 +69,17 @@ impl Owned {
 /// A panel of a few random modes with random actuators on it: gains, energies and travels hang together as they do on a
 /// panel. `travel_m` sets how soon travel binds.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-pub(super) fn panel(seed: u64, actuators: usize, count: usize, travel_m: f64) -> Owned {
+pub(super) fn make_random_panel_field(seed: u64, actuators: usize, count: usize, travel_m: f64) -> Owned {
     const POINTS: usize = 14;
     let random = &mut Random(seed);
-    let modes = 3 + (random.unit() * 5.0) as usize;
-    let own_hz: Vec<f64> = (0..modes).map(|_| random.between(40.0, 500.0)).collect();
-    let shape = |random: &mut Random| -> Vec<f64> { (0..modes).map(|_| random.between(-2.0, 2.0)).collect() };
+    let modes = 3 + (random.draw_fraction() * 5.0) as usize;
+    let own_hz: Vec<f64> = (0..modes).map(|_| random.draw_between(40.0, 500.0)).collect();
+    let shape = |random: &mut Random| -> Vec<f64> { (0..modes).map(|_| random.draw_between(-2.0, 2.0)).collect() };
     let mounts: Vec<Vec<f64>> = (0..actuators).map(|_| shape(random)).collect();
     let points: Vec<Vec<f64>> = (0..=POINTS).map(|_| shape(random)).collect();
-    let loss = random.between(0.01, 0.1);
+    let loss = random.draw_between(0.01, 0.1);
     let eras: Vec<(f64, f64)> =
-        (0..actuators).map(|_| (random.between(60.0, 250.0), random.between(0.05, 0.2))).collect();
+        (0..actuators).map(|_| (random.draw_between(60.0, 250.0), random.draw_between(0.05, 0.2))).collect();
     let mut owned = Owned::new(actuators, count, travel_m);
     owned.frequencies_hz.extend((0..count).map(|k| 40.0 + 360.0 * k as f64 / count as f64));
     for k in 0..count {
@@ -115,7 +115,7 @@ pub(super) fn panel(seed: u64, actuators: usize, count: usize, travel_m: f64) ->
 }
 
 /// (energy, peak) of the best of all frequencies, each solved on its own.
-pub(super) fn exhaustive(field: &TargetField<'_>, wanted: f64) -> (f64, f64) {
+pub(super) fn find_least_energy_and_peak_exhaustively(field: &TargetField<'_>, wanted: f64) -> (f64, f64) {
     let all: Vec<UnlimitedEfficiency> = (0..field.frequencies_hz.len())
         .map(|k| UnlimitedEfficiency::compute_efficiency_of_all_drivable_actuators(field, k))
         .collect();
@@ -145,7 +145,7 @@ struct Figures {
 }
 
 impl Figures {
-    fn of(field: &TargetField<'_>, k: usize, u: &Phasors) -> Self {
+    fn compute_from_phasors(field: &TargetField<'_>, k: usize, u: &Phasors) -> Self {
         let sum = |row: &Phasors| row.iter().zip(u).map(|(entry, u)| entry * u).sum::<Complex64>();
         let forces =
             (0..field.actuators).map(|i| if u[i] == ZERO { 0.0 } else { u[i].norm() / field.max_force_n[k][i] });
@@ -161,9 +161,9 @@ impl Figures {
 
 /// Checks limits, energy and peak of a result; returns what the energy's rounding is relative to: the energy that the same
 /// forces would have one by one, over that which they have together.
-pub(super) fn check(field: &TargetField<'_>, found: &BestPhasors) -> f64 {
+pub(super) fn check_phasors_and_get_cancellation_ratio(field: &TargetField<'_>, found: &BestPhasors) -> f64 {
     let (k, u) = (found.frequency, &found.forces_n);
-    let Figures { peak, energy, force, travel } = Figures::of(field, k, u);
+    let Figures { peak, energy, force, travel } = Figures::compute_from_phasors(field, k, u);
     let apart: f64 = (0..4).map(|i| field.energy[k][i][i].re * u[i].norm_sqr()).sum();
     assert!(force.max(travel) <= 1.0 + 1e-11, "{force} {travel} {found:?}");
     assert!((energy / found.energy - 1.0).abs() < 1e-12 + 1e-14 * apart / energy, "{energy} {found:?}");
@@ -183,12 +183,12 @@ proptest! {
         travel_m in prop::sample::select(vec![1e-3, 1e-4, 3e-5]),
     ) {
         let (actuators, count) = size;
-        let owned = panel(seed, actuators, count, travel_m);
-        let field = owned.field();
+        let owned = make_random_panel_field(seed, actuators, count, travel_m);
+        let field = owned.borrow_target_field();
         let most = find_least_energy_or_largest_peak_phasors(&field, f64::INFINITY).unwrap().reached;
         let found = find_least_energy_or_largest_peak_phasors(&field, part * most).unwrap();
-        let cancelled = check(&field, &found);
-        let (energy, peak) = exhaustive(&field, part * most);
+        let cancelled = check_phasors_and_get_cancellation_ratio(&field, &found);
+        let (energy, peak) = find_least_energy_and_peak_exhaustively(&field, part * most);
         let tolerance = if part < 1.0 { 1e-9 + 1e-13 * cancelled } else { 1e-5 };
         prop_assert!((found.reached / peak - 1.0).abs() < 1e-9, "peak {} of {peak}", found.reached);
         prop_assert!((found.energy / energy - 1.0).abs() < tolerance, "energy {} of {energy}", found.energy);
@@ -203,15 +203,15 @@ fn no_phasors_are_better() {
     const STEPS: i32 = 20;
     let (mut by_force, mut by_travel) = (0, 0);
     for seed in 0..20 {
-        let owned = panel(seed, 2, 1, 3e-5);
-        let field = owned.field();
+        let owned = make_random_panel_field(seed, 2, 1, 3e-5);
+        let field = owned.borrow_target_field();
         let most = find_least_energy_or_largest_peak_phasors(&field, f64::INFINITY).unwrap().reached;
         for part in [0.5, 0.9, 2.0] {
             let wanted = part * most;
             let cost = |ratio: f64, phase: f64| {
                 let [first, second, ..] = field.max_force_n[0];
                 let u = [(first * ratio.cos()).into(), Complex64::from_polar(second * ratio.sin(), phase), ZERO, ZERO];
-                let Figures { peak, energy, force, travel } = Figures::of(&field, 0, &u);
+                let Figures { peak, energy, force, travel } = Figures::compute_from_phasors(&field, 0, &u);
                 match wanted / peak {
                     _ if part > 1.0 => -peak / force.max(travel),
                     scale if scale * force.max(travel) <= 1.0 => energy * scale * scale,
@@ -233,7 +233,7 @@ fn no_phasors_are_better() {
             let own = if part > 1.0 { -found.reached } else { found.energy };
             assert!(own <= least + 1e-8 * own.abs(), "{least} {found:?}");
             assert!(least <= own + 0.01 * own.abs(), "grids too coarse: {least} {found:?}");
-            let Figures { force, travel, .. } = Figures::of(&field, 0, &found.forces_n);
+            let Figures { force, travel, .. } = Figures::compute_from_phasors(&field, 0, &found.forces_n);
             by_force += u32::from(force > 1.0 - 1e-6);
             by_travel += u32::from(travel > 1.0 - 1e-6);
         }
@@ -244,10 +244,10 @@ fn no_phasors_are_better() {
 /// Two actuators at one frequency, with E inverted by hand.
 #[test]
 fn without_limits_the_closed_form() {
-    let mut owned = panel(3, 2, 1, 1e-4);
+    let mut owned = make_random_panel_field(3, 2, 1, 1e-4);
     owned.max_force_n[0] = [1e6; 4];
     owned.max_travel_m = [f64::INFINITY; 4];
-    let found = find_least_energy_or_largest_peak_phasors(&owned.field(), 2.0).unwrap();
+    let found = find_least_energy_or_largest_peak_phasors(&owned.borrow_target_field(), 2.0).unwrap();
     let (e, h) = (&owned.energy[0], &owned.gain[0]);
     let determinant = e[0][0].re * e[1][1].re - e[0][1].norm_sqr();
     let score = (h[0].norm_sqr() * e[1][1].re + h[1].norm_sqr() * e[0][0].re - 2.0 * (h[0] * e[0][1] * h[1].conj()).re)
@@ -258,17 +258,17 @@ fn without_limits_the_closed_form() {
 
 #[test]
 fn what_cannot_be_driven_stays_at_rest() {
-    let mut owned = panel(4, 2, 6, 1e-4);
+    let mut owned = make_random_panel_field(4, 2, 6, 1e-4);
     for force in &mut owned.max_force_n {
         force[1] = 0.0;
     }
-    let found = find_least_energy_or_largest_peak_phasors(&owned.field(), 0.1).unwrap();
-    check(&owned.field(), &found);
+    let found = find_least_energy_or_largest_peak_phasors(&owned.borrow_target_field(), 0.1).unwrap();
+    check_phasors_and_get_cancellation_ratio(&owned.borrow_target_field(), &found);
     assert_eq!(found.forces_n[1], ZERO);
-    let nothing = find_least_energy_or_largest_peak_phasors(&owned.field(), 0.0).unwrap();
+    let nothing = find_least_energy_or_largest_peak_phasors(&owned.borrow_target_field(), 0.0).unwrap();
     assert_eq!((nothing.energy, nothing.reached), (0.0, 0.0));
     owned.max_force_n.fill([0.0; 4]);
-    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.field(), 1.0), None);
+    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.borrow_target_field(), 1.0), None);
     owned.travel.pop();
-    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.field(), 1.0), None);
+    assert_eq!(find_least_energy_or_largest_peak_phasors(&owned.borrow_target_field(), 1.0), None);
 }

@@ -195,13 +195,13 @@ mod tests {
 
     const AREA: Rectangle = Rectangle { x: 100.0, y: 200.0, width: 300.0, height: 60.0 };
 
-    fn control(shape: Shape) -> Control {
+    fn make_control(shape: Shape) -> Control {
         Control { shape, intensity_g: 0.5, is_on: false }
     }
 
     fn count_clicks(shape: Shape, path: &[(f64, f64)]) -> usize {
         let now = Instant::now();
-        let mut contact = Contact::new(control(shape), path[0].0, path[0].1, now).unwrap();
+        let mut contact = Contact::new(make_control(shape), path[0].0, path[0].1, now).unwrap();
         path.iter().filter(|(x, y)| contact.move_finger(*x, *y, now).is_some()).count()
     }
 
@@ -256,8 +256,9 @@ mod tests {
 
     #[test]
     fn a_toggle_is_stronger_when_it_is_switched_on() {
-        let press =
-            |shape, is_on| Contact::new(Control { is_on, ..control(shape) }, 110.0, 210.0, Instant::now()).unwrap();
+        let press = |shape, is_on| {
+            Contact::new(Control { is_on, ..make_control(shape) }, 110.0, 210.0, Instant::now()).unwrap()
+        };
         let (on, off) = (press(Shape::Toggle(AREA), true), press(Shape::Toggle(AREA), false));
         assert_eq!((on.find_press_g(), off.find_press_g()), (Some(0.5), Some(0.3)));
         let button = press(Shape::Button(AREA), false);
@@ -268,7 +269,7 @@ mod tests {
 
     #[test]
     fn a_texture_grows_with_the_speed_inside_of_it() {
-        let texture = control(Shape::Texture { area: AREA, speed_px_s: 500.0 });
+        let texture = make_control(Shape::Texture { area: AREA, speed_px_s: 500.0 });
         let start = Instant::now();
         let felt_at = |speed_px_s: f64| {
             let mut contact = Contact::new(texture, 100.0, 210.0, start).unwrap();
@@ -326,7 +327,7 @@ mod tests {
             ] {
                 prop_assert_eq!(count_clicks(shape, &path), 0, "{:?}", shape);
             }
-            let mut edge = EdgeTracker::new(&control(Shape::Edge(AREA)), path[0].0, path[0].1).unwrap();
+            let mut edge = EdgeTracker::new(&make_control(Shape::Edge(AREA)), path[0].0, path[0].1).unwrap();
             prop_assert!(path.iter().all(|(x, y)| edge.move_finger(*x, *y).is_none()));
         }
 
@@ -337,7 +338,7 @@ mod tests {
             let clear: Vec<(f64, f64)> = places.iter().filter(is_clear).copied().collect();
             prop_assume!(clear.len() >= 2);
             let crossings = clear.windows(2).filter(|pair| AREA.contains(pair[0].0, pair[0].1) != AREA.contains(pair[1].0, pair[1].1)).count();
-            let mut edge = EdgeTracker::new(&control(Shape::Edge(AREA)), clear[0].0, clear[0].1).unwrap();
+            let mut edge = EdgeTracker::new(&make_control(Shape::Edge(AREA)), clear[0].0, clear[0].1).unwrap();
             let clicks = clear.iter().filter(|(x, y)| edge.move_finger(*x, *y).is_some()).count();
             prop_assert_eq!(clicks, crossings);
         }

@@ -308,13 +308,13 @@ mod tests {
     const SCREEN: Screen =
         Screen { width_px: 1920, height_px: 1280, x_m: 0.0, y_m: 0.0, width_m: 0.24, height_m: 0.16 };
 
-    fn check(declared: &[Value]) -> Result<Vec<Control>, Problem> {
+    fn check_controls_from_json(declared: &[Value]) -> Result<Vec<Control>, Problem> {
         let declared: Vec<DeclaredControl> =
             declared.iter().map(|one| serde_json::from_str(&one.to_string()).unwrap()).collect();
         check_controls(&declared, &SCREEN)
     }
 
-    fn with(kind: &str, more: &Value) -> Value {
+    fn make_control_json(kind: &str, more: &Value) -> Value {
         let mut control = match kind {
             "dial" => json!({"x_px": 900, "y_px": 600, "radius_px": 100, "detents": 24}),
             "slider" => json!({"x_px": 100, "y_px": 100, "width_px": 400, "height_px": 60, "detents": 11}),
@@ -328,7 +328,7 @@ mod tests {
     #[test]
     fn each_kind_has_its_defaults() {
         let kinds = ["button", "toggle", "slider", "dial", "edge", "texture"];
-        let controls = check(&kinds.map(|kind| with(kind, &json!({})))).unwrap();
+        let controls = check_controls_from_json(&kinds.map(|kind| make_control_json(kind, &json!({})))).unwrap();
         let area = Rectangle { x: 100.0, y: 100.0, width: 400.0, height: 60.0 };
         let shapes = [
             Shape::Button(area),
@@ -339,14 +339,25 @@ mod tests {
             Shape::Texture { area, speed_px_s: 500.0 },
         ];
         assert_eq!(controls, shapes.map(|shape| Control { shape, intensity_g: 0.5, is_on: false }));
-        let upright = check(&[with("slider", &json!({"width_px": 60, "height_px": 400}))]).unwrap();
+        let upright =
+            check_controls_from_json(&[make_control_json("slider", &json!({"width_px": 60, "height_px": 400}))])
+                .unwrap();
         assert!(matches!(upright[0].shape, Shape::Slider { axis: SliderAxis::Y, .. }));
-        let across = check(&[with("slider", &json!({"axis": "y", "detents": 200.0}))]).unwrap();
+        let across =
+            check_controls_from_json(&[make_control_json("slider", &json!({"axis": "y", "detents": 200.0}))]).unwrap();
         assert!(matches!(across[0].shape, Shape::Slider { axis: SliderAxis::Y, detents: 200, .. }));
-        assert!(check(&[with("toggle", &json!({"on": true, "intensity_g": 0}))]).unwrap()[0].is_on);
-        assert_eq!(check(&[]).unwrap(), []);
+        assert!(
+            check_controls_from_json(&[make_control_json("toggle", &json!({"on": true, "intensity_g": 0}))]).unwrap()
+                [0]
+            .is_on
+        );
+        assert_eq!(check_controls_from_json(&[]).unwrap(), []);
         // What reaches onto the screen from outside.
-        check(&[with("edge", &json!({"x_px": -399, "y_px": 1279})), with("dial", &json!({"x_px": -99}))]).unwrap();
+        check_controls_from_json(&[
+            make_control_json("edge", &json!({"x_px": -399, "y_px": 1279})),
+            make_control_json("dial", &json!({"x_px": -99})),
+        ])
+        .unwrap();
     }
 
     #[test]
@@ -368,7 +379,9 @@ mod tests {
             ("dial", json!({"axis": "x"}), "axis", "absent, because a dial does not have this key"),
             ("edge", json!({"radius_px": 5}), "radius_px", "absent, because an edge does not have this key"),
         ] {
-            let problem = check(&[with("button", &json!({})), with(kind, &more)]).unwrap_err();
+            let problem =
+                check_controls_from_json(&[make_control_json("button", &json!({})), make_control_json(kind, &more)])
+                    .unwrap_err();
             let told = serde_json::to_value(&problem).unwrap();
             assert_eq!(told["field"], format!("controls[1].{field}"), "{told}");
             assert_eq!((told["value"].as_f64(), &told["allowed"]), (more[field].as_f64(), &json!(allowed)), "{told}");
@@ -379,14 +392,15 @@ mod tests {
             (json!({"kind": "dial", "x_px": 1, "y_px": 1, "detents": 9}), "radius_px"),
             (json!({"kind": "slider", "x_px": 1, "y_px": 1, "width_px": 9, "height_px": 9}), "detents"),
         ] {
-            let problem = check(&[control]).unwrap_err();
+            let problem = check_controls_from_json(&[control]).unwrap_err();
             assert!(
                 problem.detail().starts_with(&format!("controls[0].{field} is missing: a")),
                 "{}",
                 problem.detail()
             );
         }
-        let problem = check(&vec![with("button", &json!({})); MOST_CONTROLS + 1]).unwrap_err();
+        let problem =
+            check_controls_from_json(&vec![make_control_json("button", &json!({})); MOST_CONTROLS + 1]).unwrap_err();
         assert!(
             problem.detail().starts_with("controls has 65 entries, but must have at most 64"),
             "{}",

@@ -63,7 +63,7 @@ mod tests {
     }
 
     /// From one position to another in steps of at most `step`.
-    fn slide(from: f64, to: f64, step: f64) -> Vec<f64> {
+    fn make_stepped_path(from: f64, to: f64, step: f64) -> Vec<f64> {
         let mut path = vec![from];
         while (to - path[path.len() - 1]).abs() > step {
             path.push(path[path.len() - 1] + step.copysign(to - from));
@@ -115,7 +115,7 @@ mod tests {
                 is_between && (detent - from).abs() >= HYSTERESIS
             };
             let wanted = (-25..25).filter(between).count();
-            prop_assert_eq!(count_passes(&slide(from, to, step), None), wanted);
+            prop_assert_eq!(count_passes(&make_stepped_path(from, to, step), None), wanted);
         }
 
         /// Wherever it rests, and whatever it was before: within a quarter of a step it passes nothing, or, where it came in between, once.
@@ -123,7 +123,7 @@ mod tests {
         fn what_rattles_passes_nothing(rest in -5.0..5.0, noise in prop::collection::vec(0.0..0.2499, 1..60), from in -9.0..9.0) {
             let rattle: Vec<f64> = noise.iter().map(|part| rest + part).collect();
             prop_assert_eq!(count_passes(&rattle, None), 0);
-            let mut came: Vec<f64> = slide(from, rest, 0.1);
+            let mut came: Vec<f64> = make_stepped_path(from, rest, 0.1);
             let before = count_passes(&came, None);
             came.extend(&rattle);
             prop_assert!(count_passes(&came, None) - before <= 1);

@@ -6,15 +6,15 @@ use crate::effects::NamedEffect;
 use proptest::prelude::*;
 use std::time::Duration;
 
-const fn area(x: f64, width: f64) -> Rectangle {
+const fn make_rectangle(x: f64, width: f64) -> Rectangle {
     Rectangle { x, y: 100.0, width, height: 100.0 }
 }
 
-fn control(shape: Shape) -> Control {
+fn make_control(shape: Shape) -> Control {
     Control { shape, intensity_g: 0.5, is_on: false }
 }
 
-fn finger(id: i64, x_px: f64) -> Finger {
+fn make_finger(id: i64, x_px: f64) -> Finger {
     Finger { id, x_px, y_px: 150.0, intensity_g: None, effect: None }
 }
 
@@ -26,110 +26,144 @@ struct Page {
 }
 
 impl Page {
-    fn with(shapes: &[Shape]) -> Self {
+    fn make_with_controls(shapes: &[Shape]) -> Self {
         let mut controls = PageControls::default();
-        controls.replace_controls(shapes.iter().map(|shape| control(*shape)).collect());
+        controls.replace_controls(shapes.iter().map(|shape| make_control(*shape)).collect());
         Self { controls, now: Instant::now(), stops: 0 }
     }
 
-    fn say(&mut self, fingers: &[Finger]) -> Felt {
+    fn move_fingers_after_16_ms(&mut self, fingers: &[Finger]) -> Felt {
         self.now += Duration::from_millis(16);
         self.controls.move_fingers(fingers, self.now, self.stops)
     }
 
     /// The click of a message with these fingers: its cause, and of each of its fingers the number and the peak.
-    fn click(&mut self, fingers: &[Finger]) -> Option<(ClickCause, Vec<(i64, f64)>)> {
-        let FeltClick { fingers, cause } = self.say(fingers).click?;
+    fn move_fingers_and_find_click_cause_and_peaks_g(
+        &mut self,
+        fingers: &[Finger],
+    ) -> Option<(ClickCause, Vec<(i64, f64)>)> {
+        let FeltClick { fingers, cause } = self.move_fingers_after_16_ms(fingers).click?;
         Some((cause, fingers.iter().map(|finger| (finger.id, finger.intensity_g.unwrap())).collect()))
     }
 }
 
 #[test]
 fn a_button_is_felt_when_it_is_pressed_and_released() {
-    let mut page = Page::with(&[Shape::Button(area(100.0, 100.0))]);
+    let mut page = Page::make_with_controls(&[Shape::Button(make_rectangle(100.0, 100.0))]);
     let (press, release) = (Some((ClickCause::Press, vec![(1, 0.5)])), Some((ClickCause::Release, vec![(1, 0.3)])));
-    assert_eq!(page.click(&[finger(1, 150.0)]), press);
-    assert_eq!(page.click(&[finger(1, 190.0)]), None);
-    let felt = page.say(&[]).click.unwrap();
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]), press);
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 190.0)]), None);
+    let felt = page.move_fingers_after_16_ms(&[]).click.unwrap();
     assert_eq!((felt.cause, felt.fingers[0].x_px), (ClickCause::Release, 190.0), "where it was lifted");
     // One that has left the button feels nothing more, ...
-    assert_eq!(page.click(&[finger(1, 150.0)]), press);
-    assert_eq!((page.click(&[finger(1, 250.0)]), page.click(&[])), (None, None));
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]), press);
+    assert_eq!(
+        (
+            page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 250.0)]),
+            page.move_fingers_and_find_click_cause_and_peaks_g(&[])
+        ),
+        (None, None)
+    );
     // ... but if it is back when it is lifted.
-    page.say(&[finger(1, 150.0)]);
-    page.say(&[finger(1, 250.0)]);
-    page.say(&[finger(1, 199.0)]);
-    assert_eq!(page.click(&[]), release);
+    page.move_fingers_after_16_ms(&[make_finger(1, 150.0)]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 250.0)]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 199.0)]);
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[]), release);
     // One that comes onto it from outside does not press it.
-    assert_eq!(page.say(&[finger(1, 50.0)]), Felt { outside: vec![1], ..Felt::default() });
-    assert_eq!(page.say(&[finger(1, 150.0)]), Felt { outside: vec![1], ..Felt::default() });
-    assert_eq!(page.say(&[]), Felt::default());
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 50.0)]), Felt { outside: vec![1], ..Felt::default() });
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 150.0)]), Felt { outside: vec![1], ..Felt::default() });
+    assert_eq!(page.move_fingers_after_16_ms(&[]), Felt::default());
 }
 
 #[test]
 fn a_control_without_strength_is_not_felt() {
-    let mut page = Page::with(&[]);
-    page.controls.replace_controls(vec![Control { intensity_g: 0.0, ..control(Shape::Button(area(100.0, 100.0))) }]);
-    assert_eq!((page.say(&[finger(1, 150.0)]), page.say(&[])), (Felt::default(), Felt::default()));
+    let mut page = Page::make_with_controls(&[]);
+    page.controls.replace_controls(vec![Control {
+        intensity_g: 0.0,
+        ..make_control(Shape::Button(make_rectangle(100.0, 100.0)))
+    }]);
+    assert_eq!(
+        (page.move_fingers_after_16_ms(&[make_finger(1, 150.0)]), page.move_fingers_after_16_ms(&[])),
+        (Felt::default(), Felt::default())
+    );
 }
 
 #[test]
 fn a_toggle_changes_at_each_press() {
-    let mut page = Page::with(&[Shape::Toggle(area(100.0, 100.0))]);
+    let mut page = Page::make_with_controls(&[Shape::Toggle(make_rectangle(100.0, 100.0))]);
     let mut peaks = Vec::new();
     for _ in 0..4 {
-        peaks.push(page.click(&[finger(1, 150.0)]).unwrap().1[0].1);
-        page.say(&[]);
+        peaks.push(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]).unwrap().1[0].1);
+        page.move_fingers_after_16_ms(&[]);
     }
     assert_eq!(peaks, [0.5, 0.3, 0.5, 0.3], "on, off, on, off");
     // What a page declares is its state from then on.
-    page.controls.replace_controls(vec![Control { is_on: true, ..control(Shape::Toggle(area(100.0, 100.0))) }]);
-    assert_eq!(page.click(&[finger(1, 150.0)]).unwrap().1, [(1, 0.3)]);
+    page.controls
+        .replace_controls(vec![Control { is_on: true, ..make_control(Shape::Toggle(make_rectangle(100.0, 100.0))) }]);
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]).unwrap().1, [(1, 0.3)]);
 }
 
 #[test]
 fn the_last_control_of_the_list_is_on_top() {
-    let slider = Shape::Slider { area: area(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
-    let mut page = Page::with(&[slider, Shape::Button(area(150.0, 100.0))]);
-    assert_eq!(page.click(&[finger(1, 175.0)]).unwrap().0, ClickCause::Press);
-    page.say(&[]);
+    let slider = Shape::Slider { area: make_rectangle(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
+    let mut page = Page::make_with_controls(&[slider, Shape::Button(make_rectangle(150.0, 100.0))]);
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 175.0)]).unwrap().0,
+        ClickCause::Press
+    );
+    page.move_fingers_after_16_ms(&[]);
     // The finger belongs to the slider, also where the button is.
-    assert_eq!(page.click(&[finger(1, 125.0)]), None);
-    assert_eq!(page.click(&[finger(1, 180.0)]), Some((ClickCause::Move, vec![(1, 0.5)])));
-    assert_eq!(page.click(&[]), None);
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 125.0)]), None);
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 180.0)]),
+        Some((ClickCause::Move, vec![(1, 0.5)]))
+    );
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[]), None);
 }
 
 #[test]
 fn an_edge_is_felt_by_all_fingers_that_are_on_nothing_else() {
-    let mut page = Page::with(&[
-        Shape::Edge(area(100.0, 100.0)),
-        Shape::Edge(area(200.0, 100.0)),
-        Shape::Button(area(280.0, 20.0)),
+    let mut page = Page::make_with_controls(&[
+        Shape::Edge(make_rectangle(100.0, 100.0)),
+        Shape::Edge(make_rectangle(200.0, 100.0)),
+        Shape::Button(make_rectangle(280.0, 20.0)),
     ]);
     let crossed = Some((ClickCause::Move, vec![(1, 0.5)]));
     // One that came down outside is driven as without controls besides.
-    assert_eq!(page.say(&[finger(1, 50.0)]).outside, [1]);
-    let felt = page.say(&[finger(1, 120.0)]);
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 50.0)]).outside, [1]);
+    let felt = page.move_fingers_after_16_ms(&[make_finger(1, 120.0)]);
     assert!(felt.outside == [1] && felt.click.is_some(), "{felt:?}");
     // From one into the other: a common border is felt once.
-    assert_eq!(page.click(&[finger(1, 230.0)]), crossed);
-    assert_eq!(page.click(&[finger(1, 290.0)]), None, "a button that it did not come down on");
-    assert_eq!(page.click(&[finger(1, 310.0)]), crossed);
-    page.say(&[]);
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 230.0)]), crossed);
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 290.0)]),
+        None,
+        "a button that it did not come down on"
+    );
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 310.0)]), crossed);
+    page.move_fingers_after_16_ms(&[]);
     // One that came down inside is not.
-    assert_eq!(page.say(&[finger(1, 150.0)]), Felt::default());
-    assert_eq!(page.click(&[finger(1, 50.0)]), crossed);
-    page.say(&[]);
-    page.say(&[finger(1, 290.0)]);
-    assert_eq!(page.click(&[finger(1, 150.0)]), None, "it belongs to the button");
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 150.0)]), Felt::default());
+    assert_eq!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 50.0)]), crossed);
+    page.move_fingers_after_16_ms(&[]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 290.0)]);
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]),
+        None,
+        "it belongs to the button"
+    );
 }
 
 #[test]
 fn a_texture_ends_when_its_finger_rests() {
-    let mut page = Page::with(&[Shape::Texture { area: area(100.0, 300.0), speed_px_s: 500.0 }]);
-    assert_eq!((page.say(&[finger(1, 110.0)]), page.controls.find_next_rest_time()), (Felt::default(), None));
+    let mut page =
+        Page::make_with_controls(&[Shape::Texture { area: make_rectangle(100.0, 300.0), speed_px_s: 500.0 }]);
+    assert_eq!(
+        (page.move_fingers_after_16_ms(&[make_finger(1, 110.0)]), page.controls.find_next_rest_time()),
+        (Felt::default(), None)
+    );
     let peaks: Vec<f64> = (1..=20)
-        .flat_map(|i| page.say(&[finger(1, 110.0 + 4.0 * f64::from(i))]).textures)
+        .flat_map(|i| page.move_fingers_after_16_ms(&[make_finger(1, 110.0 + 4.0 * f64::from(i))]).textures)
         .map(|it| it.intensity_g.unwrap())
         .collect();
     // 4 px in 16 ms are half of its speed.
@@ -140,75 +174,101 @@ fn a_texture_ends_when_its_finger_rests() {
     assert_eq!(page.controls.find_next_rest_time(), None);
     // The messages of another finger do not keep it moving.
     page.now = rests;
-    page.say(&[finger(1, 200.0), finger(2, 900.0)]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 200.0), make_finger(2, 900.0)]);
     for i in 1..=4 {
-        page.say(&[finger(1, 200.0), finger(2, 900.0 + f64::from(i))]);
+        page.move_fingers_after_16_ms(&[make_finger(1, 200.0), make_finger(2, 900.0 + f64::from(i))]);
     }
-    assert_eq!(page.say(&[finger(1, 200.0), finger(2, 900.0)]), Felt { outside: vec![2], ..Felt::default() });
+    assert_eq!(
+        page.move_fingers_after_16_ms(&[make_finger(1, 200.0), make_finger(2, 900.0)]),
+        Felt { outside: vec![2], ..Felt::default() }
+    );
 }
 
 #[test]
 fn a_finger_that_asks_for_something_itself_leaves_the_controls() {
-    let slider = Shape::Slider { area: area(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
-    let mut page = Page::with(&[Shape::Button(area(300.0, 100.0)), slider]);
+    let slider = Shape::Slider { area: make_rectangle(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
+    let mut page = Page::make_with_controls(&[Shape::Button(make_rectangle(300.0, 100.0)), slider]);
     let outside = Felt { outside: vec![1], ..Felt::default() };
-    let own = Finger { effect: Some(NamedEffect::Buzz), ..finger(1, 350.0) };
+    let own = Finger { effect: Some(NamedEffect::Buzz), ..make_finger(1, 350.0) };
     assert_eq!(
-        (page.say(&[own]), page.say(&[finger(1, 350.0)]), page.say(&[])),
+        (
+            page.move_fingers_after_16_ms(&[own]),
+            page.move_fingers_after_16_ms(&[make_finger(1, 350.0)]),
+            page.move_fingers_after_16_ms(&[])
+        ),
         (outside, Felt { outside: vec![1], ..Felt::default() }, Felt::default())
     );
-    page.say(&[finger(1, 125.0)]);
-    let felt = page.say(&[Finger { intensity_g: Some(0.1), ..finger(1, 180.0) }]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 125.0)]);
+    let felt = page.move_fingers_after_16_ms(&[Finger { intensity_g: Some(0.1), ..make_finger(1, 180.0) }]);
     assert_eq!(felt, Felt { outside: vec![1], ..Felt::default() });
-    assert_eq!(page.say(&[finger(1, 125.0)]).click, None, "until it is lifted");
-    page.say(&[]);
-    page.say(&[finger(1, 125.0)]);
-    assert!(page.say(&[finger(1, 180.0)]).click.is_some());
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 125.0)]).click, None, "until it is lifted");
+    page.move_fingers_after_16_ms(&[]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 125.0)]);
+    assert!(page.move_fingers_after_16_ms(&[make_finger(1, 180.0)]).click.is_some());
 }
 
 /// Also that which stops everything by a button: it is lifted then, and drives nothing.
 #[test]
 fn a_finger_that_is_down_at_a_stop_feels_nothing_more() {
-    let mut page = Page::with(&[Shape::Button(area(100.0, 100.0)), Shape::Edge(area(300.0, 100.0))]);
-    page.say(&[finger(1, 150.0), finger(2, 50.0), finger(3, 350.0)]);
+    let mut page = Page::make_with_controls(&[
+        Shape::Button(make_rectangle(100.0, 100.0)),
+        Shape::Edge(make_rectangle(300.0, 100.0)),
+    ]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 150.0), make_finger(2, 50.0), make_finger(3, 350.0)]);
     page.stops = 1;
-    let felt = page.say(&[finger(1, 150.0), finger(2, 50.0), finger(3, 500.0), finger(4, 150.0)]);
+    let felt = page.move_fingers_after_16_ms(&[
+        make_finger(1, 150.0),
+        make_finger(2, 50.0),
+        make_finger(3, 500.0),
+        make_finger(4, 150.0),
+    ]);
     assert_eq!(
         (felt.outside.as_slice(), felt.click.unwrap().fingers[0].id),
         (&[2][..], 4),
         "one that comes then is new"
     );
-    let felt = page.say(&[]);
+    let felt = page.move_fingers_after_16_ms(&[]);
     assert_eq!(felt.click.map(|click| click.fingers.len()), Some(1));
-    assert!(page.click(&[finger(1, 150.0)]).is_some());
+    assert!(page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 150.0)]).is_some());
 }
 
 #[test]
 fn fingers_stay_on_controls_that_are_declared_again() {
-    let slider = Shape::Slider { area: area(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
-    let mut page = Page::with(&[slider]);
-    page.say(&[finger(1, 125.0)]);
+    let slider = Shape::Slider { area: make_rectangle(100.0, 100.0), axis: SliderAxis::X, detents: 11 };
+    let mut page = Page::make_with_controls(&[slider]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 125.0)]);
     page.controls.replace_controls(vec![
-        control(Shape::Button(area(100.0, 100.0))),
-        Control { intensity_g: 0.2, ..control(slider) },
+        make_control(Shape::Button(make_rectangle(100.0, 100.0))),
+        Control { intensity_g: 0.2, ..make_control(slider) },
     ]);
-    assert_eq!(page.click(&[finger(1, 140.0)]), Some((ClickCause::Move, vec![(1, 0.2)])));
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(1, 140.0)]),
+        Some((ClickCause::Move, vec![(1, 0.2)]))
+    );
     page.controls.replace_controls(Vec::new());
-    assert_eq!(page.say(&[finger(1, 180.0)]), Felt::default());
-    page.controls.replace_controls(vec![control(slider)]);
-    assert_eq!(page.say(&[finger(1, 140.0)]), Felt::default(), "it was lifted from it");
-    page.say(&[]);
-    assert_eq!(page.say(&[finger(1, 125.0)]), Felt::default());
-    assert!(page.say(&[finger(1, 180.0)]).click.is_some());
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 180.0)]), Felt::default());
+    page.controls.replace_controls(vec![make_control(slider)]);
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 140.0)]), Felt::default(), "it was lifted from it");
+    page.move_fingers_after_16_ms(&[]);
+    assert_eq!(page.move_fingers_after_16_ms(&[make_finger(1, 125.0)]), Felt::default());
+    assert!(page.move_fingers_after_16_ms(&[make_finger(1, 180.0)]).click.is_some());
 }
 
 #[test]
 fn of_several_clicks_at_once_a_press_counts_first() {
-    let slider = Shape::Slider { area: area(300.0, 100.0), axis: SliderAxis::X, detents: 11 };
-    let mut page = Page::with(&[Shape::Button(area(100.0, 100.0)), slider]);
-    page.say(&[finger(1, 150.0), finger(2, 325.0)]);
-    assert_eq!(page.click(&[finger(2, 380.0)]), Some((ClickCause::Move, vec![(2, 0.5)])), "and not the release");
-    let pressed = page.click(&[finger(2, 325.0), finger(3, 110.0), finger(4, 190.0)]);
+    let slider = Shape::Slider { area: make_rectangle(300.0, 100.0), axis: SliderAxis::X, detents: 11 };
+    let mut page = Page::make_with_controls(&[Shape::Button(make_rectangle(100.0, 100.0)), slider]);
+    page.move_fingers_after_16_ms(&[make_finger(1, 150.0), make_finger(2, 325.0)]);
+    assert_eq!(
+        page.move_fingers_and_find_click_cause_and_peaks_g(&[make_finger(2, 380.0)]),
+        Some((ClickCause::Move, vec![(2, 0.5)])),
+        "and not the release"
+    );
+    let pressed = page.move_fingers_and_find_click_cause_and_peaks_g(&[
+        make_finger(2, 325.0),
+        make_finger(3, 110.0),
+        make_finger(4, 190.0),
+    ]);
     assert_eq!(pressed, Some((ClickCause::Press, vec![(3, 0.5), (4, 0.5)])));
     let felt = page.controls.lift_all_except(&[2], page.now, 0);
     assert_eq!(felt.click.map(|click| (click.cause, click.fingers.len())), Some((ClickCause::Release, 2)));
@@ -220,18 +280,22 @@ proptest! {
     fn each_release_has_its_press(
         steps in prop::collection::vec((0..3_i64, 0.0..600.0, prop::bool::ANY), 1..80),
     ) {
-        let shapes = [Shape::Button(area(100.0, 100.0)), Shape::Toggle(area(300.0, 100.0)), Shape::Edge(area(50.0, 500.0))];
-        let (mut page, mut plain) = (Page::with(&shapes), Page::with(&[]));
+        let shapes = [
+            Shape::Button(make_rectangle(100.0, 100.0)),
+            Shape::Toggle(make_rectangle(300.0, 100.0)),
+            Shape::Edge(make_rectangle(50.0, 500.0)),
+        ];
+        let (mut page, mut plain) = (Page::make_with_controls(&shapes), Page::make_with_controls(&[]));
         let (mut down, mut pressed): (Vec<Finger>, Vec<i64>) = (Vec::new(), Vec::new());
         for (id, x, is_down) in steps {
             let is_new = down.iter().all(|known| known.id != id);
             down.retain(|known| known.id != id);
             if is_down {
-                down.push(finger(id, x));
+                down.push(make_finger(id, x));
             }
-            let felt = plain.say(&down);
+            let felt = plain.move_fingers_after_16_ms(&down);
             prop_assert!(felt.click.is_none() && felt.textures.is_empty() && felt.outside.len() == down.len());
-            let Some(FeltClick { fingers, cause }) = page.say(&down).click else { continue };
+            let Some(FeltClick { fingers, cause }) = page.move_fingers_after_16_ms(&down).click else { continue };
             prop_assert_eq!(fingers.iter().map(|one| one.id).collect::<Vec<_>>(), [id]);
             match cause {
                 ClickCause::Press => {

@@ -128,7 +128,7 @@ fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
 }
 
 /// A click of a control for finger 7 at this place.
-fn click(fingers: &PageFingers, x_px: f64, is_press: bool) {
+fn queue_control_click_of_finger_7(fingers: &PageFingers, x_px: f64, is_press: bool) {
     let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
     fingers.queue_control_click_dropping_oldest_if_full(make_touch_at(&[7], x_px, feel), vec![7], is_press, 0).unwrap();
 }
@@ -136,11 +136,11 @@ fn click(fingers: &PageFingers, x_px: f64, is_press: bool) {
 #[test]
 fn of_clicks_of_controls_the_newest_waits_and_each_press() {
     let fingers = PageFingers::default();
-    (0..3).for_each(|i| click(&fingers, f64::from(i), false));
+    (0..3).for_each(|i| queue_control_click_of_finger_7(&fingers, f64::from(i), false));
     assert_eq!(take_effects(&fingers), [(2.0, true, vec![7])]);
-    click(&fingers, 3.0, true);
-    (4..6).for_each(|i| click(&fingers, f64::from(i), false));
-    click(&fingers, 6.0, true);
+    queue_control_click_of_finger_7(&fingers, 3.0, true);
+    (4..6).for_each(|i| queue_control_click_of_finger_7(&fingers, f64::from(i), false));
+    queue_control_click_of_finger_7(&fingers, 6.0, true);
     assert_eq!(take_effects(&fingers).iter().map(|it| it.0).collect::<Vec<_>>(), [3.0, 6.0]);
     // That the other fingers move, have an effect of the same kind already, or are lifted, takes no click away.
     for feel in [Feel::default(), Feel { effect: Some(NamedEffect::Click), ..Feel::default() }] {
@@ -151,11 +151,11 @@ fn of_clicks_of_controls_the_newest_waits_and_each_press() {
             };
             say(&[1], 0.0);
             take_steps(&fingers);
-            click(&fingers, 1.0, false);
+            queue_control_click_of_finger_7(&fingers, 1.0, false);
             say(&[1], 2.0);
             say(&[1], 3.0);
             assert_eq!(take_steps(&fingers), [(vec![], false, 1.0), (vec![], false, 3.0)], "{feel:?}");
-            click(&fingers, 4.0, false);
+            queue_control_click_of_finger_7(&fingers, 4.0, false);
             say(&[], 5.0);
             let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
             assert_eq!(
@@ -169,10 +169,10 @@ fn of_clicks_of_controls_the_newest_waits_and_each_press() {
 #[test]
 fn only_a_newer_press_takes_the_place_of_a_press() {
     let fingers = PageFingers::new(true);
-    click(&fingers, 0.0, true);
-    click(&fingers, 1.0, true);
-    click(&fingers, 2.0, false);
-    click(&fingers, 3.0, false);
+    queue_control_click_of_finger_7(&fingers, 0.0, true);
+    queue_control_click_of_finger_7(&fingers, 1.0, true);
+    queue_control_click_of_finger_7(&fingers, 2.0, false);
+    queue_control_click_of_finger_7(&fingers, 3.0, false);
     assert_eq!(take_effects(&fingers).iter().map(|it| it.0).collect::<Vec<_>>(), [1.0, 3.0]);
 }
 
@@ -183,14 +183,14 @@ fn a_finger_that_comes_beside_a_click_of_a_control_is_felt() {
         fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, Feel::default()), 0).unwrap()
     };
     say(&[1], 0.0);
-    click(&fingers, 1.0, false);
+    queue_control_click_of_finger_7(&fingers, 1.0, false);
     say(&[], 2.0);
     assert_eq!(take_steps(&fingers), [(vec![1], true, 0.0), (vec![], false, 1.0)]);
     // What only moves makes way for a click, and is driven on after it.
     say(&[1], 3.0);
     take_steps(&fingers);
     say(&[1], 4.0);
-    click(&fingers, 5.0, false);
+    queue_control_click_of_finger_7(&fingers, 5.0, false);
     say(&[1], 6.0);
     assert_eq!(take_steps(&fingers), [(vec![], false, 5.0), (vec![], false, 6.0)]);
 }
