@@ -157,7 +157,7 @@ fn write_mode_shapes_true_if_to_stdout(options: &Options, scene: &Scene, shapes:
         npy::write_npy_doubles(path, &sides, shapes.iter_values_of_all_modes())
             .and_then(|()| npy::write_npy_axis_files_beside_array(path, &axes))
             .map_err(|error| failed(path, error))?;
-        tell!("wrote {}, and the axes to the same folder", path.display());
+        tell!("wrote {}, and one file for each axis to the same folder", path.display());
     }
     if let Some(path) = &options.png {
         if shapes.frequencies_hz.len() > mode_sheet::MOST_MODES {

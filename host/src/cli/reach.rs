@@ -185,7 +185,8 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
             let left = format_fraction_as_percent(scheme.scale);
             let _ = writeln!(
                 text,
-                "({}: because the gaps close while the masses move, only {left} of the forces are safe)",
+                "({}: the forces are reduced to {left} of the forces for the rest gaps, because the gaps close \
+                 while the masses move)",
                 scheme.scheme.name()
             );
         }

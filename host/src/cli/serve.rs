@@ -423,10 +423,17 @@ fn compute_whole_surface_setting_in_background(app: &Arc<App>) {
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
         crate::planner::reach::compute_and_keep_whole_surface_setting(&app.table);
-        tracing::debug!("setting for the objective `reach` prepared in {:.0} ms", duration_ms(started.elapsed()));
+        tracing::debug!(
+            "actuator settings for the objective `reach` computed in {:.0} ms",
+            duration_ms(started.elapsed())
+        );
     });
     if let Err(error) = started {
-        tracing::debug!(%error, "the setting for the objective `reach` could not be prepared; the first request with this objective will compute it");
+        tracing::debug!(
+            %error,
+            "could not compute the actuator settings for the objective `reach` in advance; the first request with \
+             this objective will compute them"
+        );
     }
 }
 

@@ -276,7 +276,7 @@ fn judge_realtime_priority(priority_limit: u64) -> Finding {
         "threads of this user get no real-time priority (RLIMIT_RTPRIO): on a busy machine commands to the board \
          may be late",
         "the service of `era install` has real-time priority (LimitRTPRIO); for a daemon that you start in a shell, \
-         add the line `@GROUP - rtprio 20`, with a group of this user, to /etc/security/limits.d/era.conf, and \
-         sign in again",
+         add the line `@GROUP - rtprio 20` to /etc/security/limits.d/era.conf (replace GROUP by a group of this \
+         user), and sign in again",
     )
 }

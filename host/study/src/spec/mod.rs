@@ -5,6 +5,7 @@
 
 mod method;
 mod parse;
+mod parse_method;
 mod path;
 #[cfg(test)]
 mod tests;
@@ -12,7 +13,8 @@ mod variables;
 mod wishes;
 
 pub use method::{PointMethod, StudyMethod, UncertaintySampling};
-pub(crate) use parse::{MOST_DESIGNS, can_try_all_corners};
+pub(crate) use parse::can_try_all_corners;
+pub(crate) use parse_method::MOST_DESIGNS;
 pub use path::{PathError, PathStep, ScenePath, TABLE_NAMES};
 pub use variables::{
     MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,

@@ -1,7 +1,7 @@
 //! The study file's keys and what they may be.
 
 use super::StudySpec;
-use super::method::{PointMethod, StudyMethod, UncertaintySampling};
+use super::parse_method::{read_method, report_given_keys_that_must_be_left_out};
 use super::path::ScenePath;
 use super::variables::{
     MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,
@@ -9,7 +9,6 @@ use super::variables::{
 use super::wishes::{Figure, FigureLimit, FrequencyGrouping, PartCosts, SettingScope, WantedFigure, Wish, WishGoal};
 use era_model::scene::SceneError;
 use era_model::scene::read::{self, AllowedNumbers, MistakeReport, TomlSection};
-use era_planner::TableOptions;
 use toml_edit::{DocumentMut, Value};
 
 /// The version of study files that is read.
@@ -18,14 +17,8 @@ const VERSION: f64 = 1.0;
 const ANY: AllowedNumbers = AllowedNumbers::Within(-1e20, 1e20);
 /// Places, in mm: a panel's sides are no longer.
 const MM: AllowedNumbers = AllowedNumbers::Within(-10_000.0, 10_000.0);
-/// Most designs of a study.
-pub(crate) const MOST_DESIGNS: u32 = 100_000_000;
-/// Most designs that depend on each other, and are all listed first.
-const MOST_LISTED: u32 = 10_000_000;
 /// Most values of a variable that goes in steps.
 const MOST_STEPS: f64 = 1e6;
-/// Most values of each variable on a grid.
-const MOST_LEVELS: u32 = 1000;
 /// Most corners that uncertain values have together: 8 of them.
 const MOST_CORNERS: usize = 256;
 
@@ -330,7 +323,7 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     }
     let at_mm = if figure.depends_on_place() {
         if !section.has_key("at_mm") {
-            section.report_wrong_value("at_mm", "missing".into(), "[x, y] in mm, the place of the figure");
+            section.report_wrong_value("at_mm", "missing".into(), "[x, y] in mm, the touched point");
         }
         Some(section.read_numbers_if_given("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
     } else {
@@ -409,110 +402,6 @@ fn read_costs(section: TomlSection<'_, '_>) -> PartCosts {
         PartCosts { actuator: each("actuator"), support: each("support"), mass: each("mass"), per_kg: each("per_kg") };
     section.report_unknown_keys();
     costs
-}
-
-fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> StudyMethod {
-    let usual = TableOptions::default();
-    let mut method = StudyMethod {
-        way: PointMethod::Sobol,
-        designs: 256,
-        seed: 0,
-        levels: 5,
-        population: 16,
-        runs: 4,
-        finalists: 3,
-        chunk: None,
-        robust: UncertaintySampling::LatinHypercube { samples: 16 },
-        from_hz: usual.from_hz,
-        to_hz: usual.to_hz,
-        thorough: false,
-    };
-    let Some(section) = file.read_table_if_given("method") else { return method };
-    let ways = [PointMethod::Grid, PointMethod::LatinHypercube, PointMethod::Sobol, PointMethod::Evolution]
-        .map(|way| (way.name(), way));
-    if section.has_key("way") {
-        method.way = section.read_required_word("way", &ways).unwrap_or(method.way);
-    }
-    let count = |key: &'static str, usual: usize, most: u32| -> usize {
-        if section.has_key(key) { section.read_required_positive_count_or_1(key, most) as usize } else { usual }
-    };
-    if method.way == PointMethod::Grid {
-        method.levels = count("levels", method.levels, MOST_LEVELS);
-        report_given_keys_that_must_be_left_out(
-            &section,
-            ["designs", "seed"],
-            "because `levels` alone determines the designs of a grid",
-        );
-    } else {
-        report_given_keys_that_must_be_left_out(&section, ["levels"], "because `way` is not \"grid\"");
-        let most = if method.way == PointMethod::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
-        method.designs = count("designs", method.designs, most);
-        method.seed = u64::from(u32::try_from(count("seed", 0, u32::MAX)).unwrap_or(0));
-    }
-    if method.way == PointMethod::Evolution {
-        method.population = count("population", method.population, 10_000);
-        method.runs = count("runs", method.runs, 10_000);
-        let least = method.population * method.runs;
-        if method.population < 4 {
-            section.report_wrong_value("population", method.population.to_string(), "4 to 10000");
-        } else if method.designs < least {
-            let wanted = format!("at least {least} (population x runs), one generation of each run");
-            section.report_wrong_value("designs", method.designs.to_string(), &wanted);
-        }
-        report_given_keys_that_must_be_left_out(
-            &section,
-            ["chunk"],
-            "because an evolution computes one generation at a time",
-        );
-    } else {
-        method.chunk =
-            section.has_key("chunk").then(|| section.read_required_positive_count_or_1("chunk", 1_000_000) as usize);
-        report_given_keys_that_must_be_left_out(&section, ["population", "runs"], "because `way` is not \"evolution\"");
-    }
-    method.finalists = count("finalists", method.finalists, 100);
-    let band = AllowedNumbers::Within(1.0, 1000.0);
-    method.from_hz = section.read_optional_number_or_nan("from_hz", method.from_hz, band);
-    method.to_hz = section.read_optional_number_or_nan("to_hz", method.to_hz, band);
-    if method.from_hz > method.to_hz {
-        section.report_wrong_value(
-            "from_hz",
-            method.from_hz.to_string(),
-            &format!("at most {}, the value of `to_hz`", method.to_hz),
-        );
-    }
-    let words = [("quick", false), ("thorough", true)];
-    method.thorough =
-        section.has_key("look").then(|| section.read_required_word("look", &words)).flatten().unwrap_or(false);
-    if !uncertain.is_empty() {
-        let words = [("corners", true), ("latin_hypercube", false)];
-        let corners =
-            section.has_key("robust").then(|| section.read_required_word("robust", &words)).flatten().unwrap_or(false);
-        if corners {
-            report_given_keys_that_must_be_left_out(
-                &section,
-                ["samples"],
-                "because `robust` is \"corners\": the corners of the ranges are the samples",
-            );
-            method.robust = UncertaintySampling::Corners;
-        } else {
-            method.robust = UncertaintySampling::LatinHypercube { samples: count("samples", 16, 10_000) };
-        }
-    } else {
-        report_given_keys_that_must_be_left_out(&section, ["robust", "samples"], "because there is no [[uncertain]]");
-    }
-    section.report_unknown_keys();
-    method
-}
-
-/// Tells of keys that are there though nothing asks for them; `why` goes on after "must be left out, ".
-fn report_given_keys_that_must_be_left_out<const N: usize>(
-    section: &TomlSection<'_, '_>,
-    keys: [&'static str; N],
-    why: &str,
-) {
-    for key in keys.into_iter().filter(|key| section.has_key(key)) {
-        section.report_wrong_list(key, &format!("left out, {why}"));
-    }
 }
 
 /// Whether so many uncertain values have few enough corners.

@@ -30,7 +30,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
         (20, "variable[4].names is a list of 1 names, but must be a list with one name for each value: 2 names"),
         (22, "variable[5]: exactly one of the keys `key`, `place` and `count` is needed"),
         (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
-        (25, "wish[2].at_mm is missing, but must be [x, y] in mm, the place of the figure"),
+        (25, "wish[2].at_mm is missing, but must be [x, y] in mm, the touched point"),
         (28, "limit[1]: at least one of the keys `least` and `most` is needed"),
         (30, "uncertain[1]: exactly one of the keys `part` and `by` is needed"),
         (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
