@@ -6,6 +6,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 thread_local! {
     /// Of the question that this thread is at.
@@ -14,18 +15,33 @@ thread_local! {
 
 /// Whether an answer is still waited for.
 #[derive(Clone, Debug, Default)]
-pub struct StopRequest(Arc<AtomicBool>);
+pub struct StopRequest {
+    is_requested: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+}
 
 impl StopRequest {
-    /// Asks the work to end: nobody waits for it any more.
-    pub fn request_stop(&self) {
-        self.0.store(true, Ordering::Relaxed);
+    /// One that is made by itself when the time is over.
+    #[must_use]
+    pub fn with_deadline(deadline: Instant) -> Self {
+        Self { deadline: Some(deadline), ..Self::default() }
     }
 
-    /// Whether the work was asked to end.
+    /// Asks the work to end: nobody waits for it any more.
+    pub fn request_stop(&self) {
+        self.is_requested.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether somebody has asked the work to end.
+    #[must_use]
+    pub fn is_stop_requested_by_somebody(&self) -> bool {
+        self.is_requested.load(Ordering::Relaxed)
+    }
+
+    /// Whether the work is to end: somebody has asked for that, or the time is over.
     #[must_use]
     pub fn is_stop_requested(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.is_stop_requested_by_somebody() || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
     /// The stop request of the work that this thread does; one that is never made outside of any.
@@ -66,6 +82,9 @@ mod tests {
         let curves =
             stop.run_stoppable(|| compute_curves_with_error_bounds(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0]));
         assert_eq!(curves.unwrap_err(), CurveError::Model(ModelError::Stopped));
+        let late = StopRequest::with_deadline(Instant::now());
+        assert_eq!(late.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
+        assert!(late.is_stop_requested() && !late.is_stop_requested_by_somebody());
         // Others on this thread are not, and within it neither.
         assert!(modes().is_ok() && stop.run_stoppable(|| StopRequest::default().run_stoppable(modes)).is_ok());
     }

@@ -227,8 +227,9 @@ const fn is_tls_configured(options: &Serve) -> bool {
 /// Of files that are not for this user nothing is said: a service may be given them by its manager.
 pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     let mut all = Vec::new();
-    let is_anothers =
-        |path: &Path| std::fs::File::open(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied);
+    let is_anothers = |path: &Path| {
+        private_file::open_without_waiting(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied)
+    };
     if options.token_file.as_ref().is_some_and(|path| !is_anothers(path))
         && let Err(Failure::Usage(text) | Failure::Failed(text)) = read_access_rules(options)
     {

@@ -80,15 +80,32 @@ impl UsbError {
 /// The one bootloader on the bus, or `None`.
 ///
 /// # Errors
-/// [`UsbError::Bus`], [`UsbError::Several`].
+/// [`UsbError::Bus`], [`UsbError::Several`], [`UsbError::Open`] if the system does not answer.
 pub fn find_bootloader() -> Result<Option<DeviceInfo>, UsbError> {
-    let devices = nusb::list_devices().wait().map_err(UsbError::Bus)?;
-    let mut found: Vec<_> =
-        devices.filter(|device| device.vendor_id() == VENDOR && device.product_id() == PRODUCT).collect();
-    if found.len() > 1 {
-        return Err(UsbError::Several(found.len()));
-    }
-    Ok(found.pop())
+    run_within_open_limit("finding", || {
+        let devices = nusb::list_devices().wait().map_err(UsbError::Bus)?;
+        let mut found: Vec<_> =
+            devices.filter(|device| device.vendor_id() == VENDOR && device.product_id() == PRODUCT).collect();
+        if found.len() > 1 {
+            return Err(UsbError::Several(found.len()));
+        }
+        Ok(found.pop())
+    })
+}
+
+/// Does `work` on a thread that is left behind if a driver keeps it for longer than [`OPEN_LIMIT`]: the system's calls have no time limit.
+fn run_within_open_limit<T: Send + 'static>(
+    step: &'static str,
+    work: impl FnOnce() -> Result<T, UsbError> + Send + 'static,
+) -> Result<T, UsbError> {
+    let (sender, result) = sync_channel(1);
+    let started = std::thread::Builder::new().spawn(move || sender.send(work()));
+    started.map_err(|error| UsbError::Open { step, reason: error.to_string(), permission: false })?;
+    result.recv_timeout(OPEN_LIMIT).unwrap_or_else(|_| {
+        let reason =
+            format!("the system did not answer within {OPEN_LIMIT:?}; disconnect the board and connect it again");
+        Err(UsbError::Open { step, reason, permission: false })
+    })
 }
 
 /// Waits for the bootloader to come up.
@@ -111,15 +128,8 @@ pub fn await_bootloader(patience: Duration) -> Result<DeviceInfo, UsbError> {
 /// # Errors
 /// [`UsbError`].
 pub fn open_bootloader(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
-    let (info, (sender, opened)) = (info.clone(), sync_channel(1));
-    // The system's calls have no time limit: a thread that a driver keeps is left behind.
-    let opening = std::thread::Builder::new().spawn(move || sender.send(open_and_claim_flash_interface(&info)));
-    opening.map_err(|error| UsbError::Open { step: "opening", reason: error.to_string(), permission: false })?;
-    opened.recv_timeout(OPEN_LIMIT).unwrap_or_else(|_| {
-        let reason =
-            format!("the system did not answer within {OPEN_LIMIT:?}; disconnect the board and connect it again");
-        Err(UsbError::Open { step: "opening", reason, permission: false })
-    })
+    let info = info.clone();
+    run_within_open_limit("opening", move || open_and_claim_flash_interface(&info))
 }
 
 fn open_and_claim_flash_interface(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {

@@ -131,6 +131,11 @@ fn a_socket_that_breaks_the_protocol_is_closed_with_the_code_that_says_so() {
         }),
         ("a message that is too long", 1009, |page| page.send(TEXT, &vec![b' '; 300 << 10])),
         ("a binary message that is too long", 1009, |page| page.send(0x82, &vec![0; 300 << 10])),
+        ("empty pieces without an end", 1009, |page| {
+            page.send(FIRST, b"");
+            // What is sent behind the close is not read.
+            let _ = page.0.write_all(&Page::head(MORE, true, 0).repeat(120_000));
+        }),
         ("pieces that are too long together", 1009, |page| {
             page.send(FIRST, &vec![b' '; 200 << 10]);
             page.send(MORE, &vec![b' '; 200 << 10]);

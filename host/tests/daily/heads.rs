@@ -112,7 +112,9 @@ fn a_body_comes_as_it_is_or_in_chunks() {
             send_and_listen(&daemon, &format!("POST {path} HTTP/1.1\r\nHost: localhost\r\n{lines}\r\n\r\n{chunks}"));
         (parts(&answer).0, answer)
     };
-    for path in ["/v1/touch", "/v1/stop", "/v1/preview", "/v1/study", "/v1/arm", "/nothing"] {
+    for path in
+        ["/v1/touch", "/v1/stop", "/v1/effects", "/v1/preview", "/v1/study", "/v1/tolerances", "/v1/arm", "/nothing"]
+    {
         for lines in [
             "Transfer-Encoding: gzip, chunked",
             "Transfer-Encoding: gzip\r\nTransfer-Encoding: chunked",
@@ -153,7 +155,7 @@ fn no_body_is_taken_compressed() {
         let head = format!("POST {path} HTTP/1.1\r\nHost: localhost\r\n{lines}\r\nContent-Length: {length}\r\n\r\n");
         send_and_listen(&daemon, &format!("{head}{body}"))
     };
-    for path in ["/v1/touch", "/v1/preview", "/v1/study", "/v1/tolerances", "/v1/arm"] {
+    for path in ["/v1/touch", "/v1/effects", "/v1/preview", "/v1/study", "/v1/tolerances", "/v1/arm"] {
         for coding in ["gzip", "GZIP", "x-gzip", "deflate", "br", "zstd", "compress", "identity, gzip", "nonsense"] {
             let answer = send(path, &format!("Content-Encoding: {coding}"));
             let (found, head, told) = parts(&answer);

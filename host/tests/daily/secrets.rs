@@ -62,6 +62,39 @@ fn a_secret_that_others_may_read_is_refused() {
     assert_eq!(era(&with_tls).0, 1);
 }
 
+/// The owner of a file can change it, and a pipe that nobody writes to has no end to wait for.
+#[cfg(unix)]
+#[test]
+fn a_secret_is_a_file_of_ones_own_or_of_root() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (another, pipe, place) = (at("another"), at("pipe"), at("place"));
+    write_secret(&another, &format!("touch {}\n", "T".repeat(32)));
+    std::fs::create_dir(&place).unwrap();
+    assert!(std::process::Command::new("mkfifo").args(["-m", "600"]).arg(&pipe).status().unwrap().success());
+    let mut cases = vec![(&pipe, "token"), (&place, "but it is a folder")];
+    // Only root can give a file away.
+    if std::os::unix::fs::chown(&another, Some(12_345), None).is_ok() {
+        cases.push((&another, "belongs to the user with the number 12345"));
+    }
+    for (file, piece) in cases {
+        let file = file.to_str().unwrap();
+        let address = "127.0.0.1:1";
+        for arguments in [
+            &["serve", "--listen", address, "--token-file", file][..],
+            &["stop", "--url", "http://127.0.0.1:1", "--token-file", file],
+            &["serve", "--listen", address, "--tls-cert", file, "--tls-key", file],
+        ] {
+            let (code, said) = era(arguments);
+            assert!(
+                code == 2 && (said.contains(piece) || arguments.contains(&"--tls-key")),
+                "{arguments:?}: {code} {said}"
+            );
+            assert!(!said.contains("TTTT"), "{said}");
+        }
+    }
+}
+
 /// systemd's access control list for a service's credentials shows as 0440; others are refused there, too.
 #[cfg(unix)]
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! Requests that are refused or answered from memory take some tens of microseconds each. A client that asks again as soon as it has an answer keeps every
 //! processor at that, and a stop then waits for the scheduler: up to a second was measured on two processors beside 50 000 requests a second. So
-//! requests beyond a pace wait, whatever they ask, but for a stop. Nobody is refused. Messages on live sockets have the same pace: the next one is
+//! requests beyond a pace wait, whatever they ask, but for a stop that is not refused. Nobody is shut out. Messages on live sockets have the same pace: the next one is
 //! read when it is due.
 
 use super::client::Peer;
@@ -78,17 +78,28 @@ impl RequestRateLimiter {
     }
 }
 
-/// Has a request wait where its client asks faster than the pace; a stop does not.
+/// Has a request wait where its client asks faster than the pace. A stop does not wait. What is answered to a stop that is refused does: it stops nothing, and
+/// tells whether a token is right.
 pub async fn delay_requests_except_stop_above_rate(
     State(pace): State<Arc<RequestRateLimiter>>,
     request: Request,
     next: Next,
 ) -> Response {
-    let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
-    if let Some(peer) = request.extensions().get::<Peer>().copied().filter(|_| !is_stop) {
-        sleep_if_positive(pace.count_requests_and_find_wait(peer, Instant::now(), 1)).await;
+    let peer = request.extensions().get::<Peer>().copied();
+    let wait_for_pace = async || {
+        if let Some(peer) = peer {
+            sleep_if_positive(pace.count_requests_and_find_wait(peer, Instant::now(), 1)).await;
+        }
+    };
+    if *request.method() != Method::POST || request.uri().path() != "/v1/stop" {
+        wait_for_pace().await;
+        return next.run(request).await;
     }
-    next.run(request).await
+    let response = next.run(request).await;
+    if response.status().is_client_error() {
+        wait_for_pace().await;
+    }
+    response
 }
 
 /// Even the shortest sleep takes until the next whole ms: whoever need not wait must not sleep.
@@ -109,8 +120,14 @@ fn mask_ipv6_to_network(address: IpAddr) -> IpAddr {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::Router;
+    use axum::body::Body;
+    use axum::http::StatusCode;
+    use axum::middleware::from_fn_with_state;
+    use axum::routing::post;
     use std::pin::pin;
     use std::task::{Context, Waker};
+    use tower_service::Service;
 
     fn parse_peer(text: &str) -> Peer {
         Peer::Address(text.parse().unwrap())
@@ -146,6 +163,31 @@ mod tests {
             let mut wait = pin!(pace.wait_until_next_live_message(one, 200));
             let polled = wait.as_mut().poll(&mut Context::from_waker(Waker::noop()));
             assert!(polled.is_ready(), "message {number}");
+        }
+    }
+
+    /// A stop waits for nothing, but whoever tries tokens on stops is answered at the pace.
+    #[tokio::test]
+    async fn only_refused_stops_wait() {
+        let pace = Arc::new(RequestRateLimiter::default());
+        let one = parse_peer("192.0.2.1");
+        // Two seconds ahead, however slow this computer is.
+        pace.count_requests_and_find_wait(one, Instant::now(), 4000);
+        for (answer, waits) in [
+            (StatusCode::OK, false),
+            (StatusCode::SERVICE_UNAVAILABLE, false),
+            (StatusCode::UNAUTHORIZED, true),
+            (StatusCode::FORBIDDEN, true),
+            (StatusCode::BAD_REQUEST, true),
+        ] {
+            let mut router = Router::new()
+                .route("/v1/stop", post(async move || answer))
+                .layer(from_fn_with_state(Arc::clone(&pace), delay_requests_except_stop_above_rate));
+            let mut request = Request::post("/v1/stop").body(Body::empty()).unwrap();
+            request.extensions_mut().insert(one);
+            let mut answered = pin!(router.call(request));
+            let polled = answered.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+            assert_eq!(polled.is_pending(), waits, "{answer}");
         }
     }
 

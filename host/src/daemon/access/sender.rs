@@ -7,6 +7,7 @@ use std::convert::Infallible;
 use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, Interest, ReadBuf};
@@ -19,7 +20,18 @@ const LOOK: Duration = Duration::from_millis(20);
 
 /// Who has sent a request: the end of a connection from which something is read.
 #[derive(Clone, Debug, Default)]
-pub struct RequestSender(Option<ReadHalf>);
+pub struct RequestSender {
+    source: Option<ReadHalf>,
+    read: Arc<ReadBytes>,
+}
+
+/// Bytes that were read from a connection since they were last taken.
+#[derive(Debug, Default)]
+struct ReadBytes {
+    count: AtomicUsize,
+    /// Most of them; 0 for no limit.
+    most: AtomicUsize,
+}
 
 #[derive(Clone, Debug)]
 enum ReadHalf {
@@ -33,21 +45,21 @@ enum ReadHalf {
 pub struct WatchedConnection<W> {
     source: ReadHalf,
     sink: W,
+    read: Arc<ReadBytes>,
 }
 
 impl RequestSender {
     /// One of which nothing is known: it waits for ever.
     #[must_use]
-    pub const fn unknown() -> Self {
-        Self(None)
+    pub fn unknown() -> Self {
+        Self::default()
     }
 
     /// A connection, and who is at its other end.
     #[must_use]
     pub fn watch_tcp_stream(stream: TcpStream) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        let source = ReadHalf::Tcp(Arc::new(read));
-        (Self(Some(source.clone())), WatchedConnection { source, sink })
+        Self::watch_halves(ReadHalf::Tcp(Arc::new(read)), sink)
     }
 
     /// The same of a connection through the file system.
@@ -55,13 +67,29 @@ impl RequestSender {
     #[must_use]
     pub fn watch_unix_stream(stream: UnixStream) -> (Self, WatchedConnection<unix::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
-        let source = ReadHalf::Unix(Arc::new(read));
-        (Self(Some(source.clone())), WatchedConnection { source, sink })
+        Self::watch_halves(ReadHalf::Unix(Arc::new(read)), sink)
+    }
+
+    fn watch_halves<W>(source: ReadHalf, sink: W) -> (Self, WatchedConnection<W>) {
+        let read = Arc::new(ReadBytes::default());
+        (Self { source: Some(source.clone()), read: Arc::clone(&read) }, WatchedConnection { source, sink, read })
+    }
+
+    /// How many bytes were read from the connection since the last call.
+    #[must_use]
+    pub fn take_read_byte_count(&self) -> usize {
+        self.read.count.swap(0, Ordering::Relaxed)
+    }
+
+    /// Reading fails from here on ([`io::ErrorKind::QuotaExceeded`]) when more than so many bytes come between two calls of [`Self::take_read_byte_count`].
+    pub fn limit_bytes_read_between_calls(&self, most_bytes: usize) {
+        self.read.count.store(0, Ordering::Relaxed);
+        self.read.most.store(most_bytes, Ordering::Relaxed);
     }
 
     /// Resolves once it has closed the connection, or its half of it. The two cannot be told from each other before something is written.
     async fn wait_until_connection_closed(&self) {
-        let Some(source) = &self.0 else { return std::future::pending().await };
+        let Some(source) = &self.source else { return std::future::pending().await };
         loop {
             let ready = match source {
                 ReadHalf::Tcp(read) => read.ready(Interest::READABLE).await,
@@ -125,7 +153,10 @@ impl<W: Unpin> AsyncRead for WatchedConnection<W> {
             match self.source.try_read(buffer.initialize_unfilled()) {
                 Ok(read) => {
                     buffer.advance(read);
-                    return Poll::Ready(Ok(()));
+                    let count = self.read.count.fetch_add(read, Ordering::Relaxed).saturating_add(read);
+                    let most = self.read.most.load(Ordering::Relaxed);
+                    let is_too_much = most > 0 && count > most;
+                    return Poll::Ready(if is_too_much { Err(io::ErrorKind::QuotaExceeded.into()) } else { Ok(()) });
                 }
                 // It was not ready after all, and is asked again.
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}

@@ -53,11 +53,12 @@ impl BackgroundWork {
     /// That it is under way, and what else was asked for has to wait.
     fn already_under_way_problem(self) -> Problem {
         match self {
-            Self::Study => {
-                Problem::new(ProblemKind::StudyRuns, "a study is already running: POST /v1/study/stop ends it")
-            }
+            Self::Study => Problem::new(
+                ProblemKind::StudyRuns,
+                "a study is already running or is being checked: POST /v1/study/stop ends a study that runs",
+            ),
             Self::Tolerances => {
-                let detail = "a tolerance study is already running: POST /v1/tolerances/stop ends it";
+                let detail = "a tolerance study is already running or is being checked: POST /v1/tolerances/stop ends a tolerance study that runs";
                 Problem::new(ProblemKind::TolerancesRun, detail)
             }
         }

@@ -22,7 +22,8 @@ impl Deadline {
     /// So long from now.
     #[must_use]
     pub fn from_now(time_limit: Duration) -> Self {
-        Self { until: Instant::now() + time_limit, longest: time_limit, stop: StopRequest::default() }
+        let until = Instant::now() + time_limit;
+        Self { until, longest: time_limit, stop: StopRequest::with_deadline(until) }
     }
 
     /// Nobody wants it any more.
@@ -33,7 +34,7 @@ impl Deadline {
     /// Whether nobody wants it any more.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        self.stop.is_stop_requested()
+        self.stop.is_stop_requested_by_somebody()
     }
 
     /// Whether the work has to end.
@@ -48,7 +49,7 @@ impl Deadline {
         Instant::now() >= self.until
     }
 
-    /// Does work whose models and plans end when nobody wants it any more.
+    /// Does work whose models and plans end when nobody wants it any more, or when the time is over.
     pub fn run_stoppable_by_cancel<T>(&self, work: impl FnOnce() -> T) -> T {
         self.stop.clone().run_stoppable(work)
     }
@@ -116,12 +117,17 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel(|| work(&own)))?;
     let work = async {
         tokio::select! {
-            result = result => result.unwrap_or_else(|_| {
-                let detail = format!(
-                    "the {name} computation ended early because of an internal error: please report the error, with the request"
-                );
-                Err(Problem::new(ProblemKind::PreviewFailed, detail))
-            }),
+            result = result => match result {
+                // What was ended on its way says only that.
+                Ok(Err(_)) if deadline.is_time_over() => Err(deadline.deadline_exceeded_problem()),
+                Ok(result) => result,
+                Err(_) => {
+                    let detail = format!(
+                        "the {name} computation ended early because of an internal error: please report the error, with the request"
+                    );
+                    Err(Problem::new(ProblemKind::PreviewFailed, detail))
+                }
+            },
             () = tokio::time::sleep(time_limit) => Err(deadline.deadline_exceeded_problem()),
         }
     };

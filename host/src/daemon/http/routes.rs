@@ -148,6 +148,7 @@ pub fn build_stop_only_router(app: Arc<App>) -> Router {
         .route("/v1/stop", post(post_stop))
         .fallback(answer_too_many_connections)
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_except_stop_above_rate))
         .layer(middleware::map_response(close_connection_after_failure))
         .with_state(app)
 }

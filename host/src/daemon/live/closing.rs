@@ -1,6 +1,7 @@
 //! Why a live socket is closed, as a code (RFC 6455, 7.4.1) and in words.
 
 use axum::extract::ws::{CloseFrame, close_code};
+use std::io::ErrorKind;
 use std::time::Duration;
 use tungstenite::Error;
 use tungstenite::error::ProtocolError;
@@ -16,6 +17,9 @@ pub fn close_frame_for_error(error: axum::Error) -> Option<CloseFrame> {
         Error::Protocol(error) => Some(make_close_frame(close_code::PROTOCOL, &error.to_string())),
         Error::Utf8(_) => Some(make_close_frame(close_code::INVALID, "a text message must be UTF-8")),
         Error::Capacity(error) => Some(make_close_frame(close_code::SIZE, &error.to_string())),
+        Error::Io(error) if error.kind() == ErrorKind::QuotaExceeded => {
+            Some(make_close_frame(close_code::SIZE, "the parts of a message are too long together"))
+        }
         _ => None,
     }
 }

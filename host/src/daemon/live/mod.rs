@@ -16,6 +16,7 @@ mod writer;
 use crate::daemon::access::client::{Client, Peer};
 use crate::daemon::access::head::read_single_header;
 use crate::daemon::access::permissions::Role;
+use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::{App, SOCKETS};
 use crate::daemon::touch::request::Finger;
@@ -46,6 +47,9 @@ use writer::PageTopics;
 const MAX_MESSAGE: usize = 16 * 1024;
 /// A longer one than this ends the socket; one between is answered.
 const MOST_READ: usize = 16 * MAX_MESSAGE;
+/// The most bytes that are read of a connection for one message: a message may have many parts, each with a head, and the next one is read ahead.
+/// The parts of a message are put together without an end, if all are empty; so what they take is bounded by this.
+const MOST_READ_FOR_MESSAGE: usize = 2 * MOST_READ;
 /// Answers that may wait for a slow page.
 const REPLIES: usize = 32;
 
@@ -181,6 +185,7 @@ pub async fn upgrade_to_live_socket(
     State(app): State<Arc<App>>,
     client: Client,
     peer: Option<Extension<Peer>>,
+    sender: RequestSender,
     role: Option<Extension<Role>>,
     uri: Uri,
     headers: HeaderMap,
@@ -219,8 +224,9 @@ pub async fn upgrade_to_live_socket(
         Problem::new(ProblemKind::SocketsFull, detail).with_retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
+        sender.limit_bytes_read_between_calls(MOST_READ_FOR_MESSAGE);
         let page = PageIdentity::new(role, peer.map(|Extension(peer)| peer));
-        serve_page_socket(app, client, page, socket, wants, PageFingers::new(only_newest_tap)).await;
+        serve_page_socket(app, client, page, (socket, sender), wants, PageFingers::new(only_newest_tap)).await;
         drop(place);
     };
     // Of both: what is announced as longer is not waited for.
@@ -260,7 +266,7 @@ async fn serve_page_socket(
     app: Arc<App>,
     client: Client,
     page: PageIdentity,
-    socket: WebSocket,
+    (socket, sender): (WebSocket, RequestSender),
     topics: PageTopics,
     fingers: PageFingers,
 ) {
@@ -285,7 +291,7 @@ async fn serve_page_socket(
             message = take_or_read(&mut ahead, &mut stream) => match message {
                 Some(Ok(message)) => {
                     heard = Instant::now();
-                    let bytes = length_of_message(&message);
+                    let bytes = sender.take_read_byte_count();
                     match message {
                         Message::Binary(bytes) => reader.handle_binary(&bytes),
                         Message::Text(text) => {
@@ -368,14 +374,6 @@ async fn wait_until(when: Option<std::time::Instant>) {
     match when {
         Some(when) => tokio::time::sleep_until(when.into()).await,
         None => std::future::pending().await,
-    }
-}
-
-fn length_of_message(message: &Message) -> usize {
-    match message {
-        Message::Text(text) => text.len(),
-        Message::Binary(bytes) | Message::Ping(bytes) | Message::Pong(bytes) => bytes.len(),
-        Message::Close(_) => 0,
     }
 }
 

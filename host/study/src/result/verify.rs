@@ -66,6 +66,10 @@ impl VerifiedFinalists {
             }
             best.push(verify_finalist(study, &thorough, own + 1, &table.entries[own])?);
         }
+        // The last look may have been ended on its way.
+        if is_stop_wanted() {
+            return Ok(None);
+        }
         sort_finalists_kept_then_broken_then_failed(study, &mut best);
         Ok(Some(Self { base, best, tolerance: thorough.relative_tolerance() }))
     }

@@ -68,7 +68,8 @@ impl StudyFolder {
         })?;
         let own = format_hex(&key);
         let known = folder.path.join(KEY);
-        match fs::read_to_string(&known) {
+        // What a loss of power leaves need not be text.
+        match fs::read(&known).map(|bytes| String::from_utf8_lossy(&bytes).into_owned()) {
             Ok(text) if text.trim() == own => Ok(folder),
             Ok(text) if !is_complete_hex_key(&text) && folder.is_without_rows_of_other_studies()? => {
                 tracing::warn!("the file {} is incomplete, so the program writes the file again", known.display());
@@ -261,7 +262,7 @@ mod tests {
         let task = StudyTask::Designs { chunk: 0 };
         StudyFolder::open_or_create(place.path(), [7; 32]).unwrap().write_task_rows(task, &make_task_rows()).unwrap();
         let whole = fs::read(&key).unwrap();
-        for damaged in [&b""[..], &whole[..20], &[0; 65]] {
+        for damaged in [&b""[..], &whole[..20], &[0; 65], &[0xff, 0xfe, 0]] {
             fs::write(&key, damaged).unwrap();
             let folder = StudyFolder::open_or_create(place.path(), [7; 32]).unwrap();
             assert_eq!(
