@@ -184,8 +184,7 @@ enum TapQueue {
 pub async fn upgrade_to_live_socket(
     State(app): State<Arc<App>>,
     client: Client,
-    peer: Option<Extension<Peer>>,
-    sender: RequestSender,
+    (peer, sender): (Option<Extension<Peer>>, RequestSender),
     role: Option<Extension<Role>>,
     uri: Uri,
     headers: HeaderMap,

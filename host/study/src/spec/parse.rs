@@ -1,7 +1,7 @@
 //! The study file's keys and what they may be.
 
 use super::StudySpec;
-use super::parse_method::{read_method, report_given_keys_that_must_be_left_out};
+use super::parse_method::{MOST_LEVELS, read_method, report_given_keys_that_must_be_left_out};
 use super::path::ScenePath;
 use super::variables::{
     MinimumDistance, NumberRange, NumberScale, PlaceArea, StudyVariable, UncertainValue, VariableKind,

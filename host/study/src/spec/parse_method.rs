@@ -10,7 +10,7 @@ pub(crate) const MOST_DESIGNS: u32 = 100_000_000;
 /// Most designs that depend on each other, and are all listed first.
 const MOST_LISTED: u32 = 10_000_000;
 /// Most values of each variable on a grid.
-const MOST_LEVELS: u32 = 1000;
+pub(super) const MOST_LEVELS: u32 = 1000;
 
 /// Reads the table, which need not be there, and reports what is wrong with it.
 pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValue]) -> StudyMethod {
