@@ -3,6 +3,7 @@
 use crate::private_file;
 use crate::text_file::BYTE_ORDER_MARK;
 use std::fmt;
+use std::io::Read;
 use std::path::Path;
 use time::OffsetDateTime;
 use tokio_rustls::rustls::client::{verify_server_cert_signed_by_trust_anchor, verify_server_name};
@@ -20,7 +21,9 @@ const DER: [&[u8]; 2] = [&[0x30, 0x81], &[0x30, 0x82]];
 /// # Errors
 /// What is wrong with the file, and what to do.
 pub fn read_certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, String> {
-    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    let read = private_file::open_without_waiting(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.map_err(|error| error.to_string())?;
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(&bytes);
     let found: Result<Vec<CertificateDer<'static>>, pem::Error> = CertificateDer::pem_slice_iter(bytes).collect();
     let found = found.map_err(|error| describe_damage(&error))?;

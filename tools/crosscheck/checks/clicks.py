@@ -24,12 +24,12 @@ PLANTS = {
 EVERY, FIRST = 6, 2
 MAX_HZ, BAND_HZ, MOST = 1000.0, 2000.0, 120
 G = 9.80665
-STEP_S, RECORD_S = 5e-5, 1.0
+STEP_S, RECORD_S = 2.5e-5, 1.0
 # A board's rules (docs/src/protocol.md, "Windows"), in us, and the supply's current in A over 10 ms.
 LEAST_WIDTH_US, GUARD_US, MOST_WINDOWS, MOST_CURRENT_A = 300.0, 200.0, 24, 0.5e-3
 # Of an electrode in F, as the board counts it at least, and of a rail's two bleeders in ohm.
 COUNTED_F, BLEEDERS_OHM = 116e-12, 50e6
-# Of the peak: gaps move between steps, the program's of 25 us and the reference's of 50 us. A motion at 500 Hz that has a tenth of the peak
+# Of the peak: gaps move between steps, the steps of both are 25 us. A motion at 500 Hz that has a tenth of the peak
 # moves by 0.03 of the peak in 0.1 ms.
 PEAK, QUIET = 0.025, 0.035
 # A place that the strongest click moves by less, in g, may be without one: bounds of the gaps may forbid all voltage.
