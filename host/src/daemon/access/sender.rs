@@ -18,7 +18,7 @@ use tokio::net::{UnixStream, unix};
 /// Between two looks at a connection over which something has come that nobody reads yet: the next request, say.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Who has sent a request: the end of a connection from which something is read.
+/// Who has sent a request: the end of a connection from which something is read. The default is one of which nothing is known: it never closes.
 #[derive(Clone, Debug, Default)]
 pub struct RequestSender {
     source: Option<ReadHalf>,
@@ -49,12 +49,6 @@ pub struct WatchedConnection<W> {
 }
 
 impl RequestSender {
-    /// One of which nothing is known: it waits for ever.
-    #[must_use]
-    pub fn unknown() -> Self {
-        Self::default()
-    }
-
     /// A connection, and who is at its other end.
     #[must_use]
     pub fn watch_tcp_stream(stream: TcpStream) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {

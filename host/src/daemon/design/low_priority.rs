@@ -174,7 +174,7 @@ mod tests {
             deadline.check_not_cancelled_or_expired()
         };
         let problem =
-            run_low_priority_until_deadline("test", Duration::from_millis(50), &RequestSender::unknown(), work)
+            run_low_priority_until_deadline("test", Duration::from_millis(50), &RequestSender::default(), work)
                 .await
                 .unwrap_err();
         assert!(problem.is_kind("too-large") && problem.detail().contains("50ms"), "{}", problem.detail());
@@ -193,7 +193,7 @@ mod tests {
             Ok(())
         };
         let waiting = tokio::spawn(async move {
-            run_low_priority_until_deadline("test", PATIENCE * 10, &RequestSender::unknown(), work).await
+            run_low_priority_until_deadline("test", PATIENCE * 10, &RequestSender::default(), work).await
         });
         tokio::task::spawn_blocking(move || has_begun.recv_timeout(PATIENCE)).await.unwrap().unwrap();
         waiting.abort();
@@ -205,7 +205,7 @@ mod tests {
     async fn a_mistake_in_the_work_is_told() {
         let failed = |_: &Deadline| -> Result<(), Problem> { panic!("a mistake, on purpose") };
         let problem =
-            run_low_priority_until_deadline("test", PATIENCE, &RequestSender::unknown(), failed).await.unwrap_err();
+            run_low_priority_until_deadline("test", PATIENCE, &RequestSender::default(), failed).await.unwrap_err();
         assert!(problem.is_kind("internal") && problem.detail().contains("ended early"), "{}", problem.detail());
     }
 
@@ -220,7 +220,7 @@ mod tests {
             };
             Ok(of_this_thread())
         };
-        let nice = run_low_priority_until_deadline("test", PATIENCE, &RequestSender::unknown(), nice).await.unwrap();
+        let nice = run_low_priority_until_deadline("test", PATIENCE, &RequestSender::default(), nice).await.unwrap();
         assert!(nice >= 10, "{nice}");
     }
 }
