@@ -24,7 +24,7 @@ impl Environment {
     ///
     /// # Errors
     /// [`Error::File`], [`Error::Python`].
-    pub fn prepare(quick: bool, with_peers: bool) -> Result<Self, Error> {
+    pub fn find_program_and_prepare_peers(quick: bool, with_peers: bool) -> Result<Self, Error> {
         let own_program = std::env::current_exe().map_err(Error::file_error("era-bench"))?;
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
         let target = folder.ancestors().nth(2).unwrap_or(folder).join("target");

@@ -127,7 +127,7 @@ fn main() -> ExitCode {
         ),
         Command::Study { update } => print_tables_and_update_document(
             Part::Study,
-            || study::build_study_tables(&Environment::prepare(true, true)?),
+            || study::build_study_tables(&Environment::find_program_and_prepare_peers(true, true)?),
             update.as_deref(),
         ),
         Command::Feel { update } => {
@@ -160,7 +160,8 @@ fn print_tables_and_update_document(
 
 fn run_model_benchmark(options: &Options) -> Result<(), Error> {
     let is_wanted = |part| options.only.is_empty() || options.only.contains(&part);
-    let environment = Environment::prepare(options.quick, is_wanted(Part::Peers) || is_wanted(Part::Table1))?;
+    let environment =
+        Environment::find_program_and_prepare_peers(options.quick, is_wanted(Part::Peers) || is_wanted(Part::Table1))?;
     let problem = Problem::from_starting_plate()?;
     let mut tables = Vec::new();
     let mut add_table = |part: Part, table: Table| {
