@@ -30,7 +30,7 @@ const INTENSITY_G: f64 = 0.2;
 const AIM_MS: f64 = 20.0;
 /// A detent that takes longer is named.
 const LATE: Duration = Duration::from_millis(10);
-/// From a frame's last byte to its first window on a board whose rails are up: the board's tick, in ms.
+/// What is added for the time from a frame's last byte to its first window, which is not measured: the board's tick, in ms.
 const BOARD_MS: f64 = 1.0;
 
 /// The program to measure.

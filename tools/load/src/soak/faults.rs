@@ -34,8 +34,9 @@ const CUT_MS: u64 = 2000;
 const BYTES: usize = 24;
 /// Slow clients of each kind in a round.
 const SLOW_EACH: usize = 3;
-/// How often a touch is tried before there is high voltage to be lost.
-const TRIES: u32 = 20;
+/// How often a touch is tried before there is high voltage to be lost: for 2 s, as other clients' newer touches replace it again and again while all
+/// of them begin.
+const TRIES: u32 = 200;
 /// A touch that is still driven when the fault comes.
 const LONG_TOUCH: &str = r#"{"x_px": 960, "y_px": 640, "intensity_g": 0.4, "duration_ms": 8000}"#;
 
