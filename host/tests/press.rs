@@ -85,3 +85,32 @@ fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
     let output = era(&["press", "--force-n", "2000"], &example("plate"));
     assert!(output.status.code() == Some(2) && said(&output).contains("0 to 1000 N"), "{}", said(&output));
 }
+
+/// The mass of a panel has no part in what is steady, and none in where it is looked for.
+#[test]
+fn the_furthest_place_does_not_depend_on_the_mass_of_the_panel() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in EXAMPLES {
+        let text = std::fs::read_to_string(example(name)).unwrap();
+        let pressed_with_density = |factor: f64| -> Vec<[f64; 2]> {
+            let line = |line: &str| match line.strip_prefix("density_kg_m3 = ") {
+                Some(density) => format!("density_kg_m3 = {:?}\n", factor * density.parse::<f64>().unwrap()),
+                None => format!("{line}\n"),
+            };
+            let path = folder.path().join(format!("{name}.toml"));
+            std::fs::write(&path, text.lines().map(line).collect::<String>()).unwrap();
+            let output = era(&["press", "--json"], &path);
+            assert!(output.status.success(), "{name} {factor}: {}", said(&output));
+            let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+            let figures = |own: &Value| [&own["alone_um"], &own["error_bound"]].map(|value| value.as_f64().unwrap());
+            answer["actuators"].as_array().unwrap().iter().map(figures).collect()
+        };
+        let as_it_is = pressed_with_density(1.0);
+        for factor in [0.02, 50.0] {
+            for ([own_um, own_bound], [other_um, bound]) in as_it_is.iter().zip(pressed_with_density(factor)) {
+                let difference = (other_um / own_um - 1.0).abs();
+                assert!(difference <= own_bound + bound + 1e-9, "{name} {factor}: {own_um} {other_um}");
+            }
+        }
+    }
+}

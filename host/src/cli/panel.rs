@@ -9,7 +9,7 @@ use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::RefinementLevel;
 use crate::model::levels::ReducedLevels;
 use crate::model::{Accuracy, Bound, ModelError, validity};
-use crate::planner::cache::{self, PrepareError, Prepared};
+use crate::planner::cache::{self, Cache, PrepareError, Prepared};
 use crate::planner::quick::QuickError;
 use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
 use crate::response;
@@ -274,23 +274,45 @@ pub fn load_or_compute_plan_table(
     Ok(load_or_compute_plan_table_with_origin(panel, keep, scene)?.table)
 }
 
-/// The same, and where it came from.
+/// The planner's table for what is steady. If the table of all frequencies is stored, it is that one; otherwise it has the ends of the band only,
+/// because what is steady depends on no frequency, and a table of all of them takes minutes on large panels.
+pub fn load_or_compute_static_plan_table(
+    panel: &PanelOptions,
+    keep: CacheOptions,
+    scene: &Scene,
+) -> Result<PlanTable, Failure> {
+    let (whole, cache) = (TableOptions::default(), keep.open_table_cache_unless_disabled());
+    if cache::has_table_file(cache.as_ref(), scene, panel.accuracy()?, whole) {
+        return load_or_compute_plan_table(panel, keep, scene);
+    }
+    let ends = TableOptions { step_hz: whole.to_hz - whole.from_hz, ..whole };
+    Ok(prepare_table_showing_progress(panel, None, scene, ends)?.table)
+}
+
+/// The planner's table for a scene, and where it came from.
 pub fn load_or_compute_plan_table_with_origin(
     panel: &PanelOptions,
     keep: CacheOptions,
     scene: &Scene,
 ) -> Result<Prepared, Failure> {
-    let options = TableOptions::default();
+    prepare_table_showing_progress(panel, keep.open_table_cache_unless_disabled(), scene, TableOptions::default())
+}
+
+fn prepare_table_showing_progress(
+    panel: &PanelOptions,
+    cache: Option<Cache>,
+    scene: &Scene,
+    options: TableOptions,
+) -> Result<Prepared, Failure> {
     if scene.actuators.len() > MAX_ACTUATORS {
         // Before minutes are spent on a table that no plan comes from.
         return Err(PlanError::Actuators { count: scene.actuators.len() }.into());
     }
-    let accuracy = panel.accuracy()?;
-    warn_if_too_thick_for_thin_plate_theory(scene, TableOptions::default().to_hz);
-    let prepare = || cache::prepare_table(keep.open_table_cache_unless_disabled().as_ref(), scene, accuracy, options);
+    let (accuracy, cache) = (panel.accuracy()?, cache.as_ref());
+    warn_if_too_thick_for_thin_plate_theory(scene, options.to_hz);
+    let prepare = || cache::prepare_table(cache, scene, accuracy, options);
     let what = "computing modes and the response of every actuator";
-    let prepared = if cache::has_table_file(keep.open_table_cache_unless_disabled().as_ref(), scene, accuracy, options)
-    {
+    let prepared = if cache::has_table_file(cache, scene, accuracy, options) {
         run_with_progress(what, prepare)
     } else {
         run_with_progress_and_expected_cost(what, Some(Cost::estimate_for_table(scene, accuracy, options)?), prepare)

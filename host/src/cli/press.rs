@@ -1,7 +1,7 @@
 //! `era press`: what a finger's press does to the gaps of actuators.
 
 use super::args::Press as Options;
-use super::panel::{format_bound, load_or_compute_plan_table};
+use super::panel::{format_bound, load_or_compute_static_plan_table};
 use super::told::tell;
 use super::{Outcome, print_json, print_text};
 use crate::planner::PlanTable;
@@ -13,7 +13,7 @@ pub fn run_press(options: &Options) -> Outcome {
     if let Some(force_n) = options.force_n {
         scene.press_n = force_n;
     }
-    let table = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
+    let table = load_or_compute_static_plan_table(&options.panel, options.keep, &scene)?;
     if options.json {
         describe_unknown_press_errors_by_reason(&table).iter().for_each(|line| tell!("{line}"));
         return print_json(&crate::planner::press_report::build_press_report(&table));

@@ -200,12 +200,7 @@ impl App {
             return Err(SessionError::Closed.into());
         }
         self.tolerances
-            .begin_study_for_request_unless_busy(
-                &self.table,
-                self.previews.own_scene_toml(),
-                &asker.sender,
-                parse_request,
-            )
+            .begin_study_for_request_unless_busy(&self.table, self.previews.own_scene_toml(), asker, parse_request)
             .await
     }
 }

@@ -8,6 +8,7 @@ use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// No time of the daemon's, but what a hang would be: what is refused at once takes some ms, and builds may run beside the tests.
@@ -176,6 +177,49 @@ fn work_ends_with_its_sender() {
         assert!(Instant::now() < deadline);
         std::thread::sleep(Duration::from_millis(10));
     }
+}
+
+/// One client's wrong studies, as many as there may be, do not keep another's study or tolerance study from the one place for them.
+#[test]
+fn wrong_studies_of_a_client_take_no_place_from_others() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    let wrong =
+        |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
+    let study = format!("{STUDY}{}", (0..60).map(wrong).collect::<String>());
+    let request =
+        post_with("/v1/study", "User-Agent: greedy\r\nConnection: close\r\n", &json!({ "study": study }).to_string());
+    let good = json!({"study": format!("{STUDY}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.9\nto = 2.1\n[method]\ndesigns = 500\n")});
+    let over = AtomicBool::new(false);
+    let has_ended = |path: &str| daemon.get(path).1["stage"] != "running";
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    let mut stream = connect(&daemon);
+                    let mut answer = Vec::new();
+                    let asked = stream.write_all(request.as_bytes());
+                    let _ = asked.and_then(|()| stream.read_to_end(&mut answer));
+                }
+            });
+        }
+        let wait = |is_so: &dyn Fn() -> bool| {
+            let deadline = Instant::now() + PATIENCE;
+            while !is_so() && Instant::now() < deadline {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        };
+        let touch = json!({"x_px": 960, "y_px": 640, "intensity_g": 0.2});
+        let mut answers = Vec::new();
+        for (path, body) in [("/v1/study", &good), ("/v1/tolerances", &touch)].repeat(3) {
+            answers.push((path, daemon.post(path, &body.to_string())));
+            daemon.post(&format!("{path}/stop"), "");
+            wait(&|| has_ended(path));
+        }
+        over.store(true, Ordering::Relaxed);
+        for (path, (status, _, answer)) in answers {
+            assert_eq!(status, 200, "{path}: {answer}");
+        }
+    });
 }
 
 /// One client's previews, as many and as large as may be, do not keep another's from being computed.

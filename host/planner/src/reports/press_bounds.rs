@@ -7,8 +7,7 @@ use crate::table::PlanTable;
 use crate::table::press::{PressEffect, Stop, recompute_sag_of_each_mass_on_other_model_m};
 
 /// Bound on the relative error of how far a press alone moves an actuator's mass ([`PressEffect::alone_m`]), by the coarser models. It is that of the panel, which
-/// is linear, whatever the force and wherever the mass meets an electrode. The furthest place is one of the grid's points, or an actuator's: between
-/// them a mass may move 2 % further.
+/// is linear, whatever the force and wherever the mass meets an electrode.
 #[must_use]
 pub fn bound_relative_press_travel_error(table: &PlanTable, actuator: usize) -> Bound {
     let Some(([middle, coarse], estimator)) = &table.coarser else {

@@ -94,8 +94,8 @@ kinds! {
     Stopped = "stopped", CONFLICT, "The device was stopped before the request was completed";
     /// A newer touch replaced this touch.
     Superseded = "superseded", CONFLICT, "A newer touch replaced this touch";
-    /// The same client requested a newer preview while this preview waited.
-    PreviewSuperseded = "superseded", CONFLICT, "A newer preview replaced this preview";
+    /// The same client sent a newer request for a preview, a study or a tolerance study while this request waited.
+    ComputationSuperseded = "superseded", CONFLICT, "A newer request of this client replaced this request";
     /// A study is already running; one study or tolerance study runs at a time.
     StudyRuns = "study-runs", CONFLICT, "A study is running";
     /// A tolerance study is already running; one study or tolerance study runs at a time.

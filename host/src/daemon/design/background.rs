@@ -1,7 +1,11 @@
 //! Work of some seconds that no request waits for: one piece at a time, whatever it is, aside of what serves requests, so that touches and stops are
-//! not held up, and for [`LONGEST`] at most.
+//! not held up, and for [`LONGEST`] at most. Requests for it are checked in slots, of which each client has one, and the place for the work is taken
+//! only when a check has passed: a client that sends wrong requests keeps nobody else from the place.
 
-use super::low_priority::{Deadline, spawn_low_priority_thread};
+use super::low_priority::{Deadline, run_low_priority_until_deadline, spawn_low_priority_thread};
+use super::slots::Slots;
+use crate::daemon::access::client::Client;
+use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::study::run::StudyObserver;
 use serde::Serialize;
@@ -13,6 +17,12 @@ use utoipa::ToSchema;
 
 /// Longest time for a piece of work: ten times what the largest study of the example plate takes on one processor.
 const LONGEST: Duration = Duration::from_secs(300);
+/// Longest time for the check whether a piece of work can be begun.
+const LONGEST_CHECK: Duration = Duration::from_secs(10);
+/// Requests that are checked at once, each of another client.
+const CHECKS_AT_ONCE: usize = 2;
+/// Clients that may wait for a check.
+const MOST_WAITING: usize = 16;
 
 /// Progress of a study or a tolerance study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -53,36 +63,77 @@ impl BackgroundWork {
     /// That it is under way, and what else was asked for has to wait.
     fn already_under_way_problem(self) -> Problem {
         match self {
-            Self::Study => Problem::new(
-                ProblemKind::StudyRuns,
-                "a study is already running or is being checked: POST /v1/study/stop ends a study that runs",
-            ),
+            Self::Study => {
+                Problem::new(ProblemKind::StudyRuns, "a study is already running: POST /v1/study/stop ends it")
+            }
             Self::Tolerances => {
-                let detail = "a tolerance study is already running or is being checked: POST /v1/tolerances/stop ends a tolerance study that runs";
+                let detail = "a tolerance study is already running: POST /v1/tolerances/stop ends it";
                 Problem::new(ProblemKind::TolerancesRun, detail)
             }
         }
     }
 }
 
-/// The daemon's one place for such work.
-#[derive(Clone, Debug, Default)]
-pub struct BackgroundPlace(Arc<Mutex<Option<BackgroundWork>>>);
+/// The daemon's one place for such work, and the slots in which requests for it are checked.
+#[derive(Clone, Debug)]
+pub struct BackgroundPlace {
+    taken_for: Arc<Mutex<Option<BackgroundWork>>>,
+    checks: Arc<Slots>,
+}
+
+impl Default for BackgroundPlace {
+    fn default() -> Self {
+        Self { taken_for: Arc::default(), checks: Slots::new(CHECKS_AT_ONCE, MOST_WAITING) }
+    }
+}
 
 impl BackgroundPlace {
+    /// Checks a request of a client for a piece of work when it is the client's turn, and begins the work. `check_and_begin` takes the place with
+    /// [`Self::occupy_for`] once it has found no mistake. While other work is under way, nothing is checked.
+    ///
+    /// # Errors
+    /// [`Problem`]: what is under way there, that a newer request of this client came while this one waited, that the check takes too long, or
+    /// what the check has found.
+    pub async fn check_in_turn_and_begin<T: Send + 'static>(
+        &self,
+        work: BackgroundWork,
+        client: Client,
+        sender: &RequestSender,
+        check_and_begin: impl FnOnce(&Deadline) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        self.check_not_occupied()?;
+        let slot = sender.run_until_connection_closed(self.checks.wait_for_slot(client)).await?;
+        self.check_not_occupied()?;
+        let whole = move |deadline: &Deadline| {
+            // Until the check is done, also if nobody waits for it any more.
+            let _slot = slot;
+            check_and_begin(deadline)
+        };
+        run_low_priority_until_deadline(work.thread_name(), LONGEST_CHECK, sender, whole).await
+    }
+
+    fn check_not_occupied(&self) -> Result<(), Problem> {
+        let taken_for = *self.lock_work();
+        taken_for.map_or(Ok(()), |other| Err(other.already_under_way_problem()))
+    }
+
     /// Takes it.
     ///
     /// # Errors
     /// [`Problem`]: what is under way there.
     pub fn occupy_for(&self, work: BackgroundWork) -> Result<TakenPlace, Problem> {
-        let mut place = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match *place {
+        let mut taken_for = self.lock_work();
+        match *taken_for {
             Some(other) => Err(other.already_under_way_problem()),
             None => {
-                *place = Some(work);
+                *taken_for = Some(work);
                 Ok(TakenPlace { place: self.clone(), work })
             }
         }
+    }
+
+    fn lock_work(&self) -> MutexGuard<'_, Option<BackgroundWork>> {
+        self.taken_for.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -95,7 +146,7 @@ pub struct TakenPlace {
 
 impl Drop for TakenPlace {
     fn drop(&mut self) {
-        *self.place.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        *self.place.lock_work() = None;
     }
 }
 

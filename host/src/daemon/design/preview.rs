@@ -40,7 +40,7 @@ const AT_ONCE: usize = 2;
 /// Clients that may wait for one.
 const MOST_WAITING: usize = 16;
 /// Longest time for one.
-pub(super) const LONGEST: Duration = Duration::from_secs(10);
+const LONGEST: Duration = Duration::from_secs(10);
 /// Tolerance of the model.
 const ACCURACY: Accuracy = Accuracy::FAST;
 /// What messages call a scene that came in a request.

@@ -58,7 +58,7 @@ impl Slots {
         self.give_free_slots_to_waiting_clients();
         slot.await.map_err(|_| {
             let detail = "a newer request of this client replaced this request, which was still waiting";
-            Problem::new(ProblemKind::PreviewSuperseded, detail)
+            Problem::new(ProblemKind::ComputationSuperseded, detail)
         })
     }
 

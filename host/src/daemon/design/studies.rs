@@ -3,9 +3,9 @@
 
 use super::attachments::Attachments;
 use super::background::{BackgroundJob, BackgroundPlace, BackgroundWork, JobReport, NewestJob, Stage};
-use super::low_priority::{Deadline, run_low_priority_until_deadline};
+use super::low_priority::Deadline;
 use super::preview::{MAX_SCENE, check_entry_counts, check_model_size, limit_exceeded_problem};
-use crate::daemon::access::sender::RequestSender;
+use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::scene::Scene;
 use crate::study::bounds::{ExceededBound, StudyBounds, UnusableStudy};
@@ -20,13 +20,10 @@ use crate::study::written::{
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 use utoipa::ToSchema;
 
 /// What is taken of a study. The looks are half a minute of the example plate on one processor, a finalist is a second or two.
 const BOUNDS: StudyBounds = StudyBounds { entries: 64, places: 512, written: MAX_SCENE, looks: 2000, finalists: 5 };
-/// Longest time for looking whether a study can be begun.
-const LONGEST: Duration = Duration::from_secs(10);
 /// What messages call what came in a request.
 const STUDY: &str = "study";
 /// What messages call its scene.
@@ -143,26 +140,27 @@ impl Studies {
         self.newest.cancel_current_job();
     }
 
-    /// Begins one; `parse_request` gives what was asked for. What it takes is looked at aside, as the study itself is run, and only if no other work is under
+    /// Begins one; `parse_request` gives what was asked for. It is checked aside, as the study itself is run, and only if no other work is under
     /// way: whoever comes then costs nothing.
     ///
     /// # Errors
     /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or other work that is under way.
     pub async fn begin_study(
         self: &Arc<Self>,
-        sender: &RequestSender,
+        asker: &Asker,
         parse_request: impl FnOnce() -> Result<StudyRequest, Problem> + Send + 'static,
     ) -> Result<StudyView, Problem> {
-        let taken = self.place.occupy_for(BackgroundWork::Study)?;
         let studies = Arc::clone(self);
-        let work = move |deadline: &Deadline| {
+        let check_and_begin = move |deadline: &Deadline| {
             let study = studies.parse_and_check_study(&parse_request()?)?;
             deadline.check_not_cancelled_or_expired()?;
+            let taken = studies.place.occupy_for(BackgroundWork::Study)?;
             let found = StudyFindings { name: Some(study.spec.name.clone()), ..StudyFindings::default() };
             let (all, work) = (study.count_designs(), move |job: &BackgroundJob<StudyFindings>| run_study(&study, job));
             Ok(studies.newest.start_job(taken, all, found, work)?.into())
         };
-        run_low_priority_until_deadline("study", LONGEST, sender, work).await
+        let work = BackgroundWork::Study;
+        self.place.check_in_turn_and_begin(work, asker.client, &asker.sender, check_and_begin).await
     }
 
     /// A study whose cost is bounded.

@@ -1,10 +1,10 @@
 //! What tolerances do to a plan: its drives on panels that are not quite the one it was made for. Nothing is driven for it.
 
 use super::attachments::Place as Moved;
-use super::background::{BackgroundJob, BackgroundPlace, BackgroundWork, JobReport, NewestJob, Stage, TakenPlace};
-use super::low_priority::{Deadline, run_low_priority_until_deadline};
-use super::preview::{LONGEST, PlannedScene, PreviewRequest, plan_touch_on_changed_scene};
-use crate::daemon::access::sender::RequestSender;
+use super::background::{BackgroundJob, BackgroundPlace, BackgroundWork, JobReport, NewestJob, Stage};
+use super::low_priority::Deadline;
+use super::preview::{PlannedScene, PreviewRequest, plan_touch_on_changed_scene};
+use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::check::check_intensity_range;
 use crate::daemon::touch::plan_view::PlanView;
@@ -155,13 +155,11 @@ impl ToleranceStudies {
         self: &Arc<Self>,
         table: &Arc<PlanTable>,
         own_scene: Arc<str>,
-        sender: &RequestSender,
+        asker: &Asker,
         parse_request: impl FnOnce() -> Result<TolerancesRequest, Problem> + Send + 'static,
     ) -> Result<TolerancesView, Problem> {
-        // First: whoever comes while another is under way costs nothing.
-        let taken = self.place.occupy_for(BackgroundWork::Tolerances)?;
         let (looks, table) = (Arc::clone(self), Arc::clone(table));
-        let work = move |deadline: &Deadline| {
+        let check_and_begin = move |deadline: &Deadline| {
             let request = parse_request()?;
             let tolerances = request.check_and_fill_in_defaults()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
@@ -169,24 +167,25 @@ impl ToleranceStudies {
                 let (x_m, y_m) = table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
                 deadline.check_not_cancelled_or_expired()?;
-                return looks.begin_study_of_plan(taken, &table, plan, tolerances);
+                return looks.begin_study_of_plan(&table, plan, tolerances);
             }
             let request = PreviewRequest { x_px, y_px, intensity_g, scene, moves: moves.unwrap_or_default() };
             let PlannedScene { table, plan, .. } = plan_touch_on_changed_scene(&request, &own_scene, deadline)?;
             deadline.check_not_cancelled_or_expired()?;
-            looks.begin_study_of_plan(taken, &table, plan, tolerances)
+            looks.begin_study_of_plan(&table, plan, tolerances)
         };
-        run_low_priority_until_deadline("tolerances", LONGEST, sender, work).await
+        let work = BackgroundWork::Tolerances;
+        self.place.check_in_turn_and_begin(work, asker.client, &asker.sender, check_and_begin).await
     }
 
     /// Begins one, of a table's plan.
     fn begin_study_of_plan(
         &self,
-        taken: TakenPlace,
         table: &PlanTable,
         plan: Plan,
         tolerances: Tolerances,
     ) -> Result<TolerancesView, Problem> {
+        let taken = self.place.occupy_for(BackgroundWork::Tolerances)?;
         let id = 1 + self.count.fetch_add(1, Ordering::Relaxed);
         let scene = table.scene.clone();
         let found = ToleranceFindings { id, plan: Some(PlanView::new(table, plan.clone())), off: None };

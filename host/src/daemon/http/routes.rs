@@ -7,7 +7,6 @@ use super::{description, page_files};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::access::limits::Limits;
 use crate::daemon::access::pace::delay_requests_except_stop_above_rate;
-use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::App;
 use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
@@ -281,13 +280,13 @@ async fn post_preview(
 )]
 async fn begin_study(
     State(app): State<Arc<App>>,
-    sender: RequestSender,
+    asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let wanted = r#"{"study": TOML text, "scene"?: TOML text}"#;
     let read = move || parse_json_body::<StudyRequest>(&headers, &body, wanted);
-    Ok(Json(app.studies.begin_study(&sender, read).await?).into_response())
+    Ok(Json(app.studies.begin_study(&asker, read).await?).into_response())
 }
 
 /// The progress and the results of the study

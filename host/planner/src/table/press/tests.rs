@@ -48,6 +48,21 @@ fn block(extra: &str, era: &str) -> PlanTable {
     PlanTable::build(&scene, model, options).unwrap()
 }
 
+/// To the top of a hill between the points, and to the border of a surface with a slope.
+#[test]
+fn the_largest_value_is_found_between_points_and_at_borders() {
+    let hill = |(x, y): (f64, f64)| 3.0 - (x - 0.137).powi(2) - 2.0 * (y - 0.071).powi(2) + (x - 0.137) * (y - 0.071);
+    let start = (0.1, 0.1);
+    let ((x, y), top) = climb_to_largest_value((start, hill(start)), (0.05, 0.05), (0.3, 0.2), hill);
+    assert!((x - 0.137).abs() < 1e-5 && (y - 0.071).abs() < 1e-5 && (top - 3.0).abs() < 1e-10, "{x} {y} {top}");
+    let slope = |(x, y): (f64, f64)| if x > 0.25 { 0.0 } else { x - 0.1 * y };
+    let ((x, y), _) = climb_to_largest_value((start, slope(start)), (0.04, 0.04), (0.3, 0.2), slope);
+    assert!((x - 0.25).abs() < 1e-6 && y == 0.0, "{x} {y}");
+    // A bar has one row.
+    let ((x, y), _) = climb_to_largest_value((start, hill(start)), (0.05, f64::INFINITY), (0.3, 0.2), hill);
+    assert!((x - 0.1515).abs() < 1e-5 && y == 0.1, "{x} {y}");
+}
+
 #[test]
 fn springs_that_bear_it() {
     let table = block("[press]\nforce_n = 2.0", "");
