@@ -5,6 +5,9 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+/// The environment variable with a token, if no file is named. Programs that this one starts do not get it.
+pub const TOKEN_VARIABLE: &str = "ERA_TOKEN";
+
 /// Reads a file of text with a secret in it.
 ///
 /// Looks at the file that it has opened: what is put in its place meanwhile is not read. A pipe is read to its end (`--token-file <(pass show era)`), but

@@ -114,3 +114,41 @@ fn the_furthest_place_does_not_depend_on_the_mass_of_the_panel() {
         }
     }
 }
+
+/// With stiffer springs the furthest place is another one, between the points of the grid, too.
+#[test]
+fn the_springs_that_are_named_withstand_the_press() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sprung.toml");
+    let text = std::fs::read_to_string(example("starting_plate")).unwrap();
+    let (panel, _) = text.split_once("[[actuator]]").unwrap();
+    let panel = panel.replace("stiffness_n_per_m = 2000.0", "stiffness_n_per_m = 20000.0");
+    let panel = panel.replace("thickness_mm = 2.0", "thickness_mm = 1.2");
+    let actuators_under_press = |places: [(f64, f64); 2], springs_n_per_m: [f64; 2]| -> Vec<Value> {
+        let actuator = |((x, y), spring): (&(f64, f64), f64)| {
+            format!(
+                "[[actuator]]\nid = \"at {x:?}\"\nx_mm = {x:?}\ny_mm = {y:?}\nmount = \"grounded\"\nmoving_mass_g = 10.0\n\
+                 stiffness_n_per_m = {spring:?}\ndamping_n_s_per_m = 0.7\nelectrode_area_mm2 = 1963.5\n\
+                 air_gap_um = 500.0\nmax_voltage_v = 2000.0\n"
+            )
+        };
+        let both: String = places.iter().zip(springs_n_per_m).map(actuator).collect();
+        std::fs::write(&path, format!("{panel}{both}")).unwrap();
+        let output = era(&["press", "--json"], &path);
+        assert!(output.status.success(), "{}", said(&output));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        answer["actuators"].as_array().unwrap().clone()
+    };
+    for i in 0..12 {
+        let i = f64::from(i);
+        let places = [(40.0 + 7.0 * i, 30.0 + 11.0 * i), (280.0 - 5.0 * i, 170.0 - 9.0 * i)];
+        let weak = actuators_under_press(places, [3000.0 + 900.0 * i, 9000.0 - 500.0 * i]);
+        assert!(weak.iter().all(|own| own["stop"] == "assumed"), "{weak:?}");
+        let named = [0, 1].map(|own| weak[own]["stiffness_n_per_m"].as_f64().unwrap());
+        let sprung = actuators_under_press(places, named);
+        assert!(sprung.iter().all(|own| own["stop"] == "none"), "{i}: {named:?}, {sprung:?}");
+        // They are not more than is needed, either.
+        let weaker = actuators_under_press(places, named.map(|spring| 0.99 * spring));
+        assert!(weaker.iter().any(|own| own["stop"] == "assumed"), "{i}: {named:?}, {weaker:?}");
+    }
+}

@@ -1,12 +1,10 @@
 // Design mode: supports, masses and actuators are dragged, the daemon previews what a touch would then do, and nothing is
 // driven. The scene of the daemon stays; what was moved is kept here and goes with every question, as does another scene that was opened.
 import { sleep } from "./job.js";
-import { request } from "./link.js";
+import { COMPUTATION_ANSWER_MS, request } from "./link.js";
 
 // As in a scene file, and as the daemon's JSON calls the lists.
 const LISTS = { support: "supports", mass: "masses", actuator: "actuators" };
-// Scenes at the limits of what is previewed take some seconds.
-const ANSWER_MS = 30_000;
 // Before asking again where another page's question was newer; the daemon computes one at a time.
 const AGAIN_MS = 150;
 
@@ -112,7 +110,7 @@ export class Design {
       try {
         const body = { ...this.touch, intensity_g: this.intensity(), moves: isNew ? {} : Object.fromEntries(this.moves) };
         if (text !== null) body.scene = text;
-        this.answer = await request("POST", "v1/preview", body, ANSWER_MS);
+        this.answer = await request("POST", "v1/preview", body, COMPUTATION_ANSWER_MS);
         this.answered = now;
         if (isNew && this.on) {
           this.become(text, this.answer.scene);

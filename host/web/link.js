@@ -5,6 +5,8 @@ const LONGEST_WAIT_S = 8;
 // The daemon reports the device about five times a second; a silence of 20 reports deserves a question.
 const SILENCE_MS = 4000;
 const ANSWER_MS = 3000;
+// What is computed before it is answered, at the limits of scenes and studies, takes some seconds, and waits for its turn.
+export const COMPUTATION_ANSWER_MS = 30_000;
 const STOP_TRIES = 3;
 
 // A daemon that asks for a token is opened with it behind its address, as #token=SECRET: that part of an address stays in the

@@ -1,6 +1,6 @@
 // Design mode's studies: a small one of the scene at hand, run by the daemon, and the best designs of any study, opened from their files.
 import { follow, showProgress, underWay } from "./job.js";
-import { request } from "./link.js";
+import { COMPUTATION_ANSWER_MS, request } from "./link.js";
 import { $, announce, fixed, show } from "./readout.js";
 
 // Of the page's own study: some seconds on half of two processors.
@@ -51,11 +51,15 @@ export class Studies {
     const body = { study: file ? await file.text() : placement(this.design.scene) };
     const text = this.design.toml ?? this.design.text;
     if (text) body.scene = text;
+    // A second request would wait for its check, to be refused beside the study that runs.
+    $("study-run").disabled = true;
     try {
-      this.show(await request("POST", "v1/study", body));
+      this.show(await request("POST", "v1/study", body, COMPUTATION_ANSWER_MS));
     } catch (problem) {
       this.tell(`No study. ${problem.title}: ${problem.detail ?? ""}`);
       return;
+    } finally {
+      $("study-run").disabled = false;
     }
     this.watch();
   }

@@ -1,12 +1,10 @@
 // Design mode: what tolerances do to the plan that is previewed. The daemon looks at its drives on panels that are a little off; it stands
 // beside the error bound, which is against the scene as it is written and says nothing of these.
 import { follow, showProgress, underWay } from "./job.js";
-import { request } from "./link.js";
+import { COMPUTATION_ANSWER_MS, request } from "./link.js";
 import { $, announce, fixed, show } from "./readout.js";
 
 const PATH = "v1/tolerances";
-// Plans of scenes at the limits of what is previewed take some seconds.
-const ANSWER_MS = 30_000;
 const UNKNOWN = "not computed";
 
 export class Tolerances {
@@ -39,7 +37,7 @@ export class Tolerances {
     show("tolerances-status", "");
     this.showButtons();
     try {
-      const begun = await request("POST", PATH, question, ANSWER_MS);
+      const begun = await request("POST", PATH, question, COMPUTATION_ANSWER_MS);
       look.id = begun.id;
       this.showButtons();
       // The plan has changed meanwhile.

@@ -1,12 +1,9 @@
 //! The token that a command sends: of a file, or of the environment; not of the command line, which everybody on the machine can read.
 
 use super::Failure;
-use crate::private_file;
+use crate::private_file::{self, TOKEN_VARIABLE};
 use crate::text_file::BYTE_ORDER_MARK;
 use std::path::Path;
-
-/// The variable that has it where no file is named.
-pub const TOKEN_VARIABLE: &str = "ERA_TOKEN";
 
 /// Reads the token, if there is one.
 ///

@@ -54,6 +54,7 @@ pub struct App {
     /// The same for those whose token only looks: they take no place from those that touch.
     pub watchers: Arc<Semaphore>,
     pub(super) previews: Previews,
+    background: BackgroundPlace,
     /// Small design studies.
     pub studies: Arc<Studies>,
     /// What tolerances do to plans.
@@ -89,6 +90,7 @@ impl App {
         let place = BackgroundPlace::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
+            background: place.clone(),
             scene: SceneTexts::new(&SceneView::new(&table.scene)),
             started: Instant::now(),
             access: Arc::new(access),
@@ -125,6 +127,7 @@ impl App {
     /// Stops the device, before anything else ends; nothing is driven from here on.
     pub async fn stop_studies_and_device_at_shutdown(&self) {
         self.driver.begin_closing();
+        self.background.close();
         self.studies.stop_newest_study();
         self.tolerances.stop_newest_study();
         let problem = match tokio::time::timeout(LAST_STOP, self.stop_device()).await {

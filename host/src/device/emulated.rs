@@ -1,6 +1,7 @@
 //! The firmware image on the emulated board: a child process that bridges its UART to a pseudo-terminal.
 
 use super::timing::{LinkTiming, RetryPolicy};
+use crate::private_file::TOKEN_VARIABLE;
 use era_shared::waveform::TimerRegisters;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
@@ -102,6 +103,7 @@ impl EmulatedBoard {
             .arg(source.join("tools/emulator/launch.py"))
             .arg("--elf")
             .arg(&elf)
+            .env_remove(TOKEN_VARIABLE)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -225,6 +227,7 @@ fn find_firmware_in_environment_or_build(source: &Path) -> Result<PathBuf, Emula
         .arg(source.join("tools/emulator/leash.py"))
         .args(["cargo", "run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
         .current_dir(source)
+        .env_remove(TOKEN_VARIABLE)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::inherit())

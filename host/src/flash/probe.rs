@@ -1,5 +1,6 @@
 //! A debug probe, through the program `probe-rs`, if it is installed.
 
+use crate::private_file::TOKEN_VARIABLE;
 use era_shared::image::{CHIP_STM32G474, HEADER_LENGTH, HEADER_OFFSET, IMAGE_START, ImageHeader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Output, Stdio};
@@ -158,7 +159,7 @@ impl ProbeRs {
     }
 
     fn run_and_capture_output(&self, command: &mut Command) -> Result<String, ProbeError> {
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.env_remove(TOKEN_VARIABLE).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().map_err(ProbeError::NotInstalled)?;
         let (id, (sender, ended)) = (child.id(), sync_channel(1));
         let waiting = std::thread::Builder::new().spawn(move || sender.send(child.wait_with_output()));
@@ -176,7 +177,7 @@ impl ProbeRs {
     }
 
     fn run_showing_output(&self, command: &mut Command) -> Result<(), ProbeError> {
-        let status = command.status().map_err(ProbeError::NotInstalled)?;
+        let status = command.env_remove(TOKEN_VARIABLE).status().map_err(ProbeError::NotInstalled)?;
         if status.success() {
             return Ok(());
         }

@@ -18,11 +18,11 @@ pub const SYSTEM_PATH: &str = "etc/systemd/system/era.service";
 pub const USERS_PATH: &str = "etc/systemd/user/era.service";
 /// Seconds without a sign of life after which the daemon is started anew.
 const WATCHDOG_S: u32 = 10;
-/// Most memory in MB. A daemon of the example plate has 50 (`cargo xtask soak`); each of the seven pieces of work that may be computed aside (two
-/// previews, two effect files, a study or a look at tolerances, one that is begun, a trade) is reckoned with 100, a model of 6000 unknowns with its factors
+/// Most memory in MB. A daemon of the example plate has 50 (`cargo xtask soak`); each of the eight pieces of work that may be computed aside (two
+/// previews, two effect files, a study or a look at tolerances, two requests for such that are checked, a trade) is reckoned with 100, a model of 6000 unknowns with its factors
 /// and modes; 576 connections with a body of 528 KiB each are 310, and 8 a recording whose disk does not answer: 1170. Nearly twice that for larger scenes of one's own.
 const MEMORY_MAX_MB: u32 = 2048;
-/// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the seven pieces of work that may be
+/// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the eight pieces of work that may be
 /// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 100 on a machine with 16 processors.
 const TASKS_MAX: u32 = 512;
 /// Highest real-time priority that the daemon's threads may have.

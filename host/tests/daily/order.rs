@@ -1,6 +1,6 @@
 //! Requests in their order, and what became of them.
 
-use crate::raw::{connect, post_with, send_and_go};
+use crate::raw::{connect, post_with, send_and_go, send_and_listen};
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::Access;
@@ -108,6 +108,13 @@ fn the_answer_says_how_its_request_is_called() {
     let bad =
         Daemon::agent().post(format!("{}/v1/touch", daemon.url)).header("x-request-id", "a b").send("{}").unwrap();
     assert_eq!(bad.status(), 400);
+    // Of two that differ neither is taken.
+    for twice in
+        ["X-Request-Id: one\r\nX-Request-Id: two\r\n", "Content-Type: text/plain\r\nContent-Type: application/json\r\n"]
+    {
+        let answer = send_and_listen(&daemon, &post_with("/v1/touch", &format!("Connection: close\r\n{twice}"), "{}"));
+        assert!(answer.starts_with("HTTP/1.1 400") && answer.contains("several times"), "{answer}");
+    }
 }
 
 #[test]

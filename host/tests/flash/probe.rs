@@ -10,7 +10,7 @@ pub fn script(folder: &Path, probes: &str, idcode: &str, header: &[u8], write_st
     let path = folder.join("probe-rs");
     let bytes: Vec<String> = header.iter().map(|byte| format!("{byte:02x}")).collect();
     let script = format!(
-        "#!/bin/sh\necho \"$@\" >> {}\ncase \"$1 $4\" in\n'list '*) printf '%s\\n' '{probes}';;\n'read b32') echo '{idcode}';;\n\
+        "#!/bin/sh\necho \"$@${{ERA_TOKEN:+ $ERA_TOKEN}}\" >> {}\ncase \"$1 $4\" in\n'list '*) printf '%s\\n' '{probes}';;\n'read b32') echo '{idcode}';;\n\
          'read b8') echo '{}';;\ndownload*) exit {write_status};;\nesac\n",
         folder.join("calls").display(),
         bytes.join(" "),

@@ -280,7 +280,7 @@ def softened(context, fine, coarse, target, said, bound, compare, note):
         volts = max((drive.voltage for drive in fine.drives if drive.actuator == i), default=0.0)
         sag = context.press()[i]
         most = min(TRAVEL_PART * actuator.air_gap, sag.stop)
-        # Where a press leaves the mass furthest is known to 2 % of how far (docs/src/scene.md, "A press").
+        # The reference presses points of a lattice, between which a mass may go 2 % further.
         left = actuator.air_gap - min(0.98 * sag.sag + travel, sag.stop)
         parts = (travel / most, volts / (BREAKDOWN_PART * breakdown_v(left)))
         if max(parts) > worst:

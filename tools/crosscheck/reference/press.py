@@ -33,6 +33,8 @@ class Sag:
     # Where it is held: its place, and who says so.
     stop: float
     kind: str
+    # The reference's own error of the sag: what the errors of press and stiffness make of it, which the pull enlarges.
+    sag_error: float
 
     def surely(self):
         """The same with as much more sag as it may be off by: by the places that are pressed, and the pull that grows with it."""
@@ -108,22 +110,23 @@ def alone(panel, points):
 
 
 def yielding(panel):
-    """How far a steady newton of each actuator (column) moves each mass against its electrodes (row), in m."""
-    return _of_meshes(panel, lambda model, u: np.abs(model.gaps @ u))[0]
+    """How far a steady newton of each actuator (column) moves each mass against its electrodes (row), and the reference's own error, in m."""
+    return _of_meshes(panel, lambda model, u: np.abs(model.gaps @ u))
 
 
-def press(scene, panel):
-    """A [`Sag`] for each actuator, at the place where the press moves it furthest."""
+def press(scene, panel, more=()):
+    """A [`Sag`] for each actuator, at the place where the press moves it furthest: of a lattice, and of more places to look at."""
     actuators, count = scene.actuators, len(scene.actuators)
     if scene.press <= 0:
-        moved = error = np.zeros(count)
+        moved, error = np.zeros(count), np.zeros(count)
     else:
-        all_moved, errors = alone(panel, places(scene))
+        all_moved, errors = alone(panel, [*places(scene), *more])
         at = all_moved.argmax(axis=1)
         moved, error = (scene.press * values[np.arange(count), at] for values in (all_moved, errors))
         # A mass that hangs on the panel follows what is steady.
         moved[[a.inertial for a in actuators]] = 0.0
-    yields = yielding(panel)
+        error[[a.inertial for a in actuators]] = 0.0
+    yields, yields_error = yielding(panel)
     rails = [min(other.max_voltage for other in actuators[i % 2 :: 2]) for i in range(count)]
     taken = np.array([ON * VACUUM_PERMITTIVITY_F_PER_M * a.electrode_area * v**2 / a.air_gap**3 for a, v in zip(actuators, rails)])
     part = (yields @ taken).max()
@@ -131,7 +134,7 @@ def press(scene, panel):
     gaps = np.array([a.air_gap for a in actuators])
     given = np.array([np.inf if a.stop is None else a.stop for a in actuators])
 
-    def balance(stops):
+    def balance(stops, moved, yields):
         """The nearest place to the middle where press, pull and springs are in balance, or a stop: relaxed, from the middle on."""
         x = np.zeros(count)
         for _ in range(4000):
@@ -145,7 +148,7 @@ def press(scene, panel):
     # Stops are missing one after the other, that of the mass that the press moves furthest first.
     stops = given.copy()
     while True:
-        x = balance(stops)
+        x = balance(stops, moved, yields)
         loose = np.isinf(stops) & (x > TRAVEL_PART * gaps)
         if not loose.any():
             break
@@ -154,7 +157,9 @@ def press(scene, panel):
     if np.isnan(x).any() or np.isnan(yields).any():
         raise ValueError(f"the reference does not know what a press does: {x}, {yields}")
     kinds = ["given" if np.isfinite(own) else "assumed" if np.isfinite(stop) else "none" for own, stop in zip(given, stops)]
-    return [Sag(*values) for values in zip(moved, error, x, stops, kinds)]
+    with np.errstate(invalid="ignore"):
+        more_x = balance(stops, moved + np.where(np.isfinite(moved), error, 0.0), yields + np.where(np.isfinite(yields), yields_error, 0.0))
+    return [Sag(*values) for values in zip(moved, error, x, stops, kinds, more_x - x)]
 
 
 def softening_growth(actuator, sag):

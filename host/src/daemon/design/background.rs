@@ -7,10 +7,11 @@ use super::slots::Slots;
 use crate::daemon::access::client::Client;
 use crate::daemon::access::sender::RequestSender;
 use crate::daemon::api::problem::{Problem, ProblemKind};
+use crate::device::SessionError;
 use crate::study::run::StudyObserver;
 use serde::Serialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -78,12 +79,13 @@ impl BackgroundWork {
 #[derive(Clone, Debug)]
 pub struct BackgroundPlace {
     taken_for: Arc<Mutex<Option<BackgroundWork>>>,
+    closed: Arc<AtomicBool>,
     checks: Arc<Slots>,
 }
 
 impl Default for BackgroundPlace {
     fn default() -> Self {
-        Self { taken_for: Arc::default(), checks: Slots::new(CHECKS_AT_ONCE, MOST_WAITING) }
+        Self { taken_for: Arc::default(), closed: Arc::default(), checks: Slots::new(CHECKS_AT_ONCE, MOST_WAITING) }
     }
 }
 
@@ -117,13 +119,20 @@ impl BackgroundPlace {
         taken_for.map_or(Ok(()), |other| Err(other.already_under_way_problem()))
     }
 
+    /// No work begins any more: the daemon ends.
+    pub fn close(&self) {
+        let _taken_for = self.lock_work();
+        self.closed.store(true, Ordering::Relaxed);
+    }
+
     /// Takes it.
     ///
     /// # Errors
-    /// [`Problem`]: what is under way there.
+    /// [`Problem`]: what is under way there, or that the daemon ends.
     pub fn occupy_for(&self, work: BackgroundWork) -> Result<TakenPlace, Problem> {
         let mut taken_for = self.lock_work();
         match *taken_for {
+            _ if self.closed.load(Ordering::Relaxed) => Err(SessionError::Closed.into()),
             Some(other) => Err(other.already_under_way_problem()),
             None => {
                 *taken_for = Some(work);

@@ -7,7 +7,7 @@ use crate::daemon::touch::admission::MAX_NAME;
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderName, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
@@ -20,8 +20,9 @@ const TAKEN: [&str; 4] =
 /// Refuses a body that is said to be something else than JSON.
 ///
 /// # Errors
-/// [`Problem`] with status 415.
+/// [`Problem`] with status 415, or 400 if there are several types.
 pub fn check_content_type(headers: &HeaderMap) -> Result<(), Problem> {
+    check_header_given_at_most_once(headers, &header::CONTENT_TYPE)?;
     let Some(value) = headers.get(header::CONTENT_TYPE) else { return Ok(()) };
     let said = value.to_str().unwrap_or("not ASCII");
     let kind = said.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
@@ -33,12 +34,22 @@ pub fn check_content_type(headers: &HeaderMap) -> Result<(), Problem> {
     Err(problem.with_field_and_value("content-type", said.into(), "application/json".into(), None))
 }
 
+fn check_header_given_at_most_once(headers: &HeaderMap, name: &HeaderName) -> Result<(), Problem> {
+    if headers.get_all(name).iter().nth(1).is_none() {
+        return Ok(());
+    }
+    let detail = format!("the header {name} is there several times, but must be there once at most");
+    Err(Problem::new(ProblemKind::BadHeader, detail).with_field(name.to_string()))
+}
+
 /// What the client calls its request, in the header `x-request-id`.
 ///
 /// # Errors
-/// [`Problem`] if that is too long, or not made of letters, digits and `-_.`.
+/// [`Problem`] if there are several, or if that is too long, or not made of letters, digits and `-_.`.
 pub fn read_client_request_name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
-    let Some(value) = headers.get("x-request-id") else { return Ok(None) };
+    let name = HeaderName::from_static("x-request-id");
+    check_header_given_at_most_once(headers, &name)?;
+    let Some(value) = headers.get(&name) else { return Ok(None) };
     let is_plain = |text: &&str| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         // Numbers are the daemon's own names for requests.

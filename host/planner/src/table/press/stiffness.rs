@@ -56,13 +56,19 @@ impl UnheldMasses<'_> {
         receptance.map(f64::abs) * DVector::from_column_slice(self.pulls_n)
     }
 
-    /// Whether all these masses stay within their limits with the stiffnesses `added_n_per_m`: x' = (1 + G K)^-1 x.
-    fn keeps_travel_limits_with_added_stiffness(&self, added_n_per_m: &[f64]) -> bool {
+    /// The matrix (1 + G K)^-1, which makes of the displacements x of all masses those with the stiffnesses `added_n_per_m`; `None` if there is
+    /// no inverse.
+    pub fn invert_stiffened_system_if_regular(&self, added_n_per_m: &[f64]) -> Option<DMatrix<f64>> {
         let p = self.receptance.nrows();
         let mut springs = DVector::zeros(p);
         self.actuators.iter().zip(added_n_per_m).for_each(|(i, k)| springs[*i] = *k);
-        let stiffened = DMatrix::identity(p, p) + &self.receptance * DMatrix::from_diagonal(&springs);
-        let Some(inverse) = stiffened.try_inverse() else { return false };
+        (DMatrix::identity(p, p) + &self.receptance * DMatrix::from_diagonal(&springs)).try_inverse()
+    }
+
+    /// Whether all these masses stay within their limits with the stiffnesses `added_n_per_m`.
+    fn keeps_travel_limits_with_added_stiffness(&self, added_n_per_m: &[f64]) -> bool {
+        let p = self.receptance.nrows();
+        let Some(inverse) = self.invert_stiffened_system_if_regular(added_n_per_m) else { return false };
         let pulled = self.travel_of_each_mass_by_electrode_pull_m(&(&inverse * &self.receptance));
         let points = self.pressed_m.first().map_or(0, Vec::len);
         (0..points).all(|point| {

@@ -84,6 +84,7 @@ fn list_path_specific_problem_kinds(path: &str) -> &'static [ProblemKind] {
             ProblemKind::ComputationSuperseded,
             ProblemKind::QueueFull,
             ProblemKind::PreviewFailed,
+            ProblemKind::Closing,
         ],
         "/v1/tolerances" => &[
             ProblemKind::ContentType,
