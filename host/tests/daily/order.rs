@@ -112,7 +112,10 @@ fn the_answer_says_how_its_request_is_called() {
     for twice in
         ["X-Request-Id: one\r\nX-Request-Id: two\r\n", "Content-Type: text/plain\r\nContent-Type: application/json\r\n"]
     {
-        let answer = send_and_listen(&daemon, &post_with("/v1/touch", &format!("Connection: close\r\n{twice}"), "{}"));
+        let answer = send_and_listen(
+            &daemon,
+            &post_with("/v1/touch", &format!("Connection: close\r\n{twice}"), r#"{"x_px": 300, "y_px": 900}"#),
+        );
         assert!(answer.starts_with("HTTP/1.1 400") && answer.contains("several times"), "{answer}");
     }
 }
