@@ -24,6 +24,8 @@ const SETTLED: f64 = 1e-9;
 /// Rounds of springs that withstand a press and furthest places with these springs. The place moves by less than a cell, so that the second round is
 /// right to the second order of the first one's mistake (0.05 %).
 const STIFFENING_ROUNDS: usize = 3;
+/// Part of a side by which the end of a cut-out may be off the panel's border for rounding.
+const ROUNDING: f64 = 1e-9;
 /// How often the step of the search for the furthest place is halved, from one cell of the grid on. At a smooth maximum the remaining part is of
 /// the order of 4^-18 of what the grid misses (2 %), and at a border, where the slope is not 0, of the order of 2^-18 of it.
 const HALVINGS: usize = 18;
@@ -203,7 +205,9 @@ fn find_place_and_size_of_largest_displacement(
     let (point, most) = moved.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
     let (layout, length_m, width_m) = (scene.layout(), scene.surface.length_m, scene.surface.width_m);
     // The layout takes what is at most a millionth of a side inside a cut-out for its border, and the panel goes on rising there.
-    let is_within = |at: f64, from: f64, to: f64, side: f64| (at > from || from <= 0.0) && (at < to || to >= side);
+    let is_within = |at: f64, from: f64, to: f64, side: f64| {
+        (at > from || from <= ROUNDING * side) && (at < to || to >= (1.0 - ROUNDING) * side)
+    };
     let is_inside_cutout = |x_m: f64, y_m: f64| {
         scene.cutouts.iter().any(|cutout| {
             is_within(x_m, cutout.x_m, cutout.x_m + cutout.length_m, length_m)
