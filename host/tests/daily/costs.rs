@@ -111,13 +111,18 @@ fn what_costs_too_much_is_refused_before_it_costs_anything() {
     assert!(grown < 250, "{grown} MB");
 }
 
+/// A study with 60 variables, of which no value is on the surface.
+fn study_whose_values_are_all_refused() -> String {
+    let wrong =
+        |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
+    format!("{STUDY}{}", (0..60).map(wrong).collect::<String>())
+}
+
 /// The longest time that this takes is bounded by the bytes that are read, not by the number of variables.
 #[test]
 fn variables_whose_values_are_all_refused_cost_little() {
     let daemon = Daemon::start(STARTING_PLATE);
-    let wrong =
-        |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
-    let study = format!("{STUDY}{}", (0..60).map(wrong).collect::<String>());
+    let study = study_whose_values_are_all_refused();
     let (status, problem) = refused(&daemon, "/v1/study", &json!({ "study": study }).to_string());
     assert!(status == 400 && problem["detail"].as_str().unwrap().contains("variable[1]"), "{problem}");
 }
@@ -183,9 +188,7 @@ fn work_ends_with_its_sender() {
 #[test]
 fn wrong_studies_of_a_client_take_no_place_from_others() {
     let daemon = Daemon::start(STARTING_PLATE);
-    let wrong =
-        |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
-    let study = format!("{STUDY}{}", (0..60).map(wrong).collect::<String>());
+    let study = study_whose_values_are_all_refused();
     let request =
         post_with("/v1/study", "User-Agent: greedy\r\nConnection: close\r\n", &json!({ "study": study }).to_string());
     let good = json!({"study": format!("{STUDY}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.9\nto = 2.1\n[method]\ndesigns = 500\n")});
