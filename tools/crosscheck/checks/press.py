@@ -24,7 +24,8 @@ PLANTS = {
     HELD: change_all("actuator", "air_gap_um", 1.5),
     LEFT: change_all("actuator", "air_gap_um", 1.02),
 }
-# The program's place is the furthest of all, the reference's the furthest of its points: only rounding is between them.
+# The program's place is one of the reference's points: only rounding is between the two. A place that is further than the program's is found if a
+# point of the reference's own lattice is further.
 ROUNDING = 1e-6
 # What an actuator on a clamped edge moves, in um: nothing, of which no part is told.
 NONE_UM = 1e-9
