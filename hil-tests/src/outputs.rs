@@ -66,7 +66,7 @@ pub(crate) fn read_emulated_outputs(board: &EmulatedBoard) -> Result<Vec<Channel
             (pin["mode"] != "output" || pin["high"] != false).then(|| format!("{name}: {pin}"))
         });
         let no_counter =
-            || EmulatedError::Control { op: "timers".into(), reason: format!("no register cnt of {timer}") };
+            || EmulatedError::Control { op: "timers".into(), reason: format!("{timer}'s register cnt is missing") };
         Ok(ChannelOutputs {
             energised: registers.is_counting_with_outputs_enabled(),
             windows: ElectrodeWindows::from_registers(registers).map_err(|error| format!("{error:?}")),

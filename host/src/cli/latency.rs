@@ -88,9 +88,9 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
     print_text(&format!(
         "{} touches on {}; the daemon and the simulated device run in one process, and each time includes \
          the planning\n\
-         time from POST /v1/touch       median      p99      max\n\
-         until the drive's last byte  {device}\n\
-         until the answer             {answer}\n\
+         time from POST /v1/touch           median      p99      max\n\
+         until the device has all drives  {device}\n\
+         until the answer                 {answer}\n\
          touches that waited until earlier vibration had decayed: {delayed}, {longest_ms:.1} ms at most; refused touches: {}",
         options.touches,
         scene.name,

@@ -185,8 +185,8 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
             let left = format_fraction_as_percent(scheme.scale);
             let _ = writeln!(
                 text,
-                "({}: the forces are reduced to {left} of the forces for the rest gaps, because the gaps close \
-                 while the masses move)",
+                "({}: all forces are reduced to {left} of the values computed at the rest gaps; the moving masses \
+                 narrow the gaps, and larger forces would break a limit)",
                 scheme.scheme.name()
             );
         }

@@ -79,9 +79,9 @@ fn format_predicted_and_simulated_peaks(
     }
     let _ = write!(
         text,
-        "\ndiff: relative difference of the simulated from the predicted peak; from linear: relative difference of the \
-         simulated fundamentals from the prediction with the forces at the rest gaps\n\
-         largest difference, without the column \"from linear\": {:.2} %",
+        "\ndiff: relative difference between the simulated peak and the predicted peak; from linear: relative difference \
+         between the simulated fundamentals and a peak that is predicted with the forces at the rest gaps\n\
+         largest difference (the column \"from linear\" is not counted): {:.2} %",
         largest_difference * 100.0
     );
     text

@@ -153,7 +153,9 @@ impl EmulatedBoard {
                     let value = answer["timers"][name][key].as_u64().and_then(|value| u32::try_from(value).ok());
                     value.ok_or_else(|| EmulatedError::Control {
                         op: "timers".into(),
-                        reason: format!("the answer {answer} has no register {key} of the timer {name}"),
+                        reason: format!(
+                            "the register {key} of the timer {name} is missing or is not a 32-bit number: {answer}"
+                        ),
                     })
                 };
                 let at_pins = ["a", "b"].iter().any(|side| pins["pins"][format!("era{era}_{side}")]["mode"] == "timer");

@@ -29,6 +29,8 @@ PLANTS = {
 ROUNDING = 1e-6
 # What an actuator on a clamped edge moves, in um: nothing, of which no part is told.
 NONE_UM = 1e-9
+# Of a travel whose bound is unknown: the program says then that its meshes differ too much (1.2 % off was seen).
+OF_TRAVEL = 0.03
 # Of a sag whose bound is unknown, and how near to a third of the gap either answer is right: what is between points, and once more for the pull.
 OF_SAG = 0.05
 
@@ -96,7 +98,7 @@ def run(context):
                 results.append(not_comparable(ALONE, context.name, f"{name}; own error {off / max(here, 1e-300):.1e}"))
             elif not context.planted(FURTHEST):
                 results.append(Result(ALONE, context.name, abs(printed - here) / max(here, NONE_UM), bound + off / max(here, NONE_UM) + 1e-9, True, f"{name}; {here:.4g} um"))
-            results.append(Result(FURTHEST, context.name, max(0.0, 1e6 * sag.alone / max(printed, NONE_UM) - 1), ROUNDING + (said["error_bound"] or 0.0) + 2 * sag.error / max(sag.alone, 1e-300), True, name))
+            results.append(Result(FURTHEST, context.name, max(0.0, 1e6 * sag.alone / max(printed, NONE_UM) - 1), ROUNDING + (OF_TRAVEL if said["error_bound"] is None else said["error_bound"]) + 2 * sag.error / max(sag.alone, 1e-300), True, name))
         # Where the springs nearly bear it, or nearly do not, either answer is right.
         near = sag.kind != "given" and abs(sag.sag / actuator.air_gap - 1 / 3) < OF_SAG / 3 and printed is not None and 0.8 < said["sag_um"] / gap * 3 < 1.2
         nearly = any(other.kind != "given" and abs(other.sag / a.air_gap - 1 / 3) < OF_SAG / 3 and other.kind == "none" for other, a in zip(own, scene.actuators))

@@ -32,7 +32,7 @@ pub fn count_exponential_products(norm: f64) -> f64 {
 }
 
 /// Number of squarings for a matrix of this norm.
-#[expect(clippy::cast_possible_truncation, reason = "clamped to 0 to MOST_SQUARINGS first")]
+#[expect(clippy::cast_possible_truncation, reason = "clamped to the range from 0 to MOST_SQUARINGS")]
 fn count_squarings(norm: f64) -> i32 {
     (norm / NORM_16).log2().ceil().clamp(0.0, f64::from(MOST_SQUARINGS)) as i32
 }
