@@ -32,7 +32,8 @@ pub fn describe_expected_type(serde_message: &str) -> Option<String> {
     let what = rest.rsplit_once(" at line").map_or(rest, |(what, _)| what);
     Some(match what {
         "f64" | "f32" => "a number".into(),
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
+        "u32" => format!("a whole number from 0 to {}", u32::MAX),
+        "u8" | "u16" | "u64" | "usize" => "a whole number, 0 or more".into(),
         "unit" => "a text, not an object".into(),
         "i8" | "i16" | "i32" | "i64" => "a whole number".into(),
         "a boolean" => "true or false".into(),

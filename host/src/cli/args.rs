@@ -218,13 +218,13 @@ pub struct Touch {
     /// Vertical position in screen pixels from the top edge
     #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub y_px: f64,
-    /// Requested peak acceleration, in g
+    /// Requested peak acceleration, in g [default: 0.5]
     #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub intensity_g: Option<f64>,
     /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g)
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite_number, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
-    /// Duration in ms
+    /// Duration in ms [default: 1000]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub duration_ms: Option<f64>,
     /// Play this effect instead of a steady drive; the board itself times the effect
@@ -437,7 +437,7 @@ pub struct At {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Px)]
     pub unit: Unit,
-    /// Requested peak acceleration, in g
+    /// Requested peak acceleration, in g [default: 0.5]
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
 }

@@ -218,6 +218,8 @@ fn print_json(value: &impl serde::Serialize) -> Outcome {
 /// Writes to standard output; a reader that has gone away (`| head`) is no failure.
 fn print_text(text: &str) -> Outcome {
     use std::io::{ErrorKind, Write};
+    // What has been logged before stands before it.
+    standard_error::wait_until_queue_is_written_or_timeout();
     match writeln!(std::io::stdout().lock(), "{text}") {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::runtime_error(format!("cannot write to standard output: {error}")))

@@ -1,26 +1,75 @@
 //! `cargo xtask test` and `cargo xtask ci`: everything that can be checked, set-up included.
 
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::run_command;
 use crate::{
     crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, mutate, python, repository_root, setup,
     waveforms,
 };
-use std::path::Path;
-use std::process::Command;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command};
 use std::sync::OnceLock;
 use std::time::Instant;
 
 /// How long each fuzz target runs among the other checks, in s. Ten minutes are for before a release.
 const FUZZ_S: u64 = 40;
 
+/// Which tests to run.
+#[derive(Debug, clap::Args)]
+pub struct TestOptions {
+    /// Only the checks of the board's code beside the workspace's tests: waveforms, emulated board, planted mistakes
+    #[arg(long)]
+    board: bool,
+}
+
 /// Gets what the tests need, makes the firmware and the emulator's environment, then runs every test of the workspace.
 ///
 /// # Errors
 /// [`Error::Missing`] before anything is run, or the first step that failed.
-pub fn run_all_tests() -> Result<(), Error> {
+pub fn run_tests(options: &TestOptions) -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask test", setup::TEST)?;
-    run_test_steps()
+    if options.board { run_board_steps() } else { run_test_steps() }
+}
+
+/// What checks the board's code and needs no program of the host.
+fn run_board_steps() -> Result<(), Error> {
+    run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
+    run_step("report from the emulated board", emulate::run_emulator_self_test_and_board_report)?;
+    run_step("planted mistakes", || mutate::plant_mistakes(&mutate::Options::some(10)))
+}
+
+/// [`run_board_steps`] in a process of their own: they wait for the emulated board most of the time, and the compiler and the tests for each
+/// other, so that neither needs two processors. They write into a file, which is shown at their end.
+struct BoardStepsBeside {
+    process: Child,
+    output: PathBuf,
+}
+
+impl BoardStepsBeside {
+    fn start(root: &Path) -> Result<Self, Error> {
+        let output = root.join("target/board-steps.log");
+        let file = File::create(&output).map_err(file_error("cannot make", &output))?;
+        let errors = file.try_clone().map_err(file_error("cannot make", &output))?;
+        // The workspace's tests build this program again, and remove the file that runs now.
+        let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
+        let copy = root.join("target/board-steps");
+        std::fs::copy(&own, &copy).map_err(file_error("cannot make", &copy))?;
+        let mut command = Command::new(copy);
+        command.current_dir(root).args(["test", "--board"]).stdout(file).stderr(errors);
+        let process = command
+            .spawn()
+            .map_err(|source| Error::Start { command: crate::process::format_command(&command), source })?;
+        Ok(Self { process, output })
+    }
+
+    fn await_end_and_show_output(mut self) -> Result<(), Error> {
+        let command = || "cargo xtask test --board".to_owned();
+        let status = self.process.wait().map_err(|source| Error::Start { command: command(), source })?;
+        let shown = std::fs::read(&self.output).map_err(file_error("cannot read", &self.output))?;
+        print!("{}", String::from_utf8_lossy(&shown));
+        if status.success() { Ok(()) } else { Err(Error::Failed { command: command(), status }) }
+    }
 }
 
 fn run_test_steps() -> Result<(), Error> {
@@ -29,21 +78,21 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("emulator", || {
         run_command(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
     })?;
-    run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
-    run_step("report from the emulated board", emulate::run_emulator_self_test_and_board_report)?;
+    let board = BoardStepsBeside::start(&root)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.
-    run_step("tests", || run_command(cargo_command(&root).args(["test", "--workspace", "--release"])))?;
-    run_step("planted mistakes", || mutate::plant_mistakes(&mutate::Options::some(10)))?;
+    let tests = run_step("tests", || run_command(cargo_command(&root).args(["test", "--workspace", "--release"])));
+    let board = run_step("board, beside the tests", || board.await_end_and_show_output());
+    tests.and(board)?;
     run_step("Python package", python::run_package_tests)?;
     run_step("advisories", dependencies::check_advisories_if_present)?;
     run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;
     run_step("independent reference: random scenes", crosscheck::compare_random_scenes)
 }
 
-/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_all_tests()`].
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].
 ///
 /// # Errors
-/// As [`run_all_tests()`].
+/// As [`run_tests()`].
 pub fn run_ci_checks() -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask ci", setup::CI)?;
     let root = repository_root()?;
@@ -54,15 +103,27 @@ pub fn run_ci_checks() -> Result<(), Error> {
     })?;
     run_step("firmware image, budgets", || firmware::build_image_and_report(&firmware::Options::with_budget()))?;
     run_step("lints", || {
-        run_command(cargo_command(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+        run_command(cargo_command(&root).args([
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--release",
+            "--",
+            "-D",
+            "warnings",
+        ]))?;
         image::run_firmware_cargo("clippy", &["--", "-D", "warnings"])
     })?;
     run_step("circles of imports", house::survey_crates_failing_on_import_cycles)?;
     run_step("documentation", || {
-        run_command(cargo_command(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
+        run_command(
+            cargo_command(&root)
+                .args(["doc", "--workspace", "--no-deps", "--release"])
+                .env("RUSTDOCFLAGS", "-D warnings"),
+        )
     })?;
     run_step("dependencies", dependencies::check_licences_bans_and_sources)?;
-    let planted = ["test", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
+    let planted = ["test", "--release", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
     run_step("advisories: planted ones are found", || run_command(cargo_command(&root).args(planted)))?;
     run_test_steps()?;
     run_step("miri", miri::run_short_miri_tests_if_installed)?;

@@ -44,7 +44,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Run all tests: host, shared crate, simulated and emulated device, page; set-up included.
-    Test,
+    Test(check::TestOptions),
     /// Run everything that CI runs: formatting, lints, documentation, dependencies, then all tests.
     Ci,
     /// Build the firmware image and print its size and its path; gets the compilation target if it is missing.
@@ -77,7 +77,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Test => check::run_all_tests(),
+        Command::Test(options) => check::run_tests(&options),
         Command::Ci => check::run_ci_checks(),
         Command::Firmware(options) => firmware::build_image_and_report(&options),
         Command::Bench(options) => bench::run_benchmark(&options),

@@ -172,7 +172,7 @@ mod tests {
     fn the_field_of_the_wrong_type_is_named() {
         let cases = [
             (r#"{"x_px": 1, "y_px": 2, "intensity_g": "x"}"#, "intensity_g", "\"x\"", "a number"),
-            (r#"{"x_px": 1, "y_px": 2, "count": -1}"#, "count", "-1", "a whole number, 0 or more"),
+            (r#"{"x_px": 1, "y_px": 2, "count": -1}"#, "count", "-1", "a whole number from 0 to 4294967295"),
             (r#"{"x_px": 1, "y_px": 2, "effect": "clack"}"#, "effect", "\"clack\"", "click"),
             (r#"{"x_px": 1, "y_px": 2, "effect": 5}"#, "effect", "5", "one of the texts"),
             (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": null, "y_px": 2}]}"#, "also[0].x_px", "null", "a number"),

@@ -12,6 +12,7 @@ use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
 use crate::whole_numbers::to_exact_whole_number;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -52,8 +53,9 @@ pub struct CheckedFingers {
 impl IncomingMessage {
     /// Reads a message as far as that goes.
     #[must_use]
-    pub fn from_text(text: &str) -> Self {
-        let text = quote_bare_words(text);
+    pub fn from_text(original: &str) -> Self {
+        let text = quote_bare_words(original);
+        let is_json = serde_json::from_str::<IgnoredAny>(&text).is_ok();
         let (rest, fingers) = match find_finger_list_and_entries(&text) {
             Some((list, fingers)) => {
                 let rest = [text.get(..list.start), text.get(list.end..)].map(Option::unwrap_or_default).join("[]");
@@ -67,7 +69,11 @@ impl IncomingMessage {
         };
         let types = list_type_values_of_message(rest.as_bytes());
         let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
-        Self { rest: parse_json_object(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
+        // Of a message that is no JSON, the place of the mistake is that in the text as it was sent.
+        let told = if is_json { rest.as_bytes() } else { original.as_bytes() };
+        let rest = parse_json_object(rest.as_bytes(), WANTED_MESSAGE)
+            .map_err(|problem| parse_json_object::<PageMessage>(told, WANTED_MESSAGE).err().unwrap_or(problem));
+        Self { rest, is_touch, fingers }
     }
 
     /// What is wrong where it is about fingers and has no list of them.
@@ -357,6 +363,17 @@ mod tests {
             fingers(r#"{"touches": [NaN, -Infinity, 1e999, true]}"#),
             of(&["\"NaN\"", "\"-Infinity\"", "1e999", "true"])
         );
+    }
+
+    #[test]
+    fn the_place_of_a_mistake_is_that_in_the_message_as_it_was_sent() {
+        for (text, place) in [
+            ("{bad", "line 1 column 2"),
+            (r#"{"type": "touch", "intensity_g": bad, "touches": [{"id": 1, "x_px": 3}]"#, "line 1 column 34"),
+        ] {
+            let problem = format!("{:?}", IncomingMessage::from_text(text).rest.expect_err("no JSON"));
+            assert!(problem.contains(place), "{text}: {problem}");
+        }
     }
 
     #[test]
