@@ -37,6 +37,11 @@ impl WorkPool {
     }
 }
 
+/// The end of work that was stopped; whoever stopped it does not wait for it.
+pub fn stopped_computation() -> Raised {
+    Raised::unavailable_resource("the computation was stopped")
+}
+
 /// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, is raised within a twentieth of a second. The work
 /// ends where it next looks at its [`StopRequest`], and what it finds is dropped.
 pub fn run_in_pool_interruptibly<T: Send + 'static>(

@@ -9,6 +9,7 @@ use crate::errors::{Raised, build_scene_exception};
 use crate::results::{convert_to_python_by_json, read_only_array};
 use crate::run::{
     run_in_own_thread_interruptibly, run_in_own_thread_interruptibly_with_progress, run_in_pool_interruptibly,
+    stopped_computation,
 };
 use crate::scene::PyScene;
 use crate::study_progress::ProgressObserver;
@@ -290,14 +291,15 @@ impl PyStudy {
             return Err(Raised::wrong_argument("threads", 0, "at least 1").into());
         }
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let work = move || study.compute_task_rows(task, &losses, &*evaluator);
+        let work =
+            move || study.compute_task_rows_unless_stopped(task, &losses, &*evaluator).ok_or_else(stopped_computation);
         let rows = match threads {
-            None => run_in_pool_interruptibly(py, move || Ok(work()))?,
-            Some(threads) => run_in_own_thread_interruptibly(py, move |_| {
+            None => run_in_pool_interruptibly(py, work)?,
+            Some(threads) => run_in_own_thread_interruptibly(py, move |waited_for| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
                     Raised::unavailable_resource(format!("cannot start threads for the computation: {error}"))
                 })?;
-                Ok(pool.install(work))
+                pool.install(|| waited_for.stop_request().run_stoppable(work))
             })?,
         };
         let bytes = encode_task_rows(&self.study.fingerprint(), task, &rows).map_err(Raised::unavailable_resource)?;
@@ -352,7 +354,9 @@ impl PyStudy {
     fn evaluate_design_at_point(&self, py: Python<'_>, point: UnitCubePoint) -> PyResult<Design> {
         let point = point.check_in_unit_cube(self.study.space.dimensions().len())?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        let row = run_in_pool_interruptibly(py, move || Ok(study.compute_row_at_point(point, &*evaluator)))?;
+        let row = run_in_pool_interruptibly(py, move || {
+            study.compute_row_at_point_unless_stopped(point, &*evaluator).ok_or_else(stopped_computation)
+        })?;
         Design::from_row(py, &self.study, row)
     }
 
@@ -485,7 +489,7 @@ impl PyStudy {
             match ended {
                 RunEnd::Done => Ok(watched.done.load(Ordering::Relaxed)),
                 // Nobody waits for it.
-                RunEnd::Early => Err(Raised::unavailable_resource("the computation was stopped")),
+                RunEnd::Early => Err(stopped_computation()),
             }
         })
     }

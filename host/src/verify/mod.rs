@@ -250,7 +250,7 @@ pub fn compare_plans_at_points_with_simulation(
         if stop.is_stop_requested() {
             Err(PlanError::Stopped.into())
         } else {
-            compare_plan_with_simulation(table, &panel, *target)
+            stop.run_stoppable(|| compare_plan_with_simulation(table, &panel, *target))
         }
     };
     targets.par_iter().map(compared).collect()

@@ -12,6 +12,7 @@ use era_model::response::{
 };
 use era_model::scene::random::RandomSequence;
 use era_model::scene::{EdgeKind, Scene, SurfaceKind};
+use era_model::stop::StopRequest;
 use era_planner::{Drive, Plan};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -305,9 +306,10 @@ pub fn compute_target_peak_spread_under_tolerances_with_observer(
             return Ok(None);
         }
         let points = draw_latin_hypercube(count, samples, &mut RandomSequence::new(SEED, stream));
+        let stop = StopRequest::current_request_of_thread();
         let look = |point: Vec<f64>| {
             let (scene, panel) = scene_with_deviations_at_point(scene, kinds, &point, tolerances);
-            Ok((level(&scene)?, panel))
+            Ok((stop.run_stoppable(|| level(&scene))?, panel))
         };
         let mut looked: Vec<(f64, PanelDeviations)> =
             points.into_par_iter().map(look).collect::<Result<_, ToleranceError>>()?;

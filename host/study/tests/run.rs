@@ -1,6 +1,8 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
+use era_model::model::{Accuracy, compute_modes_with_error_bounds};
 use era_model::scene::{STARTING_PLATE, Scene, SceneError};
+use era_model::stop::StopRequest;
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
 use era_study::result::{DesignStatus, DesignTable, GatherError, choose_finalist_indices_best_first, write_parquet};
 use era_study::run::{
@@ -148,6 +150,73 @@ fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
 }
 
 /// What fails is a row that says why: refused by the scene, by the planner, or by a panic.
+/// Asks for the end of the work at its so-manieth design, as Ctrl-C or a client that leaves does, and computes modes, which end then.
+struct Interrupted {
+    designs: AtomicUsize,
+    stop: StopRequest,
+}
+
+impl Evaluator for Interrupted {
+    fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
+        if self.designs.fetch_sub(1, Ordering::Relaxed) == 1 {
+            self.stop.request_stop();
+            // A thread that waits takes up other work of the pool.
+            for _ in 0..200 {
+                rayon::yield_now();
+                std::thread::sleep(std::time::Duration::from_micros(100));
+            }
+        }
+        compute_modes_with_error_bounds(scene, Accuracy::FAST, 100.0)?;
+        evaluator().compute_scene_figures(scene, wanted)
+    }
+}
+
+/// A design that was stopped has not failed: its row would stay in the folder, and the study would go on without it.
+#[test]
+fn a_design_that_is_stopped_has_no_row() {
+    for way in WAYS {
+        let study = study(way);
+        let whole = tempfile::tempdir().unwrap();
+        compute_missing_rows_of_shard(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+        for designs in [1, 2, 30] {
+            let place = tempfile::tempdir().unwrap();
+            let stop = StopRequest::default();
+            let interrupted = Interrupted { designs: AtomicUsize::new(designs), stop: stop.clone() };
+            let compute =
+                || compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &interrupted, Shard::ALL, &());
+            let ended = with_workers(3, || stop.run_stoppable(compute));
+            assert_eq!(ended.unwrap(), RunEnd::Early, "design {designs}, {way}");
+            compute_missing_rows_of_shard(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &())
+                .unwrap();
+            assert_eq!(bytes(place.path(), &study), bytes(whole.path(), &study), "design {designs}, {way}");
+        }
+    }
+}
+
+/// A thread of a study that was stopped takes up work of others, which nobody has stopped.
+#[test]
+fn a_study_beside_one_that_is_stopped_is_not_stopped() {
+    let study = study(WAYS[0]);
+    let whole = tempfile::tempdir().unwrap();
+    compute_missing_rows_of_shard(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+    for _ in 0..5 {
+        let (stopped, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let (stop, never) = (StopRequest::default(), StopRequest::default());
+        let first = Interrupted { designs: AtomicUsize::new(2), stop: stop.clone() };
+        let second = Interrupted { designs: AtomicUsize::new(0), stop: StopRequest::default() };
+        let run = |stop: &StopRequest, place: &Path, own: &Interrupted| {
+            let compute =
+                || compute_missing_rows_of_shard(&study, &folder(place, &study), own, Shard::ALL, &()).unwrap();
+            stop.run_stoppable(compute)
+        };
+        let ends = with_workers(2, || {
+            rayon::join(|| run(&stop, stopped.path(), &first), || run(&never, other.path(), &second))
+        });
+        assert_eq!(ends, (RunEnd::Early, RunEnd::Done));
+        assert_eq!(bytes(other.path(), &study), bytes(whole.path(), &study));
+    }
+}
+
 #[test]
 fn designs_that_fail_are_rows_with_their_reasons() {
     let study = study("[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n[method]\nway = \"grid\"\nlevels = 5\n");

@@ -39,8 +39,8 @@ fn run_board_steps() -> Result<(), Error> {
     run_step("planted mistakes", || mutate::plant_mistakes(&mutate::Options::some(10)))
 }
 
-/// [`run_board_steps`] in a process of their own: they wait for the emulated board most of the time, and the compiler and the tests for each
-/// other, so that neither needs two processors. They write into a file, which is shown at their end.
+/// [`run_board_steps`] in a process of their own, beside the build of the tests: they wait for the emulated board half of the time. They write
+/// into a file, which is shown at their end.
 struct BoardStepsBeside {
     process: Child,
     output: PathBuf,
@@ -80,9 +80,11 @@ fn run_test_steps() -> Result<(), Error> {
     })?;
     let board = BoardStepsBeside::start(&root)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.
-    let tests = run_step("tests", || run_command(cargo_command(&root).args(["test", "--workspace", "--release"])));
-    let board = run_step("board, beside the tests", || board.await_end_and_show_output());
-    tests.and(board)?;
+    let tests = ["test", "--workspace", "--release"];
+    let built = run_step("tests: build", || run_command(cargo_command(&root).args(tests).arg("--no-run")));
+    run_step("board, beside that build", || board.await_end_and_show_output())?;
+    built?;
+    run_step("tests", || run_command(cargo_command(&root).args(tests)))?;
     run_step("Python package", python::run_package_tests)?;
     run_step("advisories", dependencies::check_advisories_if_present)?;
     run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;

@@ -85,10 +85,12 @@ impl<'a> TouchedPanel<'a> {
             if stop.is_stop_requested() {
                 return Err(ModelError::Stopped.into());
             }
-            let touched = self.scene.with_finger_at_places(&[*place]);
-            let model = self.panel.couple_to_design(&touched)?;
-            let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at_single_point(&model, *place));
-            Ok(ask(&build::build_table_for_strongest_drives_only(&touched, model, hz, grid, purpose)?))
+            stop.run_stoppable(|| {
+                let touched = self.scene.with_finger_at_places(&[*place]);
+                let model = self.panel.couple_to_design(&touched)?;
+                let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at_single_point(&model, *place));
+                Ok(ask(&build::build_table_for_strongest_drives_only(&touched, model, hz, grid, purpose)?))
+            })
         };
         places_m.par_iter().map(at).collect()
     }

@@ -58,6 +58,19 @@ pub enum EvaluateError {
     },
 }
 
+impl EvaluateError {
+    /// Whether it says nothing of the scene, because somebody has stopped the computation ([`era_model::stop::StopRequest`]).
+    #[must_use]
+    pub const fn is_of_stopped_computation(&self) -> bool {
+        matches!(
+            self,
+            Self::Model(ModelError::Stopped)
+                | Self::Plan(PlanError::Stopped)
+                | Self::Clicks(ClickMapError::Plan(PlanError::Stopped))
+        )
+    }
+}
+
 impl From<TouchedError> for EvaluateError {
     fn from(error: TouchedError) -> Self {
         match error {

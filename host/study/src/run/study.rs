@@ -12,6 +12,7 @@ use crate::spec::{Figure, PointMethod, StudySpec, UncertaintySampling, WantedFig
 use crate::ways::{Evolution, KnownPoints, MOST_SOBOL};
 use era_model::model::Accuracy;
 use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
+use era_model::stop::StopRequest;
 use era_model::text_file::read_text_file;
 use era_planner::TableOptions;
 use era_planner::cache::Key;
@@ -81,6 +82,14 @@ pub enum StudyError {
         /// Why.
         error: std::io::Error,
     },
+}
+
+/// Why a design has no figures.
+enum NoFigures {
+    /// Somebody has stopped the computation: the design has no row.
+    Stopped,
+    /// The design fails, for this reason.
+    Failed(String),
 }
 
 impl Study {
@@ -272,18 +281,19 @@ impl Study {
         from..if to < point_count { to } else { point_count }
     }
 
-    /// Computes a task. `earlier_losses` are the losses of all earlier generations of its search; of no account for others.
+    /// Computes a task; `None` if the thread's [`StopRequest`] stopped it. `earlier_losses` are the losses of all earlier generations of its
+    /// search; of no account for others.
     #[must_use]
-    pub fn compute_task_rows(
+    pub fn compute_task_rows_unless_stopped(
         &self,
         task: StudyTask,
         earlier_losses: &[Vec<f64>],
         evaluator: &dyn Evaluator,
-    ) -> Vec<DesignRow> {
+    ) -> Option<Vec<DesignRow>> {
         let points = match (task, &self.points) {
             (StudyTask::Base, _) => {
                 let design = Design { settings: vec![VariableSetting::Kept; self.space.variables().len()] };
-                return vec![self.compute_design_row(Vec::new(), design, evaluator)];
+                return Some(vec![self.compute_design_row_unless_stopped(Vec::new(), design, evaluator)?]);
             }
             (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
                 samples.points_in_range(self.point_range_of_chunk(chunk, samples.count_points()))
@@ -293,21 +303,21 @@ impl Study {
             }
             _ => Vec::new(),
         };
-        points
-            .into_par_iter()
-            .map(|point| {
-                let design = self.space.design_at_point(&point);
-                self.compute_design_row(point, design, evaluator)
-            })
-            .collect()
+        // A design belongs to this study's request on whatever thread it is computed.
+        let stop = StopRequest::current_request_of_thread();
+        let row_at = |point: Vec<f64>| {
+            let design = self.space.design_at_point(&point);
+            stop.run_stoppable(|| self.compute_design_row_unless_stopped(point, design, evaluator))
+        };
+        points.into_par_iter().map(row_at).collect()
     }
 
     /// The design at a point of the unit cube, one number from 0 to 1 for each dimension of the space, and what comes of it: for searches of
-    /// another program.
+    /// another program. `None` if the thread's [`StopRequest`] stopped it.
     #[must_use]
-    pub fn compute_row_at_point(&self, point: Vec<f64>, evaluator: &dyn Evaluator) -> DesignRow {
+    pub fn compute_row_at_point_unless_stopped(&self, point: Vec<f64>, evaluator: &dyn Evaluator) -> Option<DesignRow> {
         let design = self.space.design_at_point(&point);
-        self.compute_design_row(point, design, evaluator)
+        self.compute_design_row_unless_stopped(point, design, evaluator)
     }
 
     /// What the designs of a generation are worth to their search.
@@ -322,17 +332,25 @@ impl Study {
             .collect()
     }
 
-    fn compute_design_row(&self, point: Vec<f64>, design: Design, evaluator: &dyn Evaluator) -> DesignRow {
-        let outcome =
-            self.evaluate_design_over_uncertainty_samples(&design, evaluator).unwrap_or_else(DesignOutcome::Failed);
-        DesignRow { point, design, outcome }
+    fn compute_design_row_unless_stopped(
+        &self,
+        point: Vec<f64>,
+        design: Design,
+        evaluator: &dyn Evaluator,
+    ) -> Option<DesignRow> {
+        let outcome = match self.evaluate_design_over_uncertainty_samples(&design, evaluator) {
+            Ok(outcome) => outcome,
+            Err(NoFigures::Failed(reason)) => DesignOutcome::Failed(reason),
+            Err(NoFigures::Stopped) => return None,
+        };
+        Some(DesignRow { point, design, outcome })
     }
 
     fn evaluate_design_over_uncertainty_samples(
         &self,
         design: &Design,
         evaluator: &dyn Evaluator,
-    ) -> Result<DesignOutcome, String> {
+    ) -> Result<DesignOutcome, NoFigures> {
         let figures = self.evaluate_design_with_deviations(design, &[], evaluator)?;
         let (mut low, mut high) = (Vec::new(), Vec::new());
         if !self.scenarios.0.is_empty() {
@@ -340,7 +358,12 @@ impl Study {
         }
         for (number, off) in self.scenarios.0.iter().enumerate() {
             let own = self.evaluate_design_with_deviations(design, off, evaluator);
-            let own = own.map_err(|reason| format!("with sample {} of the uncertain values: {reason}", number + 1))?;
+            let own = own.map_err(|none| match none {
+                NoFigures::Stopped => NoFigures::Stopped,
+                NoFigures::Failed(reason) => {
+                    NoFigures::Failed(format!("with sample {} of the uncertain values: {reason}", number + 1))
+                }
+            })?;
             low.iter_mut().zip(&own.values).for_each(|(low, value)| *low = low.min(*value));
             high.iter_mut().zip(&own.values).for_each(|(high, value)| *high = high.max(*value));
         }
@@ -352,18 +375,24 @@ impl Study {
         design: &Design,
         tolerance_fractions: &[f64],
         evaluator: &dyn Evaluator,
-    ) -> Result<Figures, String> {
-        let scene = self.space.design_as_scene(design, tolerance_fractions).map_err(|refused| refused.to_string())?;
+    ) -> Result<Figures, NoFigures> {
+        let scene = self
+            .space
+            .design_as_scene(design, tolerance_fractions)
+            .map_err(|refused| NoFigures::Failed(refused.to_string()))?;
         // A design that no one has thought of must not end the study.
         let found = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             self.evaluate_figures_with_mass_and_cost(&scene, design, evaluator)
         }));
         let figures = found.map_err(|_| {
-            String::from(
-                "the program failed at this design because of a bug: please report this message with the scene",
+            NoFigures::Failed(
+                "the program failed at this design because of a bug: please report this message with the scene".into(),
             )
         })?;
-        figures.map_err(|error: EvaluateError| error.to_string())
+        figures.map_err(|error: EvaluateError| match error.is_of_stopped_computation() {
+            true => NoFigures::Stopped,
+            false => NoFigures::Failed(error.to_string()),
+        })
     }
 
     /// The figures of a scene: those of its parts from here, all else from the evaluator.

@@ -5,6 +5,7 @@ use super::row::DesignRow;
 use super::study::Study;
 use super::task::{Shard, StudyTask};
 use crate::evaluate::Evaluator;
+use era_model::stop::StopRequest;
 use rayon::prelude::*;
 
 /// Whoever wants to know how far it is, and may stop it.
@@ -61,7 +62,9 @@ pub fn compute_missing_rows_of_shard(
             if observer.is_stop_wanted() {
                 return Ok(RunEnd::Early);
             }
-            let rows = study.compute_task_rows(StudyTask::Base, &[], evaluator);
+            let Some(rows) = study.compute_task_rows_unless_stopped(StudyTask::Base, &[], evaluator) else {
+                return Ok(RunEnd::Early);
+            };
             folder.write_task_rows(StudyTask::Base, &rows)?;
             match rows.into_iter().next() {
                 Some(base) => base,
@@ -82,9 +85,10 @@ pub fn compute_missing_rows_of_shard(
             let runs: Vec<usize> = (0..evolution.searches_beside_each_other())
                 .filter(|run| shard.contains_task(StudyTask::Generation { run: *run, generation: 0 }))
                 .collect();
+            let stop = StopRequest::current_request_of_thread();
             let ended: Vec<RunEnd> = runs
                 .into_par_iter()
-                .map(|run| work.run_remaining_generations_of_search(run))
+                .map(|run| stop.run_stoppable(|| work.run_remaining_generations_of_search(run)))
                 .collect::<Result<_, _>>()?;
             Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
         }
@@ -109,15 +113,20 @@ fn compute_missing_rows_of_tasks(
         all - left.iter().map(|task| study.count_designs_of_task(*task)).sum::<usize>(),
         all,
     );
-    let done = left.par_iter().with_max_len(1).map(|task| {
+    let stop = StopRequest::current_request_of_thread();
+    let compute = |task: &StudyTask| {
         if observer.is_stop_wanted() {
             return Ok(RunEnd::Early);
         }
-        let rows = study.compute_task_rows(*task, &[], evaluator);
+        let Some(rows) = study.compute_task_rows_unless_stopped(*task, &[], evaluator) else {
+            return Ok(RunEnd::Early);
+        };
         folder.write_task_rows(*task, &rows)?;
         observer.report_newly_computed_designs(rows.len());
         Ok(RunEnd::Done)
-    });
+    };
+    // Whatever thread a task is computed on, it belongs to this study's request: a thread that waits takes up work of others too.
+    let done = left.par_iter().with_max_len(1).map(|task| stop.run_stoppable(|| compute(task)));
     let ended: Vec<RunEnd> = done.collect::<Result<_, RunError>>()?;
     Ok(if ended.contains(&RunEnd::Early) { RunEnd::Early } else { RunEnd::Done })
 }
@@ -147,7 +156,9 @@ impl EvolutionSearch<'_> {
                 }
                 None if self.observer.is_stop_wanted() => return Ok(RunEnd::Early),
                 None => {
-                    let rows = self.study.compute_task_rows(task, &told, self.evaluator);
+                    let Some(rows) = self.study.compute_task_rows_unless_stopped(task, &told, self.evaluator) else {
+                        return Ok(RunEnd::Early);
+                    };
                     self.folder.write_task_rows(task, &rows)?;
                     self.observer.report_newly_computed_designs(rows.len());
                     rows
