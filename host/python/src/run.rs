@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// Between two looks for a signal.
 const LOOK: Duration = Duration::from_millis(50);
+/// How long the end of work that is not wanted any more is waited for.
+const LAST: Duration = Duration::from_secs(1);
 
 /// The pool, and the process that it is of.
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
@@ -42,8 +44,8 @@ pub fn stopped_computation() -> Raised {
     Raised::unavailable_resource("the computation was stopped")
 }
 
-/// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, is raised within a twentieth of a second. The work
-/// ends where it next looks at its [`StopRequest`], and what it finds is dropped.
+/// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, ends the work where it next looks at its [`StopRequest`], and is
+/// raised when the work has ended, but a second later at the latest. What the work finds is dropped.
 pub fn run_in_pool_interruptibly<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Raised> + Send + 'static,
@@ -98,6 +100,8 @@ pub fn run_in_own_thread_interruptibly_with_progress<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals().and_then(|()| report_progress(py)) {
                     stop.request_stop();
+                    // The caller may go on with the same folder: nothing else should write there any more.
+                    let _ = py.detach(move || waiting.recv_timeout(LAST));
                     return Err(raised);
                 }
             }
