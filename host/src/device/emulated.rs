@@ -227,7 +227,7 @@ fn find_firmware_in_environment_or_build(source: &Path) -> Result<PathBuf, Emula
     // Its input ends with this process, however that ends, and cargo with all that it started then does, too.
     let mut child = Command::new("python3")
         .arg(source.join("tools/emulator/leash.py"))
-        .args(["cargo", "run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
+        .args(["cargo", "run", "--quiet", "--release", "--package", "xtask", "--", "firmware", "--print-path"])
         .current_dir(source)
         .env_remove(TOKEN_VARIABLE)
         .stdin(Stdio::piped())
