@@ -55,7 +55,6 @@ impl IncomingMessage {
     #[must_use]
     pub fn from_text(original: &str) -> Self {
         let text = quote_bare_words(original);
-        let is_json = serde_json::from_str::<IgnoredAny>(&text).is_ok();
         let (rest, fingers) = match find_finger_list_and_entries(&text) {
             Some((list, fingers)) => {
                 let rest = [text.get(..list.start), text.get(list.end..)].map(Option::unwrap_or_default).join("[]");
@@ -69,10 +68,13 @@ impl IncomingMessage {
         };
         let types = list_type_values_of_message(rest.as_bytes());
         let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
-        // Of a message that is no JSON, the place of the mistake is that in the text as it was sent.
-        let told = if is_json { rest.as_bytes() } else { original.as_bytes() };
-        let rest = parse_json_object(rest.as_bytes(), WANTED_MESSAGE)
-            .map_err(|problem| parse_json_object::<PageMessage>(told, WANTED_MESSAGE).err().unwrap_or(problem));
+        let rest = parse_json_object(rest.as_bytes(), WANTED_MESSAGE).map_err(|problem| {
+            if serde_json::from_str::<IgnoredAny>(&quote_bare_words(original)).is_ok() {
+                return problem;
+            }
+            // The place of a mistake in the syntax is that in the message as it was sent.
+            parse_json_object::<PageMessage>(original.as_bytes(), WANTED_MESSAGE).err().unwrap_or(problem)
+        });
         Self { rest, is_touch, fingers }
     }
 
