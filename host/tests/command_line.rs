@@ -106,6 +106,29 @@ fn a_click_has_a_sound() {
     let output = era(&["effect", "click", "--at", "100,60", "--unit", "mm", "--accuracy", "fast"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains(&format!("sound: {sound_db:.1} dB")), "{text}");
+    let contrast_db = click["predicted"]["contrast_db"].as_f64().unwrap();
+    assert!(text.contains(&format!("contrast of the click: {contrast_db:.1} dB")), "{text}");
+    assert!(
+        buzz["predicted"]["contrast_db"].is_null() && buzz["predicted"]["crisp"].is_null(),
+        "{}",
+        buzz["predicted"]
+    );
+}
+
+/// A click that rings for longer than was asked for says so; a crisp one does not.
+#[test]
+fn a_click_that_is_not_crisp_says_so() {
+    let base = ["effect", "click", "--at", "960,640", "--accuracy", "fast"];
+    for (crisp_ms, is_crisp) in [("45", true), ("20", false)] {
+        let click = json(&[&base[..], &["--crisp-ms", crisp_ms, "--json"]].concat());
+        let predicted = &click["predicted"];
+        assert_eq!(predicted["crisp"], is_crisp, "{predicted}");
+        assert_eq!(predicted["quiet_ms"].as_f64().unwrap() <= crisp_ms.parse().unwrap(), is_crisp, "{predicted}");
+        let output = era(&[&base[..], &["--crisp-ms", crisp_ms]].concat());
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let said = format!("below a tenth of it within {crisp_ms} ms");
+        assert_eq!(text.contains("not crisp: ") && text.contains(&said), !is_crisp, "{text}");
+    }
 }
 
 #[test]

@@ -115,6 +115,15 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     }
     if let (Some(pulse_ms), Some(ratio)) = (predicted.pulse_ms, predicted.pulse_to_ring_db) {
         let _ = write!(text, "\npulse of {pulse_ms:.1} ms, {ratio:.1} dB above the vibration after the pulse");
+        if let Some(sharpness) = predicted.sharpness_db_per_ms {
+            let _ = write!(text, " (sharpness: {sharpness:.2} dB/ms)");
+        }
+    }
+    if let Some(contrast_db) = predicted.contrast_db {
+        let _ = write!(
+            text,
+            "\ncontrast of the click: {contrast_db:.1} dB (felt motion at the target, relative to the surface)"
+        );
     }
     if let Some(sound_db) = predicted.sound_db {
         let _ = write!(text, "\nsound: {sound_db:.1} dB (A-weighted mean-square velocity of the surface, re 1 mm/s)");
@@ -131,6 +140,14 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     );
     if let Some(unbraked) = predicted.quiet_unbraked_ms {
         let _ = write!(text, " (without the braking part of the effect: {})", ms(Some(unbraked)));
+    }
+    if predicted.crisp == Some(false) {
+        let crisp_ms = request.crisp_ms.unwrap_or(1e3 * ClickOptions::default().crisp_s);
+        let _ = write!(
+            text,
+            "\nnot crisp: the peak should come within 15 ms, and the motion should fall below a tenth of it within \
+             {crisp_ms} ms"
+        );
     }
     let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");
     if let Some(limit) = &design.limited_by {

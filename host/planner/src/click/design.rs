@@ -5,9 +5,9 @@ use super::designer::{ClickActuator, ClickDesigner, SLOT_SAMPLES};
 use super::felt::{FINE_RECORD, felt_motion_from_means, shown_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
-use super::options::ClickOptions;
+use super::options::{ClickOptions, LATEST_PEAK_S};
 use super::slots::compute_slot_responses_of_five_panels;
-use super::sound::compute_sound_if_anything_moves_db;
+use super::sound::{SurfaceFigures, compute_surface_figures_if_anything_moves};
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::Limit;
@@ -42,8 +42,10 @@ pub struct ClickDesign {
     pub amplitudes: Vec<(Complex64, f64, f64)>,
     /// The strongest crisp click that these actuators can make here in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
-    /// How loud it is in dB, if it was asked for and anything moves ([`super::sound`]).
-    pub sound_db: Option<f64>,
+    /// What it does to the surface, if it was asked for and anything moves.
+    pub surface: Option<SurfaceFigures>,
+    /// Whether it is quiet at the time asked for, and its peak in time.
+    pub is_crisp: bool,
 }
 
 impl ClickDesign {
@@ -96,7 +98,7 @@ pub fn design_click_windows(
     measures.quiet_s = measures.quiet_s.map(|quiet_s| if measures.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
     let mut limits = Vec::new();
     if measures.peak < REACHED * asked {
-        if built.saturated.is_empty() && travel_limit.is_none() && !built.lacks_current {
+        if built.saturated.is_empty() && travel_limit.is_none() && !built.lacks.current && !built.lacks.windows {
             add_limitation_if_new(
                 &mut limits,
                 if built.windows.is_empty() { Limitation::Node } else { Limitation::TooShort },
@@ -105,8 +107,11 @@ pub fn design_click_windows(
         for (actuator, limit) in &built.saturated {
             add_limitation_if_new(&mut limits, Limitation::for_actuator(table, *limit, *actuator));
         }
-        if built.lacks_current {
+        if built.lacks.current {
             add_limitation_if_new(&mut limits, Limitation::Supply);
+        }
+        if built.lacks.windows {
+            add_limitation_if_new(&mut limits, Limitation::Windows);
         }
     }
     if let Some(actuator) = travel_limit.filter(|_| measures.peak < REACHED * asked) {
@@ -120,7 +125,12 @@ pub fn design_click_windows(
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
-    let sound = options.with_figures_for_comparison.then(|| compute_sound_if_anything_moves_db(table, poles, &windows));
+    let surface = options
+        .with_figures_for_comparison
+        .then(|| compute_surface_figures_if_anything_moves(table, poles, &windows, &felt));
+    let is_crisp = measures.peak > 0.0
+        && measures.peak_s <= LATEST_PEAK_S
+        && measures.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s);
     Some(ClickDesign {
         windows,
         measures,
@@ -131,7 +141,8 @@ pub fn design_click_windows(
         travel_m: built.motion.travel_m,
         amplitudes: built.motion.amplitudes,
         best_possible,
-        sound_db: sound.flatten(),
+        surface: surface.flatten(),
+        is_crisp,
     })
 }
 

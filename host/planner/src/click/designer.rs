@@ -16,7 +16,7 @@ use crate::physics::limits::{Electrodes, Limit, MAX_SOFTENING_FRACTION, max_mean
 use crate::physics::rise::PanelPoles;
 use crate::scene::{ChargingTimes, MAX_ACTUATORS};
 use era_shared::circuit::{BLEEDER_OHMS, ELECTRODE_PICOFARADS};
-use era_shared::limits::{MAX_RAIL_MILLIVOLTS, OVER_CURRENT_AFTER_MS};
+use era_shared::limits::{MAX_RAIL_MILLIVOLTS, SEQUENCE_CURRENT_SPAN_MS};
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use era_shared::waveform::{Electrode, MAX_WINDOWS};
 use nalgebra::DVector;
@@ -33,8 +33,13 @@ const PEAKS_S: [f64; 2] = [0.012, 0.0145];
 const CRISP: [f64; 2] = [0.085, 0.15];
 /// The same where a crisp click is too weak and strength is preferred, one after the other.
 const LESS_CRISP: [[f64; 2]; 2] = [[0.4, 0.6], [1.0, 1.1]];
+/// How many times as strong as the crisp click one has to be that rings: fingers notice that a vibration is 10 to 30 % stronger.
+const WORTH_RINGING: f64 = 1.25;
 /// Part of the motion's peak before it is quiet, on the panel and on panels off it.
 const BEFORE: [f64; 2] = [1.0, 1.1];
+/// Parts of the peak that unlimited windows reach, which are tried where a board has too few windows for all of it: each is at most a sixth
+/// weaker than the one before.
+const WEAKER: [f64; 7] = [0.93, 0.86, 0.78, 0.69, 0.60, 0.51, 0.43];
 /// Part of the peak that is as good as all of it.
 const WHOLE: f64 = 0.999;
 /// The same of what windows really make.
@@ -128,7 +133,14 @@ pub struct BuiltClick {
     pub motion: WindowMotion,
     /// Actuators that are used in full, and what keeps them from more.
     pub saturated: Vec<(usize, Limit)>,
-    pub lacks_current: bool,
+    pub lacks: Lacks,
+}
+
+/// What a board has too little of for a click.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lacks {
+    pub current: bool,
+    pub windows: bool,
 }
 
 /// Forces of slots.
@@ -139,6 +151,8 @@ struct ChosenPushes {
     tight: Vec<SampleBound>,
     /// The largest force that they may have, as a part of the full one.
     scale: f64,
+    /// The largest peak in m/s^2 within the bounds.
+    strongest: f64,
     /// The peak in m/s^2 that they are for, and the part of it that they make.
     reachable: f64,
     peak: f64,
@@ -186,12 +200,14 @@ impl ClickDesigner<'_> {
     /// are too weak, and only the best of those is worked out.
     pub fn design_for_peak(&self, asked: f64) -> Option<BuiltClick> {
         if asked <= 0.0 {
-            return Some(self.build(&[], &[0.0; RAILS], (Vec::new(), false)));
+            return Some(self.build(&[], &[0.0; RAILS], (Vec::new(), Lacks::default())));
         }
         let crisp_s = self.options.crisp_s - SPARE_S;
+        let is_strong_and_crisp = |found: &JudgedClick| found.is_crisp && found.peak >= STRONG_ENOUGH;
         let soon = self.choose_pushes(asked, choose_bounds(PEAKS_S[0], SOON_QUIET_S.min(crisp_s), CRISP));
-        let soon = soon.filter(|chosen| chosen.reached >= STRONG_ENOUGH).and_then(|chosen| self.realise(asked, chosen));
-        if let Some(found) = soon.filter(|found| found.is_crisp && found.peak >= STRONG_ENOUGH) {
+        let soon = soon.filter(|chosen| chosen.reached >= STRONG_ENOUGH);
+        let soon = soon.and_then(|chosen| self.realise_or_weaken(asked, chosen, is_strong_and_crisp));
+        if let Some(found) = soon.filter(is_strong_and_crisp) {
             return Some(found.built);
         }
         let chosen = |peak_s: f64| self.choose_pushes(asked, choose_bounds(peak_s, crisp_s, CRISP));
@@ -203,7 +219,7 @@ impl ClickDesigner<'_> {
             if best.as_ref().is_some_and(|best| best.is_crisp && best.peak >= chosen.reached.min(STRONG_ENOUGH)) {
                 break;
             }
-            let Some(found) = self.realise(asked, chosen) else { continue };
+            let Some(found) = self.realise_or_weaken(asked, chosen, |found| found.is_crisp) else { continue };
             best = Some(best.map_or_else(|| found.clone(), |best| best.or_better(&found)));
         }
         if let Some(best) = &best
@@ -212,11 +228,13 @@ impl ClickDesigner<'_> {
         {
             return Some(best.built.clone());
         }
+        let least = best.as_ref().filter(|best| best.is_crisp).map_or(0.0, |best| WORTH_RINGING * best.peak);
         for after in LESS_CRISP {
             let Some(chosen) = self.choose_pushes(asked, choose_bounds(PEAKS_S[0], crisp_s, after)) else { continue };
-            let is_stronger = |peak: f64| best.as_ref().is_none_or(|best| peak > best.peak);
+            let is_stronger = |peak: f64| peak >= least && best.as_ref().is_none_or(|best| peak > best.peak);
             if is_stronger(chosen.reached)
-                && let Some(found) = self.realise(asked, chosen).filter(|found| is_stronger(found.peak))
+                && let Some(found) = self.realise_or_weaken(asked, chosen, |_| true)
+                && is_stronger(found.peak)
             {
                 best = Some(found);
             }
@@ -227,12 +245,38 @@ impl ClickDesigner<'_> {
         best.map(|best| best.built)
     }
 
+    /// The click of chosen pushes. If it is not good because it needs more windows than a board has, or because its windows miss the bounds: the
+    /// strongest good one of those with a lower peak, within the same bounds.
+    fn realise_or_weaken(
+        &self,
+        asked: f64,
+        chosen: ChosenPushes,
+        is_good: impl Fn(&JudgedClick) -> bool,
+    ) -> Option<JudgedClick> {
+        let ChosenPushes { bounds, strongest, reachable, peak, .. } = chosen;
+        let first = self.realise(asked, self.choose_fewer_pushes(chosen))?;
+        if is_good(&first) && !first.built.lacks.windows {
+            return Some(first);
+        }
+        let weaker = |part: f64| {
+            let weaker = self.choose_least_pushes(asked, bounds, (part * peak * reachable, strongest), &[])?;
+            self.realise(asked, self.choose_fewer_pushes(weaker)).filter(|found| is_good(found))
+        };
+        let Some(mut found) = WEAKER.into_iter().find_map(weaker) else { return Some(first) };
+        // What keeps it from more is what made the first one bad, not the actuators, which have force left.
+        found.built.lacks.windows |= first.built.lacks.windows;
+        if peak * reachable >= NEARLY_WHOLE * asked {
+            found.built.saturated.clear();
+        }
+        Some(if is_good(&first) { first.or_better(&found) } else { found })
+    }
+
     /// The click of chosen pushes.
     fn realise(&self, asked: f64, chosen: ChosenPushes) -> Option<JudgedClick> {
-        let ChosenPushes { pushes: chosen, bounds, reachable, peak, mut tight, .. } = self.choose_fewer_pushes(chosen);
+        let ChosenPushes { pushes: chosen, bounds, reachable, peak, mut tight, .. } = chosen;
         let rails = self.choose_rail_voltages(&chosen);
         let mut pushes = self.express_at_rail_voltages(&chosen, &rails);
-        let lacks_current = self.drop_pushes_beyond_board(&mut pushes, &rails);
+        let lacks = self.drop_pushes_beyond_board(&mut pushes, &rails);
         let is_short = reachable < asked || peak < WHOLE;
         let saturated = if is_short { self.list_actuators_at_full_force(&chosen) } else { Vec::new() };
         // From here on what can be reached is what is asked for.
@@ -240,7 +284,7 @@ impl ClickDesigner<'_> {
         let asked = reachable;
         let mut best: Option<(f64, JudgedClick)> = None;
         for round in 0..=CORRECTIONS {
-            let built = self.build(&pushes, &rails, (saturated.clone(), lacks_current));
+            let built = self.build(&pushes, &rails, (saturated.clone(), lacks));
             let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
             let felt = felt_motion_from_means(means);
             let measures = measure_click(&felt);
@@ -270,14 +314,37 @@ impl ClickDesigner<'_> {
         let (_, strongest) = self.solve_for_bounds(1.0, bounds, 1.0, |_, _| 1.0, &[], true)?;
         let strongest_peak = strongest.goal;
         if strongest_peak < MOVED {
-            let (pushes, tight) = (Vec::new(), Vec::new());
-            return Some(ChosenPushes { pushes, tight, bounds, scale: 1.0, reachable: asked, peak: 0.0, reached: 0.0 });
+            return Some(ChosenPushes {
+                pushes: Vec::new(),
+                tight: Vec::new(),
+                bounds,
+                scale: 1.0,
+                strongest: strongest_peak,
+                reachable: asked,
+                peak: 0.0,
+                reached: 0.0,
+            });
         }
-        let reachable = asked.min(strongest_peak);
-        let scale = (SPARE_FORCE * reachable / strongest_peak).min(1.0);
-        let (pushes, solved) = self.solve_for_bounds(reachable, bounds, scale, |_, _| 1.0, &strongest.tight, false)?;
+        self.choose_least_pushes(asked, bounds, (asked.min(strongest_peak), strongest_peak), &strongest.tight)
+    }
+
+    /// The least pushes for a peak of `reachable` m/s^2, of which `strongest` is the largest within the bounds.
+    fn choose_least_pushes(
+        &self,
+        asked: f64,
+        bounds: MotionBounds,
+        (reachable, strongest): (f64, f64),
+        first: &[SampleBound],
+    ) -> Option<ChosenPushes> {
+        // A place that does not move has no peak to choose for.
+        if strongest < MOVED {
+            return None;
+        }
+        let scale = (SPARE_FORCE * reachable / strongest).min(1.0);
+        let (pushes, solved) = self.solve_for_bounds(reachable, bounds, scale, |_, _| 1.0, first, false)?;
         let (tight, peak) = (solved.tight, solved.goal);
-        Some(ChosenPushes { pushes, tight, bounds, scale, reachable, peak, reached: peak * reachable / asked })
+        let reached = peak * reachable / asked;
+        Some(ChosenPushes { pushes, tight, bounds, scale, strongest, reachable, peak, reached })
     }
 
     /// The same peak from few slots, so that none is too weak for a window.
@@ -381,26 +448,28 @@ impl ClickDesigner<'_> {
         strongest.and_then(least).into_iter().collect()
     }
 
-    /// Drops the weakest pushes that a board takes no more of: beyond its number of windows, or its supply's current. Returns whether the
-    /// current was the reason.
-    fn drop_pushes_beyond_board(&self, pushes: &mut Vec<SlotPush>, rails: &[f64; RAILS]) -> bool {
-        let mut lacks_current = false;
+    /// Drops the weakest pushes that a board takes no more of: beyond its number of windows, or its supply's current. Returns which of the two
+    /// was too little.
+    fn drop_pushes_beyond_board(&self, pushes: &mut Vec<SlotPush>, rails: &[f64; RAILS]) -> Lacks {
+        let mut lacks = Lacks::default();
         loop {
+            let has_too_many = pushes.len() > MAX_WINDOWS;
             let is_current_short = self.highest_mean_current_a(pushes, rails) > max_mean_supply_current_a();
-            if pushes.len() <= MAX_WINDOWS && !is_current_short {
-                return lacks_current;
+            if !has_too_many && !is_current_short {
+                return lacks;
             }
-            lacks_current |= is_current_short && pushes.len() <= MAX_WINDOWS;
+            lacks.windows |= has_too_many;
+            lacks.current |= is_current_short && !has_too_many;
             let force = |push: &SlotPush| self.actuators.get(push.actuator).map_or(0.0, |own| own.full_n * push.part);
             let weakest = pushes.iter().enumerate().min_by(|a, b| force(a.1).total_cmp(&force(b.1))).map(|(i, _)| i);
-            let Some(weakest) = weakest else { return lacks_current };
+            let Some(weakest) = weakest else { return lacks };
             pushes.remove(weakest);
         }
     }
 
     /// The largest mean of the supply's current over the time that a board allows it, in A.
     fn highest_mean_current_a(&self, pushes: &[SlotPush], rails: &[f64; RAILS]) -> f64 {
-        let span_s = f64::from(OVER_CURRENT_AFTER_MS) * 1e-3;
+        let span_s = f64::from(SEQUENCE_CURRENT_SPAN_MS) * 1e-3;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "ten slots")]
         let span = (span_s / SLOT_S).ceil() as usize;
         let charge_c = |push: &SlotPush| {
@@ -425,7 +494,7 @@ impl ClickDesigner<'_> {
         &self,
         pushes: &[SlotPush],
         rails: &[f64; RAILS],
-        (saturated, lacks_current): (Vec<(usize, Limit)>, bool),
+        (saturated, lacks): (Vec<(usize, Limit)>, Lacks),
     ) -> BuiltClick {
         let window = |push: &SlotPush| {
             let own = self.actuators.get(push.actuator)?;
@@ -440,23 +509,23 @@ impl ClickDesigner<'_> {
             })
         };
         let windows: Vec<ClickWindow> = pushes.iter().filter_map(window).collect();
-        self.build_from_windows(windows, (saturated, lacks_current))
+        self.build_from_windows(windows, (saturated, lacks))
     }
 
     fn build_from_windows(
         &self,
         windows: Vec<ClickWindow>,
-        (saturated, lacks_current): (Vec<(usize, Limit)>, bool),
+        (saturated, lacks): (Vec<(usize, Limit)>, Lacks),
     ) -> BuiltClick {
         let motion = simulate_windows(self.table, self.poles, std::slice::from_ref(self.shape), &windows);
-        BuiltClick { windows, motion, saturated, lacks_current }
+        BuiltClick { windows, motion, saturated, lacks }
     }
 
     /// The same windows at voltages that make this part of the force.
     pub fn weaken(&self, built: &BuiltClick, part: f64) -> BuiltClick {
         let mut windows = built.windows.clone();
         windows.iter_mut().for_each(|window| window.voltage_v = (window.voltage_v * part.sqrt()).floor());
-        self.build_from_windows(windows, (built.saturated.clone(), built.lacks_current))
+        self.build_from_windows(windows, (built.saturated.clone(), built.lacks))
     }
 
     /// The parts of the pushes at which the bounds are missed least, given what windows make of the present ones.

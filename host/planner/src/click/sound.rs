@@ -1,9 +1,10 @@
-//! How loud a click is: the mean-square velocity of the surface, with the A-weighting of sound level meters.
+//! What a click does to the whole surface: how much less it moves than the target, and how loud it is: the mean-square velocity, with the
+//! A-weighting of sound level meters.
 //!
 //! A surface radiates more sound the faster it moves, and the ear hears low frequencies less. The figure compares clicks of one panel; it is
 //! no sound pressure.
 
-use super::felt::{LAST_SHOWN_LINE, list_lines_from_means};
+use super::felt::{LAST_SHOWN_LINE, felt_motion_from_means, list_lines_from_means};
 use super::motion::simulate_windows;
 use super::places::CellMiddles;
 use super::window::ClickWindow;
@@ -41,22 +42,41 @@ pub fn compute_weighted_mean_square_velocity(means: &[f64]) -> f64 {
     list_lines_from_means(means, LAST_SHOWN_LINE).into_iter().zip(1_u32..).map(square).sum()
 }
 
-/// The sound of windows in dB: the mean over places of the surface of that mean square, relative to that of 1 mm/s; `None` if nothing moves.
+/// What windows do to the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceFigures {
+    /// The mean over places of the A-weighted mean-square velocity, in dB relative to that of 1 mm/s.
+    pub sound_db: f64,
+    /// Mean square over time of the felt acceleration at the target over the mean of it over places, in dB.
+    pub contrast_db: f64,
+}
+
+/// What windows do to the surface, `felt_motion` being the felt acceleration of [`felt_motion_from_means`] at the target; `None` if nothing
+/// moves.
 #[must_use]
-pub fn compute_sound_if_anything_moves_db(
+pub fn compute_surface_figures_if_anything_moves(
     table: &PlanTable,
     poles: &PanelPoles,
     windows: &[ClickWindow],
-) -> Option<f64> {
+    felt_motion: &[f64],
+) -> Option<SurfaceFigures> {
     let (columns, rows) = GRID;
     let places = CellMiddles::find_on_surface(&table.scene, columns, rows).places_m;
     let shapes: Vec<DVector<f64>> =
         places.into_iter().flatten().map(|(x_m, y_m)| table.model.shape_deflections_at(x_m, y_m)).collect();
     let motion = simulate_windows(table, poles, &shapes, windows);
-    let squares = motion.mean_acceleration.iter().map(|means| compute_weighted_mean_square_velocity(means));
     #[expect(clippy::cast_precision_loss, reason = "some places")]
-    let mean = squares.sum::<f64>() / shapes.len().max(1) as f64;
-    (mean > 0.0).then(|| 10.0 * (mean / (REFERENCE_M_PER_S * REFERENCE_M_PER_S)).log10())
+    let mean_over_places = |square: &dyn Fn(&[f64]) -> f64| {
+        motion.mean_acceleration.iter().map(|means| square(means)).sum::<f64>() / shapes.len().max(1) as f64
+    };
+    let sum_of_squares = |felt: &[f64]| felt.iter().map(|x| x * x).sum::<f64>();
+    let velocity = mean_over_places(&compute_weighted_mean_square_velocity);
+    let elsewhere = mean_over_places(&|means| sum_of_squares(&felt_motion_from_means(means)));
+    let target = sum_of_squares(felt_motion);
+    (velocity > 0.0 && elsewhere > 0.0 && target > 0.0).then(|| SurfaceFigures {
+        sound_db: 10.0 * (velocity / (REFERENCE_M_PER_S * REFERENCE_M_PER_S)).log10(),
+        contrast_db: 10.0 * (target / elsewhere).log10(),
+    })
 }
 
 #[cfg(test)]
@@ -90,11 +110,40 @@ mod tests {
         let sound_db = |voltage_v: f64| {
             let window =
                 ClickWindow { actuator: 0, electrode: Electrode::A, begin_s: 1e-3, width_s: 0.5e-3, voltage_v };
-            compute_sound_if_anything_moves_db(&table, poles, &[window])
+            compute_surface_figures_if_anything_moves(&table, poles, &[window], &[1.0]).map(|found| found.sound_db)
         };
         // Forces grow with the square of the voltage.
         let added_db = sound_db(20.0 * 2.0_f64.sqrt()).unwrap() - sound_db(20.0).unwrap();
         assert!((added_db - 6.02).abs() < 0.005, "{added_db} dB");
-        assert_eq!(compute_sound_if_anything_moves_db(&table, poles, &[]), None);
+        assert_eq!(compute_surface_figures_if_anything_moves(&table, poles, &[], &[1.0]), None);
+    }
+
+    /// The mean of the contrasts' ratios, inverted, over the places is 1: each place is as likely a target as any other. A place that does not
+    /// feel anything has no contrast.
+    #[test]
+    fn contrasts_of_the_places_average_out() {
+        let (scene, grid) = (Scene::parse("bar", EXAMPLE_BAR).unwrap(), TableOptions::default());
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, grid.to_hz).unwrap();
+        let table = PlanTable::from_levels(&scene, levels, grid).unwrap();
+        let poles = table.panel_poles().unwrap();
+        let window =
+            ClickWindow { actuator: 1, electrode: Electrode::B, begin_s: 1e-3, width_s: 0.5e-3, voltage_v: 900.0 };
+        let shapes: Vec<DVector<f64>> = CellMiddles::find_on_surface(&table.scene, GRID.0, GRID.1)
+            .places_m
+            .into_iter()
+            .flatten()
+            .map(|(x_m, y_m)| table.model.shape_deflections_at(x_m, y_m))
+            .collect();
+        let motion = simulate_windows(&table, poles, &shapes, &[window]);
+        let ratio = |means: &Vec<f64>| {
+            let felt = felt_motion_from_means(means);
+            let found = compute_surface_figures_if_anything_moves(&table, poles, &[window], &felt).unwrap();
+            10.0_f64.powf(found.contrast_db / 10.0)
+        };
+        let ratios: Vec<f64> = motion.mean_acceleration.iter().map(ratio).collect();
+        #[expect(clippy::cast_precision_loss, reason = "six places")]
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        assert!((mean - 1.0).abs() < 1e-9 && ratios.iter().any(|ratio| *ratio > 1.2), "{ratios:?}");
+        assert_eq!(compute_surface_figures_if_anything_moves(&table, poles, &[window], &[0.0]), None);
     }
 }

@@ -75,7 +75,9 @@ pub struct EffectPrediction {
     pub left: f64,
     /// From here on it stays below a tenth of the peak, in ms; `null` if not within 300 ms of the end.
     pub quiet_ms: Option<f64>,
-    /// The same for a click without its brake.
+    /// Of a click of single windows, whether its peak comes within 15 ms and it is quiet within `crisp_ms`; `null` of other effects.
+    pub crisp: Option<bool>,
+    /// The same as `quiet_ms` for a click without its brake.
     pub quiet_unbraked_ms: Option<f64>,
     /// Of a click of single windows, the strongest crisp one that no drive of these actuators exceeds, in g, if it was asked for.
     pub best_possible_g: Option<f64>,
@@ -85,6 +87,9 @@ pub struct EffectPrediction {
     pub pulse_to_ring_db: Option<f64>,
     /// That ratio over the pulse's length, in dB/ms: the figure of merit for sharpness.
     pub sharpness_db_per_ms: Option<f64>,
+    /// Of a click of single windows, its contrast, if it was asked for: the mean square of the felt acceleration at the target over the mean of
+    /// that over the surface, in dB.
+    pub contrast_db: Option<f64>,
     /// Of a click of single windows, its sound, if it was asked for: the mean-square velocity of the surface up to 1 kHz, A-weighted, over 1 s and
     /// all of the surface, in dB relative to 1 mm/s.
     pub sound_db: Option<f64>,
@@ -493,10 +498,12 @@ fn predict_peak_and_quiet_time_at_first_target(
         quiet_unbraked_ms: unbraked.and_then(|effects| {
             quiet(&together(&sample_acceleration_per_n_of_each_drive(effect_drives, effects, 0, AFTER_S + QUIET_FOR_S)))
         }),
+        crisp: None,
         best_possible_g: None,
         pulse_ms: None,
         pulse_to_ring_db: None,
         sharpness_db_per_ms: None,
+        contrast_db: None,
         sound_db: None,
     }
 }

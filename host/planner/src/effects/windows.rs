@@ -61,12 +61,14 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
         residual: click.residual,
         left: click.residual,
         quiet_ms: measures.quiet_s.map(|quiet_s| 1e3 * quiet_s),
+        crisp: Some(click.is_crisp),
         quiet_unbraked_ms: None,
         best_possible_g: click.best_possible.map(|best| best / STANDARD_GRAVITY),
         pulse_ms: Some(1e3 * measures.pulse_s),
         pulse_to_ring_db: measures.pulse_to_ring_db,
         sharpness_db_per_ms: measures.sharpness_db_per_ms(),
-        sound_db: click.sound_db,
+        contrast_db: click.surface.map(|surface| surface.contrast_db),
+        sound_db: click.surface.map(|surface| surface.sound_db),
     };
     EffectDesign {
         effect: request.effect,

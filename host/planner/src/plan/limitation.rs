@@ -2,6 +2,7 @@
 
 use crate::physics::limits::Limit;
 use crate::table::PlanTable;
+use era_shared::waveform::MAX_WINDOWS;
 use serde::{Serialize, Serializer, ser::SerializeStruct};
 use std::fmt;
 
@@ -25,6 +26,8 @@ pub enum Limitation {
     TooShort,
     /// What is left of the touches before.
     StillMoving,
+    /// A click that needs more windows than a board plays.
+    Windows,
 }
 
 impl Limitation {
@@ -47,13 +50,14 @@ impl Limitation {
             Self::Node => "node",
             Self::TooShort => "too-short",
             Self::StillMoving => "still-moving",
+            Self::Windows => "windows",
         }
     }
 
     /// All codes.
     #[must_use]
     pub fn list_limitation_codes() -> Vec<&'static str> {
-        let others = [Self::QuietZone, Self::Node, Self::TooShort, Self::StillMoving];
+        let others = [Self::QuietZone, Self::Node, Self::TooShort, Self::StillMoving, Self::Windows];
         let others = others.iter().map(Self::code);
         Limit::ALL.into_iter().map(Limit::name).chain(others).collect()
     }
@@ -76,6 +80,7 @@ impl fmt::Display for Limitation {
             Self::QuietZone => f.write_str("quiet zone"),
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
             Self::StillMoving => f.write_str("motion that remains from earlier touches"),
+            Self::Windows => write!(f, "the number of windows: a board plays at most {MAX_WINDOWS}"),
         }
     }
 }

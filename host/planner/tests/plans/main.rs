@@ -1,5 +1,6 @@
 //! Plans and tables against closed formulas, all combinations, and each other.
 
+mod clicks;
 mod drive_schemes;
 mod finger;
 mod harmonics;
