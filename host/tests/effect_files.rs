@@ -177,7 +177,7 @@ fn what_cannot_be_played_is_refused_with_the_field() {
         ),
         (json!({"file": AHAP, "format": "wav"}), 400, "format", "only files in a text format"),
         (json!({"file": AHAP, "format": "mp3"}), 400, "format", "mp3"),
-        (json!({"file": "{}"}), 400, "file", "missing field `version`"),
+        (json!({"file": "{}"}), 400, "file", "version is missing"),
         (json!({"effect": event(json!({"primitive": "bang"}))}), 400, "effect.events[0].primitive", "bang"),
         (
             json!({"effect": event(json!({"primitive": "click", "intensity": 2}))}),

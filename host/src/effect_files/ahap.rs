@@ -101,7 +101,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         }
     };
     let time_s = number_at(event, "Time").unwrap_or_else(|| {
-        list.warn(format!("{name} has no Time: the event begins at 0 s"));
+        list.warn(format!("{name} has no Time that is a number: the event begins at 0 s"));
         0.0
     });
     let (mut own_intensity, mut own_sharpness, mut is_sustained) = (None, None, true);
@@ -132,7 +132,10 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         list.warn(format!("{name} has no HapticIntensity: {DEFAULT_INTENSITY} is used"));
         DEFAULT_INTENSITY
     });
-    let base_sharpness = own_sharpness.unwrap_or(DEFAULT_SHARPNESS);
+    let base_sharpness = own_sharpness.unwrap_or_else(|| {
+        list.warn(format!("{name} has no HapticSharpness: {DEFAULT_SHARPNESS} is used"));
+        DEFAULT_SHARPNESS
+    });
     let sharp_at = |time_s: f64| (base_sharpness + sharpness.value_at(time_s).unwrap_or(0.0)).clamp(0.0, 1.0);
     if !is_continuous {
         let strength = base * intensity.value_at(time_s).unwrap_or(1.0);
@@ -285,10 +288,11 @@ mod tests {
             "AudioCustom, which is a sound",
             "AttackTime of Pattern[1].Event is left out",
             "is 1.7, but must be 0 to 1: 1 is used",
+            "Pattern[3].Event has no HapticSharpness: 0.1 is used",
         ] {
             assert!(said.contains(part), "{part}: {said}");
         }
-        assert_eq!(list.warnings.len(), 3, "{said}");
+        assert_eq!(list.warnings.len(), 4, "{said}");
     }
 
     #[test]

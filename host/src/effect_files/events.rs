@@ -133,7 +133,8 @@ pub fn sharpness_from_hz(frequency_hz: f64) -> f64 {
 impl EventList {
     /// A list without events.
     #[must_use]
-    pub const fn new(format: FileFormat, name: Option<String>) -> Self {
+    pub fn new(format: FileFormat, name: Option<String>) -> Self {
+        let name = name.filter(|name| !name.trim().is_empty());
         Self { name, format, events: Vec::new(), warnings: Vec::new(), points: 0, warnings_left_out: 0 }
     }
 

@@ -154,6 +154,9 @@ fn read_error_from_serde(path: &serde_path_to_error::Path, message: &str) -> Rea
     if let Some((name, nearest)) = parse_unknown_field_and_find_nearest(message) {
         return ReadError::UnreadField(format!("{} {}", inside(name), describe_unknown_field(nearest)));
     }
+    if let Some((_, name)) = message.split_once("missing field `") {
+        return ReadError::UnreadField(format!("{} is missing", inside(name.split('`').next().unwrap_or(name))));
+    }
     if let Some((value, allowed)) = parse_wrong_value(message).zip(describe_expected_type(message)) {
         return ReadError::new_field_error(&path, value, allowed);
     }
