@@ -19,7 +19,8 @@ fn main() {
         commit.replace_range(7.., "+");
     }
     println!("cargo:rustc-env=ERA_COMMIT={commit}");
-    for sources in ["src", "../shared/src"] {
+    let settings = ["Cargo.toml", "Cargo.lock", ".cargo/config.toml", "../shared/Cargo.toml"];
+    for sources in ["src", "../shared/src"].into_iter().chain(settings) {
         println!("cargo:rerun-if-changed={sources}");
     }
     // Where HEAD lies differs between a checkout and one of git's worktrees.

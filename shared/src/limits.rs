@@ -97,11 +97,44 @@ pub const REFERENCE_MILLIVOLTS: u32 = circuit::PIN_FULL_SCALE_MILLIVOLTS;
 /// How far it may be from that, in per cent: its regulator has 1 %, the chip's own reference 1 % over temperature.
 pub const REFERENCE_TOLERANCE_PERCENT: u32 = 3;
 
-/// Most that the supply may deliver on average, in uA: electrodes at 2 kV and 100 pF take 40 uA each at 200 Hz and 200 uA
-/// at 1 kHz; a person's let-go threshold is 20 times this, the limit of IEC 61010-1 (2 mA dc) 4 times.
+/// Most that drives may take from the supply on average, in uA: electrodes at 2 kV and 100 pF take 40 uA each at 200 Hz and 200 uA
+/// at 1 kHz.
 pub const MAX_AVERAGE_MICROAMPS: u32 = 500;
-/// For how many ms the average may be above [`MAX_AVERAGE_MICROAMPS`].
-pub const OVER_CURRENT_AFTER_MS: u32 = 10;
+/// Over any time of so many ms the windows of a sequence take no more than that on average.
+pub const SEQUENCE_CURRENT_SPAN_MS: u32 = 10;
+/// The mean of the measured average current above which the board switches off, in uA: a person's let-go threshold is 14 times this, the limit of
+/// IEC 61010-1 (2 mA dc) nearly 3 times.
+pub const OVER_CURRENT_MICROAMPS: u32 = 700;
+/// That mean is over this time, in us, of which the older part counts less (exponentially). Electrodes that are charged together take in some ms
+/// several times what they take on average: 4 ERAs at 200 Hz 0.9 mA in each third ms. Shorter than [`ELECTRODE_FAULT_AFTER_MS`], so that a
+/// current of 0.8 mA is told as an over-current.
+pub const OVER_CURRENT_MEAN_MICROSECONDS: u64 = 1 << 13;
+/// Most that a charge of all electrodes adds to that mean, in uA.
+const CHARGE_RIPPLE_MICROAMPS: u64 =
+    circuit::add_percent(most_charge_picocoulombs(), circuit::TOLERANCE_PERCENT) / OVER_CURRENT_MEAN_MICROSECONDS;
+/// What both rails take while they rise, in uA.
+const RISING_MICROAMPS: u64 =
+    circuit::RAILS as u64 * circuit::RAIL_PICOFARADS as u64 * RAIL_SLOPE_MILLIVOLTS_PER_MS as u64 / 1_000_000;
+const _: () = assert!(
+    circuit::add_percent(MAX_AVERAGE_MICROAMPS as u64, CURRENT_TOLERANCE_PERCENT)
+        + CURRENT_OFFSET_MICROAMPS as u64
+        + circuit::add_percent(RISING_MICROAMPS, circuit::TOLERANCE_PERCENT)
+        // Half of what a charge adds is above the mean.
+        + CHARGE_RIPPLE_MICROAMPS / 2
+        <= OVER_CURRENT_MICROAMPS as u64,
+    "drives that the board accepts trip it"
+);
+
+/// Charge of one electrode of every channel at the highest voltage, in pC.
+const fn most_charge_picocoulombs() -> u64 {
+    let (mut picofarads, mut channel) = (0, 0);
+    while channel < circuit::ELECTRODE_PICOFARADS.len() {
+        picofarads += circuit::ELECTRODE_PICOFARADS[channel] as u64;
+        channel += 1;
+    }
+    picofarads * MAX_RAIL_MILLIVOLTS as u64 / 1_000
+}
+
 /// The average current and what the drives should take are compared as means over this time, in us, of which the older part counts less
 /// (exponentially). A power of two, as the board computes it every ms. Longer than the pauses between two charges at 10 Hz.
 pub const ELECTRODE_MEAN_MICROSECONDS: u64 = 1 << 17;
@@ -114,7 +147,7 @@ pub const CURRENT_OFFSET_MICROAMPS: u32 = 5;
 /// reference changes rails and current alike.
 pub const CURRENT_TOLERANCE_PERCENT: u32 = 3;
 
-/// The comparator switches everything off above this momentary current, in uA: the edges of four electrodes that fall
+/// The comparator switches everything off above this momentary current, in uA: the edges of four electrodes that rise
 /// together take 4 x 2 mA (2 kV behind 1 Mohm each), and a quarter more.
 pub const TRIP_MICROAMPS: u32 = 10_000;
 /// The threshold and its comparator may be off by this much, in per cent: 1 % for the shunt, 2 % for the converter, and 10 mV of

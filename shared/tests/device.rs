@@ -160,7 +160,7 @@ fn every_fault_while_running_switches_everything_off() {
         (|board| board.standing_fault = Some((FaultCode::Permit, 1)), FaultCode::Permit),
         (|board| board.trip = Some((FaultCode::OverCurrent, 0)), FaultCode::OverCurrent),
         (|board| board.trip = Some((FaultCode::OverVoltage, 0)), FaultCode::OverVoltage),
-        (|board| board.more_microamps = 501, FaultCode::OverCurrent),
+        (|board| board.more_microamps = 700, FaultCode::OverCurrent),
         (|board| board.rails_show = [Some(2_100_001), None], FaultCode::OverVoltage),
         (|board| board.rails_show = [None, Some(790_000)], FaultCode::RailCollapsed),
         (|board| board.rails_show = [Some(850_000), None], FaultCode::RailImplausible),

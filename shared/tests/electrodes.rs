@@ -90,6 +90,51 @@ fn read_latched_fault(bench: &mut Bench) -> Option<(FaultCode, u32)> {
     latched.map(|fault| (fault.code, fault.detail))
 }
 
+/// Drives that the board accepts do not end in a fault, also when all charges come at once while the rails rise from 50 V: at these frequencies a
+/// third to a half of the ms have more current than the drives take on average.
+#[test]
+fn accepted_drives_do_not_trip() {
+    for (count, hertz) in [(4_u8, 100), (4, 120), (4, 150), (4, 190), (4, 200), (4, 226), (3, 290), (2, 440), (1, 500)]
+    {
+        let mut bench = arm_bench_with_parts(Parts::default());
+        let drives: Vec<ChannelDrive> = (0..count)
+            .map(|channel| ChannelDrive {
+                channel,
+                frequency_millihertz: hertz * 1_000,
+                pulse_width_ppm: 400_000,
+                phase_microturns: 0,
+                voltage_millivolts: 2_000_000,
+            })
+            .collect();
+        expect_drives_set(&mut bench, &drives);
+        for _ in 0..12 {
+            wait_alive(&mut bench, 50);
+            assert_eq!(read_latched_fault(&mut bench), None, "{count} ERAs at {hertz} Hz");
+        }
+        bench.send_request(&Request::SetDrives { drives: Short::new() });
+    }
+}
+
+/// A plan may give an actuator no force. Its drive has no voltage, charges nothing, and counts for nothing, though another drive has brought the rail
+/// of both up.
+#[test]
+fn a_drive_without_voltage_takes_nothing() {
+    let mut bench = arm_bench_with_parts(Parts::default());
+    let drives: Vec<ChannelDrive> = [(0, 372, 1_760), (1, 396, 1_053), (2, 352, 0), (3, 332, 0)]
+        .into_iter()
+        .map(|(channel, hertz, volts)| ChannelDrive {
+            channel,
+            frequency_millihertz: hertz * 1_000,
+            pulse_width_ppm: 400_000,
+            phase_microturns: 0,
+            voltage_millivolts: volts * 1_000,
+        })
+        .collect();
+    expect_drives_set(&mut bench, &drives);
+    wait_alive(&mut bench, 600);
+    assert_eq!(read_latched_fault(&mut bench), None);
+}
+
 #[test]
 fn arming_finds_each_broken_electrode() {
     let states = [
@@ -204,11 +249,11 @@ proptest! {
         let mut bench = arm_bench_with_parts(parts);
         for (first, second, third, fourth, count, ms) in sets {
             let drives = &[first, second, third, fourth][..count];
-            // With the rails that two of them share at the higher voltage. Of the supply's 500 uA a sixth is left for charges that come
-            // at the same time.
+            // With the rails that two of them share at the higher voltage. Of 700 uA, 110 uA are left for rails that rise, and 70 uA for charges
+            // that come at the same time.
             let highest = drives.iter().map(|drive| drive.voltage_millivolts).max().unwrap();
             let worst: Vec<_> = drives.iter().map(|drive| ChannelDrive { voltage_millivolts: highest, ..*drive }).collect();
-            if [parts, Parts::default()].iter().any(|parts| mean_measured_microamps(&worst, highest, parts) > 420.0) {
+            if [parts, Parts::default()].iter().any(|parts| mean_measured_microamps(&worst, highest, parts) > 520.0) {
                 continue;
             }
             if effects {
@@ -218,7 +263,12 @@ proptest! {
                     bench.send_request(&Request::Play { channel: drive.channel, start_us: 0, effect });
                 }
             } else {
-                expect_drives_set(&mut bench, drives);
+                let reply = bench.send_request(&Request::SetDrives { drives: Short::from_slice(drives).unwrap() });
+                // With the board's own figure of the capacitance it may be too much.
+                if matches!(reply, Reply::Refused(Refusal::Current { .. })) {
+                    continue;
+                }
+                prop_assert!(matches!(reply, Reply::DrivesSet { .. }), "{reply:?}");
             }
             wait_alive(&mut bench, ms);
             prop_assert_eq!(read_latched_fault(&mut bench), None, "{:?}", drives);

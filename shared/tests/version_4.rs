@@ -130,6 +130,13 @@ fn a_wrong_reference_is_a_fault_in_every_state() {
             bench.board.reference_millivolts = 3_300;
             bench.wait_ms(40);
             assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
+            if is_live {
+                // Rails that were measured against a wrong reference are safe when the bleeders have had their 0.95 s.
+                bench.wait_ms(800);
+                assert_eq!(bench.state(), SafetyState::Discharging);
+                bench.wait_ms(150);
+                assert_eq!(bench.state(), SafetyState::Safe);
+            }
         }
     }
     let mut bench = Bench::new();
@@ -146,6 +153,7 @@ fn credit_and_whether_it_was_live_are_kept_over_a_reset() {
     assert_eq!(bench.board.kept, Some(idle));
     bench.send_request(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
     bench.wait_ms(support::ARMING_MS);
+    assert!(bench.board.kept.is_some_and(|run| run.is_live), "the rails are up, though nothing is driven");
     let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..make_drive(0) };
     bench.send_request(&Request::SetDrives { drives: Short::from_slice(&[strong]).unwrap() });
     for _ in 0..8 {

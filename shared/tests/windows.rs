@@ -4,6 +4,7 @@ mod support;
 
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
+use era_shared::supply::rail_index_of_channel;
 use era_shared::waveform::{
     ChannelGoal, Electrode, ModelTimers, OutputPair, PlacedWindows, Pulse, SequenceError, SequenceWindow,
     compute_channel_program,
@@ -330,6 +331,17 @@ fn a_sequence_is_refused_as_a_whole() {
     };
     let Refusal::Current { requested_microamps, max_microamps: 500 } = ask(&crowd) else { panic!() };
     assert!((600..=640).contains(&requested_microamps), "{requested_microamps}");
+    // The same on one rail, while the other one is at 50 V: each window counts at the voltage of its own rail.
+    for rail in 0..2 {
+        let own: Vec<u8> = (0..4).filter(|channel| rail_index_of_channel(usize::from(*channel)) == rail).collect();
+        let crowd = |it: &mut WindowSequence| {
+            it.rail_millivolts = [50_000; 2];
+            it.rail_millivolts[rail] = 2_000_000;
+            it.windows = (0..24).map(|i| make_window(own[i % own.len()], Electrode::A, 2_000, 3_000)).collect();
+        };
+        let Refusal::Current { requested_microamps, max_microamps: 500 } = ask(&crowd) else { panic!("rail {rail}") };
+        assert!((560..=640).contains(&requested_microamps), "{requested_microamps}");
+    }
     assert!(matches!(ask(&|it| it.start_us = 1), Refusal::Start { start_us: 1, .. }));
     let now_us = bench.board.now_us;
     let mut soon = |start_us: u64| {

@@ -148,6 +148,7 @@ SETTINGS = {
     "ADC1 JSQR": "ADC1_JSQR: JL=2 JSQ1=1 JSQ2=2 JSQ3=6 JSQ4=0", "ADC3 JSQR": "ADC3_JSQR: JL=1 JSQ1=5 JSQ2=5 JSQ3=0 JSQ4=0",
     "ADC4 JSQR": "ADC4_JSQR: JL=1 JSQ1=4 JSQ2=4 JSQ3=0 JSQ4=0", "ADC1 SQR1": "ADC1_SQR1: L=1 SQ1=1 SQ2=18", "ADC2 SQR1": "ADC2_SQR1: L=0 SQ1=7",
     "ADC2 SMPR1": "ADC2_SMPR1: SMP7=7", "ADC2 CFGR": "ADC2_CFGR: CONT OVRMOD RES=0", "ADC2 CFGR2": "ADC2_CFGR2: ROVSE JOVSE=0 OVSR=5 OVSS=2",
+    "ADC1 SMPR1": "ADC1_SMPR1: SMP1=4 SMP2=4 SMP6=4", "ADC1 SMPR2": "ADC1_SMPR2: SMP18=6",
     "ADC12 CCR": "ADC12_COMMON_CCR: VREFEN", "DBGMCU CR": "DBGMCU_CR: DBG_SLEEP=0 DBG_STOP=0 DBG_STANDBY=0",
 }
 # Constants of the firmware that are formed by shifts, but are no bits of registers.
@@ -167,7 +168,8 @@ SNIPPETS = {
         "base + {TIM1_AF1 offset}, 0)?;\n        board.write_memory_word(base + {TIM1_BDTR offset}, {TIM1_BDTR: MOE AOE})",
     ),
     f"{REPORT}/trips.rs": (
-        'mode changed", {TIM1_CCMR1_OUTPUT}, 0)', '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(COMP4_CSR)", {COMP_C4CSR}, 0)',
+        'mode changed", {TIM1_CCMR1_OUTPUT}, 0)', 'TIM4 changed", {TIM4_CCMR1_OUTPUT}, 0)',
+        '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(COMP4_CSR)", {COMP_C4CSR}, 0)',
         '(COMP1_CSR)", {COMP_C1CSR}, 0)', 'voltage threshold raised (DAC3)", {DAC3_DHR12R1}, 4095)',
         'current threshold raised (DAC3)", {DAC3_DHR12R2}, 4095)', '(ADC1_CR)", {ADC1_CR})', '(ADC3_CR)", {ADC3_CR})', '(ADC4_CR)", {ADC4_CR})',
         "(name, address, 1 << {ADC1_CR first ADVREGEN})",

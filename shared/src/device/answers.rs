@@ -194,9 +194,11 @@ impl Device {
             let _ = achieved.push(program.achieved);
         }
         // What the supply cannot deliver would end in a fault after some ms.
-        let driven = goals.iter().enumerate();
-        let driven =
-            driven.filter_map(|(channel, goal)| Some((channel, goal.as_ref()?.program.achieved.frequency_nanohertz)));
+        let driven = goals.iter().enumerate().filter_map(|(channel, goal)| {
+            // A drive without voltage has no windows, even if another drive brings its rail up.
+            let program = &goal.as_ref().filter(|goal| goal.program.voltage_millivolts > 0)?.program;
+            Some((channel, program.achieved.frequency_nanohertz))
+        });
         let requested_microamps =
             mean_current_of_drives_microamps(self.rail_targets_for_goals_keeping_unused(&goals), driven);
         if requested_microamps > MAX_AVERAGE_MICROAMPS && !drives.is_empty() {

@@ -5,7 +5,7 @@ use crate::MAX_CHANNELS;
 use crate::board::Board;
 use crate::circuit::{ELECTRODE_PICOFARADS, add_percent, both_bleeders_microamps};
 use crate::limits::{
-    MAX_AVERAGE_MICROAMPS, OVER_CURRENT_AFTER_MS, RAIL_SLOPE_MILLIVOLTS_PER_MS, SWITCHED_DISCHARGE_MS,
+    MAX_AVERAGE_MICROAMPS, RAIL_SLOPE_MILLIVOLTS_PER_MS, SEQUENCE_CURRENT_SPAN_MS, SWITCHED_DISCHARGE_MS,
 };
 use crate::protocol::{ChannelLimits, Refusal, WindowSequence};
 use crate::safety::{CreditCharge, LinkId, PlannedDrive, SafetyEvent};
@@ -202,10 +202,10 @@ fn plan_drives(
     })
 }
 
-/// The highest average over [`OVER_CURRENT_AFTER_MS`] of what the windows take from the supply, in uA: each charges its electrode
+/// The highest average over [`SEQUENCE_CURRENT_SPAN_MS`] of what the windows take from the supply, in uA: each charges its electrode
 /// once.
 fn highest_average_current_microamps(sequence: &WindowSequence, ticks_per_ms: u32) -> u32 {
-    let span = OVER_CURRENT_AFTER_MS * ticks_per_ms;
+    let span = SEQUENCE_CURRENT_SPAN_MS * ticks_per_ms;
     let mut ends = [0_u32; MAX_CHANNELS];
     let mut edges: heapless::Vec<(u32, u64), { crate::waveform::MAX_WINDOWS }> = heapless::Vec::new();
     for window in &sequence.windows {
@@ -224,5 +224,5 @@ fn highest_average_current_microamps(sequence: &WindowSequence, ticks_per_ms: u3
     };
     let most_femtocoulombs = edges.iter().map(|(at, _)| within(*at)).max().unwrap_or(0);
     // fC per ms is pA.
-    u32::try_from((most_femtocoulombs / u64::from(OVER_CURRENT_AFTER_MS)).div_ceil(1_000_000)).unwrap_or(u32::MAX)
+    u32::try_from((most_femtocoulombs / u64::from(SEQUENCE_CURRENT_SPAN_MS)).div_ceil(1_000_000)).unwrap_or(u32::MAX)
 }

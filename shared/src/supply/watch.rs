@@ -1,9 +1,10 @@
 //! Whether the readings are plausible and within the limits.
 
 use super::{RAILS, SensorReadings, SupplyCommand};
+use crate::circuit::AVERAGE_FULL_SCALE_MICROAMPS;
 use crate::limits::{
     COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, FORGIVING_RATIO, IMPLAUSIBLE_AFTER_MS,
-    MAX_AVERAGE_MICROAMPS, OVER_CURRENT_AFTER_MS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS,
+    OVER_CURRENT_MEAN_MICROSECONDS, OVER_CURRENT_MICROAMPS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS,
     RAIL_TOLERANCE_PERCENT, REFERENCE_MILLIVOLTS, REFERENCE_TOLERANCE_PERCENT, RISING_TOLERANCE_MILLIVOLTS,
     SWITCHED_DISCHARGE_MS,
 };
@@ -23,7 +24,8 @@ pub struct SupplyMonitor {
     discharging_since_us: [Option<u64>; RAILS],
     /// Per rail when its set-point was last lowered.
     lowered_us: [Option<u64>; RAILS],
-    over_current: ConditionTime,
+    /// Mean of the average current in nA.
+    mean_nanoamps: u64,
 }
 
 impl SupplyMonitor {
@@ -37,7 +39,7 @@ impl SupplyMonitor {
             implausible: [ConditionTime::NONE; RAILS],
             discharging_since_us: [None; RAILS],
             lowered_us: [None; RAILS],
-            over_current: ConditionTime::NONE,
+            mean_nanoamps: 0,
         }
     }
 
@@ -124,11 +126,18 @@ impl SupplyMonitor {
                 return Some((FaultCode::RailImplausible, detail));
             }
         }
-        let too_much = readings.average_microamps > MAX_AVERAGE_MICROAMPS;
-        if self.over_current.count_or_forgive_time_and_has_lasted(too_much, elapsed_us, OVER_CURRENT_AFTER_MS) {
-            return Some((FaultCode::OverCurrent, readings.average_microamps));
-        }
-        None
+        let mean_microamps = self.update_mean_current_microamps(readings.average_microamps, elapsed_us);
+        (mean_microamps > OVER_CURRENT_MICROAMPS).then_some((FaultCode::OverCurrent, mean_microamps))
+    }
+
+    /// The mean of the average current after a reading that stands for the time since the one before.
+    fn update_mean_current_microamps(&mut self, microamps: u32, elapsed_us: u64) -> u32 {
+        // A current that is not measured counts as the largest.
+        let measured_nanoamps = u64::from(microamps.min(AVERAGE_FULL_SCALE_MICROAMPS)) * 1_000;
+        let older_us = OVER_CURRENT_MEAN_MICROSECONDS.saturating_sub(elapsed_us);
+        self.mean_nanoamps =
+            (self.mean_nanoamps * older_us + measured_nanoamps * elapsed_us) / OVER_CURRENT_MEAN_MICROSECONDS;
+        u32::try_from(self.mean_nanoamps / 1_000).unwrap_or(u32::MAX)
     }
 }
 

@@ -77,8 +77,9 @@ fn list_limits() -> Vec<(&'static str, Vec<String>)> {
         (
             "average current",
             vec![
-                format!("{} mA", f64::from(code::MAX_AVERAGE_MICROAMPS) / 1e3),
-                format!("{} ms", code::OVER_CURRENT_AFTER_MS),
+                format!("{} mA", f64::from(code::OVER_CURRENT_MICROAMPS) / 1e3),
+                format!("over {} ms", code::OVER_CURRENT_MEAN_MICROSECONDS / 1_000),
+                format!("at most {} mA", f64::from(code::MAX_AVERAGE_MICROAMPS) / 1e3),
             ],
         ),
         ("over-current trip", vec![format!("{} mA", code::TRIP_MICROAMPS / 1_000)]),

@@ -33,7 +33,7 @@ const COMP_DAC: u32 = 0x0002_0041;
 /// Enabled, against VREFINT (011) by its scaler, inverted, 20 mV.
 const COMP_VREF: u32 = 0x0082_8031;
 
-const SETTINGS: [Setting; 42] = [
+const SETTINGS: [Setting; 44] = [
     new_register_setting("TIM1 BDTR", 0x4001_2C44, BDTR_MASK, BDTR),
     new_register_setting("TIM8 BDTR", 0x4001_3444, BDTR_MASK, BDTR),
     new_register_setting("TIM20 BDTR", 0x4001_5044, BDTR_MASK, BDTR),
@@ -91,6 +91,9 @@ const SETTINGS: [Setting; 42] = [
     new_register_setting("ADC2 CFGR2", 0x5000_0110, 0x0000_01FF, 0x0000_0055),
     // VREFEN (22).
     new_register_setting("ADC12 CCR", 0x5000_0308, 1 << 22, 1 << 22),
+    // SMP6, SMP2 and SMP1 of the rails and the bond: 47.5 clocks. SMP18 of VREFINT: 247.5 clocks, as it takes 4 us.
+    new_register_setting("ADC1 SMPR1", 0x5000_0014, 0x001C_01F8, 0x0010_0120),
+    new_register_setting("ADC1 SMPR2", 0x5000_0018, 0x0700_0000, 0x0600_0000),
     // DBG_SLEEP, DBG_STOP, DBG_STANDBY: off in a shipped image (ES0430, 2.2.8).
     new_register_setting("DBGMCU CR", 0xE004_2004, 0b111, 0),
 ];

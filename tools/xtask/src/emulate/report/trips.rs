@@ -6,7 +6,7 @@ use super::drives::{FIRST, add_reply_row};
 use super::expected::{ALL_OFF, describe_output_state};
 use super::table::ReportTable;
 use crate::error::Error;
-use era_shared::limits::{DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS, OVER_CURRENT_AFTER_MS};
+use era_shared::limits::{DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS};
 use era_shared::protocol::{FaultCode, Refusal, Reply, Request};
 use era_shared::safety::SafetyState;
 use serde_json::{Value, json};
@@ -84,16 +84,16 @@ fn list_trips_while_driving() -> Vec<InjectedTrip> {
             "average current, 0.8 mA",
             json!({"average_ma": 0.8}),
             FaultCode::OverCurrent,
-            // The converter's mean is complete after a ms.
-            after(OVER_CURRENT_AFTER_MS) + 1.0,
+            // A mean over 8.2 ms reaches 0.7 mA from 0 after 8.2 ms ln(0.8 / 0.1); the converter's own mean is complete after a ms.
+            17.1 + 1.0,
             false,
         ),
         trip(
             "average current not measured",
             json!({"average": "stops"}),
             FaultCode::OverCurrent,
-            // The last result may be read a ms after it was there, and is believed for 3 ms.
-            after(OVER_CURRENT_AFTER_MS) + 1.0 + 3.0,
+            // It counts as 2 mA: 8.2 ms ln(2 / 1.3). The last result may be read a ms after it was there, and is believed for 3 ms.
+            3.6 + 1.0 + 3.0,
             false,
         ),
         trip("earth bond open", json!({"earth": "open"}), FaultCode::EarthOpen, AT_NEXT_LOOK_MS, true),
@@ -133,6 +133,14 @@ fn list_trips_while_driving() -> Vec<InjectedTrip> {
         trip(
             "timer stands still",
             json!({"stall": {"timer": "TIM20"}}),
+            FaultCode::TimerStopped,
+            AT_NEXT_LOOK_MS,
+            false,
+        ),
+        // The one that has no break.
+        trip(
+            "timer 4 stands still",
+            json!({"stall": {"timer": "TIM4"}}),
             FaultCode::TimerStopped,
             AT_NEXT_LOOK_MS,
             false,
@@ -342,11 +350,16 @@ const fn new_disabled_converter(name: &'static str, address: u32) -> ChangedRegi
 }
 
 /// One of each kind, addresses by RM0440. All but the converters are in the table of settings that are read after boot.
-const CHANGED_REGISTERS: [ChangedRegister; 10] = [
+const CHANGED_REGISTERS: [ChangedRegister; 11] = [
     // TIM1_CCMR1: outputs frozen.
     ChangedRegister {
         found_by_arming: FaultCode::ReadBack,
         ..new_changed_register("compare mode changed", 0x4001_2C18, 0)
+    },
+    // TIM4_CCMR1, of the timer that has no break.
+    ChangedRegister {
+        found_by_arming: FaultCode::ReadBack,
+        ..new_changed_register("compare mode of TIM4 changed", 0x4000_0818, 0)
     },
     new_changed_register("break of TIM8 without comparators (AF1)", 0x4001_3460, 0),
     new_changed_register("permit without comparators (TIM16_AF1)", 0x4001_4460, 0),

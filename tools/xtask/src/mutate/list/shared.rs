@@ -79,8 +79,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "current limit doubled",
         "shared/src/limits.rs",
-        "pub const MAX_AVERAGE_MICROAMPS: u32 = 500;",
-        "pub const MAX_AVERAGE_MICROAMPS: u32 = 1_000;",
+        "pub const OVER_CURRENT_MICROAMPS: u32 = 700;",
+        "pub const OVER_CURRENT_MICROAMPS: u32 = 1_400;",
     ),
     new_mutation(
         "interlock not looked at while live",
