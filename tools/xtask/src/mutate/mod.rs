@@ -20,7 +20,7 @@ const NO_LIMIT: &str = "0";
 /// Options of `cargo xtask mutate`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// Only mistakes whose name contains this
+    /// Only mistakes whose name or file contains this
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
     /// Only so many, chosen by the commit, of those that the tests of the shared crate see
@@ -98,7 +98,9 @@ fn select_matching_or_commit_sampled_mutations(
     root: &Path,
     options: &Options,
 ) -> Result<Vec<&'static Mutation>, Error> {
-    let wanted = |mutation: &&Mutation| options.only.as_ref().is_none_or(|only| mutation.name.contains(only));
+    let wanted = |mutation: &&Mutation| {
+        options.only.as_ref().is_none_or(|only| mutation.name.contains(only) || mutation.file.contains(only))
+    };
     let Some(count) = options.some else { return Ok(list_mutations().filter(wanted).collect()) };
     let shared: Vec<&Mutation> = list_mutations().filter(wanted).filter(|it| it.file.starts_with("shared/")).collect();
     let commit = capture_output(Command::new("git").current_dir(root).args(["rev-parse", "HEAD"]))?;
