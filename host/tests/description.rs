@@ -216,6 +216,42 @@ fn the_manual_names_all_problems_and_their_statuses() {
 }
 
 /// What is declared is served, and another method of it is not.
+/// Names between quotation marks or backticks, in the part of `file` that begins with `from` and ends before `to`.
+fn names_in(file: &str, from: &str, to: &str) -> BTreeSet<String> {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let (_, rest) = text.split_once(from).unwrap_or_else(|| panic!("{file} has no {from}"));
+    let (part, _) = rest.split_once(to).unwrap_or_else(|| panic!("{file} has no {to} behind {from}"));
+    let is_name = |text: &&str| !text.is_empty() && text.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    part.split(['"', '`', '\\']).filter(is_name).map(str::to_owned).collect()
+}
+
+/// A new effect is written down in all of these places, which no compiler compares.
+#[test]
+fn every_list_of_effects_names_all_effects() {
+    let schema = &description()["components"]["schemas"]["Effect"];
+    let effects: BTreeSet<String> =
+        schema["enum"].as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned()).collect();
+    assert!(effects.contains("click") && effects.len() > 5, "{schema}");
+    for (file, from, to) in [
+        ("src/daemon/http/routes.rs", "\"effect\"?: ", ","),
+        ("python/python/era/_era.pyi", "    effect: Literal[", "]"),
+        ("python/src/effect.rs", "/// effect : {", "}"),
+        ("python/src/effect.rs", "let allowed = ", ";"),
+        ("tests/effect_figures.rs", "const EFFECTS: [&str; 6] = [", "]"),
+    ] {
+        assert_eq!(names_in(file, from, to), effects, "{file}, {from}");
+    }
+    let page = names_in("web/index.html", "<fieldset id=\"effects\">", "</fieldset>");
+    let page: BTreeSet<_> =
+        page.into_iter().filter(|name| !["effects", "radio", "effect"].contains(&&**name)).collect();
+    assert_eq!(page, effects, "web/index.html");
+    let link = names_in("../tools/crosscheck/reference/link.py", "\nEFFECTS = {", "\n}");
+    let link: BTreeSet<_> =
+        link.into_iter().filter(|name| !["count"].contains(&&**name) && !name.ends_with("_ms")).collect();
+    assert_eq!(link, effects, "link.py");
+}
+
 #[test]
 fn what_is_declared_is_served() {
     let daemon = Daemon::start(STARTING_PLATE);

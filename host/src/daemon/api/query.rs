@@ -1,7 +1,7 @@
 //! What stands behind the `?` of an address, read with the field that is wrong.
 
 use super::problem::{Problem, ProblemKind};
-use crate::serde_messages::{describe_unknown_field, parse_unknown_field_and_find_nearest};
+use crate::serde_messages::{describe_expected_type, describe_unknown_field, parse_unknown_field_and_find_nearest};
 use axum::extract::Query;
 use axum::http::Uri;
 use serde::de::{DeserializeOwned, Error, Unexpected};
@@ -31,7 +31,7 @@ pub fn deserialize_present_query_number_as_some<'de, D: Deserializer<'de>>(
     let text = String::deserialize(deserializer)?;
     let is_tight = !text.contains(char::is_whitespace);
     let number = serde_json::from_str::<f64>(&text).ok().filter(|_| is_tight);
-    number.map(Some).ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&text), &"a float"))
+    number.map(Some).ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&text), &"a number"))
 }
 
 fn query_problem_from_error_text(error_text: &str, uri: &Uri, expected: &str) -> Problem {
@@ -47,20 +47,16 @@ fn query_problem_from_error_text(error_text: &str, uri: &Uri, expected: &str) ->
     if let Some((field, _)) = twice {
         return bad(format!("{field} is given twice")).with_field(field.to_owned());
     }
-    let Some((field, what)) = error_text.split_once(": ") else {
+    let field_and_allowed =
+        error_text.split_once(": ").and_then(|(field, what)| Some((field, describe_expected_type(what)?)));
+    let Some((field, allowed)) = field_and_allowed else {
         return bad(format!("the query cannot be read: {error_text}"));
     };
-    let allowed = if what.contains("float") { "a number" } else { "a whole number, 0 or more" };
     let Ok(Query(pairs)) = Query::<Vec<(String, String)>>::try_from_uri(uri) else {
         return bad(format!("{field} must be {allowed}")).with_field(field.to_owned());
     };
     let value = pairs.into_iter().find(|(name, _)| name == field).map(|(_, value)| value).unwrap_or_default();
-    bad(format!("{field} is {value:?}, but must be {allowed}")).with_field_and_value(
-        field,
-        value.into(),
-        allowed.into(),
-        None,
-    )
+    bad(format!("{field} is {value:?}, but must be {allowed}")).with_field_and_value(field, value.into(), allowed, None)
 }
 
 #[cfg(test)]
@@ -72,17 +68,28 @@ mod tests {
     #[serde(deny_unknown_fields)]
     #[expect(dead_code, reason = "it is only read")]
     struct Wanted {
+        #[serde(default, deserialize_with = "deserialize_present_query_number_as_some")]
         x_px: Option<f64>,
-        count: Option<u32>,
+        taps: Option<Queue>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Queue {
+        All,
+        Newest,
     }
 
     #[test]
     fn the_field_that_is_wrong_is_named_without_words_of_this_programs_language() {
         for (query, field, words) in [
             ("x_px=a", "x_px", "x_px is \"a\", but must be a number. The query has the form x_px"),
-            ("count=-1", "count", "count is \"-1\", but must be a whole number, 0 or more"),
+            ("x_px=1e", "x_px", "x_px is \"1e\", but must be a number"),
+            ("taps=-1", "taps", "taps is \"-1\", but must be all or newest"),
+            ("taps=al", "taps", "taps is \"al\", but must be all or newest"),
+            ("taps=", "taps", "taps is \"\", but must be all or newest"),
             ("x_px=1&z=2", "z", "z is not a known field"),
-            ("conut=2", "conut", "conut is not a known field; did you mean count? The query has the form x_px"),
+            ("tabs=2", "tabs", "tabs is not a known field; did you mean taps? The query has the form x_px"),
             ("x_px=1&x_px=2", "x_px", "x_px is given twice"),
         ] {
             let uri = format!("/v1/field?{query}").parse().unwrap();

@@ -7,6 +7,7 @@ use super::low_priority::Deadline;
 use super::preview::{MAX_SCENE, check_entry_counts, check_model_size, limit_exceeded_problem};
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::{Problem, ProblemKind};
+use crate::model::ModelError;
 use crate::scene::Scene;
 use crate::study::bounds::{ExceededBound, StudyBounds, UnusableStudy};
 use crate::study::evaluate::{EvaluateError, Evaluator, Figures, QuickEvaluator};
@@ -204,7 +205,7 @@ struct BoundedEvaluator<'a> {
 impl Evaluator for BoundedEvaluator<'_> {
     fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
         if self.job.is_stop_wanted() {
-            return Err(EvaluateError::Refused("the study was stopped".into()));
+            return Err(ModelError::Stopped.into());
         }
         check_model_size(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
         self.job.run_stoppable_by_cancel(|| self.quick.compute_scene_figures(scene, wanted))
