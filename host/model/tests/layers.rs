@@ -194,7 +194,10 @@ fn mistakes_are_named() {
     let patch = "[[patch]]\nx_mm = 10\ny_mm = 10\nlength_mm = 20\nwidth_mm = 20\n";
     let both = birch("").replacen("ex_pa", "youngs_modulus_pa = 1e9\nex_pa", 1);
     let cases: [(String, &[&str]); 11] = [
-        (format!("thickness_mm = 2.1\n{two}"), &["surface.thickness_mm is 2.1", "2 (the sum of all [[layer]] tables)"]),
+        (
+            format!("thickness_mm = 2.1\n{two}"),
+            &["surface.thickness_mm is 2.1", "2 (the sum of the thicknesses of all [[layer]] tables)"],
+        ),
         (format!("{surface}{two}"), &["surface.material is given", "left out, because every [[layer]]"]),
         (birch("angle_deg = 45"), &["layer[1].angle_deg is 45", "0 or 90"]),
         (birch("bond = \"slips\""), &["layer[1].bond is \"slips\"", "lowest"]),

@@ -429,7 +429,7 @@ impl From<GatherError> for Raised {
                 &error,
                 "folder",
                 missing,
-                Some("a folder with the rows of all designs".into()),
+                Some("a study folder with the results of all designs".into()),
             ),
         }
     }

@@ -125,8 +125,9 @@ Examples:
     Latency(Latency),
     /// Write the firmware to a board, through a debug probe or over USB (not yet tested on a real board)
     #[command(after_help = "\
-Before the command erases the flash, it checks that the file is a firmware image for this chip and kind of board, and
-it checks the firmware that the board runs now. If an update was interrupted, run the same command again.
+Before the command erases the flash, it checks that the file is a firmware image for this chip and kind of board. If a
+board answers, the command also checks that its present firmware does not speak a newer version of the ERA protocol than
+the image. If an update was interrupted, run the same command again.
 Switch the high-voltage supply off first: while the bootloader of the chip runs, it drives some pins, and the firmware
 does not run and cannot keep the supply off.
 

@@ -384,9 +384,9 @@ fn check_config_file(options: &ConfigCheck) -> Outcome {
 fn format_example_config() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line override this file.\n\
-         # Relative paths are relative to the folder of this file. To drive your panel, set scene, and set device to\n\
-         # \"auto\": without device, the daemon drives the simulated device. `era config check FILE` shows the values\n\
-         # that are used.\n\nversion = {VERSION}"
+         # Relative paths are relative to the folder of this file. To drive your panel, set the key scene, and set the\n\
+         # key device to \"auto\". If device is not set, the daemon drives the simulated device. `era config check FILE`\n\
+         # shows the values that are used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {
         let _ = write!(text, "\n\n# {help}. Default: {default}.\n# {name} = {example}");

@@ -43,7 +43,7 @@ fn describe_modelled_scene(scene: &Scene) -> String {
         (scene.edges.len() - held, "elastic edges"),
         (lossy, "supports and edges with a loss factor"),
         (scene.masses.len(), "attached masses"),
-        (inertial, "inertial ERAs, each with one unknown for its mass"),
+        (inertial, "inertial ERAs, each with one unknown for the motion of its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
         (biased, "ERAs softened by a bias voltage"),
         (charging, "ERAs whose electrodes charge through resistors"),

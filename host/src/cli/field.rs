@@ -65,7 +65,8 @@ pub fn run_field(options: &Field) -> Outcome {
     }
     let off = options.spread.map(|off| {
         let looked = || tolerances::compute_target_peak_spread_under_tolerances(&scene, &touched, &plan, off);
-        run_with_progress("computing panels that deviate from the scene", looked).map_err(Failure::runtime_error)
+        run_with_progress("computing the changes of the peak for panels that deviate from the scene", looked)
+            .map_err(Failure::runtime_error)
     });
     let off = off.transpose()?;
     if options.json {

@@ -365,7 +365,7 @@ fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
         ", {}",
         describe_level_or_none_as_not_felt(plan.predicted.above_threshold_db, "the threshold of feeling")
     );
-    let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
+    let _ = write!(text, "; the peak including harmonics is at most {:.3} g", details.waveform_peak_g);
     // Less is rounding.
     if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
         let _ = write!(

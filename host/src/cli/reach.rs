@@ -151,7 +151,8 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     }
     text.push_str(
         "\n(10th percentile: 10 % of the surface has a lower peak; dead: percentage of the surface with a peak below a \
-         tenth of the largest peak; weaker: percentage with a peak below the lowest peak of distinct frequencies)\n",
+         tenth of the largest peak; weaker: percentage of the surface with a peak below the lowest peak \
+         of the first scheme)\n",
     );
     text.push_str(&format_scheme_settings(&schemes, measure));
     text.push_str(&explain_if_one_frequency_beats_distinct(&schemes, first_bending_hz));

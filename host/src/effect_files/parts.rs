@@ -218,7 +218,8 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Result<Vec<Curve
             .push(format!("vibrations left out because another place has a vibration at the same time: {elsewhere}"));
     }
     if clipped {
-        warnings.push("intensities of vibrations at the same time add up to more than 1: 1 is played".into());
+        warnings
+            .push("the intensities of simultaneous vibrations add up to more than 1; the effect uses 1 instead".into());
     }
     Ok(curves)
 }

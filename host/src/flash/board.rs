@@ -31,8 +31,8 @@ pub enum BoardError {
     Check(#[from] CheckError),
     /// Its firmware is too old.
     #[error(
-        "the board's firmware speaks ERA protocol version {0}, which has no request for the bootloader: hold the \
-         pin BOOT0 (PB8) high while you switch the power on, or use a debug probe"
+        "the board's firmware speaks ERA protocol version {0}, in which the host cannot start the bootloader: to start \
+         the bootloader, hold the pin BOOT0 (PB8) high while you switch the power on, or use a debug probe"
     )]
     TooOld(u8),
 }

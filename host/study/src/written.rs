@@ -196,7 +196,7 @@ impl StudyResults {
             let _ = write!(text, "; the errors of {} may exceed this tolerance", missed.join(", "));
         }
         if is_bounded.contains(&false) {
-            text.push_str("; the errors of figures without an error column are not known");
+            text.push_str("; if a figure has no error column, its error is not known");
         }
         text.push_str(")\n");
         text

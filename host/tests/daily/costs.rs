@@ -299,13 +299,14 @@ fn neither_a_stop_nor_the_end_waits_for_what_is_computed() {
     let app = Arc::new(Daemon::app(STARTING_PLATE, Access::default()));
     let (mut served, url) = Served::at_a_port(&app, None);
     let daemon = Daemon { url, sim: Default::default(), background: None };
+    // First, so that the previews have just begun when the stops are sent.
+    daemon.wait_for(|state| state["device"]["connected"] == true);
     let scene = heavy_scene();
     let mut streams: Vec<_> = (0..2).map(|_| connect(&daemon)).collect();
     for (i, stream) in streams.iter_mut().enumerate() {
         let request = post_with("/v1/preview", &format!("User-Agent: {i}\r\n"), &preview(&scene));
         stream.write_all(request.as_bytes()).unwrap();
     }
-    daemon.wait_for(|state| state["device"]["connected"] == true);
     let mut times = Vec::new();
     for _ in 0..20 {
         let asked = Instant::now();

@@ -102,7 +102,7 @@ pub(super) fn read_layered_thickness_m(surface: &TomlSection<'_, '_>, plies: &[P
     let own_mm = surface.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
     if (own_mm / 1e3 - thickness_m).abs() > SAME_THICKNESS * thickness_m {
         let allowed = format!(
-            "{} (the sum of all [[layer]] tables), or left out",
+            "{} (the sum of the thicknesses of all [[layer]] tables), or left out",
             super::place::metres_to_rounded_mm(thickness_m)
         );
         surface.report_wrong_value("thickness_mm", own_mm.to_string(), &allowed);

@@ -93,7 +93,7 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
             report_given_keys_that_must_be_left_out(
                 &section,
                 ["samples"],
-                "because `robust` is \"corners\": the corners of the ranges are the samples",
+                "because `robust` is \"corners\": the samples are then all combinations of the lowest and the highest values",
             );
             method.robust = UncertaintySampling::Corners;
         } else {

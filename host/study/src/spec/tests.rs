@@ -61,8 +61,8 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (
             format!("{wish}[[uncertain]]\nkey = \"a.b\"\nby = 1\n[method]\nrobust = \"corners\"\nsamples = 9\n"),
             11,
-            "method.samples is 9, but must be left out, because `robust` is \"corners\": the corners of the ranges are \
-             the samples",
+            "method.samples is 9, but must be left out, because `robust` is \"corners\": the samples are then all \
+             combinations of the lowest and the highest values",
         ),
         (
             format!("{wish}[method]\nway = \"evolution\"\nchunk = 3\n"),
