@@ -3,16 +3,20 @@
 mod support;
 
 use era::device::convert::{drive_to_wire, windows_to_wire};
-use era::device::sim::{Clock, STEP_S, SimBoard, SimPanel, low_pass_response};
+use era::device::sim::{Clock, LargestTravel, STEP_S, SimBoard, SimPanel, low_pass_response};
 use era::effects::design::EffectPrediction;
 use era::effects::{
     EffectDesign, EffectRequest, Intensity, NamedEffect, design_effect, design_effect_with_windows, intensity,
     plan_request_with_intensity_for_targets_without_one,
 };
-use era::planner::click::{ClickOptions, LEAD_S, design_click_windows};
+use era::model::Accuracy;
+use era::model::levels::ReducedLevels;
+use era::planner::click::{ClickOptions, LEAD_S, Preference, design_click_windows};
+use era::planner::limits::Electrodes;
 use era::planner::rise::PanelPoles;
-use era::planner::{self, PlanTable, STANDARD_GRAVITY, Target};
-use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
+use era::planner::{self, PlanTable, STANDARD_GRAVITY, TableOptions, Target};
+use era::scene::random::random_scene_text;
+use era::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request, WindowSequence};
@@ -315,4 +319,81 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             }
         }
     }
+}
+
+/// Random panels, places, strengths and effects, from far too weak to far too strong: on the simulated device, which integrates with gaps as they
+/// move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test effects random -- --nocapture` tries
+/// many more.
+#[test]
+fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
+    let wanted = std::env::var("ERA_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(36_u32);
+    let effects = [
+        NamedEffect::Click,
+        NamedEffect::DoubleClick,
+        NamedEffect::Click,
+        NamedEffect::PulseTrain,
+        NamedEffect::Swell,
+        NamedEffect::Click,
+        NamedEffect::Texture,
+    ];
+    let (mut tried, mut bursts, mut near, mut furthest) = (0_u32, 0_u32, 0_u32, 0.0_f64);
+    for number in 0..u64::from(4 * wanted) {
+        let scene = Scene::parse("random", &random_scene_text(31, number)).unwrap();
+        let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let table = PlanTable::from_levels(&scene, levels, options).unwrap();
+        // A panel whose poles are not known has no effects.
+        let Some(poles) = table.panel_poles() else { continue };
+        for case in 0..6_u32 {
+            let k = 6 * u32::try_from(number).unwrap() + case;
+            let at = |step: f64| (0.5 + step * f64::from(k + 1)).fract();
+            let (x_m, y_m) = (at(0.754_877_666) * scene.surface.length_m, at(0.569_840_291) * scene.surface.width_m);
+            let g = [0.2, 1.0, 1e3][k as usize % 3];
+            let target = Target { x_m, y_m, intensity_g: Some(g) };
+            let request = EffectRequest::with_defaults(effects[k as usize % effects.len()]);
+            // A place in a cut-out, or one that nothing moves, has none either.
+            let Ok(plan) = table.plan(&[target]) else { continue };
+            let prefer = if case % 2 == 0 { Preference::Strength } else { Preference::Crispness };
+            let options = ClickOptions { preference: prefer, ..ClickOptions::default() };
+            // Two thirds of the clicks are bursts of windows, one third are pushes with brakes, as older boards play them.
+            let design = if k % 3 == 0 {
+                design_effect(&table, poles, &plan, request)
+            } else {
+                design_effect_with_windows(&table, poles, &plan, request, options)
+            };
+            let Ok(design) = design else { continue };
+            let mut bench = Bench::new(&table, &target);
+            if design.windows.is_empty() {
+                let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+                bench.play(&design, &effects, 400_000);
+            } else {
+                bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
+                bench.run_to(300_000);
+                let start_us = 500_000;
+                let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
+                assert_eq!(bench.ask(&windows), Reply::WindowsPlaying { start_us }, "panel {number}, case {case}");
+                bench.run_to(start_us + 200_000);
+                bursts += 1;
+            }
+            let travels = bench.board.panel_mut().take_largest_travels_since_last_call();
+            for (travel, electrodes) in travels.iter().zip(&table.electrodes) {
+                let part = travel.travel_m / electrodes.gap_m;
+                let name =
+                    || format!("panel {number}, case {case}, {:?} of {g} g: {part:.4} of the gap", request.effect);
+                assert!(!travel.snapped_in && part <= 1.0 / 3.0, "{}", name());
+                furthest = furthest.max(part);
+            }
+            let is_near = |(travel, own): (&LargestTravel, &Electrodes)| travel.travel_m > own.gap_m / 6.0;
+            near += u32::from(travels.iter().zip(&table.electrodes).any(is_near));
+            tried += 1;
+            if tried == wanted {
+                println!(
+                    "{tried} effects, {bursts} of them bursts of windows: {furthest:.3} of the gap at most, {near} beyond a sixth"
+                );
+                assert!(bursts > wanted / 5 && near > 0, "{bursts} {near}");
+                return;
+            }
+        }
+    }
+    panic!("only {tried} effects could be designed");
 }
