@@ -4,19 +4,19 @@ use crate::clock::compute_median;
 use crate::error::Error;
 use crate::table::Table;
 use era_model::model::{Accuracy, levels::ReducedLevels};
-use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene, SurfaceKind};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene};
 use era_planner::click::measures::{ClickMeasures, QUIET, measure_click};
+use era_planner::click::places::CellMiddles;
 use era_planner::click::{ClickDesign, ClickOptions, design_click_windows, simulate_felt_motion_of_windows};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
 use era_planner::{PlanTable, STANDARD_GRAVITY, TableOptions, Target};
-use nalgebra::DVector;
 use std::fmt::Write;
 use std::time::Instant;
 
-/// Places of a plate; a bar has one row.
-const COLUMNS: u32 = 12;
-const ROWS: u32 = 8;
+/// Columns and rows of places of a plate, and of the keys of a keypad; a bar has one row.
+const GRID: (u32, u32) = (12, 8);
+const KEYPAD: (u32, u32) = (4, 3);
 /// Peak asked for in g.
 const ASKED_G: f64 = 0.5;
 /// Latest peak of a crisp click, and from when on it is quiet, in s.
@@ -65,13 +65,6 @@ fn build_plan_table_from_toml(text: &str) -> Result<PlanTable, Error> {
     Ok(PlanTable::from_levels(&scene, ReducedLevels::build(&scene, Accuracy::BALANCED, grid.to_hz)?, grid)?)
 }
 
-fn list_places_m(scene: &Scene) -> Vec<(f64, f64)> {
-    let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { ROWS };
-    let part = |k: u32, count: u32| (f64::from(k) + 0.5) / f64::from(count);
-    let place = |r: u32, c: u32| (part(c, COLUMNS) * scene.surface.length_m, part(r, rows) * scene.surface.width_m);
-    (0..rows).flat_map(|r| (0..COLUMNS).map(move |c| (r, c))).map(|(r, c)| place(r, c)).collect()
-}
-
 /// The click at one place, and how it compares.
 struct ClickAtPlace {
     before_is_crisp: bool,
@@ -80,7 +73,6 @@ struct ClickAtPlace {
     /// On the panels off the scene.
     perturbed_measures: Vec<ClickMeasures>,
     is_quiet_when_perturbed: bool,
-    contrast_db: f64,
 }
 
 fn is_click_crisp(measures: &ClickMeasures) -> bool {
@@ -99,7 +91,6 @@ fn design_and_measure_click(
     table: &PlanTable,
     perturbed_tables: &[PlanTable],
     (x_m, y_m): (f64, f64),
-    other_shapes: &[DVector<f64>],
 ) -> Option<ClickAtPlace> {
     let poles = table.panel_poles()?;
     let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
@@ -107,8 +98,9 @@ fn design_and_measure_click(
     let click = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, ClickOptions::default())?;
     let took_ms = 1e3 * begun.elapsed().as_secs_f64();
     let compared = ClickOptions { with_figures_for_comparison: true, ..ClickOptions::default() };
-    let best = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, compared)?.best_possible;
-    let click = ClickDesign { best_possible: best, ..click };
+    let ClickDesign { best_possible, surface, .. } =
+        design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, compared)?;
+    let click = ClickDesign { best_possible, surface, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
     let before_is_crisp = before.peak_at_ms <= 15.0 && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0);
@@ -122,12 +114,7 @@ fn design_and_measure_click(
     let perturbed_measures: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
     let is_quiet_when_perturbed =
         motions.iter().all(|motion| is_below_fraction_of_peak_after_quiet_time(motion, QUIET_OFF));
-    let square = |motion: &[f64]| motion.iter().map(|x| x * x).sum::<f64>();
-    let elsewhere = simulate_felt_motion_of_windows(table, poles, other_shapes, &click.windows);
-    #[expect(clippy::cast_precision_loss, reason = "some places")]
-    let mean = elsewhere.iter().map(|motion| square(motion)).sum::<f64>() / elsewhere.len().max(1) as f64;
-    let contrast_db = 10.0 * (square(&click.felt_motion) / mean).log10();
-    Some(ClickAtPlace { before_is_crisp, click, took_ms, perturbed_measures, is_quiet_when_perturbed, contrast_db })
+    Some(ClickAtPlace { before_is_crisp, click, took_ms, perturbed_measures, is_quiet_when_perturbed })
 }
 
 /// Measures clicks: a list of one table.
@@ -136,15 +123,16 @@ fn design_and_measure_click(
 /// [`Error`]: a scene that cannot be modelled.
 pub fn build_click_tables() -> Result<Vec<Table>, Error> {
     let scenes = [
-        ("plate", EXAMPLE_PLATE.to_owned()),
-        ("starting plate", STARTING_PLATE.to_owned()),
-        ("bar", EXAMPLE_BAR.to_owned()),
-        ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned()),
-        ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned()),
-        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml()),
+        ("plate", EXAMPLE_PLATE.to_owned(), GRID),
+        ("plate, keypad of 4 x 3 keys", EXAMPLE_PLATE.to_owned(), KEYPAD),
+        ("starting plate", STARTING_PLATE.to_owned(), GRID),
+        ("bar", EXAMPLE_BAR.to_owned(), GRID),
+        ("camera", include_str!("../../../examples/scenes/camera.toml").to_owned(), GRID),
+        ("bezel", include_str!("../../../examples/scenes/bezel.toml").to_owned(), GRID),
+        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml(), GRID),
     ];
     let mut table = Table::new(
-        "Clicks of 0.5 g at 12 x 8 places (at 12 of the bar)",
+        "Clicks of 0.5 g at 12 x 8 places (at 12 of the bar, and at the keys of a keypad)",
         &[
             "scene",
             "crisp before",
@@ -161,7 +149,7 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
             "time (median, 99 %)",
         ],
     );
-    for (name, text) in scenes {
+    for (name, text, (columns, rows)) in scenes {
         let own = build_plan_table_from_toml(&text)?;
         let variants = [
             ("youngs_modulus_pa", 1.0 + OFF),
@@ -173,16 +161,10 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
             .iter()
             .map(|(key, factor)| build_plan_table_from_toml(&scale_values_of_key(&text, key, *factor)))
             .collect::<Result<Vec<_>, _>>()?;
-        let places = list_places_m(&own.scene);
-        let other_shapes: Vec<DVector<f64>> = places
-            .iter()
-            .step_by(4)
-            .map(|(x_m, y_m)| mode_shape_values_at_point_or_on_bar_axis(&own, *x_m, *y_m))
-            .collect();
-        let clicked: Vec<ClickAtPlace> = places
-            .iter()
-            .filter_map(|place| design_and_measure_click(&own, &perturbed_tables, *place, &other_shapes))
-            .collect();
+        let places = CellMiddles::find_on_surface(&own.scene, columns, rows).places_m;
+        let places: Vec<(f64, f64)> = places.into_iter().flatten().collect();
+        let clicked: Vec<ClickAtPlace> =
+            places.iter().filter_map(|place| design_and_measure_click(&own, &perturbed_tables, *place)).collect();
         // A place without a click counts as one that is not crisp.
         table.add_row(build_row_of_clicks(name, places.len(), &clicked));
         eprintln!("{name}: {} places", clicked.len());
@@ -219,7 +201,7 @@ fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> V
         format!("{:.2}", least_of(&|own| peak_g(own) / bound_g(own).min(ASKED_G))),
         format!("{:.1} dB", median_of(&|own| own.click.measures.pulse_to_ring_db)),
         format!("{:.2} dB/ms", median_of(&|own| own.click.measures.sharpness_db_per_ms())),
-        format!("{:.1} dB", median_of(&|own| Some(own.contrast_db))),
+        format!("{:.1} dB", median_of(&|own| own.click.surface.map(|surface| surface.contrast_db))),
         format!("{:.1} ms, {slow:.1} ms", compute_median(times)),
     ]
 }
