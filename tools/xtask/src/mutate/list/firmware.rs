@@ -145,4 +145,16 @@ pub const MUTATIONS: &[Mutation] = &[
         "    \"    bmi 2f\",",
         "    \"    b 2f\",",
     ),
+    new_mutation(
+        "the fourth timer is not looked at while live",
+        "firmware/src/board.rs",
+        "        for (channel, number) in (0..CHANNELS).zip(0..) {",
+        "        for (channel, number) in (0..CHANNELS - 1).zip(0..) {",
+    ),
+    new_mutation(
+        "the sampling time of the reference is that of another input",
+        "firmware/src/sense.rs",
+        "usize::from(REFERENCE_INPUT) - 10, SampleTime::CYCLES247_5",
+        "usize::from(REFERENCE_INPUT) - 11, SampleTime::CYCLES247_5",
+    ),
 ];

@@ -382,4 +382,28 @@ pub const MUTATIONS: &[Mutation] = &[
         "            let millivolts = number(measured_millivolts).max(number(&self.supply.set_point_millivolts));",
         "            let millivolts = number(measured_millivolts);",
     ),
+    new_mutation(
+        "a reset while armed without a drive is forgotten",
+        "shared/src/device/live.rs",
+        "        self.keep_for_next_start(board, self.state().is_live());",
+        "        self.keep_for_next_start(board, self.state() == SafetyState::Running);",
+    ),
+    new_mutation(
+        "rails are believed although their reference is wrong",
+        "shared/src/protocol/fault.rs",
+        "                | FaultCode::ShortCircuit\n                | FaultCode::Reference\n",
+        "                | FaultCode::ShortCircuit\n",
+    ),
+    new_mutation(
+        "the current of a sequence is counted at the voltage of rail 1",
+        "shared/src/device/windows.rs",
+        "        let millivolts = sequence.rail_millivolts.get(rail_index_of_channel(channel)).copied().unwrap_or(0);",
+        "        let millivolts = sequence.rail_millivolts.first().copied().unwrap_or(0);",
+    ),
+    new_mutation(
+        "drives without voltage count for the supply's current",
+        "shared/src/device/answers.rs",
+        "filter(|goal| goal.program.voltage_millivolts > 0)?",
+        "filter(|_| true)?",
+    ),
 ];
