@@ -67,7 +67,7 @@ fn TIM1_BRK_TIM15() {
     force_electrodes_and_supply_off();
     let (code, detail) = find_trip_cause();
     trip::note_trip(code, detail);
-    // The writes have arrived when the handler ends, or the interrupt might be taken again (Cortex-M4 erratum 838869).
+    // The writes have arrived when the handler ends, or another handler might run in place of the next one (Cortex-M4 erratum 838869).
     cortex_m::asm::dsb();
 }
 
