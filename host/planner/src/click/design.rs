@@ -1,7 +1,8 @@
 //! A click's windows for a place.
 
+use super::actuator::ClickActuator;
 use super::bound::find_best_possible_peak;
-use super::designer::{ClickActuator, ClickDesigner, SLOT_SAMPLES};
+use super::designer::{ClickDesigner, SLOT_SAMPLES};
 use super::felt::{FINE_RECORD, felt_motion_from_means, shown_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;

@@ -11,6 +11,7 @@
 //! What counts is the felt band ([`felt`]): full up to 300 Hz and nothing from 500 Hz on. Method: minimum-effort input shaping
 //! (Singhose, Command shaping for flexible systems, 2009), with the constraints as Chebyshev bounds in time.
 
+mod actuator;
 pub mod bound;
 pub mod design;
 mod designer;
