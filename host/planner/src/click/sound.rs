@@ -88,6 +88,12 @@ mod tests {
     use crate::scene::{EXAMPLE_BAR, Scene};
     use era_shared::waveform::Electrode;
 
+    fn build_bar_table() -> PlanTable {
+        let (scene, grid) = (Scene::parse("bar", EXAMPLE_BAR).unwrap(), TableOptions::default());
+        let levels = ReducedLevels::build(&scene, Accuracy::FAST, grid.to_hz).unwrap();
+        PlanTable::from_levels(&scene, levels, grid).unwrap()
+    }
+
     /// Sines of 1 mm/s have the weighting of the table in IEC 61672-1.
     #[test]
     fn sines_have_the_tabulated_weighting() {
@@ -103,9 +109,7 @@ mod tests {
     /// Twice the force is 6.02 dB; nothing is no number.
     #[test]
     fn forces_twice_as_large_are_6_db_louder() {
-        let (scene, grid) = (Scene::parse("bar", EXAMPLE_BAR).unwrap(), TableOptions::default());
-        let levels = ReducedLevels::build(&scene, Accuracy::FAST, grid.to_hz).unwrap();
-        let table = PlanTable::from_levels(&scene, levels, grid).unwrap();
+        let table = build_bar_table();
         let poles = table.panel_poles().unwrap();
         let sound_db = |voltage_v: f64| {
             let window =
@@ -122,9 +126,7 @@ mod tests {
     /// feel anything has no contrast.
     #[test]
     fn contrasts_of_the_places_average_out() {
-        let (scene, grid) = (Scene::parse("bar", EXAMPLE_BAR).unwrap(), TableOptions::default());
-        let levels = ReducedLevels::build(&scene, Accuracy::FAST, grid.to_hz).unwrap();
-        let table = PlanTable::from_levels(&scene, levels, grid).unwrap();
+        let table = build_bar_table();
         let poles = table.panel_poles().unwrap();
         let window =
             ClickWindow { actuator: 1, electrode: Electrode::B, begin_s: 1e-3, width_s: 0.5e-3, voltage_v: 900.0 };
