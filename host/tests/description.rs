@@ -215,7 +215,6 @@ fn the_manual_names_all_problems_and_their_statuses() {
     assert_eq!(answered, declared);
 }
 
-/// What is declared is served, and another method of it is not.
 /// Names between quotation marks or backticks, in the part of `file` that begins with `from` and ends before `to`.
 fn names_in(file: &str, from: &str, to: &str) -> BTreeSet<String> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
@@ -252,6 +251,7 @@ fn every_list_of_effects_names_all_effects() {
     assert_eq!(link, effects, "link.py");
 }
 
+/// What is declared is served, and another method of it is not.
 #[test]
 fn what_is_declared_is_served() {
     let daemon = Daemon::start(STARTING_PLATE);

@@ -6,7 +6,7 @@ use crate::physics::limits::{Electrodes, Limit, max_mean_supply_current_a, mean_
 use era_shared::supply::rail_index_of_channel;
 
 /// Derates all drives until together they draw no more than the supply delivers continuously: pushes of some cycles
-/// last longer than the 10 ms after which the board switches off. Returns the limit if it was necessary.
+/// last longer than the 8 ms over which the board averages the current. Returns the limit if it was necessary.
 pub fn derate_drives_to_supply_current_if_exceeded(
     table: &PlanTable,
     effect_drives: &mut [EffectDrive],
