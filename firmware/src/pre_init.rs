@@ -1,5 +1,8 @@
 //! What runs before the start-up code has set up memory.
 //!
+//! * Every write arrives before the next instruction (ACTLR.DISDEFWBUF). With the write buffer, a handler that ends while a write waits may be
+//!   followed by the handler of another interrupt than the one that is due (Cortex-M4 erratum 838869). Arm's errata notice names this setting
+//!   for programs without a memory protection unit, as this one; so it holds for the handlers of the libraries too.
 //! * The first write to SRAM after a reset may be lost (errata sheet ES0430; its text was not at hand). One that nobody needs comes first: the
 //!   start-up code's own first write is a return address.
 //! * Memory that keeps notes over a reset (`.uninit`) holds anything at all after power-on. Where the option byte SRAM_PE has turned parity on,
@@ -8,7 +11,7 @@
 
 use core::arch::global_asm;
 
-// RCC_CSR is in RM0440, section 7.4.31, with BORRSTF in bit 27; FLASH_OPTR in 3.7.8, with SRAM_PE in bit 24, 1 = no parity.
+// ACTLR is in PM0214, section 4.4.1, with DISDEFWBUF in bit 1. RCC_CSR is in RM0440, section 7.4.31, with BORRSTF in bit 27; FLASH_OPTR in 3.7.8, with SRAM_PE in bit 24, 1 = no parity.
 global_asm!(
     ".section .text.era_pre_init, \"ax\", %progbits",
     ".p2align 2",
@@ -18,6 +21,9 @@ global_asm!(
     "__pre_init:",
     "    movs r0, #0",
     "    str r0, [sp, #-8]",
+    "    ldr r1, =0xE000E008", // ICB_ACTLR
+    "    movs r2, #2",         // DISDEFWBUF
+    "    str r2, [r1]",
     "    dsb",
     "    ldr r1, =0x40021094", // RCC_CSR
     "    ldr r1, [r1]",

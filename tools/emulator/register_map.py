@@ -150,6 +150,7 @@ SETTINGS = {
     "ADC2 SMPR1": "ADC2_SMPR1: SMP7=7", "ADC2 CFGR": "ADC2_CFGR: CONT OVRMOD RES=0", "ADC2 CFGR2": "ADC2_CFGR2: ROVSE JOVSE=0 OVSR=5 OVSS=2",
     "ADC1 SMPR1": "ADC1_SMPR1: SMP1=4 SMP2=4 SMP6=4", "ADC1 SMPR2": "ADC1_SMPR2: SMP18=6",
     "ADC12 CCR": "ADC12_COMMON_CCR: VREFEN", "DBGMCU CR": "DBGMCU_CR: DBG_SLEEP=0 DBG_STOP=0 DBG_STANDBY=0",
+    "DBGMCU APB2FZ": "DBGMCU_APB2_FZ: DBG_TIM1_STOP DBG_TIM8_STOP DBG_TIM16_STOP DBG_TIM20_STOP", "ACTLR": "ICB_ACTLR: DISMCYCINT=0 DISDEFWBUF DISFOLD=0",
 }
 # Constants of the firmware that are formed by shifts, but are no bits of registers.
 RUST_OTHERS = {"ALL"}
@@ -186,18 +187,20 @@ SNIPPETS = {
 }
 # Blocks of board/chip.yaml that do not have the name of their peripheral, and the bits of RCC that enable those which do not either.
 BLOCKS = {
-    "ccipr": "RCC_CCIPR", "csr": "RCC_CSR", "aircr": "SCB_AIRCR", "pwr_sr2": "PWR_SR2", "optr": "FLASH_OPTR", "adc12": "ADC12_COMMON",
+    "ccipr": "RCC_CCIPR", "csr": "RCC_CSR", "actlr": "ICB_ACTLR", "aircr": "SCB_AIRCR", "pwr_sr2": "PWR_SR2", "optr": "FLASH_OPTR", "adc12": "ADC12_COMMON",
     "adc345": "ADC345_COMMON", "usb_fs": "USB", "usb_sram": "USBRAM", "vrefint_cal": "word VREFINTCAL", "nvic": "NVIC_ISER0",
     **{f"idr{port.lower()}": f"GPIO{port}_IDR" for port in "ABCD"},
 }
 ENABLES = {"adc1": "ADC12", "adc2": "ADC12", "adc12": "ADC12", "adc3": "ADC345", "adc4": "ADC345", "adc345": "ADC345", "comp": "SYSCFG"}
 MODEL_FOLDER = "tools/emulator/board/peripherals"
-# Values after a reset that are not compared: timer.yaml is for six timers, of which only TIM1, TIM8 and TIM20 have 1 in AF2; SR says "ready".
-UNLIKE_AFTER_RESET = {"AF2", "SR"}
+# Values after a reset that are not compared: timer.yaml is for six timers, of which only TIM1, TIM8 and TIM20 have 1 in AF2; SR says "ready"; IDCODE is
+# that of the device (0x469), which the data do not have.
+UNLIKE_AFTER_RESET = {"AF2", "SR", "IDCODE"}
 # File in board/peripherals -> peripheral, and registers in it that are not of the chip; then what starts an event, and what it does; SR_SET has
 # the bits of SR.
 MODELS = {
     "adc": ("ADC1", "STARTED"), "adc2": ("ADC2", "EOC_SET"), "adc_common": ("ADC12_COMMON", ""), "comparators": ("COMP", ""), "dac": ("DAC1", ""),
+    "dbgmcu": ("DBGMCU", ""),
     "iwdg": ("IWDG", "STARTED RELOADED"), "rng": ("RNG", ""), "syscfg": ("SYSCFG", ""), "timer": ("TIM1", "SR_SET TOUCHED"),
 }
 CONVERTER_EVENTS = {

@@ -119,7 +119,7 @@ def compare_rust(read=read_source):
     for path in ("firmware/src/first_stage.rs", "firmware/src/pre_init.rs"):
         register = None
         for line in read(path).splitlines():
-            if load := re.search(r"=(0x\w{8})\", // ((?:RCC|FLASH|SYSCFG|SCB)_\w+)$", line):
+            if load := re.search(r"=(0x\w{8})\", // ((?:RCC|FLASH|SYSCFG|SCB|ICB)_\w+)$", line):
                 register = load[2]
                 wrong += tell_differences(f"{path}: {register}", int(load[1], 16), CHIP.evaluate(register))
             elif shift := re.search(r"lsls r1, r1, #(\d+)\", // (\w+)", line):

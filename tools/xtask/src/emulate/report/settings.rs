@@ -33,7 +33,7 @@ const COMP_DAC: u32 = 0x0002_0041;
 /// Enabled, against VREFINT (011) by its scaler, inverted, 20 mV.
 const COMP_VREF: u32 = 0x0082_8031;
 
-const SETTINGS: [Setting; 44] = [
+const SETTINGS: [Setting; 46] = [
     new_register_setting("TIM1 BDTR", 0x4001_2C44, BDTR_MASK, BDTR),
     new_register_setting("TIM8 BDTR", 0x4001_3444, BDTR_MASK, BDTR),
     new_register_setting("TIM20 BDTR", 0x4001_5044, BDTR_MASK, BDTR),
@@ -96,6 +96,10 @@ const SETTINGS: [Setting; 44] = [
     new_register_setting("ADC1 SMPR2", 0x5000_0018, 0x0700_0000, 0x0600_0000),
     // DBG_SLEEP, DBG_STOP, DBG_STANDBY: off in a shipped image (ES0430, 2.2.8).
     new_register_setting("DBGMCU CR", 0xE004_2004, 0b111, 0),
+    // DBG_TIM1_STOP (11), TIM8 (13), TIM16 (17) and TIM20 (20): outputs with a break go off while a debugger halts the processor.
+    new_register_setting("DBGMCU APB2FZ", 0xE004_2010, 0x0012_2800, 0x0012_2800),
+    // DISDEFWBUF (1): no write buffer (Cortex-M4 erratum 838869); not DISMCYCINT (0), nor DISFOLD (2).
+    new_register_setting("ACTLR", 0xE000_E008, 0b111, 0b010),
 ];
 
 /// The whole part of the report.

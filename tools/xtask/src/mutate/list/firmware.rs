@@ -11,6 +11,24 @@ pub const MUTATIONS: &[Mutation] = &[
         "const INPUTS: [usize; 3] = [2, 1, 6];",
     ),
     new_mutation(
+        "the distrust of the rails is not kept over a reset",
+        "firmware/src/run_record.rs",
+        "        is_measurement_distrusted: u32::from(run.is_measurement_distrusted),\n",
+        "        is_measurement_distrusted: 0,\n",
+    ),
+    new_mutation(
+        "the write buffer stays on",
+        "firmware/src/pre_init.rs",
+        "    \"    movs r2, #2\",         // DISDEFWBUF",
+        "    \"    movs r2, #0\",",
+    ),
+    new_mutation(
+        "the permit stays while a debugger halts the processor",
+        "firmware/src/watchdog.rs",
+        "        w.set_tim16(true);\n",
+        "        w.set_tim16(false);\n",
+    ),
+    new_mutation(
         "one converter that delivers is enough",
         "firmware/src/sense.rs",
         "converters.into_iter().all(|converter|",
