@@ -21,6 +21,8 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="index of the first one, to go on where a run ended")
     parser.add_argument("--seed", type=int, default=1, help="of the random scenes")
     parser.add_argument("--only", type=int, help="one scene, by its index")
+    parser.add_argument("--scene", type=Path, help="this scene file instead of random scenes; each index is another place on it")
+    parser.add_argument("--elf", type=Path, help="firmware image: clicks are integrated from the pulses that it makes on the emulated board")
     parser.add_argument("--part", help="checks to run, by name, with commas between")
     parser.add_argument("--plant", metavar="QUANTITY", help="a mistake in this quantity: the run must fail")
     parser.add_argument("--prove", action="store_true", help="plant a mistake in every quantity, one after the other, and see it found")

@@ -171,6 +171,8 @@ class Context:
     era: Program
     folder: Path
     plant: str | None = None
+    # Clicks are integrated from the pulses that this firmware image makes on the emulated board, if it is there.
+    firmware: Path | None = None
     _panels: dict = field(default_factory=dict)
     _press: list | None = None
 

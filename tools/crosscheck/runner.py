@@ -7,6 +7,7 @@ import shlex
 import shutil
 import sys
 import time
+import tomllib
 import traceback
 from concurrent.futures import ProcessPoolExecutor
 
@@ -32,6 +33,11 @@ def registry(part=None):
     return modules
 
 
+def list_quantities(module, with_firmware=True):
+    """What a check compares; some of it needs a firmware image (`--elf`)."""
+    return (*module.QUANTITIES, *(getattr(module, "WITH_FIRMWARE", ()) if with_firmware else ()))
+
+
 def due(module, index):
     """Whether a check runs on the scene of this index: dear ones say every how many, `EVERY` (1), and from which, `FIRST` (0)."""
     every = getattr(module, "EVERY", 1)
@@ -39,19 +45,23 @@ def due(module, index):
 
 
 def _context(options, index, plant):
-    table = random_scenes.make(options.seed, index)
-    text = random_scenes.to_toml(table)
+    if options.scene:
+        text = options.scene.read_text(encoding="utf-8")
+        table = tomllib.loads(text)
+    else:
+        table = random_scenes.make(options.seed, index)
+        text = random_scenes.to_toml(table)
     folder = options.work.resolve() / f"{options.seed}-{index}{'-planted-' + plant if plant else ''}".replace(" ", "_").replace("/", "_")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     program = harness.Program(str(options.era), folder / "scene.toml", folder)
-    return harness.Context(index, options.seed, f"{options.seed}-{index}", parse(text), table, program, folder, plant)
+    return harness.Context(index, options.seed, f"{options.seed}-{index}", parse(text), table, program, folder, plant, options.elf)
 
 
 def _planter(plant):
     """What a quantity's check plants: a function of the scene's table, or None if the check alters the answer itself."""
     for module in registry().values():
-        if plant in module.QUANTITIES:
+        if plant in list_quantities(module):
             planted = module.PLANTS[plant]
             return None if planted == "answer" else planted
     raise SystemExit(f"no quantity {plant!r}")
@@ -76,7 +86,7 @@ def one_scene(options, index, plant=None, everywhere=False):
     for name, module in registry(options.part).items():
         if not everywhere and not due(module, index):
             continue
-        if plant and plant not in module.QUANTITIES:
+        if plant and plant not in list_quantities(module):
             continue
         started = _processor_s()
         try:
@@ -99,7 +109,7 @@ def run(options):
     started = time.perf_counter()
     modules = registry(options.part)
     indices = [options.only] if options.only is not None else range(options.first, options.scenes)
-    everywhere = options.only is not None or options.plant is not None
+    everywhere = options.only is not None or options.plant is not None or options.scene is not None
     results, seconds = [], dict.fromkeys(modules, 0.0)
     with ProcessPoolExecutor(options.jobs) as pool:
         tasks = [pool.submit(one_scene, options, index, options.plant, everywhere) for index in indices]
@@ -133,6 +143,8 @@ def run(options):
 def _command(options, result):
     index = result.scene.split("-")[1]
     words = ["cargo", "xtask", "crosscheck", "--seed", str(options.seed), "--only", index]
+    words += ["--scene", str(options.scene)] if options.scene else []
+    words += ["--emulated"] if options.elf else []
     return shlex.join([*words, "--part", result.part] + (["--plant", options.plant] if options.plant else []))
 
 
@@ -153,7 +165,7 @@ def prove(options):
     """Plants a mistake in each quantity and looks for it. 0 if every one is found."""
     started = time.perf_counter()
     modules = registry(options.part)
-    quantities = [quantity for module in modules.values() for quantity in module.QUANTITIES]
+    quantities = [quantity for module in modules.values() for quantity in list_quantities(module, options.elf is not None)]
     missed = []
     print(f"| {'planted in':<34} | found in scene | difference | of its bound |")
     print(f"|{'-' * 36}|----------------|------------|--------------|")

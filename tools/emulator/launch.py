@@ -4,7 +4,8 @@
 usage: launch.py --elf PATH [further options of bridge.py]
 
 Progress goes to stderr, the bridge's own output to stdout. `--setup-only` makes the environment and ends; `--self-test`
-runs the tests of the emulated board itself against the image instead of the bridge.
+runs the tests of the emulated board itself against the image instead of the bridge; `--play-windows` plays a click's
+windows on the image (play_windows.py).
 """
 
 import fcntl
@@ -70,7 +71,8 @@ def main():
         tests = ["test_board", "test_overlays", "test_first_stage", "test_pulses", "test_registers", "test_pin_map", "test_leash"]
         os.execve(PYTHON, [str(PYTHON), "-m", "unittest", *tests], environment)
     if "--setup-only" not in arguments:
-        os.execv(PYTHON, [str(PYTHON), str(HERE / "bridge.py"), *arguments])
+        program = "play_windows.py" if "--play-windows" in arguments else "bridge.py"
+        os.execv(PYTHON, [str(PYTHON), str(HERE / program), *(word for word in arguments if word != "--play-windows")])
 
 
 if __name__ == "__main__":

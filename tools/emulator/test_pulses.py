@@ -4,19 +4,14 @@ planted into the registers, which it must find."""
 import copy
 import os
 import unittest
-import zlib
 
-from machine import Machine
+from board_session import SET_DRIVES, BoardSession
 from pins import ELECTRODES
 from pulses import (
     ARPE, BKE, CEN, CLOCK_HZ, DIR, MOE, OPM, OSSI, OUTPUTS, UDIS, UG, WINDOW_TICK, Drive, PulseTimer, judge_drives, judge_phase, judge_pins,
-    judge_windows, list_pulses, rebuild_levels, record_registers,
+    judge_windows, list_pulses, rebuild_levels,
 )
 
-# The protocol's version, its requests and replies by their numbers, and the state "armed" (docs/src/protocol.md).
-VERSION, SET_DRIVES, KEEP_ALIVE, ARM_WITH, CLOCK, PLAY_WINDOWS, ALIVE, REFUSED, ARMED = 4, 3, 5, 10, 13, 19, 5, 10, 2
-# What the emulator may notice the timers' start late, and the board's own clock is exact to, in clocks.
-APART = 10 * CLOCK_HZ // 1_000_000
 # In the order of the channels: two in step and two on their own, of which the second and the fourth are on rail 2; then other drives.
 DRIVES = (
     (Drive(200.0, 0.8, 0.0, 600), Drive(200.0, 0.6, 0.25, 500), Drive(61.5, 0.9, 0.0, 600), Drive(1000.0, 0.5, 0.1, 500)),
@@ -29,34 +24,13 @@ WINDOWS = (
 )
 
 
-def encode_varints(*numbers):
-    """Unsigned numbers in postcard's format."""
-    result = bytearray()
-    for number in numbers:
-        while number > 0x7F:
-            result.append(number & 0x7F | 0x80)
-            number >>= 7
-        result.append(number)
-    return bytes(result)
-
-
-def read_varint(body):
-    return sum((byte & 0x7F) << 7 * place for place, byte in enumerate(body))
-
-
-class Session:
-    """The firmware, driven over its serial link, with a record of its timers' registers."""
+class Session(BoardSession):
+    """Drives, and windows."""
 
     def __init__(self):
-        self.machine = Machine(os.environ["ERA_ELF"])
-        self.machine.boot()
-        self.snapshots = record_registers(self.machine)
-        self.run_for(0.1)
-        self.send_request(ARM_WITH, 0, 1, 10_000)
-        while self.send_request(KEEP_ALIVE) != bytes([ALIVE, ARMED]):
-            self.run_for(0.01)
+        super().__init__(os.environ["ERA_ELF"])
         self.driven = [self.set_drives(drives) for drives in DRIVES]
-        self.start = self.play_windows(WINDOWS)
+        self.start = self.play_windows(WINDOWS, [drive.volts * 1000 for drive in DRIVES[-1][:2]])
         self.run_for(0.15)
         self.ended = self.machine.clock
         self.machine.close()
@@ -71,45 +45,6 @@ class Session:
         self.run_for(0.25)
         connected = all(self.machine.pins.follows_timer(*pin[:3]) for _, *pair in ELECTRODES.values() for pin in pair)
         return begin, settled, self.machine.clock, list(self.machine.supply.rails), connected
-
-    def play_windows(self, windows):
-        """Plays windows; the clock at which they begin as the board says, exact to the time that a question for its clock takes."""
-        numbers = [(channel, "ab".index(of), wait, width) for channel, some in enumerate(windows) for of, wait, width in some]
-        millivolts = [drive.volts * 1000 for drive in DRIVES[-1][:2]]
-        before, now_us, after = self.machine.clock, read_varint(self.send_request(CLOCK)[1:]), self.machine.clock
-        numbers = [len(numbers), *(number for window in numbers for number in window)]
-        start_us = read_varint(self.send_request(PLAY_WINDOWS, 1, 0, *millivolts, *numbers)[1:])
-        ahead = (start_us - now_us) * CLOCK_HZ // 1_000_000
-        return before + ahead - APART, after + ahead + APART
-
-    def run_for(self, seconds):
-        """Lets time pass with a keep-alive every 50 ms."""
-        end = self.machine.time_s + seconds
-        while self.machine.time_s < end:
-            self.send_request(KEEP_ALIVE)
-            until = min(self.machine.time_s + 0.05, end)
-            while self.machine.time_s < until:
-                self.machine.advance(until)
-
-    def send_request(self, *numbers):
-        """Sends a request and returns the body of its reply."""
-        frame = bytes([VERSION, 1, 0, 0]) + encode_varints(*numbers)
-        frame += zlib.crc32(frame).to_bytes(4, "little")
-        # COBS: in place of each zero, and before the first byte, the distance to the next zero.
-        self.machine.receive(b"".join(bytes([len(part) + 1]) + part for part in frame.split(b"\0")) + b"\0")
-        answer, end = b"", self.machine.time_s + 0.1
-        while not answer.endswith(b"\0"):
-            if self.machine.time_s > end:
-                raise AssertionError(f"request {numbers}: no answer")
-            self.machine.advance(end)
-            answer += self.machine.transmitted()
-        frame, rest = b"", answer.strip(b"\0")
-        while rest:
-            frame, rest = frame + rest[1:rest[0]] + b"\0", rest[rest[0]:]
-        body = frame[4:-5]
-        if body[0] == REFUSED:
-            raise AssertionError(f"request {numbers}: refused, {body.hex()}")
-        return body
 
 
 class FirmwareTest(unittest.TestCase):

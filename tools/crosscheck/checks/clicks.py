@@ -1,9 +1,15 @@
 """`era effect --effect click`: the windows as printed, played on own modes in gaps that move, with electrodes behind resistors; the rules
-of a board; and the strongest crisp click with free forces, as an own linear programme.
+of a board; and the strongest crisp click with free forces, as an own linear programme. With `--elf` the firmware image plays the windows on the
+emulated board, and what is integrated are the pulses at its pins, rebuilt from its timers' registers, at the rails as they stood.
 
 What the figures mean is said in docs/src/effects.md: accelerations in the felt band, full to 300 Hz and a raised cosine to nothing at
 500 Hz; times from the burst's common start.
 """
+
+import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linprog
@@ -13,6 +19,7 @@ from ..reference import motion
 
 MOVED = ("click: peak", "click: time of the peak", "click: quiet", "click: travel")
 QUANTITIES = (*MOVED, "click: rules of the board", "click: best possible")
+WITH_FIRMWARE = ("click: motion by the firmware",)
 PLANTS = {
     "click: peak": change_all("actuator", "air_gap_um", 1.04),
     "click: time of the peak": "answer",
@@ -20,8 +27,10 @@ PLANTS = {
     "click: travel": change_all("actuator", "air_gap_um", 0.45),
     "click: rules of the board": "answer",
     "click: best possible": "answer",
+    "click: motion by the firmware": "answer",
 }
 EVERY, FIRST = 6, 2
+LAUNCH = Path(__file__).resolve().parents[2] / "emulator" / "launch.py"
 MAX_HZ, BAND_HZ, MOST = 1000.0, 2000.0, 120
 G = 9.80665
 STEP_S, RECORD_S = 2.5e-5, 1.0
@@ -80,7 +89,41 @@ def run(context):
         return results + [not_comparable(quantity, name, f"{system.size} modes, or poles that coincide") for quantity in MOVED]
     if predicted["peak_g"] < NOTHING:
         return results + [not_comparable(quantity, name, "nothing moves") for quantity in MOVED]
+    if context.firmware:
+        played = _play_on_firmware(context.firmware, windows)
+        results.append(_compare_with_planned(context, system, windows, played, where))
+        windows = played
     return results + _motion(context, system, windows, predicted, where)
+
+
+def _play_on_firmware(elf, windows):
+    """What the firmware image makes of windows."""
+    rails = [max((window.voltage_v for window in windows if window.actuator % 2 == rail), default=0.0) for rail in range(2)]
+    timed = [(w.actuator, "a" if w.sign > 0 else "b", w.on * 1e6, (w.off - w.on) * 1e6) for w in windows]
+    command = [sys.executable, str(LAUNCH), "--play-windows", "--elf", str(elf)]
+    done = subprocess.run(command, input=json.dumps({"rails_v": rails, "windows": timed}), capture_output=True, text=True, timeout=600, check=False)
+    if done.returncode != 0:
+        raise ProgramFailed(command, done.returncode, done.stderr)
+    answer = json.loads(done.stdout)
+    return [
+        motion.Window(channel, begin_us * 1e-6, (begin_us + width_us) * 1e-6, 1 if electrode == "a" else -1, answer["rails_v"][channel % 2])
+        for channel, electrode, begin_us, width_us in answer["pulses"]
+    ]
+
+
+def _compare_with_planned(context, system, planned, played, where):
+    """How far the felt motion by the firmware's pulses is from that by the windows as printed: root mean square, in parts of the peak."""
+    (quantity,), records = WITH_FIRMWARE, []
+    if context.planted(quantity):
+        played = played[1:]
+    for windows in (planned, played):
+        voltages = motion.Voltages(windows, len(system.gap), times=system.times)
+        record = motion.integrate(system, voltages, RECORD_S - STEP_S, STEP_S)
+        records.append(felt(record.acceleration[:, 0], STEP_S))
+    # Over 0.2 s, in which a click is.
+    count = int(0.2 / STEP_S)
+    difference = np.sqrt(np.mean((records[1] - records[0])[:count] ** 2)) / np.abs(records[0]).max()
+    return Result(quantity, context.name, difference, 0.02, note=f"{len(played)} pulses for {len(planned)} windows, {where}")
 
 
 def _rules(context, windows, where):

@@ -88,7 +88,8 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("Python package", python::run_package_tests)?;
     run_step("advisories", dependencies::check_advisories_if_present)?;
     run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;
-    run_step("independent reference: random scenes", crosscheck::compare_random_scenes)
+    run_step("independent reference: random scenes", crosscheck::compare_random_scenes)?;
+    run_step("independent reference: clicks of the firmware", crosscheck::compare_clicks_on_emulated_board)
 }
 
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`run_tests()`].

@@ -3,12 +3,15 @@
 use crate::error::Error;
 use crate::process::run_command;
 use crate::release_build::build_programs;
-use crate::{repository_root, setup};
+use crate::{image, repository_root, setup};
 use clap::Args;
+use std::path::PathBuf;
 use std::process::Command;
 
 /// How many random scenes `cargo xtask test` compares: some three minutes on two cores.
 const SCENES_AMONG_TESTS: u32 = 30;
+/// How many clicks `cargo xtask test` plays on the emulated board.
+const CLICKS_AMONG_TESTS: u32 = 6;
 /// The reference's own tests.
 const OWN_TESTS: [&str; 7] =
     ["-m", "unittest", "discover", "--top-level-directory", "tools", "--start-directory", "tools/crosscheck/tests"];
@@ -31,6 +34,12 @@ pub struct Options {
     /// One scene only, by its index
     #[arg(long)]
     only: Option<u32>,
+    /// This scene file instead of random scenes; each index is another place on the scene
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Play the windows of clicks on the firmware image on the emulated board, and compare the motion that its pulses make
+    #[arg(long)]
+    emulated: bool,
     /// Plant a mistake in this quantity: the comparison must fail
     #[arg(long)]
     plant: Option<String>,
@@ -48,6 +57,7 @@ pub struct Options {
 /// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
 pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
     setup::install_missing_needs("cargo xtask crosscheck", setup::CROSSCHECK)?;
+    let image = if options.emulated { Some(image::build_image_and_return_target_source(false)?.0) } else { None };
     let numbers =
         [("--scenes", u64::from(options.scenes)), ("--first", options.first.into()), ("--seed", options.seed)];
     let mut arguments: Vec<String> =
@@ -56,6 +66,8 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
         ("--part", options.part.clone()),
         ("--only", options.only.map(|index| index.to_string())),
         ("--plant", options.plant.clone()),
+        ("--scene", options.scene.as_ref().map(|path| path.display().to_string())),
+        ("--elf", image.map(|path| path.display().to_string())),
     ];
     for (name, value) in values {
         arguments.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
@@ -80,6 +92,17 @@ pub fn run_reference_tests() -> Result<(), Error> {
 /// As [`run_crosscheck`].
 pub fn compare_random_scenes() -> Result<(), Error> {
     run_scene_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
+}
+
+/// Clicks on the example plate from the edges at the pins of the firmware image, for `cargo xtask test`: with the program that its tests have built.
+///
+/// # Errors
+/// As [`run_crosscheck`].
+pub fn compare_clicks_on_emulated_board() -> Result<(), Error> {
+    let image = image::build_image_and_return_target_source(false)?.0;
+    let clicks = CLICKS_AMONG_TESTS.to_string();
+    let words = ["--part", "clicks", "--scene", "examples/scenes/plate.toml", "--scenes", &clicks, "--elf"];
+    run_scene_comparison(&words.into_iter().map(str::to_owned).chain([image.display().to_string()]).collect::<Vec<_>>())
 }
 
 fn run_scene_comparison(arguments: &[String]) -> Result<(), Error> {
