@@ -16,7 +16,7 @@ use era::planner::limits::Electrodes;
 use era::planner::rise::PanelPoles;
 use era::planner::{self, PlanTable, STANDARD_GRAVITY, TableOptions, Target};
 use era::scene::random::random_scene_text;
-use era::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
+use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request, WindowSequence};
@@ -89,6 +89,19 @@ impl Bench {
         self.run_to(start_us + (RECORD_S * 1e6) as u64);
         self.board.panel_mut().accelerometer.stop_and_take_record()
     }
+
+    /// What is felt of a click's windows at the accelerometer, as [`felt_part`] has it from [`LEAD_S`] after their start on.
+    fn record_felt_motion_of_windows(&mut self, design: &EffectDesign) -> Vec<f64> {
+        self.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
+        self.run_to(300_000);
+        let start_us = 600_000;
+        let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
+        assert_eq!(self.ask(&windows), Reply::WindowsPlaying { start_us });
+        self.run_to(start_us);
+        self.board.panel_mut().accelerometer.start_record();
+        self.run_to(start_us + 1_000_000);
+        felt_part(&self.board.panel_mut().accelerometer.stop_and_take_record(), LEAD_S)
+    }
 }
 
 fn largest(record: &[f64]) -> f64 {
@@ -149,19 +162,10 @@ fn clicks_of_single_windows_do_what_is_predicted() {
         let plan = table.plan(&[target]).unwrap();
         let (request, options) = (EffectRequest::with_defaults(NamedEffect::Click), ClickOptions::default());
         let design = design_effect_with_windows(&table, poles, &plan, request, options).unwrap();
-        let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m);
-        let click = design_click_windows(&table, poles, &shape, g * STANDARD_GRAVITY, options).unwrap();
+        let shapes = [intensity::mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m)];
+        let click = design_click_windows(&table, poles, &shapes, &[g * STANDARD_GRAVITY], options).unwrap();
         assert_eq!(click.windows.len(), design.windows.len());
-        let mut bench = Bench::new(&table, &target);
-        bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
-        bench.run_to(300_000);
-        let start_us = 600_000;
-        let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
-        assert_eq!(bench.ask(&windows), Reply::WindowsPlaying { start_us });
-        bench.run_to(start_us);
-        bench.board.panel_mut().accelerometer.start_record();
-        bench.run_to(start_us + 1_000_000);
-        let felt = felt_part(&bench.board.panel_mut().accelerometer.stop_and_take_record(), LEAD_S);
+        let felt = Bench::new(&table, &target).record_felt_motion_of_windows(&design);
         let peak = largest(&click.felt_motion);
         let difference: f64 = felt.iter().zip(&click.felt_motion).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         let error = (difference / felt.len() as f64).sqrt() / peak;
@@ -179,6 +183,56 @@ fn clicks_of_single_windows_do_what_is_predicted() {
         }
     }
     assert!(crisp >= 4, "{crisp} of 5 are crisp");
+}
+
+/// A click for several fingers: each of them feels the peak that is told for it, all at the same time, and none of them feels more after 45 ms than
+/// a tenth of it where the click is told to be crisp. In another order the fingers feel the same.
+#[test]
+fn several_fingers_feel_the_same_click() {
+    let mut crisp = 0;
+    let cases: [(&str, &[(f64, f64, f64)]); 5] = [
+        (EXAMPLE_PLATE, &[(0.060, 0.050, 0.3), (0.240, 0.140, 0.3)]),
+        (EXAMPLE_PLATE, &[(0.150, 0.100, 0.2), (0.030, 0.170, 0.35)]),
+        (EXAMPLE_PLATE, &[(0.040, 0.040, 0.2), (0.260, 0.050, 0.2), (0.150, 0.160, 0.3)]),
+        (STARTING_PLATE, &[(0.040, 0.030, 0.2), (0.200, 0.120, 0.2)]),
+        (EXAMPLE_BAR, &[(0.060, 0.010, 0.5), (0.240, 0.010, 0.3)]),
+    ];
+    for (scene, fingers) in cases {
+        let table = support::table(scene);
+        let poles = table.panel_poles().unwrap();
+        let targets: Vec<Target> =
+            fingers.iter().map(|(x_m, y_m, g)| Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(*g) }).collect();
+        let (request, options) = (EffectRequest::with_defaults(NamedEffect::Click), ClickOptions::default());
+        let design_for = |targets: &[Target]| {
+            let plan = table.plan(targets).unwrap();
+            design_effect_with_windows(&table, poles, &plan, request, options).unwrap()
+        };
+        let design = design_for(&targets);
+        assert!(!design.windows.is_empty() && design.peaks_g.len() == fingers.len(), "{fingers:?}: {design:?}");
+        let mut reached = Vec::new();
+        for (target, told_g) in targets.iter().zip(&design.peaks_g) {
+            let felt = Bench::new(&table, target).record_felt_motion_of_windows(&design);
+            let peak_g = largest(&felt) / STANDARD_GRAVITY;
+            assert!((peak_g - told_g).abs() < 0.02 * told_g, "{fingers:?}: {peak_g} g, told {told_g} g");
+            if design.predicted.crisp == Some(true) {
+                let from = ((0.045 - LEAD_S) * 16e3) as usize;
+                assert!(largest(&felt[from..]) < 0.11 * largest(&felt), "{fingers:?}");
+            }
+            reached.push(peak_g / target.intensity_g.unwrap());
+        }
+        let is_crisp = design.predicted.crisp == Some(true);
+        println!("{fingers:?}: {reached:.2?} of the wishes, crisp: {is_crisp}, limits {:?}", design.limits);
+        crisp += usize::from(is_crisp);
+        let (least, most) = reached.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), own| (l.min(*own), m.max(*own)));
+        assert!(most <= 1.1 && most < 1.15 * least, "{fingers:?}: {reached:?}");
+        assert_eq!(least < 0.95, !design.limits.is_empty(), "{fingers:?}: {reached:?}, {:?}", design.limits);
+        let reversed: Vec<Target> = targets.iter().rev().copied().collect();
+        let other = design_for(&reversed);
+        for (one, other) in design.peaks_g.iter().zip(other.peaks_g.iter().rev()) {
+            assert!((one - other).abs() < 0.05 * one, "{fingers:?}: {:?}, reversed {other:?}", design.peaks_g);
+        }
+    }
+    assert!(crisp >= 3, "{crisp} of 5 are crisp");
 }
 
 /// The effects up to their first segment: clicks without brakes.

@@ -1,4 +1,4 @@
-//! A click's windows for a place.
+//! A click's windows for one place or several.
 
 use super::actuator::ClickActuator;
 use super::bound::find_best_possible_peak;
@@ -7,12 +7,13 @@ use super::felt::{FINE_RECORD, felt_motion_from_means, shown_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
 use super::options::{ClickOptions, LATEST_PEAK_S};
-use super::slots::compute_slot_responses_of_five_panels;
+use super::program::TargetResponses;
+use super::slots::{SlotResponses, compute_slot_responses_of_five_panels};
 use super::sound::{SurfaceFigures, compute_surface_figures_if_anything_moves};
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::Limit;
-use crate::physics::rise::PanelPoles;
+use crate::physics::rise::{PanelPoles, PointResidues};
 use crate::plan::limitation::{Limitation, add_limitation_if_new};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -27,13 +28,15 @@ const REACHED: f64 = 0.95;
 pub struct ClickDesign {
     /// By their begin; empty if no actuator moves the place.
     pub windows: Vec<ClickWindow>,
-    /// In m/s^2, times from the burst's start.
+    /// At the first place in m/s^2, times from the burst's start.
     pub measures: ClickMeasures,
-    /// Felt acceleration in m/s^2 as [`FINE_RECORD`] samples in 1 s, from [`LEAD_S`] after the burst's start on.
+    /// Peak at every place in m/s^2.
+    pub peaks: Vec<f64>,
+    /// At the first place, felt acceleration in m/s^2 as [`FINE_RECORD`] samples in 1 s, from [`LEAD_S`] after the burst's start on.
     pub felt_motion: Vec<f64>,
-    /// Largest acceleration in m/s^2 of all motion below 1 kHz, felt or not: what an accelerometer shows.
+    /// Largest acceleration in m/s^2 of all motion below 1 kHz at the first place, felt or not: what an accelerometer shows.
     pub shown_peak: f64,
-    /// Largest acceleration after the last window, over the peak.
+    /// Largest acceleration after the last window, over the peak, at the first place.
     pub residual: f64,
     /// What keeps it below what was asked for.
     pub limits: Vec<Limitation>,
@@ -41,11 +44,11 @@ pub struct ClickDesign {
     pub travel_m: Vec<f64>,
     /// For each pole that vibrates: its pole, the largest amplitude while windows are on, and that after them.
     pub amplitudes: Vec<(Complex64, f64, f64)>,
-    /// The strongest crisp click that these actuators can make here in m/s^2, if it was asked for ([`super::bound`]).
+    /// Peak at the first place of the strongest crisp click that these actuators can make, in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
     /// What it does to the surface, if it was asked for and anything moves.
     pub surface: Option<SurfaceFigures>,
-    /// Whether it is quiet at the time asked for, and its peak in time.
+    /// Whether every place is quiet at the time asked for, and its peak in time.
     pub is_crisp: bool,
 }
 
@@ -57,20 +60,40 @@ impl ClickDesign {
     }
 }
 
-/// Designs the windows of a click of `asked` m/s^2 for the place whose mode shapes are `shape`.
+/// Designs the windows of a click for the places whose mode shapes are `shapes`, with the peak of each in m/s^2 in `wishes`. All peaks come at the
+/// same time and in the same proportion to their wishes, each in the direction with which the weakest is strongest. `None` if a programme does not
+/// end, or several places have no common click: one of them wants none, or the actuators do not move it.
 #[must_use]
 pub fn design_click_windows(
     table: &PlanTable,
     poles: &PanelPoles,
-    shape: &DVector<f64>,
-    asked: f64,
+    shapes: &[DVector<f64>],
+    wishes: &[f64],
     options: ClickOptions,
 ) -> Option<ClickDesign> {
-    let residues = poles.residues_at_shape(shape);
-    let panels = compute_slot_responses_of_five_panels(&residues, SLOT_SAMPLES);
+    let asked = *wishes.first()?;
+    let has_several = wishes.len() > 1;
+    if has_several && wishes.iter().any(|wish| *wish <= 0.0) {
+        return None;
+    }
+    let mut places: Vec<(PointResidues, f64)> = shapes
+        .iter()
+        .zip(wishes)
+        .map(|(shape, wish)| (poles.residues_at_shape(shape), if has_several { asked / wish } else { 1.0 }))
+        .collect();
+    let panels: Vec<Vec<SlotResponses>> = places
+        .iter()
+        .map(|(residues, _)| compute_slot_responses_of_five_panels(residues, SLOT_SAMPLES))
+        .collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
-    let designer = ClickDesigner { table, poles, shape, panels: &panels, actuators: &actuators, options };
+    let targets = panels.iter().zip(&places).map(|(panels, (_, factor))| TargetResponses { panels, factor: *factor, besides: &[] });
+    let targets = targets.collect();
+    let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
+    if has_several {
+        choose_directions(&mut designer);
+        places.iter_mut().zip(&designer.targets).for_each(|((_, factor), target)| *factor = target.factor);
+    }
     let mut part = 1.0;
     let mut travel_limit = None;
     let mut built = designer.design_for_peak(asked)?;
@@ -86,19 +109,25 @@ pub fn design_click_windows(
     if options.force_fraction < 1.0 {
         built = designer.weaken(&built, options.force_fraction);
     }
+    if has_several && built.windows.is_empty() {
+        return None;
+    }
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
     let felt = felt_motion_from_means(means);
     let shown_peak = shown_motion_from_means(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let mut measures = measure_click(&felt);
+    let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
+        .chain(built.motion.mean_acceleration.iter().skip(1).map(|means| measure_click(&felt_motion_from_means(means))))
+        .map(count_times_from_burst)
+        .collect();
+    let measures = *all.first()?;
+    let is_short = all.iter().zip(wishes).any(|(own, wish)| own.peak < REACHED * wish);
     let end_s = built.windows.iter().map(|window| window.begin_s + window.width_s).fold(0.0, f64::max);
     let after = felt.iter().enumerate().filter(|(k, _)| index_to_time_s(*k) >= end_s).map(|(_, x)| x.abs());
     // What precedes the beginning is at the record's end.
     let residual =
         if measures.peak > 0.0 { after.take(felt.len() / 2).fold(0.0, f64::max) / measures.peak } else { 0.0 };
-    measures.peak_s += LEAD_S;
-    measures.quiet_s = measures.quiet_s.map(|quiet_s| if measures.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
     let mut limits = Vec::new();
-    if measures.peak < REACHED * asked {
+    if is_short {
         if built.saturated.is_empty() && travel_limit.is_none() && !built.lacks.current && !built.lacks.windows {
             add_limitation_if_new(
                 &mut limits,
@@ -115,12 +144,12 @@ pub fn design_click_windows(
             add_limitation_if_new(&mut limits, Limitation::Windows);
         }
     }
-    if let Some(actuator) = travel_limit.filter(|_| measures.peak < REACHED * asked) {
+    if let Some(actuator) = travel_limit.filter(|_| is_short) {
         add_limitation_if_new(&mut limits, Limitation::for_actuator(table, Limit::Travel, actuator));
     }
     let best_possible = options.with_figures_for_comparison.then(|| {
         let forces: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
-        find_best_possible_peak(&residues, &forces, options.crisp_s)
+        find_best_possible_peak(&places, &forces, options.crisp_s)
     });
     let best_possible = best_possible.flatten();
     let mut windows = built.windows;
@@ -129,12 +158,15 @@ pub fn design_click_windows(
     let surface = options
         .with_figures_for_comparison
         .then(|| compute_surface_figures_if_anything_moves(table, poles, &windows, &felt));
-    let is_crisp = measures.peak > 0.0
-        && measures.peak_s <= LATEST_PEAK_S
-        && measures.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s);
+    let is_crisp = |own: &ClickMeasures| {
+        own.peak > 0.0
+            && own.peak_s <= LATEST_PEAK_S
+            && own.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s)
+    };
     Some(ClickDesign {
         windows,
         measures,
+        peaks: all.iter().map(|own| own.peak).collect(),
         felt_motion: felt,
         shown_peak,
         residual,
@@ -143,8 +175,33 @@ pub fn design_click_windows(
         amplitudes: built.motion.amplitudes,
         best_possible,
         surface: surface.flatten(),
-        is_crisp,
+        is_crisp: all.iter().all(is_crisp),
     })
+}
+
+/// Chooses the directions of the peaks at all targets but the first, of which a finger feels nothing: those of the largest crisp peak.
+fn choose_directions(designer: &mut ClickDesigner) {
+    let sizes: Vec<f64> = designer.targets.iter().map(|target| target.factor.abs()).collect();
+    let others = sizes.len().saturating_sub(1);
+    let mut best = (0.0, sizes.clone());
+    for choice in 0..1_u32 << others {
+        let is_reversed = |target: usize| target > 0 && choice >> (target - 1) & 1 == 1;
+        let direct = |(target, size): (usize, &f64)| if is_reversed(target) { -size } else { *size };
+        let factors: Vec<f64> = sizes.iter().enumerate().map(direct).collect();
+        designer.set_factors(&factors);
+        let peak = designer.find_largest_crisp_peak();
+        if peak > best.0 {
+            best = (peak, factors);
+        }
+    }
+    designer.set_factors(&best.1);
+}
+
+/// The times of a motion that begins [`LEAD_S`] after the burst, from the burst's start.
+fn count_times_from_burst(mut measures: ClickMeasures) -> ClickMeasures {
+    measures.peak_s += LEAD_S;
+    measures.quiet_s = measures.quiet_s.map(|quiet_s| if measures.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
+    measures
 }
 
 /// Felt acceleration in m/s^2 at the places whose mode shapes are `shapes`, as [`FINE_RECORD`] samples in 1 s from the burst's start on:

@@ -2,12 +2,11 @@
 
 use super::actuator::ClickActuator;
 use super::felt::{SAMPLE_S, felt_motion_from_means};
-use super::measures::measure_click;
+use super::measures::{ClickMeasures, measure_click};
 use super::motion::{WindowMotion, simulate_windows};
 use super::options::{ClickOptions, LATEST_PEAK_S, Preference};
-use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SampleBound, SlotForce, SolvedForces};
+use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
 use super::realise::{SLOT_S, TICK_S, find_window_width_s, narrowest_window_s, place_window_in_slot_s};
-use super::slots::SlotResponses;
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit, max_mean_supply_current_a};
@@ -126,16 +125,31 @@ struct SlotPush {
     part: f64,
 }
 
+/// Designs clicks for some targets, in the acceleration of the first.
 pub struct ClickDesigner<'a> {
     pub table: &'a PlanTable,
     pub poles: &'a PanelPoles,
-    pub shape: &'a DVector<f64>,
-    pub panels: &'a [SlotResponses],
+    /// Mode shapes of the targets.
+    pub shapes: &'a [DVector<f64>],
+    /// How each of them moves, without anything besides.
+    pub targets: Vec<TargetResponses<'a>>,
     pub actuators: &'a [ClickActuator],
     pub options: ClickOptions,
 }
 
 impl ClickDesigner<'_> {
+    /// Sets what the accelerations of the targets are multiplied by, in their order.
+    pub fn set_factors(&mut self, factors: &[f64]) {
+        self.targets.iter_mut().zip(factors).for_each(|(target, factor)| target.factor = *factor);
+    }
+
+    /// The largest crisp peak in m/s^2 that forces of the actuators can make.
+    pub fn find_largest_crisp_peak(&self) -> f64 {
+        let bounds = choose_bounds(PEAKS_S[0], self.options.crisp_s - SPARE_S, CRISP);
+        let solved = bounds.and_then(|bounds| self.solve_for_bounds(1.0, bounds, 1.0, |_, _| 1.0, &[], true));
+        solved.map_or(0.0, |(_, strongest)| strongest.goal)
+    }
+
     /// The first click of those tried that is what was asked for, or the best of them. Of most of them the linear programme says that they
     /// are too weak, and only the best of those is worked out.
     pub fn design_for_peak(&self, asked: f64) -> Option<BuiltClick> {
@@ -225,16 +239,19 @@ impl ClickDesigner<'_> {
         let mut best: Option<(f64, JudgedClick)> = None;
         for round in 0..=CORRECTIONS {
             let built = self.build(&pushes, &rails, (saturated.clone(), lacks));
-            let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
-            let felt = felt_motion_from_means(means);
-            let measures = measure_click(&felt);
-            let coarse: Vec<f64> = felt.into_iter().step_by(4).collect();
-            let excess = worst_excess(&coarse, bounds, asked * peak);
+            let felt = self.list_felt_motion_as_at_first_target(&built.motion);
+            let coarse: Vec<Vec<f64>> = felt.iter().map(|felt| felt.iter().copied().step_by(4).collect()).collect();
+            let excess = coarse.iter().map(|felt| worst_excess(felt, bounds, asked * peak)).fold(0.0, f64::max);
             if best.as_ref().is_none_or(|(least, _)| excess < *least) {
-                let is_quiet = measures.quiet_s.is_some_and(|quiet_s| quiet_s + LEAD_S <= self.options.crisp_s);
-                let is_in_time = measures.peak_s + LEAD_S <= LATEST_PEAK_S;
-                let is_crisp = is_quiet && is_in_time && measures.peak >= LEAST_CLICK * asked;
-                best = Some((excess, JudgedClick { built, is_crisp, peak: measures.peak / wished }));
+                let measures: Vec<ClickMeasures> = felt.iter().map(|felt| measure_click(felt)).collect();
+                let is_crisp = |own: &ClickMeasures| {
+                    let is_quiet = own.quiet_s.is_some_and(|quiet_s| quiet_s + LEAD_S <= self.options.crisp_s);
+                    is_quiet && own.peak_s + LEAD_S <= LATEST_PEAK_S && own.peak >= LEAST_CLICK * asked
+                };
+                let least_peak = measures.iter().map(|own| own.peak).fold(f64::INFINITY, f64::min);
+                let judged =
+                    JudgedClick { built, is_crisp: measures.iter().all(is_crisp), peak: least_peak / wished };
+                best = Some((excess, judged));
             }
             if excess <= GOOD_ENOUGH || round == CORRECTIONS {
                 break;
@@ -244,6 +261,14 @@ impl ClickDesigner<'_> {
             (pushes, tight) = corrected;
         }
         best.map(|(_, judged)| judged)
+    }
+
+    /// The felt acceleration of every target, multiplied so that its wish is that of the first.
+    fn list_felt_motion_as_at_first_target(&self, motion: &WindowMotion) -> Vec<Vec<f64>> {
+        let multiply = |(means, target): (&Vec<f64>, &TargetResponses)| {
+            felt_motion_from_means(means).into_iter().map(|felt| target.factor * felt).collect()
+        };
+        motion.mean_acceleration.iter().zip(&self.targets).map(multiply).collect()
     }
 
     /// Forces of slots in parts of each actuator's full one, and the peak as a part of what is asked for. They come from forces that are not
@@ -340,8 +365,9 @@ impl ClickDesigner<'_> {
                 }
             }
         }
-        let panels = if largest { self.panels.get(..1)? } else { self.panels };
-        let program = ForceProgram { panels, forces, bounds, asked, besides: &[], first };
+        let choose_panels = |own: &TargetResponses<'_>| TargetResponses { panels: own.panels.get(..1).unwrap_or(&[]), ..*own };
+        let targets = if largest { self.targets.iter().map(choose_panels).collect() } else { self.targets.clone() };
+        let program = ForceProgram { targets, forces, bounds, asked, first };
         let solved = if largest { program.find_largest_peak()? } else { program.find_least_forces_for_peak()? };
         let pushes = program.forces.iter().zip(&solved.values).filter(|(_, value)| **value > 1e-6);
         let pushes = pushes.map(|(force, value)| SlotPush {
@@ -457,7 +483,7 @@ impl ClickDesigner<'_> {
         windows: Vec<ClickWindow>,
         (saturated, lacks): (Vec<(usize, Limit)>, Lacks),
     ) -> BuiltClick {
-        let motion = simulate_windows(self.table, self.poles, std::slice::from_ref(self.shape), &windows);
+        let motion = simulate_windows(self.table, self.poles, self.shapes, &windows);
         BuiltClick { windows, motion, saturated, lacks }
     }
 
@@ -473,7 +499,7 @@ impl ClickDesigner<'_> {
         &self,
         pushes: &[SlotPush],
         rails: &[f64; RAILS],
-        felt: &[f64],
+        felt: &[Vec<f64>],
         bounds: MotionBounds,
         (asked, peak): (f64, f64),
         first: &[SampleBound],
@@ -492,14 +518,15 @@ impl ClickDesigner<'_> {
         };
         let forces = pushes.iter().map(force).collect::<Option<Vec<_>>>()?;
         let values: Vec<f64> = pushes.iter().map(|push| push.part).collect();
-        let linear = ForceProgram { panels: self.panels, forces, bounds, asked, besides: &[], first };
-        let besides: Vec<f64> = linear
-            .motion_of_panel(0, &values)
-            .into_iter()
-            .zip(felt)
-            .map(|(linear, felt)| felt - linear * asked)
-            .collect();
-        let program = ForceProgram { besides: &besides, ..linear };
+        let linear = ForceProgram { targets: self.targets.clone(), forces, bounds, asked, first };
+        let subtract = |(target, felt): (&TargetResponses, &Vec<f64>)| -> Vec<f64> {
+            let motion = linear.motion_of_target(target, 0, &values);
+            motion.into_iter().zip(felt).map(|(linear, felt)| felt - linear * asked).collect()
+        };
+        let besides: Vec<Vec<f64>> = self.targets.iter().zip(felt).map(subtract).collect();
+        let targets =
+            self.targets.iter().zip(&besides).map(|(own, besides)| TargetResponses { besides, ..*own }).collect();
+        let program = ForceProgram { targets, ..linear };
         let solved = program.find_forces_with_least_excess(peak)?;
         let corrected =
             pushes.iter().zip(solved.values).map(|(push, part)| SlotPush { part: part.clamp(0.0, 1.0), ..*push });

@@ -61,9 +61,10 @@ enum Goal {
     Excess { peak: f64 },
 }
 
-/// A bound on the motion at a sample, from above (`sign` 1) or below (-1).
+/// A bound on a target's motion at a sample, from above (`sign` 1) or below (-1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleBound {
+    target: usize,
     panel: usize,
     sample: usize,
     sign: f64,
@@ -80,19 +81,35 @@ pub struct SolvedForces {
     pub goal: f64,
 }
 
-/// The programme.
+/// How a target of a click moves.
+#[derive(Clone, Copy, Debug)]
+pub struct TargetResponses<'a> {
+    /// On the panel, and on those off it.
+    pub panels: &'a [SlotResponses],
+    /// What its acceleration is multiplied by in the programme, so that its wish is that of the first target.
+    pub factor: f64,
+    /// Its acceleration so multiplied, in m/s^2, sample by sample on every panel, that is there besides; may be empty.
+    pub besides: &'a [f64],
+}
+
+impl TargetResponses<'_> {
+    /// What is there besides at a sample, in m/s^2.
+    fn besides_at(&self, sample: usize) -> f64 {
+        self.besides.get(sample).copied().unwrap_or(0.0)
+    }
+}
+
+/// The programme: the same peak at all targets, at the same time.
 #[derive(Clone, Debug)]
 pub struct ForceProgram<'a> {
-    /// The panel, and those off it.
-    pub panels: &'a [SlotResponses],
+    /// At least one.
+    pub targets: Vec<TargetResponses<'a>>,
     /// What it chooses.
     pub forces: Vec<SlotForce>,
     /// The bounds.
     pub bounds: MotionBounds,
     /// The peak asked for in m/s^2.
     pub asked: f64,
-    /// Acceleration in m/s^2, sample by sample on every panel, that is there besides; may be empty.
-    pub besides: &'a [f64],
     /// Bounds to begin with.
     pub first: &'a [SampleBound],
 }
@@ -118,14 +135,13 @@ impl ForceProgram<'_> {
         self.solve(Goal::Excess { peak })
     }
 
-    /// Felt acceleration of a panel, as a part of what is asked for, sample by sample.
+    /// Felt acceleration of a target on a panel, as a part of what is asked for, sample by sample.
     #[must_use]
-    pub fn motion_of_panel(&self, panel: usize, values: &[f64]) -> Vec<f64> {
-        let Some(responses) = self.panels.get(panel) else { return Vec::new() };
-        let mut motion: Vec<f64> =
-            (0..LOOKED_AT).map(|sample| self.besides.get(sample).copied().unwrap_or(0.0) / self.asked).collect();
+    pub fn motion_of_target(&self, target: &TargetResponses, panel: usize, values: &[f64]) -> Vec<f64> {
+        let Some(responses) = target.panels.get(panel) else { return Vec::new() };
+        let mut motion: Vec<f64> = (0..LOOKED_AT).map(|sample| target.besides_at(sample) / self.asked).collect();
         for (force, value) in self.forces.iter().zip(values).filter(|(_, value)| **value != 0.0) {
-            let part = force.force_n * value / self.asked;
+            let part = target.factor * force.force_n * value / self.asked;
             let per_n = responses.acceleration_per_n(force.actuator, force.slot);
             motion.iter_mut().zip(per_n).for_each(|(motion, per_n)| *motion += part * per_n);
         }
@@ -134,7 +150,9 @@ impl ForceProgram<'_> {
 
     fn solve(&self, goal: Goal) -> Option<SolvedForces> {
         let peak_sample = self.bounds.peak_sample;
-        let of_peak = self.list_coefficients(0, peak_sample, 1.0);
+        let (first, others) = self.targets.split_first()?;
+        let of_peak = self.list_coefficients(first, 0, peak_sample, 1.0);
+        let besides = first.besides_at(peak_sample) / self.asked;
         // No forces within their bounds make more.
         let reachable: f64 = self
             .forces
@@ -144,8 +162,7 @@ impl ForceProgram<'_> {
             .sum();
         let goal_variable = match goal {
             Goal::Peak { cost, largest } => {
-                let besides = self.besides_at(peak_sample).max(0.0);
-                BoundedVariable { lower: 0.0, upper: largest.min(reachable + besides), cost }
+                BoundedVariable { lower: 0.0, upper: largest.min(reachable + besides.max(0.0)), cost }
             }
             Goal::Excess { .. } => BoundedVariable { lower: 0.0, upper: f64::INFINITY, cost: 1.0 },
         };
@@ -158,7 +175,6 @@ impl ForceProgram<'_> {
         let mut variables: Vec<BoundedVariable> = self.forces.iter().enumerate().map(choose).collect();
         variables.push(goal_variable);
         let mut simplex = DualSimplex::new(variables);
-        let besides = self.besides_at(peak_sample);
         match goal {
             Goal::Peak { .. } => {
                 let row: Vec<f64> = of_peak.into_iter().chain([-1.0]).collect();
@@ -168,6 +184,16 @@ impl ForceProgram<'_> {
                 let row: Vec<f64> = of_peak.into_iter().map(|part| -part).chain([-0.2 * peak]).collect();
                 simplex.add_row(&row, besides - peak, false);
             }
+        }
+        for other in others {
+            // -motion <= besides - peak.
+            let (of_goal, limit) = match goal {
+                Goal::Peak { .. } => (1.0, 0.0),
+                Goal::Excess { peak } => (-0.2 * peak, -peak),
+            };
+            let row: Vec<f64> =
+                self.list_coefficients(other, 0, peak_sample, -1.0).into_iter().chain([of_goal]).collect();
+            simplex.add_row(&row, limit + other.besides_at(peak_sample) / self.asked, false);
         }
         let mut added = self.first.to_vec();
         added.iter().for_each(|bound| self.add_bound(&mut simplex, *bound, goal));
@@ -182,7 +208,7 @@ impl ForceProgram<'_> {
             };
             let mut broken = self.list_broken_bounds(values, scale);
             if broken.is_empty() {
-                let is_tight = |(row, _): &(usize, &SampleBound)| simplex.is_row_tight(row + 1);
+                let is_tight = |(row, _): &(usize, &SampleBound)| simplex.is_row_tight(row + self.targets.len());
                 let tight = added.iter().enumerate().filter(is_tight).map(|(_, bound)| *bound).collect();
                 return Some(SolvedForces { values: values.to_vec(), goal: *reached, tight });
             }
@@ -195,37 +221,35 @@ impl ForceProgram<'_> {
         None
     }
 
-    fn besides_at(&self, sample: usize) -> f64 {
-        self.besides.get(sample).copied().unwrap_or(0.0) / self.asked
-    }
-
-    /// What each force adds to the motion at a sample, times `sign`.
-    fn list_coefficients(&self, panel: usize, sample: usize, sign: f64) -> Vec<f64> {
-        let Some(responses) = self.panels.get(panel) else { return Vec::new() };
+    /// What each force adds to a target's motion at a sample, times `sign`.
+    fn list_coefficients(&self, target: &TargetResponses, panel: usize, sample: usize, sign: f64) -> Vec<f64> {
+        let Some(responses) = target.panels.get(panel) else { return Vec::new() };
         let add = |force: &SlotForce| {
             let per_n = responses.acceleration_per_n(force.actuator, force.slot).get(sample);
-            sign * force.force_n * per_n.copied().unwrap_or(0.0) / self.asked
+            sign * target.factor * force.force_n * per_n.copied().unwrap_or(0.0) / self.asked
         };
         self.forces.iter().map(add).collect()
     }
 
     /// sign (motion + besides) <= allowed (peak or 1 + excess).
     fn add_bound(&self, simplex: &mut DualSimplex, bound: SampleBound, goal: Goal) {
-        let SampleBound { panel, sample, sign } = bound;
+        let SampleBound { target, panel, sample, sign } = bound;
+        let Some(target) = self.targets.get(target) else { return };
         let allowed = self.bounds.allowed_fraction(panel, sample);
         let (of_goal, limit) = match goal {
             Goal::Peak { .. } => (-allowed, 0.0),
             Goal::Excess { peak } => (-allowed * peak, allowed * peak),
         };
-        let row: Vec<f64> = self.list_coefficients(panel, sample, sign).into_iter().chain([of_goal]).collect();
-        simplex.add_row(&row, limit - sign * self.besides_at(sample), false);
+        let row: Vec<f64> = self.list_coefficients(target, panel, sample, sign).into_iter().chain([of_goal]).collect();
+        simplex.add_row(&row, limit - sign * target.besides_at(sample) / self.asked, false);
     }
 
     /// The bounds that are broken most in their neighbourhood, if the peak is `scale`, and by how much.
     fn list_broken_bounds(&self, values: &[f64], scale: f64) -> Vec<(f64, SampleBound)> {
         let mut broken = Vec::new();
-        for panel in 0..self.panels.len() {
-            let motion = self.motion_of_panel(panel, values);
+        let numbered = self.targets.iter().enumerate();
+        for (target, own, panel) in numbered.flat_map(|(i, own)| (0..own.panels.len()).map(move |panel| (i, own, panel))) {
+            let motion = self.motion_of_target(own, panel, values);
             let excess = |sample: usize| {
                 let allowed = self.bounds.allowed_fraction(panel, sample);
                 motion.get(sample).map_or(f64::NEG_INFINITY, |motion| motion.abs() / allowed - scale)
@@ -237,7 +261,7 @@ impl ForceProgram<'_> {
             };
             broken.extend((0..LOOKED_AT).filter(is_crest).map(|sample| {
                 let sign = motion.get(sample).map_or(1.0, |motion| motion.signum());
-                (excess(sample), SampleBound { panel, sample, sign })
+                (excess(sample), SampleBound { target, panel, sample, sign })
             }));
         }
         broken

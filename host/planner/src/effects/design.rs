@@ -75,7 +75,7 @@ pub struct EffectPrediction {
     pub left: f64,
     /// From here on it stays below a tenth of the peak, in ms; `null` if not within 300 ms of the end.
     pub quiet_ms: Option<f64>,
-    /// Of a click of single windows, whether its peak comes within 15 ms and it is quiet within `crisp_ms`; `null` of other effects.
+    /// Of a click of single windows, whether its peak comes within 15 ms and it is quiet within `crisp_ms`, at all targets; `null` of other effects.
     pub crisp: Option<bool>,
     /// The same as `quiet_ms` for a click without its brake.
     pub quiet_unbraked_ms: Option<f64>,

@@ -1,4 +1,6 @@
 //! A click of single windows as an effect ([`crate::click`]).
+//!
+//! With several fingers their peaks come together, and all of them are quiet in time.
 
 use super::design::{EffectDesign, EffectPrediction, design_effect};
 use super::effect_window::EffectWindow;
@@ -8,10 +10,14 @@ use super::named::{EffectRequest, NamedEffect};
 use crate::click::{ClickDesign, ClickOptions, design_click_windows};
 use crate::physics::rise::PanelPoles;
 use crate::plan::limitation::join_limitations_as_text_if_any;
-use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+use crate::{Plan, PlanTable, STANDARD_GRAVITY, TargetResult};
+use nalgebra::DVector;
 
-/// Designs an effect for a board that plays single windows: a click at one place without quiet zones is a burst of them, and everything else is as
-/// [`design_effect`] has it.
+/// Most fingers of a click of single windows: for more, two to four actuators have no common click.
+const MOST_FINGERS: usize = 3;
+
+/// Designs an effect for a board that plays single windows: a click for up to three fingers without quiet zones is a burst of them, and everything
+/// else is as [`design_effect`] has it.
 ///
 /// # Errors
 /// [`DesignError`].
@@ -22,13 +28,14 @@ pub fn design_effect_with_windows(
     request: EffectRequest,
     options: ClickOptions,
 ) -> Result<EffectDesign, DesignError> {
-    let Some(target) = plan.targets.first().filter(|_| is_click_of_windows(plan, request)) else {
+    if !is_click_of_windows(plan, request) {
         return design_effect(table, rise, plan, request);
-    };
+    }
     request.check_and_choose_shape()?;
-    let shape = mode_shape_values_at_point_or_on_bar_axis(table, target.x_m, target.y_m);
-    let asked = target.wanted_g * STANDARD_GRAVITY;
-    match design_click_windows(table, rise, &shape, asked, options) {
+    let shape = |own: &TargetResult| mode_shape_values_at_point_or_on_bar_axis(table, own.x_m, own.y_m);
+    let shapes: Vec<DVector<f64>> = plan.targets.iter().map(shape).collect();
+    let wishes: Vec<f64> = plan.targets.iter().map(|own| own.wanted_g * STANDARD_GRAVITY).collect();
+    match design_click_windows(table, rise, &shapes, &wishes, options) {
         Some(click) => Ok(effect_from_click(table, request, click)),
         None => design_effect(table, rise, plan, request),
     }
@@ -37,7 +44,7 @@ pub fn design_effect_with_windows(
 /// Whether an effect for a plan is a click of single windows on boards that play them.
 #[must_use]
 pub fn is_click_of_windows(plan: &Plan, request: EffectRequest) -> bool {
-    request.effect == NamedEffect::Click && plan.targets.len() == 1 && plan.quiet.is_empty()
+    request.effect == NamedEffect::Click && (1..=MOST_FINGERS).contains(&plan.targets.len()) && plan.quiet.is_empty()
 }
 
 fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesign) -> EffectDesign {
@@ -76,7 +83,7 @@ fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesi
         predicted,
         limited_by: join_limitations_as_text_if_any(&click.limits),
         length_ms: 1e3 * click.duration_s(),
-        peaks_g: vec![peak_g],
+        peaks_g: click.peaks.iter().map(|peak| peak / STANDARD_GRAVITY).collect(),
         limits: click.limits,
         travel_m: click.travel_m,
         windows,

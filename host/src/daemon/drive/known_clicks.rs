@@ -10,10 +10,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 const MOST: usize = 512;
 
 /// What a click depends on besides the panel; numbers by their bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 struct ClickKey {
-    place_m: [u64; 2],
-    wanted_g: u64,
+    /// x and y in m, and what is wanted in g, of every target.
+    targets: Vec<[u64; 3]>,
     crisp_s: u64,
     force_fraction: u64,
     prefers_crispness: bool,
@@ -21,10 +21,10 @@ struct ClickKey {
 }
 
 impl ClickKey {
-    fn new(target: &TargetResult, options: ClickOptions) -> Self {
+    fn new(targets: &[TargetResult], options: ClickOptions) -> Self {
+        let list_bits = |own: &TargetResult| [own.x_m, own.y_m, own.wanted_g].map(f64::to_bits);
         Self {
-            place_m: [target.x_m.to_bits(), target.y_m.to_bits()],
-            wanted_g: target.wanted_g.to_bits(),
+            targets: targets.iter().map(list_bits).collect(),
             crisp_s: options.crisp_s.to_bits(),
             force_fraction: options.force_fraction.to_bits(),
             prefers_crispness: options.preference == Preference::Crispness,
@@ -40,7 +40,7 @@ pub struct KnownClicks {
 }
 
 impl KnownClicks {
-    /// The click of single windows for the only target of a plan: that of before, or what `design` makes.
+    /// The click of single windows for the targets of a plan: that of before, or what `design` makes.
     ///
     /// # Errors
     /// As `design`.
@@ -50,7 +50,7 @@ impl KnownClicks {
         options: ClickOptions,
         design: impl FnOnce() -> Result<EffectDesign, DesignError>,
     ) -> Result<EffectDesign, DesignError> {
-        let Some(key) = plan.targets.first().map(|target| ClickKey::new(target, options)) else { return design() };
+        let key = ClickKey::new(&plan.targets, options);
         if let Some(known) = self.lock_clicks().get(&key) {
             return Ok(known.clone());
         }
@@ -85,7 +85,9 @@ mod tests {
         let options = TableOptions::default();
         let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::build(&scene, model.reduce(options.to_hz, &[]).unwrap(), options).unwrap();
-        let plan = |x_m: f64, g: f64| table.plan(&[Target { x_m, y_m: 0.01, intensity_g: Some(g) }]).unwrap();
+        let target = |x_m: f64, g: f64| Target { x_m, y_m: 0.01, intensity_g: Some(g) };
+        let plan = |x_m: f64, g: f64| table.plan(&[target(x_m, g)]).unwrap();
+        let plan_for_two = |other_g: f64| table.plan(&[target(0.06, 0.5), target(0.24, other_g)]).unwrap();
         let clicks = KnownClicks::default();
         let mut designs = 0;
         let mut ask = |plan: &Plan, options: ClickOptions| {
@@ -106,6 +108,8 @@ mod tests {
         for (plan, options) in [
             (plan(0.061, 0.5), standard),
             (plan(0.06, 0.4), standard),
+            (plan_for_two(0.5), standard),
+            (plan_for_two(0.4), standard),
             (plan(0.06, 0.5), ClickOptions { crisp_s: 0.05, ..standard }),
             (plan(0.06, 0.5), ClickOptions { force_fraction: 0.5, ..standard }),
             (
