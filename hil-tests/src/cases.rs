@@ -197,7 +197,7 @@ fn equal_frequencies_keep_their_phase(bench: &Bench) -> CaseResult {
         await_achieved_timers(bench, &mut session, &achieved)?;
         check_equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
         let off = (i64::from(achieved[1].phase_microturns) - i64::from(phase_microturns)).rem_euclid(1_000_000);
-        check_equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
+        check_equal("the phase is within a tick of the requested phase", off.min(1_000_000 - off) <= 16, true)?;
         // The drives before had the same frequency, so the timers may not have changed yet. The phase is reached after the
         // active and the preloaded period, a blank one and two more, of 5.6 ms each, at most.
         bench.wait_silently(Duration::from_millis(60))?;
@@ -242,7 +242,7 @@ fn refused_drives_change_nothing(bench: &Bench) -> CaseResult {
     let drives = heapless::Vec::from_slice(&[0, 1, 2, 3].map(beyond)).map_err(|_| "capacity")?;
     match session.expect_refusal(&Request::SetDrives { drives })? {
         Refusal::Current { max_microamps: 500, .. } | Refusal::Drive { .. } => {}
-        other => return Err(format!("beyond the supply: refused with {other:?}")),
+        other => return Err(format!("drives beyond the limit of the supply were refused with {other:?}")),
     }
     await_achieved_timers(bench, &mut session, &before)?;
     session.send_request(&Request::Stop)?;
@@ -345,11 +345,11 @@ fn find_timer_mismatch(bench: &Bench, achieved: &[AchievedDrive]) -> Result<Opti
         let tick_s = windows.tick_length_s(170_000_000);
         if let Some(ticks) = windows.shortest_guard_ticks() {
             let guard_s = f64::from(ticks) * tick_s;
-            check_equal(&format!("guard of {guard_s} s"), guard_s >= 200e-6, true)?;
+            check_equal(&format!("the guard time of {guard_s} s is at least 200 us"), guard_s >= 200e-6, true)?;
         }
         let Some(drive) = achieved.iter().find(|drive| drive.channel == channel) else {
             if windows.a.length + windows.b.length > 0 {
-                return Ok(Some(format!("channel {channel} energises electrodes")));
+                return Ok(Some(format!("channel {channel} energises electrodes, but has no drive")));
             }
             continue;
         };
@@ -376,5 +376,5 @@ fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> CaseResult {
     let turn = 1e-6 * (f64::from(second.phase_microturns) - f64::from(first.phase_microturns));
     let off = (second_output.position_ticks - first_output.position_ticks) / ticks - turn;
     let off_ticks = (off - off.round()).abs() * ticks;
-    check_equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
+    check_equal(&format!("the phase error of {off_ticks} ticks is at most 3 ticks"), off_ticks <= 3.0, true)
 }

@@ -29,7 +29,7 @@ pub(crate) fn check_clock_advances(bench: &Bench) -> CaseResult {
     let status = session.request_status()?;
     let after_us = session.request_clock_us()?;
     check_equal(
-        "the uptime in the status is between the clock readings before and after it",
+        "the uptime in the status is between the clock readings before and after the status",
         (before_us..=after_us).contains(&status.uptime_us),
         true,
     )?;

@@ -80,10 +80,10 @@ pub(crate) fn burst_limit(bench: &Bench) -> CaseResult {
                 std::thread::sleep(Duration::from_millis(5));
             }
             Err(LinkError::Refused(Refusal::Duty { channel: 0, wait_ms })) => break wait_ms,
-            other => return Err(format!("a drive beyond its burst got {other:?}")),
+            other => return Err(format!("a drive beyond its burst was answered with {other:?}")),
         }
     };
-    check_equal("the wait in the refusal is at most one rest", (1..=REST_MS).contains(&wait_ms), true)?;
+    check_equal("the wait time in the refusal is at most the rest time", (1..=REST_MS).contains(&wait_ms), true)?;
     session.disarm_and_await_safe()?;
     // A rest counts while not armed, too: drives can be set as soon as the device arms.
     bench.wait_silently(Duration::from_millis(u64::from(REST_MS) + 50))?;
@@ -137,7 +137,7 @@ pub(crate) fn arming_tests_every_loop(bench: &Bench) -> CaseResult {
         expect_fault(bench, &mut session, code).map_err(|error| format!("{breakage:?}: {error}"))?;
         if stays {
             let refusal = session.expect_refusal(&Request::ClearFaults)?;
-            check_equal("the cause is still there", refusal, Refusal::StillThere(code))?;
+            check_equal("clear-faults while the cause of the fault remains", refusal, Refusal::StillThere(code))?;
         }
         drop(broken);
         clear_fault_and_await_safe(&mut session).map_err(|error| format!("{breakage:?}: {error}"))?;

@@ -54,7 +54,7 @@ impl TargetKind {
     pub const fn missing_need(self, needs: CaseNeeds) -> Option<&'static str> {
         match (self, needs) {
             (TargetKind::Emulated | TargetKind::Board, CaseNeeds::Knobs) => {
-                Some("only the simulated device can be silent, be slow or corrupt frames on request")
+                Some("only the simulated device can stay silent, answer late or corrupt frames on request")
             }
             (TargetKind::Board, CaseNeeds::NothingConnected) => {
                 Some("the case requests 1 kV, but something may be connected to the electrodes")

@@ -47,7 +47,7 @@ fn the_cases_find_a_device_that_makes_mistakes() {
         (Mistakes { idle_channel: Some(1), ..sound }, "change_drives", "channel 1 does not use both electrodes"),
         (Mistakes { idle_channel: Some(3), ..sound }, "effect_on_all_channels", "channels that drive during"),
         (Mistakes { long_periods: true, ..sound }, "drives_to_the_timer_step", "channel 0 is at"),
-        (Mistakes { late_periods: true, ..sound }, "equal_frequencies_keep_their_phase", "ticks off the phase"),
+        (Mistakes { late_periods: true, ..sound }, "equal_frequencies_keep_their_phase", "the phase error of"),
     ];
     let bench = Bench::start_simulated().expect("a pseudo-terminal");
     let control = bench.sim_control().expect("knobs");

@@ -126,7 +126,7 @@ fn a_click_that_is_not_crisp_says_so() {
         assert_eq!(predicted["quiet_ms"].as_f64().unwrap() <= crisp_ms.parse().unwrap(), is_crisp, "{predicted}");
         let output = era(&[&base[..], &["--crisp-ms", crisp_ms]].concat());
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        let said = format!("below a tenth of it within {crisp_ms} ms");
+        let said = format!("below a tenth of the peak within {crisp_ms} ms");
         assert_eq!(text.contains("not crisp: ") && text.contains(&said), !is_crisp, "{text}");
     }
 }

@@ -122,7 +122,7 @@ const _: () = assert!(
         // Half of what a charge adds is above the mean.
         + CHARGE_RIPPLE_MICROAMPS / 2
         <= OVER_CURRENT_MICROAMPS as u64,
-    "drives that the board accepts trip it"
+    "the over-current limit is too low: drives that the board accepts can exceed this limit"
 );
 
 /// Charge of one electrode of every channel at the highest voltage, in pC.

@@ -174,7 +174,7 @@ impl<'py> FromPyObject<'_, 'py> for GivenTarget {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "another target must be (x_m, y_m) or (x_m, y_m, peak_g)";
+        let what = "an entry of `also` must be (x_m, y_m) or (x_m, y_m, peak_g)";
         // A peak of None is left to the plan.
         let own = match given.extract::<Vec<Bound<'_, PyAny>>>().as_deref() {
             Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
@@ -209,7 +209,7 @@ impl<'py> FromPyObject<'_, 'py> for FourNumbers {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let what = "the value must be four numbers";
+        let what = "`zone_m`, or an entry of `quiet`, must be four numbers";
         let numbers = RealNumbers::read_numbers_from_python_argument(&given, what)?;
         if numbers.to_array_if_of_length_n::<4>().is_none() {
             return Err(PyTypeError::new_err(format!("{what}, not an array with the shape {:?}", numbers.shape)));

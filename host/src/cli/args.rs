@@ -81,7 +81,8 @@ pub struct TimeLimit {
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct CacheOptions {
-    /// Compute the plan table: neither read it from disk nor write it to disk (see docs/src/accuracy.md, "Start-up")
+    /// Compute the plan table instead of reading it from disk, and do not write it to disk (see docs/src/accuracy.md,
+    /// "Start-up")
     #[arg(long)]
     pub no_cache: bool,
 }

@@ -89,7 +89,8 @@ fn format_touch_answer(answer: &Value) -> String {
                 ),
                 _ => write!(
                     text,
-                    " in the felt band (an accelerometer shows {:.3} g below 1 kHz); {windows} electrode windows",
+                    " in the felt band (up to 500 Hz; an accelerometer shows {:.3} g below 1 kHz); {windows} \
+                     electrode windows",
                     read_number_or_nan(&played["peak_most_g"]),
                 ),
             };
@@ -237,7 +238,7 @@ fn read_number_or_nan(value: &Value) -> f64 {
 pub struct DaemonContact {
     /// Over which connections.
     pub way: DaemonRoute,
-    /// What the header `Authorization` says, if there is a token.
+    /// Value of the header `Authorization`, if there is a token.
     pub bearer: Option<String>,
 }
 

@@ -66,7 +66,7 @@ pub enum Command {
     #[command(after_help = "Example:\n  era state --json")]
     State(DaemonOptions),
     /// Send the requests of a recording (`era serve --record`) to a running daemon again, at the recorded times, and compare
-    /// the answers
+    /// the answers with the recorded answers
     #[command(after_help = "Example:\n  era serve --record day.jsonl\n  era replay day.jsonl --speed 4")]
     Replay(Replay),
     /// List the frequencies and damping ratios of a panel's modes; write or draw the mode shapes
@@ -106,7 +106,7 @@ Examples:
   era field --at 480,640 --png map.png --csv map.csv
   era field --reach --png reach.png       map the strongest peak and the highest contrast
   era field --effect click --png clicks.png    map where clicks are crisp
-  era field --schemes                     compare the dead zones of three drive schemes
+  era field --schemes                     compare the lowest peaks of three drive schemes
   era field --schemes --from 124 --zone 0,0,150,200 --felt
                                           compare in this band and zone, in dB above the threshold")]
     Field(Field),
@@ -114,7 +114,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   era study examples/studies/placement.toml              after Ctrl-C, the same command resumes the study
-  era study placement.toml --out results --shard 3/16    compute only the third of 16 shares, for a job array
+  era study placement.toml --out results --shard 3/16    compute only share 3 of 16, for a job array
   era study placement.toml --out results --gather        combine the results when all shares are complete")]
     Study(Study),
     /// Compare predicted peaks with the peaks that the simulated device measures
@@ -126,10 +126,10 @@ Examples:
     /// Write the firmware to a board, through a debug probe or over USB (not yet tested on a real board)
     #[command(after_help = "\
 Before the command erases the flash, it checks that the file is a firmware image for this chip and kind of board. If a
-board answers, the command also checks that its present firmware does not speak a newer version of the ERA protocol than
+board answers, the command also checks that the board's firmware does not speak a newer version of the ERA protocol than
 the image. If an update was interrupted, run the same command again.
-Switch the high-voltage supply off first: while the bootloader of the chip runs, it drives some pins, and the firmware
-does not run and cannot keep the supply off.
+Switch the high-voltage supply off first: the bootloader of the chip drives some pins, and while the bootloader runs,
+the firmware does not run and cannot keep the supply off.
 
 This command has been tested with a simulated bootloader, not yet on a board.
 
@@ -157,7 +157,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   era install --print                     print the files, without installing them
-  sudo era install                        install a service of the machine
+  sudo era install                        install a system service
   era install --user                      install a service of this user
   sudo era install --only rule            install the udev rule, which a service of a user also needs
   era install --root pkg --program /usr/bin/era    write the files below pkg, for a package")]

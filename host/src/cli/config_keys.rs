@@ -20,7 +20,7 @@ pub enum GivenValue {
     Flag(bool),
     /// A list of strings.
     Texts(Vec<String>),
-    /// Dates, tables, and other lists: no key takes one.
+    /// A date, a table or another list; no key takes a value of this kind.
     Other,
 }
 
@@ -140,7 +140,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "no_cache",
-        help: "Compute the plan table: neither read it from disk nor write it to disk",
+        help: "Compute the plan table instead of reading it from disk, and do not write it to disk",
         allowed: "true or false",
         default: "false",
         example: "false",

@@ -23,8 +23,9 @@ const CERTIFICATE: &str = "era-cert.pem";
 
 #[derive(Clone, Debug, Args)]
 pub struct Doctor {
-    /// The device to check: auto, or the path of a serial port; sim and emulated need no hardware.
-    /// Without this option, the doctor looks for a board by its USB identity and writes to no other port
+    /// The device to check: auto (finds the connected board), the path of a serial port, or sim or emulated, which need
+    /// no hardware. The doctor opens no other serial port [default: the device in the configuration, or the board that
+    /// the doctor finds by its USB identity]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<Target>,
     /// The daemon's configuration file; the doctor checks the file, and the device and the address in it

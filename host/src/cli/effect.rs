@@ -145,8 +145,8 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         let crisp_ms = request.crisp_ms.unwrap_or(1e3 * ClickOptions::default().crisp_s);
         let _ = write!(
             text,
-            "\nnot crisp: the peak should come within 15 ms, and the motion should fall below a tenth of it within \
-             {crisp_ms} ms"
+            "\nnot crisp: the peak should come within 15 ms, and the motion should fall below a tenth of the peak \
+             within {crisp_ms} ms"
         );
     }
     let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");

@@ -52,7 +52,7 @@ fn describe_modelled_scene(scene: &Scene) -> String {
         let _ = write!(text, ", {count} {what}");
     }
     if let Some(stiffness) = scene.sealed_air_stiffness_if_any_n_per_m() {
-        let _ = write!(text, ", sealed air of {stiffness:.3e} N/m against the mean deflection");
+        let _ = write!(text, ", sealed air with a stiffness of {stiffness:.3e} N/m against the mean deflection");
     }
     if surface.added_mass_kg_per_m2 > 0.0 {
         let _ = write!(text, ", {} kg/m^2 of air that moves with the surface", surface.added_mass_kg_per_m2);

@@ -92,7 +92,7 @@ impl FlashJob<'_> {
             Err(error) if self.options.probe => Err(Failure::runtime_error(error)),
             Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashWay::Dfu),
             Err(error) => {
-                tell!("the debug probe cannot be used, so this command uses USB: {error}");
+                tell!("this command uses USB, because the debug probe cannot be used: {error}");
                 Ok(FlashWay::Dfu)
             }
         }
@@ -104,7 +104,8 @@ impl FlashJob<'_> {
         let waiting = way == FlashWay::Dfu && usb::find_bootloader().map_err(Failure::runtime_error)?.is_some();
         match &self.options.port {
             Some(_) if waiting => Err(Failure::runtime_error(
-                "a board is already in its bootloader: omit --port to flash that board, or disconnect it",
+                "a board is already in its bootloader, so --port cannot be used: omit --port to flash this board, or \
+                 disconnect this board",
             )),
             None if waiting => Ok(None),
             port => match Board::open(port.as_ref().unwrap_or(&Target::Auto)) {

@@ -22,7 +22,7 @@ pub enum Part {
 
 #[derive(Clone, Debug, Args)]
 pub struct Install {
-    /// Install a service of this user instead of a service of the machine; omit the udev rule, which needs root
+    /// Install a service of this user instead of a system service; omit the udev rule, which needs root
     #[arg(long)]
     pub user: bool,
     /// Install or remove only one of the two files
@@ -241,7 +241,7 @@ fn warn_what_keeps_service_from_working(options: &Install, config: &Path, wanted
             Err(error) => tell!("the service will not start with this configuration:\n{error}"),
             Ok(file) => {
                 if let Some(note) = file.note_if_device_is_simulated() {
-                    tell!("with {} the service {note}", there.display());
+                    tell!("with the configuration file {}, the service {note}", there.display());
                 }
             }
         }

@@ -67,9 +67,9 @@ struct PlanAnswer {
     tolerance: f64,
     /// Whether `error_bound` of every plan is at most `tolerance`; `null` if a bound is missing and no bound is above `tolerance`.
     tolerance_met: Option<bool>,
-    /// When the (first) target vibrates and when it has stopped, as the daemon says it.
+    /// When the vibration of the (first) target begins and when it has decayed, in the form that the daemon uses.
     times: Times,
-    /// Of a plan without windows.
+    /// Details of the first target, if the plan has no time windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     details: Option<FirstTargetReport>,
     /// One for each plan, with `--explain`.
@@ -126,13 +126,15 @@ fn prepare_request_table_refusing_finger_with_windows(
     let PlanOptions { panel, keep, .. } = options;
     if scene.finger.is_some() && has_time_windows {
         return Err(Failure::usage_error(
-            "time windows cannot be combined with the scene's [finger], because a finger is on each place only during \
-             the window of this place: omit the time windows, or use a scene without [finger]",
+            "time windows cannot be combined with the scene's [finger], because the model has a finger on every \
+             target all the time, not only during the window of the target: omit the time windows, or use a scene \
+             without [finger]",
         ));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
         tell!(
-            "the scene's [finger] is not used, because the objective `reach` has one setting for touches of every place"
+            "the scene's [finger] is not used, because the objective `reach` uses the same actuator \
+             settings for a touch at any place"
         );
         return load_or_compute_plan_table(panel, *keep, scene);
     }
@@ -388,12 +390,12 @@ fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
         let what = if plan.limited_by.is_some() {
             "the intensity at the target"
         } else {
-            "the motion elsewhere (with the objective `power`: by the power)"
+            "the motion elsewhere, or the power with the objective `power`"
         };
         let _ = write!(
             text,
-            "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more}, \
-             measured by {what}"
+            "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more} \
+             (criterion: {what})"
         );
     } else {
         let proof = match plan.grouping {
@@ -425,8 +427,8 @@ fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
     for curve in &trade_offs.targets {
         let _ = write!(
             text,
-            "\ntrade-off between target {} and the others: percentage of the peak that each target gets as the \
-             only target; then the peaks of all targets in g:",
+            "\ntrade-off between target {} and the others (100 %: the peak of a target as the only target). \
+             Each line: percentage of this target, lowest percentage of the others, peaks of all targets in g:",
             curve.target + 1
         );
         for point in &curve.points {

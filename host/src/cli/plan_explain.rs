@@ -38,8 +38,8 @@ pub fn format_explanation(explanation: &Explanation) -> String {
         if let Some(weakest_g) = other.weakest_g {
             let _ = write!(
                 text,
-                "\n  {:44} one setting for touches at every place: the weakest place of the surface gets {weakest_g:.3} g, \
-                 the target gets the peak in the line above",
+                "\n  {:44} the same actuator settings for a touch at any place: the weakest place of the surface gets \
+                 {weakest_g:.3} g, the target gets the peak in the line above",
                 ""
             );
         }

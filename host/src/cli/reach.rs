@@ -86,7 +86,8 @@ fn compute_touched_maps(
     region: Option<Region>,
 ) -> Result<ReachMaps, Failure> {
     tell!(
-        "the scene has a [finger], so each examined point is computed with the finger on this point; contrasts are not computed, because every point would need a plan for a panel with the finger at another place"
+        "the scene has a [finger], so each examined point is computed with the finger on this point; contrasts are not \
+         computed, because each point would need its own plan, for the panel with the finger on this point"
     );
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
     run_with_progress("computing the largest peaks with a finger on each point", || -> Result<ReachMaps, Failure> {
@@ -128,7 +129,8 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     let mut text = format!(
         "{}, {}, all schemes with the largest safe forces, peaks in {unit}\n\
          (one frequency: best of {ratios} amplitude ratios in phase, or of {phases} combinations of amplitudes \
-         and phases, at each frequency, then refined; distinct frequencies: proven optimum for masses at rest)\n",
+         and phases, at each frequency, then refined; distinct frequencies: proven optimum for the forces at the \
+         rest gaps)\n",
         scene.name,
         describe_searched_frequencies(&table, options)
     );
@@ -187,7 +189,7 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
             let _ = writeln!(
                 text,
                 "({}: all forces are reduced to {left} of the values computed at the rest gaps; the moving masses \
-                 narrow the gaps, and larger forces would break a limit)",
+                 narrow the gaps, and larger forces would exceed a limit)",
                 scheme.scheme.name()
             );
         }
@@ -295,7 +297,7 @@ fn prepare_scene_table_and_region(options: &Field) -> Result<(Scene, PlanTable, 
     Ok((scene, table, region))
 }
 
-/// What `--zone` says, on this scene.
+/// Converts the corners of `--zone` to a region of the surface of this scene.
 pub(super) fn convert_zone_to_region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
     let Some(zone) = zone else { return Ok(None) };
     let metres = |[from, to]: [f64; 2]| [from / 1e3, to / 1e3];
@@ -324,7 +326,7 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
     }
 }
 
-/// Writes what `--csv` asks for; whether it went to standard output.
+/// Writes the text to the file of `--csv`, if there is one; returns whether the text went to standard output.
 pub(super) fn write_csv_true_if_to_stdout(options: &Field, text: &str) -> Result<bool, Failure> {
     let Some(path) = &options.csv else { return Ok(false) };
     if path.as_os_str() == "-" {

@@ -106,7 +106,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
-            Some(path) => tracing::warn!("with {} the daemon {}", path.display(), SIMULATED),
+            Some(path) => tracing::warn!("with the configuration file {}, the daemon {}", path.display(), SIMULATED),
             None => tracing::info!("this daemon drives the simulated device: use --device auto to drive a board"),
         }
     }

@@ -14,7 +14,7 @@ const LAST: Duration = Duration::from_millis(500);
 
 enum Text {
     Bytes(Vec<u8>),
-    /// Answered when all before it is written.
+    /// Answered when all earlier texts are written.
     Mark(SyncSender<()>),
 }
 

@@ -80,7 +80,7 @@ pub fn run_study(options: &Options) -> Outcome {
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text(&format!(
                     "{}: share {shard} has no designs to compute, because the study has fewer chunks (for an \
-                     evolution: fewer searches) than shares: set a smaller `chunk`, or more `runs`, in [method]",
+                     evolution: fewer runs) than shares: set a smaller `chunk`, or more `runs`, in [method]",
                     study.spec.name
                 ));
             }

@@ -108,7 +108,8 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
             || String::from("no bound of the model error is known"),
             |bound| {
                 format!(
-                    "model error at each point at most {bound:.0e} times the largest value of this point over frequency"
+                    "model error at each point at most {bound:.0e} times the largest value of this point at \
+                     all frequencies"
                 )
             },
         );

@@ -88,7 +88,7 @@ pub fn parse_url(text: &str) -> Result<String, String> {
     if !matches!(scheme.as_str(), "http" | "https") {
         let text = hide_secret_parts(text);
         return Err(format!(
-            "{text:?} begins with {scheme}://, but the address of a daemon begins with http:// or https:// only"
+            "{text:?} begins with {scheme}://, but the address of a daemon must begin with http:// or https://"
         ));
     }
     // Not repeated: there may be a password or a token in them.

@@ -68,8 +68,8 @@ pub enum TargetError {
     },
     /// No port answered.
     #[error(
-        "no ERA board is among the serial ports ({ports}). Connect a board, name the port of the board if it \
-         is connected through an ST-LINK, or use --device sim"
+        "no ERA board is among the serial ports ({ports}). Connect a board, or use --device sim. If a board is \
+         connected through an ST-LINK, name its port with --device"
     )]
     NoneFound {
         /// Ports there are.

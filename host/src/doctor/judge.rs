@@ -144,8 +144,8 @@ fn judge_daemon(facts: &Facts) -> Finding {
         Daemon::Absent if facts.is_address_named => Finding::problem(
             "daemon",
             format!("no daemon answers at {address}"),
-            "check that the daemon runs (`era serve`, `systemctl status era`), that this is the address of its \
-             --listen, and that no firewall blocks the connection",
+            "check that the daemon runs (`era serve`, `systemctl status era`) and listens at this address \
+             (--listen), and that no firewall blocks the connection",
         ),
         Daemon::Absent => Finding::ok("daemon", format!("no daemon runs at {address}")),
         Daemon::Stranger(answer) => Finding::problem(

@@ -81,7 +81,10 @@ fn list_points(list: &mut EventList, envelope: &Value, value_key: &str) -> Vec<(
         };
         let before_s = points.last().map_or(0.0, |(_, (before_s, _))| *before_s);
         if time_s < before_s {
-            list.warn(format!("{name} is left out: its time is {time_s} s, but must be at least {before_s} s"));
+            list.warn(format!(
+                "{name} is left out: its time is {time_s} s, but must be at least {before_s} s (the time of the \
+                 previous point, or 0 s)"
+            ));
             continue;
         }
         points.push((i, (time_s, value)));

@@ -135,7 +135,8 @@ pub fn add_events_of_haptics(list: &mut EventList, haptics: &MpegHaptics) {
                 }
                 if band.kind == BandKind::Curve {
                     list.warn(format!(
-                        "{name} contains the motion itself (band_type Curve): its absolute value is used as the intensity"
+                        "{name} describes the motion over time (band_type Curve): the absolute value of the motion is \
+                         used as the intensity"
                     ));
                 }
                 let scope = Scope { perception, channel, band, ticks_per_s: haptics.ticks_per_s, steps: &steps };

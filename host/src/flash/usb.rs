@@ -145,7 +145,7 @@ fn open_and_claim_flash_interface(info: &DeviceInfo) -> Result<(UsbPipe, Layout)
 fn find_flash_interface(device: &Device) -> Result<(u8, u8, Layout), UsbError> {
     let broken = |reason: String| UsbError::Open { step: "reading the description of", reason, permission: false };
     let configuration = device.active_configuration().map_err(|error| broken(error.to_string()))?;
-    let mut unfit = broken("it has no interface for the flash".into());
+    let mut unfit = broken("the description lists no interface for the flash".into());
     for setting in configuration.interface_alt_settings() {
         let (Some(name), CLASS, SUBCLASS) = (setting.string_index(), setting.class(), setting.subclass()) else {
             continue;

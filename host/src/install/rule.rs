@@ -28,7 +28,7 @@ pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
         "{MARK}\n\
          # The user who is logged in at the machine and the group {group} may use the board's serial port; ModemManager does not probe it.\n\
          ACTION==\"remove\", GOTO=\"era_end\"\n\n\
-         # The board: other devices have the same USB numbers, but another name. Only root may use the USB device itself.\n\
+         # Other products share the board's USB numbers, so these rules also check the product name. Only root may use the board's USB device itself.\n\
          {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"\n\
          SUBSYSTEM==\"tty\", {parent}, ATTRS{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", \
          ENV{{ID_MM_PORT_IGNORE}}=\"1\", {rights}\n\n\

@@ -77,7 +77,7 @@ impl Unit<'_> {
              # `{manager} edit {NAME}` keeps changed settings in another file, which `era install` does not replace.\n\
              [Unit]\n\
              Description=ERA haptics daemon\n\
-             {after}# A board may be connected at any time, so systemd does not limit the number of starts.\n\
+             {after}# No limit on the number of restarts, so that the daemon runs whenever a board is connected.\n\
              StartLimitIntervalSec=0\n\n\
              [Service]\n\
              Type=notify\n\

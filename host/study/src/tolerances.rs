@@ -219,7 +219,7 @@ impl Spread {
              panels; the peak of a real panel may change more)"
         );
         for OneTolerance { what, range } in &self.of {
-            let _ = write!(text, "\n  with a change of {} only, by up to {}: {}", what.name(), by(*what), ends(range));
+            let _ = write!(text, "\n  {} alone, changed by up to {}: {}", what.name(), by(*what), ends(range));
         }
         text
     }

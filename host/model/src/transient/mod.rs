@@ -162,7 +162,8 @@ pub enum TransientError {
     },
     /// An undamped resonance: no steady state (thesis, after equation 15).
     #[error(
-        "a force of {omega_rad_s} rad/s drives a mode without damping at its resonance, so there is no steady state"
+        "a force with the angular frequency {omega_rad_s} rad/s drives a mode without damping at the resonance of the \
+         mode, so there is no steady state"
     )]
     Unbounded {
         /// Angular frequency of the force.

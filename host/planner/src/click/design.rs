@@ -81,13 +81,15 @@ pub fn design_click_windows(
         .zip(wishes)
         .map(|(shape, wish)| (poles.residues_at_shape(shape), if has_several { asked / wish } else { 1.0 }))
         .collect();
-    let panels: Vec<Vec<SlotResponses>> = places
-        .iter()
-        .map(|(residues, _)| compute_slot_responses_of_five_panels(residues, SLOT_SAMPLES))
-        .collect();
+    let panels: Vec<Vec<SlotResponses>> =
+        places.iter().map(|(residues, _)| compute_slot_responses_of_five_panels(residues, SLOT_SAMPLES)).collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
-    let targets = panels.iter().zip(&places).map(|(panels, (_, factor))| TargetResponses { panels, factor: *factor, besides: &[] });
+    let targets = panels.iter().zip(&places).map(|(panels, (_, factor))| TargetResponses {
+        panels,
+        factor: *factor,
+        besides: &[],
+    });
     let targets = targets.collect();
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
     if has_several {
@@ -159,9 +161,7 @@ pub fn design_click_windows(
         .with_figures_for_comparison
         .then(|| compute_surface_figures_if_anything_moves(table, poles, &windows, &felt));
     let is_crisp = |own: &ClickMeasures| {
-        own.peak > 0.0
-            && own.peak_s <= LATEST_PEAK_S
-            && own.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s)
+        own.peak > 0.0 && own.peak_s <= LATEST_PEAK_S && own.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s)
     };
     Some(ClickDesign {
         windows,

@@ -249,8 +249,7 @@ impl ClickDesigner<'_> {
                     is_quiet && own.peak_s + LEAD_S <= LATEST_PEAK_S && own.peak >= LEAST_CLICK * asked
                 };
                 let least_peak = measures.iter().map(|own| own.peak).fold(f64::INFINITY, f64::min);
-                let judged =
-                    JudgedClick { built, is_crisp: measures.iter().all(is_crisp), peak: least_peak / wished };
+                let judged = JudgedClick { built, is_crisp: measures.iter().all(is_crisp), peak: least_peak / wished };
                 best = Some((excess, judged));
             }
             if excess <= GOOD_ENOUGH || round == CORRECTIONS {
@@ -365,7 +364,8 @@ impl ClickDesigner<'_> {
                 }
             }
         }
-        let choose_panels = |own: &TargetResponses<'_>| TargetResponses { panels: own.panels.get(..1).unwrap_or(&[]), ..*own };
+        let choose_panels =
+            |own: &TargetResponses<'_>| TargetResponses { panels: own.panels.get(..1).unwrap_or(&[]), ..*own };
         let targets = if largest { self.targets.iter().map(choose_panels).collect() } else { self.targets.clone() };
         let program = ForceProgram { targets, forces, bounds, asked, first };
         let solved = if largest { program.find_largest_peak()? } else { program.find_least_forces_for_peak()? };

@@ -248,7 +248,9 @@ impl ForceProgram<'_> {
     fn list_broken_bounds(&self, values: &[f64], scale: f64) -> Vec<(f64, SampleBound)> {
         let mut broken = Vec::new();
         let numbered = self.targets.iter().enumerate();
-        for (target, own, panel) in numbered.flat_map(|(i, own)| (0..own.panels.len()).map(move |panel| (i, own, panel))) {
+        for (target, own, panel) in
+            numbered.flat_map(|(i, own)| (0..own.panels.len()).map(move |panel| (i, own, panel)))
+        {
             let motion = self.motion_of_target(own, panel, values);
             let excess = |sample: usize| {
                 let allowed = self.bounds.allowed_fraction(panel, sample);

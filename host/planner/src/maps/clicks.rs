@@ -155,7 +155,7 @@ impl ClickMap {
         let times = self.clicks.iter().map(draw).collect();
         let field = PeakField { x_mm: self.x_mm.clone(), y_mm: self.y_mm.clone(), peak_g: times };
         let title = format!(
-            "{}: time until a click of {} g is quiet ({end_ms:.0} ms also stands for later and never)",
+            "{}: time until a click of {} g is quiet ({end_ms:.0} ms: at this time, later or never)",
             scene.name, self.intensity_g
         );
         write_map_png(path, scene, &field, &title, ((0.0, end_ms), "time in ms"), &[])

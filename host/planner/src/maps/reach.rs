@@ -114,7 +114,7 @@ pub fn write_schemes_png(
     let title = match scene.surface.kind {
         SurfaceKind::Bar => format!("{}: three ways to drive", scene.name),
         SurfaceKind::Plate => format!(
-            "{}: upper row: {one}; lower row: {each}; red: below the lowest value of distinct frequencies",
+            "{}: upper row: {one}; lower row: {each}; red: weaker than the weakest place with distinct frequencies",
             scene.name
         ),
     };

@@ -281,8 +281,12 @@ fn describe_best_added_actuator_if_channel_left(
         let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
         // Where this one has no plan another place may.
         let Ok(plan) = table.plan_request(&request) else { continue };
-        let change =
-            format!("one more actuator like {}, at {:.0}, {:.0} mm (tolerance 1 %)", like.id, x_m * 1e3, y_m * 1e3);
+        let change = format!(
+            "one more actuator like {}, at {:.0}, {:.0} mm (computed with tolerance 1 %)",
+            like.id,
+            x_m * 1e3,
+            y_m * 1e3
+        );
         let found = describe_alternative(&table, change, &Formulation::new(&table, &request), &plan);
         let is_better = |best: &Alternative| {
             let (more, less) = (found.target_peak_g, best.target_peak_g);

@@ -26,8 +26,14 @@ fn more_is_not_less() {
             {
                 let options = ClickOptions { preference, crisp_s, ..ClickOptions::default() };
                 let design = |wish_g: f64| {
-                    design_click_windows(&table, poles, std::slice::from_ref(&shape), &[wish_g * STANDARD_GRAVITY], options)
-                        .unwrap()
+                    design_click_windows(
+                        &table,
+                        poles,
+                        std::slice::from_ref(&shape),
+                        &[wish_g * STANDARD_GRAVITY],
+                        options,
+                    )
+                    .unwrap()
                 };
                 let clicks: Vec<ClickDesign> = WISHES_G.into_iter().map(design).collect();
                 let shown = || {

@@ -27,7 +27,7 @@ const TOLD: usize = 20;
 
 /// What became of a request now.
 struct ReplayedRequest {
-    /// Its place in the recording.
+    /// Place of the request in the recording.
     place: usize,
     result: Result<DaemonAnswer, Failure>,
 }
@@ -116,7 +116,7 @@ struct ChangedAnswer<'r> {
     then: &'r TouchOutcome,
     /// Nothing: no answer.
     now: Option<TouchOutcome>,
-    /// What is said of it now.
+    /// Detail of the present answer, or why there was no answer.
     detail: String,
 }
 
@@ -184,7 +184,10 @@ fn print_summary(
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
-        told.push(format!("  and {} more touches: see `otherwise` in --json", otherwise.len() - TOLD));
+        told.push(format!(
+            "  and {} more touches: use --json, which lists all of them in `otherwise`",
+            otherwise.len() - TOLD
+        ));
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(

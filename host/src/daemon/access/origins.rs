@@ -53,7 +53,7 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
         }
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
-            Err(format!("{ORIGIN}; a live socket has the origin of its page, which begins with {page}://"))
+            Err(format!("{ORIGIN}; for a live socket, give the origin of its page; this origin begins with {page}://"))
         }
         "about" | "blob" | "data" | "ftp" | "javascript" => {
             Err(format!("{ORIGIN}; pages of the scheme {scheme} have no origin"))

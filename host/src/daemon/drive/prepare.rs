@@ -120,7 +120,7 @@ impl DriveEquipment {
             }
         };
         let untold = || {
-            let detail = "the vibration that remains after the plan cannot be predicted: a drive excites an undamped mode at its resonance";
+            let detail = "the vibration that remains after the end of the plan cannot be predicted: a drive excites an undamped mode at its resonance";
             Problem::new(ProblemKind::NoPlan, detail)
         };
         Ok(PreparedPlan { plan, motion: motion.ok_or_else(untold)?, mode })

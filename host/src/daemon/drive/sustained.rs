@@ -228,7 +228,8 @@ impl DriveTask {
             Err(problem) => {
                 tracing::info!(
                     plan = id,
-                    "the drive could not be sent with its new forces, which the credit and the earlier touches limit: {}",
+                    "the drive could not be sent with its new forces (the credit of the channels and the \
+                     vibration of earlier touches limit the forces): {}",
                     problem.detail()
                 );
                 // The board did not want to: what is not driven is not shown either.

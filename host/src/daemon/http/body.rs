@@ -38,7 +38,7 @@ fn check_header_given_at_most_once(headers: &HeaderMap, name: &HeaderName) -> Re
     if headers.get_all(name).iter().nth(1).is_none() {
         return Ok(());
     }
-    let detail = format!("the header {name} is there several times, but must be there once at most");
+    let detail = format!("the header {name} is given several times, but is allowed only once");
     Err(Problem::new(ProblemKind::BadHeader, detail).with_field(name.to_string()))
 }
 

@@ -18,7 +18,7 @@ pub fn close_frame_for_error(error: axum::Error) -> Option<CloseFrame> {
         Error::Utf8(_) => Some(make_close_frame(close_code::INVALID, "a text message must be UTF-8")),
         Error::Capacity(error) => Some(make_close_frame(close_code::SIZE, &error.to_string())),
         Error::Io(error) if error.kind() == ErrorKind::QuotaExceeded => {
-            Some(make_close_frame(close_code::SIZE, "the parts of a message are too long together"))
+            Some(make_close_frame(close_code::SIZE, "the parts of a message are too long in total"))
         }
         _ => None,
     }

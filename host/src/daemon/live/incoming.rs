@@ -147,7 +147,7 @@ impl IncomingMessage {
         // Stable: in the order of the message otherwise.
         good.sort_by_key(|(_, checked)| !ids_down.contains(&checked.finger.id));
         for (t, checked) in good.split_off(good.len().min(MAX_TARGETS)) {
-            let detail = format!("touches[{t}] is not driven: at most {MAX_TARGETS} fingers are driven at once");
+            let detail = format!("touches[{t}] is ignored: the daemon accepts at most {MAX_TARGETS} fingers at once");
             refuse(
                 Problem::new(ProblemKind::TouchCount, detail).with_field(format!("touches[{t}]")),
                 Some(checked.finger.id),

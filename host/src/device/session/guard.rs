@@ -74,15 +74,15 @@ impl SessionWorker {
         let (now, oldest) = (Instant::now(), self.device.timing().arming.saturating_add(ORDER));
         let reason = match self.again_since.filter(|since| asked_at < *since) {
             Some(since) if now < since => format!(
-                "the daemon did not run for a while, and refuses all requests for another {:.0?}: then send the request \
-                 again",
+                "the daemon did not run for a while, and refuses all requests for another {:.0?}: send the request \
+                 again after this time",
                 since - now
             ),
             Some(_) => "the request was sent while the device did not answer, or while the daemon did not run, so the \
                         daemon does not carry out the request: send the request again"
                 .to_owned(),
             None if asked_at.elapsed() > oldest => format!(
-                "the request has waited for {:.0?}, which is longer than {oldest:.0?}: send the request again",
+                "the request has waited for {:.0?}, but may wait for at most {oldest:.0?}: send the request again",
                 asked_at.elapsed()
             ),
             None => return Ok(()),

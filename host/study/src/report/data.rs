@@ -17,7 +17,7 @@ pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
         "The large dot is the design with the best figure. Numbered red rings are the best designs of the thorough evaluation."
     };
     let off = if table.has_ends {
-        " Figures that a wish uses are the worst over the samples of the uncertain values."
+        " For a figure that a wish uses, the plots show the worst value over the samples of the uncertain values."
     } else {
         ""
     };

@@ -30,7 +30,7 @@ pub(super) fn write_summary_html(study: &Study, table: &DesignTable, finals: &Ve
     if study.count_uncertainty_samples() > 0 {
         let _ = write!(
             html,
-            " The figures of a design are the worst of {} samples of the uncertain values.",
+            " For each wish and limit, the worst of {} samples of the uncertain values counts.",
             study.count_uncertainty_samples()
         );
     }

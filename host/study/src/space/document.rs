@@ -61,7 +61,7 @@ pub(super) fn check_variables_can_be_set_in_document(
             if is_one {
                 Ok(())
             } else {
-                Err(missing(of, "table at this path or several tables, but must have exactly one".into()))
+                Err(missing(of, "table at this path, or has several, but must have exactly one".into()))
             }
         }
         VariableKind::Count { list, to, .. } => {

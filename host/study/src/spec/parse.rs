@@ -197,11 +197,7 @@ fn read_choice_variable(
     list: Option<&toml_edit::Array>,
 ) -> Option<VariableKind> {
     let Some(list) = list.filter(|list| !list.is_empty()) else {
-        section.report_wrong_value(
-            "values",
-            "not a list, or an empty list".into(),
-            "a list with at least one value or table",
-        );
+        section.report_wrong_value("values", "empty, or not a list".into(), "a list with at least one value or table");
         return None;
     };
     let values: Vec<Value> = list.iter().cloned().map(Value::without_decor).collect();

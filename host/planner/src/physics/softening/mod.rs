@@ -140,8 +140,8 @@ pub enum MotionError {
     /// Not the numbers of actuators, drives and lines that belong together.
     #[error(
         "{actuators} actuators, {excitations} drives and {lines} spectral lines were given, but there must be one \
-         drive per actuator, at most {MAX_ACTUATORS} actuators, at most {MAX_LINES} lines of harmonics 1, 3 or 5, and \
-         the fundamental of every drive"
+         drive per actuator, at most {MAX_ACTUATORS} actuators and at most {MAX_LINES} lines; each line must be \
+         harmonic 1, 3 or 5, and the lines must include harmonic 1 of every drive with a voltage"
     )]
     Shape {
         /// As given.

@@ -167,7 +167,7 @@ impl Control {
 pub fn check_controls(declared: &[DeclaredControl], screen: &Screen) -> Result<Vec<Control>, Problem> {
     if declared.len() > MOST_CONTROLS {
         let detail = format!(
-            "controls has {} entries, but must have at most {MOST_CONTROLS}: none of them counts",
+            "controls has {} entries, but must have at most {MOST_CONTROLS}: the daemon ignores the whole list",
             declared.len()
         );
         let allowed = format!("at most {MOST_CONTROLS} entries");
@@ -246,7 +246,7 @@ impl DeclaredControl {
     }
 
     fn missing_key_problem(&self, field: &str) -> Problem {
-        Problem::bad_body(format!("{field} is missing: {} has this key", self.kind.name_with_article()))
+        Problem::bad_body(format!("{field} is missing: {} must have this key", self.kind.name_with_article()))
             .with_field(field.to_owned())
     }
 
