@@ -2,8 +2,7 @@
 //! does not name, and no status or kind of problem that its path does not declare. `support::Daemon` looks at every answer of every
 //! test so; here are answers of each kind, and the proof that what is not described is found.
 
-mod support;
-
+use crate::support;
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::SimKnobs;

@@ -3,8 +3,7 @@
 //! A uniform plate pinned all round, a x b, of mass M: phi = 2 / sqrt(M) sin(m pi x / a) sin(n pi y / b), with the integral
 //! of rho h phi_i phi_j over the surface 1 for i = j and 0 otherwise (Leissa, Vibration of Plates, 4.1).
 
-mod support;
-
+use crate::support;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -11,11 +11,9 @@ use era::scene::{EXAMPLE_BAR, Scene};
 use era::verify::{VerifyError, compare_plan_with_simulation};
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use rayon::prelude::*;
-use verification::trials::{Outcome, Tally, Trial, Verdict, exceeds_travel_limit, try_scene, verdict_on};
+use trials::{Outcome, Tally, Trial, Verdict, exceeds_travel_limit, try_scene, verdict_on};
 
-mod verification {
-    pub mod trials;
-}
+mod trials;
 
 #[test]
 fn prediction_and_simulation_agree_on_random_scenes() {

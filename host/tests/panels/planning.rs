@@ -1,7 +1,6 @@
 //! Plans on real panels: limits are kept, requests are met, and the simulated device agrees.
 
-mod support;
-
+use crate::support;
 use era::device::sim::SimPanel;
 use era::planner::limits::breakdown_voltage_v;
 use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Target};

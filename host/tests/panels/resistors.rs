@@ -1,7 +1,6 @@
 //! Electrodes behind resistors: relations between answers, and plans against the device in time.
 
-mod support;
-
+use crate::support;
 use era::device::sim::SimPanel;
 use era::model::{Accuracy, PanelModel};
 use era::planner::{Grouping, Plan, PlanTable, Request, TableOptions, Target};

@@ -1,7 +1,6 @@
 //! Plans whose targets, quiet zones or limits compete: what is had, what could be had, and what limits it.
 
-mod support;
-
+use crate::support;
 use era::planner::perception::felt_weight_relative_to_reference_hz;
 use era::planner::table::acceleration_at_point_from_coordinates;
 use era::planner::trade::{TradeOffs, explore_trade_offs_if_wishes_conflict, plan_and_explore_trade_offs};

@@ -1,7 +1,5 @@
 //! The doctor: every trouble is planted and has to be found, and what is well is not complained of.
 
-mod doctor {
-    mod asked;
-    mod judged;
-    mod machine;
-}
+mod asked;
+mod judged;
+mod machine;

@@ -1,7 +1,6 @@
 //! Boards of other protocol versions: an older one is spoken to in its own, a newer one is refused by name.
 
-mod support;
-
+use crate::support;
 use era::device::{Client, LinkError};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use era_shared::safety::SafetyState;

@@ -1,7 +1,6 @@
 //! The panel's edges are part of it, whatever its size: a grid's last line and a touch on the last pixel.
 
-mod support;
-
+use crate::support;
 use era::model::{Accuracy, PanelModel, ReducedModel};
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::{CoordinateSolver, multiply_shape_with_coordinates};

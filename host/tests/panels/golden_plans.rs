@@ -1,7 +1,7 @@
 //! Plans of the example scenes as they were recorded, asked for through the program's command line: whatever is rebuilt behind it,
 //! they stay what they are.
 //!
-//! `ERA_RECORD=1 cargo test -p era-host --test golden_plans` records them again. What a change is meant to change then shows in the
+//! `ERA_RECORD=1 cargo test -p era-host --test panels golden_plans` records them again. What a change is meant to change then shows in the
 //! difference of `host/tests/golden`.
 
 use serde_json::{Map, Value, json};
@@ -12,7 +12,7 @@ use std::process::Command;
 /// The variable that has the plans recorded instead of compared.
 const RECORD: &str = "ERA_RECORD";
 /// How that is done.
-const HOW: &str = "ERA_RECORD=1 cargo test -p era-host --test golden_plans";
+const HOW: &str = "ERA_RECORD=1 cargo test -p era-host --test panels golden_plans";
 /// What is not compared: times of this machine; and what else could be had, which is searched to half a per cent.
 const LEFT_OUT: [&str; 2] = ["elapsed_us", "trade"];
 

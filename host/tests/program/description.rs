@@ -1,15 +1,14 @@
 //! The description of the daemon's interface in itself: it is OpenAPI 3.1, nothing in it points nowhere, its examples are what it
 //! says, and the manual (docs/src/http.md) names the same paths, roles and problems.
 
-mod support;
-
+use crate::support;
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use support::Daemon;
 use support::described::described;
 
-const MANUAL: &str = include_str!("../../docs/src/http.md");
+const MANUAL: &str = include_str!("../../../docs/src/http.md");
 
 fn description() -> Value {
     serde_json::from_str(era::daemon::description()).unwrap()

@@ -1,7 +1,6 @@
 //! Touches that follow each other, on the simulated device in time.
 
-mod support;
-
+use crate::support;
 use era::device::sim::SimPanel;
 use era::effects::{EffectRequest, NamedEffect, design_effect};
 use era::model::Accuracy;
@@ -75,7 +74,7 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
     assert!(snapped_in >= 1 && weakened >= 3, "{snapped_in} snapped in, {weakened} weaker");
 }
 
-/// Random panels, places, lengths and pauses: `ERA_PANELS=90 cargo test -p era-host --test succession random -- --nocapture` tries
+/// Random panels, places, lengths and pauses: `ERA_PANELS=90 cargo test -p era-host --test panels succession::random -- --nocapture` tries
 /// many more.
 #[test]
 fn random_successions_stay_within_the_limit() {

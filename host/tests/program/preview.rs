@@ -1,7 +1,6 @@
 //! Previews of changed scenes: what a plan would do, without driving; bad scenes are told; newer requests go first.
 
-mod support;
-
+use crate::support;
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use support::Daemon;

@@ -10,6 +10,4 @@ mod faces;
 mod plans;
 mod scaling;
 mod spec;
-#[path = "../support/mod.rs"]
-mod support;
 mod symmetry;

@@ -1,8 +1,7 @@
 //! What tolerances do to a plan, over HTTP and on the page: the numbers and words of `era plan --spread`, beside touches and stops; refusals; an end
 //! by whoever asked.
 
-mod support;
-
+use crate::support;
 use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use serde_json::{Value, json};
 use std::process::Command;

@@ -1,7 +1,6 @@
 //! Tolerances are met: at any frequency and place of the shipped scenes, and what a tight request meets a loose one meets.
 
-mod support;
-
+use crate::support;
 use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::planner::{PlanTable, TableOptions, Target};

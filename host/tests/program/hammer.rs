@@ -1,7 +1,6 @@
 //! The daemon's locks under load: plan, state and the device's snapshot, by everybody at once.
 
-mod support;
-
+use crate::support;
 use era::daemon::{Access, App};
 use era::scene::STARTING_PLATE;
 use serde_json::json;

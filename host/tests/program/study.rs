@@ -1,8 +1,7 @@
 //! `era study` as it is called: stopped by a signal and gone on with, in shares, refused; what it writes is what other commands compute. Its
 //! report in Chromium (`ERA_NO_BROWSER=1` skips).
 
-mod support;
-
+use crate::support;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,7 +1,6 @@
 //! Effects as designed against effects as played: the same frames that a board gets, on a panel in time.
 
-mod support;
-
+use crate::support;
 use era::device::convert::{drive_to_wire, windows_to_wire};
 use era::device::sim::{Clock, LargestTravel, STEP_S, SimBoard, SimPanel, low_pass_response};
 use era::effects::design::EffectPrediction;
@@ -376,7 +375,7 @@ fn no_effect_goes_beyond_the_actuators_limits() {
 }
 
 /// Random panels, places, strengths and effects, from far too weak to far too strong: on the simulated device, which integrates with gaps as they
-/// move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test effects random -- --nocapture` tries
+/// move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::random -- --nocapture` tries
 /// many more.
 #[test]
 fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {

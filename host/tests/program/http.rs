@@ -1,7 +1,6 @@
 //! The daemon's interface: a touch drives, a stop stops, mistakes are told, a lost or faulted device is not hidden.
 
-mod support;
-
+use crate::support;
 use era::device::sim::SimKnobs;
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};

@@ -1,7 +1,6 @@
 //! The examples of `docs/src/http.md`, as they stand there, against daemons; only ports are others. Those of `docs/src/studies.md`, as studies.
 
-mod support;
-
+use crate::support;
 use era::daemon::Access;
 use era::device::session::policy::SessionPolicy;
 use era::device::sim::SimKnobs;

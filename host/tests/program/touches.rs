@@ -1,7 +1,6 @@
 //! Touches of several targets over HTTP: their options, what cannot be had, and their times.
 
-mod support;
-
+use crate::support;
 use clap::ValueEnum;
 use era::planner::Objective;
 use era::scene::STARTING_PLATE;

@@ -1,7 +1,6 @@
 //! The examples with patches and cut-outs: planned for, served, drawn.
 
-mod support;
-
+use crate::support;
 use era::model::Accuracy;
 use era::model::levels::ReducedLevels;
 use era::planner::{PlanTable, TableOptions, Target};

@@ -2,7 +2,7 @@
 
 use super::ask::hold;
 use super::spec::{Spec, on, point, scenes};
-use super::support::Daemon;
+use crate::support::Daemon;
 use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::response::compute_curves_with_error_bounds;
 use proptest::prelude::*;

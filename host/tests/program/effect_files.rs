@@ -1,7 +1,6 @@
 //! Effects as files, from the file to the panel: what the command line prints and writes, and what the daemon plays.
 
-mod support;
-
+use crate::support;
 use era::effect_files::motion::{RATE_HZ, sample_acceleration_g};
 use era::effect_files::panel::{PartKind, design_parts_for_panel};
 use era::effect_files::parts::cut_events_into_parts;

@@ -1,8 +1,7 @@
 //! What is told of an effect that is played is the effect's own: in every field that every client reads the same figures as `era effect`
 //! prints, which is a process of its own, whatever limits the effect.
 
-mod support;
-
+use crate::support;
 use era::daemon::Recorder;
 use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use serde_json::{Value, json};
