@@ -92,7 +92,7 @@ impl FlashJob<'_> {
             Err(error) if self.options.probe => Err(Failure::runtime_error(error)),
             Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(FlashWay::Dfu),
             Err(error) => {
-                tell!("this command uses USB, because the debug probe cannot be used: {error}");
+                tell!("this command flashes over USB instead of the debug probe, which cannot be used: {error}");
                 Ok(FlashWay::Dfu)
             }
         }

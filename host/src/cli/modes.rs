@@ -108,8 +108,8 @@ fn check_value_count(points: usize, modes: usize) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::usage_error(format!(
-        "--grid and --max-hz: {points} points and {modes} modes are {values:.1e} values, but at most {MOST_VALUES:.1e} \
-         are allowed"
+        "--grid and --max-hz: {points} points for each of {modes} modes make {values:.1e} values, but at most \
+         {MOST_VALUES:.1e} are allowed"
     )))
 }
 

@@ -385,7 +385,7 @@ fn describe_table_preparation(prepared: &Prepared) -> String {
         }
         Origin::Computed { levels, table, write } => {
             format!(
-                "computed: model {:.0} ms, table {:.0} ms, written in {:.0} ms",
+                "computed: the model in {:.0} ms and the table in {:.0} ms; file written in {:.0} ms",
                 duration_ms(*levels),
                 duration_ms(*table),
                 duration_ms(*write)

@@ -342,7 +342,7 @@ impl Expansion {
         }
         if event.end_s() > MAX_DURATION_S {
             let (end_ms, most_ms) = ((1e3 * event.end_s()).round(), 1e3 * MAX_DURATION_S);
-            let (field, allowed) = (format!("the end of {path} in ms"), format!("0 to {most_ms}"));
+            let (field, allowed) = (format!("the time in ms at which {path} ends"), format!("0 to {most_ms}"));
             return Err(ReadError::new_field_error(field, end_ms, allowed));
         }
         self.list.add_event_within_limits(path, event);
@@ -446,7 +446,7 @@ mod tests {
             (event("intensity = nan"), "events[0].intensity is NaN, but must be 0 to 1"),
             (event("duration_ms = 0"), "events[0].duration_ms is 0, but must be 1 to 30000"),
             (event("repeat = { count = 0 }"), "events[0].repeat.count is 0, but must be 1 to 1000"),
-            (event("repeat = { count = 900 }"), "end of events[0] in ms is 30200"),
+            (event("repeat = { count = 900 }"), "at which events[0] ends is 30200"),
             (event("time_ms = 1\npause_ms = 2"), "events[0].pause_ms is 2, but must be absent with time_ms"),
             (
                 event("envelope = [{ time_ms = 5, level = 1 }, { time_ms = 4, level = 1 }]"),

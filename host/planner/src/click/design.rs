@@ -6,7 +6,7 @@ use super::designer::{ClickDesigner, SLOT_SAMPLES};
 use super::felt::{FINE_RECORD, felt_motion_from_means, shown_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
-use super::options::{ClickOptions, LATEST_PEAK_S};
+use super::options::ClickOptions;
 use super::program::TargetResponses;
 use super::slots::{SlotResponses, compute_slot_responses_of_five_panels};
 use super::sound::{SurfaceFigures, compute_surface_figures_if_anything_moves};
@@ -119,7 +119,7 @@ pub fn design_click_windows(
     let shown_peak = shown_motion_from_means(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
         .chain(built.motion.mean_acceleration.iter().skip(1).map(|means| measure_click(&felt_motion_from_means(means))))
-        .map(count_times_from_burst)
+        .map(ClickMeasures::count_times_from_burst)
         .collect();
     let measures = *all.first()?;
     let is_short = all.iter().zip(wishes).any(|(own, wish)| own.peak < REACHED * wish);
@@ -160,9 +160,6 @@ pub fn design_click_windows(
     let surface = options
         .with_figures_for_comparison
         .then(|| compute_surface_figures_if_anything_moves(table, poles, &windows, &felt));
-    let is_crisp = |own: &ClickMeasures| {
-        own.peak > 0.0 && own.peak_s <= LATEST_PEAK_S && own.quiet_s.is_some_and(|quiet_s| quiet_s <= options.crisp_s)
-    };
     Some(ClickDesign {
         windows,
         measures,
@@ -175,7 +172,7 @@ pub fn design_click_windows(
         amplitudes: built.motion.amplitudes,
         best_possible,
         surface: surface.flatten(),
-        is_crisp: all.iter().all(is_crisp),
+        is_crisp: all.iter().all(|own| options.is_motion_crisp(own)),
     })
 }
 
@@ -195,13 +192,6 @@ fn choose_directions(designer: &mut ClickDesigner) {
         }
     }
     designer.set_factors(&best.1);
-}
-
-/// The times of a motion that begins [`LEAD_S`] after the burst, from the burst's start.
-fn count_times_from_burst(mut measures: ClickMeasures) -> ClickMeasures {
-    measures.peak_s += LEAD_S;
-    measures.quiet_s = measures.quiet_s.map(|quiet_s| if measures.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
-    measures
 }
 
 /// Felt acceleration in m/s^2 at the places whose mode shapes are `shapes`, as [`FINE_RECORD`] samples in 1 s from the burst's start on:

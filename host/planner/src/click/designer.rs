@@ -4,10 +4,10 @@ use super::actuator::ClickActuator;
 use super::felt::{SAMPLE_S, felt_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::{WindowMotion, simulate_windows};
-use super::options::{ClickOptions, LATEST_PEAK_S, Preference};
+use super::options::{ClickOptions, Preference};
 use super::program::{ForceProgram, LOOKED_AT, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
 use super::realise::{SLOT_S, TICK_S, find_window_width_s, narrowest_window_s, place_window_in_slot_s};
-use super::window::{ClickWindow, LEAD_S};
+use super::window::ClickWindow;
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit, max_mean_supply_current_a};
 use crate::physics::rise::PanelPoles;
@@ -245,8 +245,7 @@ impl ClickDesigner<'_> {
             if best.as_ref().is_none_or(|(least, _)| excess < *least) {
                 let measures: Vec<ClickMeasures> = felt.iter().map(|felt| measure_click(felt)).collect();
                 let is_crisp = |own: &ClickMeasures| {
-                    let is_quiet = own.quiet_s.is_some_and(|quiet_s| quiet_s + LEAD_S <= self.options.crisp_s);
-                    is_quiet && own.peak_s + LEAD_S <= LATEST_PEAK_S && own.peak >= LEAST_CLICK * asked
+                    own.peak >= LEAST_CLICK * asked && self.options.is_motion_crisp(&own.count_times_from_burst())
                 };
                 let least_peak = measures.iter().map(|own| own.peak).fold(f64::INFINITY, f64::min);
                 let judged = JudgedClick { built, is_crisp: measures.iter().all(is_crisp), peak: least_peak / wished };

@@ -5,6 +5,7 @@
 //! figure of merit is the ratio over the duration of the pulse.
 
 use super::felt::FINE_RECORD;
+use super::window::LEAD_S;
 
 /// Part of the peak below which a place is quiet.
 pub const QUIET: f64 = 0.1;
@@ -31,6 +32,13 @@ pub struct ClickMeasures {
 }
 
 impl ClickMeasures {
+    /// The times of a motion that begins [`LEAD_S`] after its burst, from the burst's start.
+    #[must_use]
+    pub fn count_times_from_burst(self) -> Self {
+        let quiet_s = self.quiet_s.map(|quiet_s| if self.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
+        Self { peak_s: self.peak_s + LEAD_S, quiet_s, ..self }
+    }
+
     /// Figure of merit for sharpness in dB/ms.
     #[must_use]
     pub fn sharpness_db_per_ms(&self) -> Option<f64> {

@@ -1,5 +1,7 @@
 //! How a click is to be.
 
+use super::measures::ClickMeasures;
+
 /// What a click is to be where it cannot be both strong and crisp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -35,6 +37,16 @@ pub struct ClickOptions {
     pub with_figures_for_comparison: bool,
     /// The part of its forces that the click gets in the end, 0 to 1: for what is left of earlier touches.
     pub force_fraction: f64,
+}
+
+impl ClickOptions {
+    /// Whether a place that moves like this clicks crisply: its peak comes in time, and it is quiet at the time asked for. Times count from the
+    /// burst's start.
+    #[must_use]
+    pub fn is_motion_crisp(&self, measures: &ClickMeasures) -> bool {
+        let is_quiet = measures.quiet_s.is_some_and(|quiet_s| quiet_s <= self.crisp_s);
+        measures.peak > 0.0 && measures.peak_s <= LATEST_PEAK_S && is_quiet
+    }
 }
 
 /// Latest peak of a crisp click, in s after the start of the burst: a later one is felt as late.

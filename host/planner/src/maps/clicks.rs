@@ -2,7 +2,7 @@
 
 use super::{PeakField, PictureError, write_map_png};
 use crate::click::places::CellMiddles;
-use crate::click::{ClickOptions, LATEST_PEAK_S};
+use crate::click::ClickOptions;
 use crate::effects::{DesignError, EffectRequest, design_effect_with_windows};
 use crate::scene::Scene;
 use crate::{DEFAULT_INTENSITY_G, PlanError, PlanTable, Target};
@@ -83,14 +83,13 @@ impl ClickMap {
             let Some((x_m, y_m)) = *place else { return Ok(None) };
             let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
             let predicted = design_effect_with_windows(table, poles, &plan, request, options)?.predicted;
-            let is_quiet = predicted.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= crisp_ms);
             Ok(Some(PlaceClick {
                 x_mm: 1e3 * x_m,
                 y_mm: 1e3 * y_m,
                 peak_g: predicted.peak_g,
                 peak_at_ms: predicted.peak_at_ms,
                 quiet_ms: predicted.quiet_ms,
-                crisp: is_quiet && predicted.peak_at_ms <= 1e3 * LATEST_PEAK_S,
+                crisp: predicted.crisp == Some(true),
             }))
         };
         let clicks = grid.places_m.par_iter().map(design).collect::<Result<_, _>>()?;

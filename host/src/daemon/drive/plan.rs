@@ -55,7 +55,7 @@ impl TouchDriver {
             Ok(trade) => trade,
             Err(problem) => {
                 tracing::info!(
-                    "the answer to the touch has no alternatives (`trade`), because the alternatives could not be computed: {}",
+                    "the answer to the touch request has no field `trade`, because the alternatives could not be computed: {}",
                     problem.detail()
                 );
                 None

@@ -157,8 +157,8 @@ fn build_table_entry_with_status_and_reason(study: &Study, base: &DesignRow, row
     let (status, reason) = match (&row.outcome, beyond) {
         (DesignOutcome::Failed(reason), _) => (DesignStatus::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (DesignStatus::Kept, None),
-        (_, Some(0.0)) => (DesignStatus::Failed, Some("the figure of a [[wish]] is not a finite number".into())),
-        (_, None) => (DesignStatus::Failed, Some("the figure of a [[limit]] has no value".into())),
+        (_, Some(0.0)) => (DesignStatus::Failed, Some("the value of a [[wish]] is not a finite number for this design".into())),
+        (_, None) => (DesignStatus::Failed, Some("a [[limit]] has no value for this design".into())),
         _ => (
             DesignStatus::Broken,
             describe_broken_limits_if_any(study, |figure| row.least_and_most_of_figure_unless_failed(figure)),

@@ -58,7 +58,7 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
         if method.population < 4 {
             section.report_wrong_value("population", method.population.to_string(), "4 to 10000");
         } else if method.designs < least {
-            let wanted = format!("at least {least} (population x runs), one generation of each run");
+            let wanted = format!("at least {least} (population x runs), which is one generation for each run");
             section.report_wrong_value("designs", method.designs.to_string(), &wanted);
         }
         report_given_keys_that_must_be_left_out(
