@@ -1,8 +1,8 @@
 //! Clicks over a surface: at every place of a grid one is designed, and its figures are mapped.
 
 use super::{PeakField, PictureError, write_map_png};
-use crate::click::places::CellMiddles;
 use crate::click::ClickOptions;
+use crate::click::places::CellMiddles;
 use crate::effects::{DesignError, EffectRequest, design_effect_with_windows};
 use crate::scene::Scene;
 use crate::{DEFAULT_INTENSITY_G, PlanError, PlanTable, Target};

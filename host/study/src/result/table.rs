@@ -157,7 +157,9 @@ fn build_table_entry_with_status_and_reason(study: &Study, base: &DesignRow, row
     let (status, reason) = match (&row.outcome, beyond) {
         (DesignOutcome::Failed(reason), _) => (DesignStatus::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (DesignStatus::Kept, None),
-        (_, Some(0.0)) => (DesignStatus::Failed, Some("the value of a [[wish]] is not a finite number for this design".into())),
+        (_, Some(0.0)) => {
+            (DesignStatus::Failed, Some("the value of a [[wish]] is not a finite number for this design".into()))
+        }
         (_, None) => (DesignStatus::Failed, Some("a [[limit]] has no value for this design".into())),
         _ => (
             DesignStatus::Broken,
