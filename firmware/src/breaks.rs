@@ -57,7 +57,7 @@ pub fn init_core_failure_breaks_and_interrupt() {
         w.set_eccl(true);
     });
     Interrupt::TIM1_BRK_TIM15.set_priority(PROTECTION);
-    // SAFETY: the handler is ready. Critical sections mask it like all others; the longest takes some us.
+    // SAFETY: the handler is ready. Critical sections mask it like all others (`priorities.rs`).
     unsafe { Interrupt::TIM1_BRK_TIM15.enable() };
 }
 

@@ -2,7 +2,7 @@
 
 use crate::board::Stm32Board;
 use crate::heartbeat::Heartbeat;
-use crate::links::{Arrival, INBOX, LINKS, uart};
+use crate::links::{INBOX, LINKS, uart};
 use crate::watchdog::{self, WatchedTask};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
@@ -42,12 +42,7 @@ pub async fn run_device(mut board: Stm32Board) -> ! {
         if let Either::Second((link, arrival)) = select(Timer::at(Instant::from_micros(due_us)), INBOX.receive()).await
         {
             let (Some(port), Some(outbox)) = (ports.get_mut(link), LINKS.get(link)) else { continue };
-            match arrival {
-                Arrival::Bytes(bytes) => {
-                    device.receive_bytes(&mut board, port, &bytes, |answer| outbox.queue_answer(answer));
-                }
-                Arrival::Reopened => device.reopen_link_switching_off_if_armed(&mut board, port),
-            }
+            device.handle_link_arrival(&mut board, port, &arrival, |answer| outbox.queue_answer(answer));
         }
     }
 }

@@ -69,15 +69,16 @@ pub const TEST_PULSE_MICROSECONDS: u32 = 400;
 /// filter of the rail's measurement has followed.
 pub const TEST_PAUSE_MICROSECONDS: u32 = 200;
 const _: () = assert!(TEST_PAUSE_MICROSECONDS * 1_000 > LEAST_GUARD_NANOSECONDS);
-/// Longest time in ms for a rail to reach [`TEST_MILLIVOLTS`]: 3 ms of slope and ten times the supply's 5 ms.
+/// Longest time in ms for a rail to reach [`TEST_MILLIVOLTS`]: 3 ms of slope, and ten times what the supply takes to follow.
 pub const TEST_LIMIT_MS: u32 = 60;
+const _: () = assert!(TEST_LIMIT_MS >= TEST_MILLIVOLTS / RAIL_SLOPE_MILLIVOLTS_PER_MS + 10 * circuit::SUPPLY_LAG_MS);
 
 /// Measured and set voltage may differ by this many parts in a hundred ...
 pub const RAIL_TOLERANCE_PERCENT: u32 = 10;
 /// ... or by this many mV if that is more (one part in fifty of full scale: converter and divider), ...
 pub const RAIL_TOLERANCE_MILLIVOLTS: u32 = 40_000;
-/// A rail that rises may be behind its set-point by as much more, in mV: the slope times the supply's 5 ms.
-pub const RISING_TOLERANCE_MILLIVOLTS: u32 = RAIL_SLOPE_MILLIVOLTS_PER_MS * 5;
+/// A rail that rises may be behind its set-point by as much more, in mV: what the slope makes while the supply follows.
+pub const RISING_TOLERANCE_MILLIVOLTS: u32 = RAIL_SLOPE_MILLIVOLTS_PER_MS * circuit::SUPPLY_LAG_MS;
 /// ... for this many ms, before the measurement or the supply counts as broken. A ms in which they agree takes back a quarter of a ms
 /// in which they do not, so that a measurement that is right only now and then does not pass.
 pub const IMPLAUSIBLE_AFTER_MS: u32 = 50;

@@ -120,6 +120,42 @@ fn drives_that_are_set_while_arming_begin_when_it_is_done() {
     assert!(bench.board.connected && !bench.board.find_latest_period(1).is_blank());
 }
 
+/// What was to be driven after an arming is forgotten with it: whoever arms next drives nothing.
+#[test]
+fn drives_that_are_set_while_arming_are_forgotten_with_it() {
+    type End = fn(&mut Bench);
+    let ends: [(End, &str); 3] = [
+        (|bench| assert_eq!(bench.send_request(&Request::Stop), Reply::Stopped), "stop"),
+        (
+            |bench| {
+                bench.board.interlock_closed = false;
+                bench.wait_ms(2);
+                bench.board.interlock_closed = true;
+                assert_eq!(bench.state(), SafetyState::Fault);
+                assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared);
+            },
+            "fault",
+        ),
+        (|bench| bench.wait_ms(1_100), "silence"),
+    ];
+    for (end, name) in ends {
+        let mut bench = Bench::new();
+        bench.send_request(&make_arm_request());
+        let Reply::DrivesSet { .. } = bench.send_request(&make_two_drives_request()) else { panic!("{name}") };
+        assert_eq!(bench.state(), SafetyState::Arming, "{name}");
+        end(&mut bench);
+        bench.send_request(&Request::ClearFaults);
+        bench.wait_ms(1_000);
+        assert_eq!(bench.state(), SafetyState::Safe, "{name}");
+        bench.send_request(&make_arm_request());
+        bench.wait_ms(support::ARMING_MS);
+        assert_eq!(bench.state(), SafetyState::Armed, "{name}");
+        bench.wait_ms(5);
+        assert_eq!(bench.state(), SafetyState::Armed, "{name}");
+        assert!(!bench.board.connected, "{name}");
+    }
+}
+
 #[test]
 fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
     type Spoil = fn(&mut support::FakeBoard);

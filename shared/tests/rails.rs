@@ -96,6 +96,25 @@ fn asking_again_does_not_give_the_discharge_more_time() {
     );
 }
 
+/// After a fault that says that rails may be measured wrongly, by its number as docs/src/safety.md has it, a rail that reads nothing is not safe
+/// before its bleeder has had its time; after any other it is.
+#[test]
+fn faults_that_cast_doubt_on_the_measurement_are_waited_for() {
+    const DOUBTFUL: [u8; 7] = [7, 11, 12, 13, 15, 19, 21];
+    for code in FaultCode::ALL {
+        let mut bench = Bench::new();
+        bench.arm_and_await_armed();
+        bench.wait_ms(20);
+        let now_us = bench.board.now_us;
+        bench.device.raise_fault(&mut bench.board, code, 0, now_us);
+        bench.wait_ms(100);
+        assert_eq!(bench.send_request(&Request::ClearFaults), Reply::FaultsCleared, "{code:?}");
+        bench.wait_ms(2);
+        let is_doubtful = DOUBTFUL.contains(&code.number());
+        assert_eq!(bench.state() == SafetyState::Discharging, is_doubtful, "{code:?}: {:?}", bench.state());
+    }
+}
+
 /// A broken divider shows nothing of a rail that is charged. Whatever is done in which order, the rail counts as charged until a bleeder
 /// alone would have discharged it: 2.26 nF and 100 Mohm, from 2 kV to 60 V and with 20 % of tolerance, take 0.95 s.
 #[test]

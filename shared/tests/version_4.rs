@@ -3,6 +3,7 @@
 mod support;
 
 use era_shared::board::KeptRun;
+use era_shared::link::LinkArrival;
 use era_shared::protocol::*;
 use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
@@ -71,9 +72,9 @@ fn a_reopened_link_ends_its_session() {
     bench.arm_and_await_armed();
     bench.send_request(&make_two_drives_request());
     let [first, second] = &mut bench.ports;
-    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, second);
+    bench.device.handle_link_arrival(&mut bench.board, second, &LinkArrival::Reopened, |_| {});
     assert_eq!(bench.device.state(), SafetyState::Running, "another link is nobody's session");
-    bench.device.reopen_link_switching_off_if_armed(&mut bench.board, first);
+    bench.device.handle_link_arrival(&mut bench.board, first, &LinkArrival::Reopened, |_| {});
     assert!(!bench.board.is_live());
     bench.wait_ms(20);
     assert_eq!(bench.state(), SafetyState::Safe, "which is no fault");

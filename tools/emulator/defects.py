@@ -12,6 +12,8 @@ class Defects:
         """No faults."""
         # Port and number of a pin -> the level that its pad has, whatever drives it.
         self.stuck_pins = {}
+        # Pairs of pins whose pads touch: high if one of them is driven high.
+        self.joined_pins = []
         # The resistors that hold a pin low that nothing drives.
         self.pull_downs_work = True
         self.watchdog_works = True

@@ -13,6 +13,7 @@ enable          "stuck" | "works"                                the supply deli
 permit          "ignored" | "works"                              the gates outside the chip do not follow the permit
 pin             {"name": key of the op `pins`,                   its pad has this level, whatever drives it (null: no more)
                  "stuck": true | false | null}
+joined          [key, key] of the op `pins`                      the pads of two pins touch
 pull_downs      "missing" | "there"                              what no output of the chip drives is high
 break           {"timer": "TIM8", "works": true | false}         breaks do not reach the timer (TIM16: the permit's)
 average         "stops" | "converts"                             ADC2 gives no result any more
@@ -94,6 +95,9 @@ class Faults:
             self.machine.defects.stuck_pins.pop(pin, None)
         else:
             self.machine.defects.stuck_pins[pin] = stuck
+
+    def do_joined(self, value):
+        self.machine.defects.joined_pins.append([PINS[one_of(name, *PINS)] for name in value])
 
     def do_pull_downs(self, value):
         self.machine.defects.pull_downs_work = one_of(value, "missing", "there") == "there"

@@ -89,6 +89,10 @@ class Pins:
         high = dict(self.driven)
         for port, number in [pin for pin in self.with_timer if is_held_high(timers, pin)] + self.floating_high(timers):
             high[port] |= 1 << number
+        for pair in self.defects.joined_pins:
+            if any(high[port] >> number & 1 for port, number in pair):
+                for port, number in pair:
+                    high[port] |= 1 << number
         for (port, number), stuck in self.defects.stuck_pins.items():
             high[port] = high[port] & ~(1 << number) | stuck << number
         for name, level in high.items():

@@ -149,7 +149,8 @@ SETTINGS = {
     "ADC4 JSQR": "ADC4_JSQR: JL=1 JSQ1=4 JSQ2=4 JSQ3=0 JSQ4=0", "ADC1 SQR1": "ADC1_SQR1: L=1 SQ1=1 SQ2=18", "ADC2 SQR1": "ADC2_SQR1: L=0 SQ1=7",
     "ADC2 SMPR1": "ADC2_SMPR1: SMP7=7", "ADC2 CFGR": "ADC2_CFGR: CONT OVRMOD RES=0", "ADC2 CFGR2": "ADC2_CFGR2: ROVSE JOVSE=0 OVSR=5 OVSS=2",
     "ADC1 SMPR1": "ADC1_SMPR1: SMP1=4 SMP2=4 SMP6=4", "ADC1 SMPR2": "ADC1_SMPR2: SMP18=6",
-    "ADC12 CCR": "ADC12_COMMON_CCR: VREFEN", "DBGMCU CR": "DBGMCU_CR: DBG_SLEEP=0 DBG_STOP=0 DBG_STANDBY=0",
+    "ADC12 CCR": "ADC12_COMMON_CCR: CKMODE=3 VREFEN", "ADC345 CCR": "ADC345_COMMON_CCR: CKMODE=3", "PWR CR5": "PWR_CR5: R1MODE=0",
+    "DBGMCU APB1FZ": "DBGMCU_APB1L_FZ: DBG_IWDG_STOP", "live: DBGMCU APB1FZ": "DBGMCU_APB1L_FZ: DBG_IWDG_STOP=0", "live: TIM1 DIER": "TIM1_DIER: BIE", "DBGMCU CR": "DBGMCU_CR: DBG_SLEEP=0 DBG_STOP=0 DBG_STANDBY=0",
     "DBGMCU APB2FZ": "DBGMCU_APB2_FZ: DBG_TIM1_STOP DBG_TIM8_STOP DBG_TIM16_STOP DBG_TIM20_STOP", "ACTLR": "ICB_ACTLR: DISMCYCINT=0 DISDEFWBUF DISFOLD=0",
 }
 # Constants of the firmware that are formed by shifts, but are no bits of registers.
@@ -187,7 +188,7 @@ SNIPPETS = {
 }
 # Blocks of board/chip.yaml that do not have the name of their peripheral, and the bits of RCC that enable those which do not either.
 BLOCKS = {
-    "ccipr": "RCC_CCIPR", "csr": "RCC_CSR", "actlr": "ICB_ACTLR", "aircr": "SCB_AIRCR", "pwr_sr2": "PWR_SR2", "optr": "FLASH_OPTR", "adc12": "ADC12_COMMON",
+    "ccipr": "RCC_CCIPR", "csr": "RCC_CSR", "actlr": "ICB_ACTLR", "aircr": "SCB_AIRCR", "pwr_cr5": "PWR_CR5", "pwr_sr2": "PWR_SR2", "optr": "FLASH_OPTR", "adc12": "ADC12_COMMON",
     "adc345": "ADC345_COMMON", "usb_fs": "USB", "usb_sram": "USBRAM", "vrefint_cal": "word VREFINTCAL", "nvic": "NVIC_ISER0",
     **{f"idr{port.lower()}": f"GPIO{port}_IDR" for port in "ABCD"},
 }

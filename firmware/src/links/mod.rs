@@ -8,31 +8,19 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::pipe::Pipe;
 use embassy_time::{Duration, with_timeout};
-use era_shared::link::MAX_ENCODED;
-use heapless::Vec;
+use era_shared::link::{LinkArrival, MAX_ENCODED, MAX_PACKET};
 
 /// Index of the UART in [`LINKS`].
 pub const UART: usize = 0;
 /// Index of USB in [`LINKS`].
 pub const USB: usize = 1;
 
-/// Most bytes that one arrival carries: a full-speed USB packet.
-pub const CHUNK: usize = 64;
-
 /// How long a host may keep an answer from going out before it is thrown away. A host that reads takes it within a few
 /// ms; one that does not has given up on it.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// What a link reports to the device.
-pub enum Arrival {
-    /// Bytes, in order.
-    Bytes(Vec<u8, CHUNK>),
-    /// The other end has gone, or is new: what came before does not belong to what comes now.
-    Reopened,
-}
-
 /// From all links to the device.
-pub static INBOX: Channel<CriticalSectionRawMutex, (usize, Arrival), 4> = Channel::new();
+pub static INBOX: Channel<CriticalSectionRawMutex, (usize, LinkArrival), 4> = Channel::new();
 
 /// From the device to each link.
 pub static LINKS: [Outbox; 2] = [Outbox::new(), Outbox::new()];
@@ -69,7 +57,7 @@ impl Outbox {
 /// Where bytes come from.
 pub trait ByteSource {
     /// Waits for bytes and returns how many have come; `Err` when the host has closed the link.
-    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed>;
+    async fn read_bytes(&mut self, buffer: &mut [u8; MAX_PACKET]) -> Result<usize, Closed>;
     /// Waits until the host has opened the link.
     async fn await_link_opened_by_host(&mut self);
 }
@@ -86,13 +74,13 @@ pub struct Closed;
 
 /// Forwards the bytes that a link receives to the device, for ever.
 pub async fn forward_received_bytes(link: usize, mut source: impl ByteSource) -> ! {
-    let mut buffer = [0_u8; CHUNK];
+    let mut buffer = [0_u8; MAX_PACKET];
     loop {
         source.await_link_opened_by_host().await;
-        INBOX.send((link, Arrival::Reopened)).await;
+        INBOX.send((link, LinkArrival::Reopened)).await;
         while let Ok(count) = source.read_bytes(&mut buffer).await {
             let bytes = buffer.iter().take(count).copied().collect();
-            INBOX.send((link, Arrival::Bytes(bytes))).await;
+            INBOX.send((link, LinkArrival::Bytes(bytes))).await;
         }
     }
 }

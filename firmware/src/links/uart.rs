@@ -1,6 +1,6 @@
 //! LPUART1, which the ST-LINK on the board shows to the host as a virtual COM port.
 
-use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
+use super::{ByteSink, ByteSource, Closed, UART};
 use crate::watchdog::{WatchedTask, run_watched};
 use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::gpio::Pull;
@@ -11,7 +11,7 @@ use embassy_stm32::usart::{
 };
 use embassy_stm32::{Peri, interrupt};
 use embedded_io_async::{Read, Write};
-use era_shared::link::{MAX_ENCODED, UART_BAUD};
+use era_shared::link::{MAX_ENCODED, MAX_PACKET, UART_BAUD};
 use era_shared::log_limit::CountReport;
 use static_cell::StaticCell;
 
@@ -82,7 +82,7 @@ pub async fn transmit_to_uart(tx: BufferedUartTx<'static>) -> ! {
 }
 
 impl ByteSource for BufferedUartRx<'static> {
-    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+    async fn read_bytes(&mut self, buffer: &mut [u8; MAX_PACKET]) -> Result<usize, Closed> {
         loop {
             // Line errors are no end of the link; what they spoil fails its CRC.
             if let Ok(count) = Read::read(self, buffer).await {

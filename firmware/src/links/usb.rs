@@ -1,13 +1,13 @@
 //! USB full speed: the board as a CDC-ACM serial port.
 
-use super::{Arrival, ByteSink, ByteSource, CHUNK, Closed, INBOX, USB as USB_LINK};
+use super::{ByteSink, ByteSource, Closed, INBOX, USB as USB_LINK};
 use crate::watchdog::{WatchedTask, run_watched};
 use embassy_stm32::peripherals::{PA11, PA12, USB};
 use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
 use embassy_usb::{Builder, Config, UsbDevice};
-use era_shared::link::{PortWatch, USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
+use era_shared::link::{LinkArrival, MAX_PACKET, PortWatch, USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
 use static_cell::StaticCell;
 
 /// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
@@ -45,7 +45,7 @@ pub fn open_usb_serial_port(
         &mut [],
         CONTROL.init([0; 64]),
     );
-    let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), CHUNK as u16);
+    let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), MAX_PACKET as u16);
     let (sender, receiver, line) = class.split_with_control();
     (builder.build(), sender, receiver, line)
 }
@@ -76,7 +76,7 @@ pub async fn watch_usb_line(line: ControlChanged<'static>) -> ! {
         loop {
             line.control_changed().await;
             if port.note_line_and_tell_whether_closed(line.dtr()) {
-                INBOX.send((USB_LINK, Arrival::Reopened)).await;
+                INBOX.send((USB_LINK, LinkArrival::Reopened)).await;
             }
         }
     })
@@ -84,7 +84,7 @@ pub async fn watch_usb_line(line: ControlChanged<'static>) -> ! {
 }
 
 impl ByteSource for Receiver<'static, UsbDriver> {
-    async fn read_bytes(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+    async fn read_bytes(&mut self, buffer: &mut [u8; MAX_PACKET]) -> Result<usize, Closed> {
         self.read_packet(buffer).await.map_err(|_| Closed)
     }
 
@@ -95,10 +95,10 @@ impl ByteSource for Receiver<'static, UsbDriver> {
 
 impl ByteSink for Sender<'static, UsbDriver> {
     async fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), Closed> {
-        for packet in bytes.chunks(CHUNK) {
+        for packet in bytes.chunks(MAX_PACKET) {
             self.write_packet(packet).await.map_err(|_| Closed)?;
         }
-        if bytes.len().is_multiple_of(CHUNK) {
+        if bytes.len().is_multiple_of(MAX_PACKET) {
             // The host hands data on when a packet is short; a full last packet needs an empty one after it.
             self.write_packet(&[]).await.map_err(|_| Closed)?;
         }

@@ -7,7 +7,7 @@ mod windows;
 
 use crate::MAX_CHANNELS;
 use crate::board::{Board, KeptRun};
-use crate::link::{DecodeError, Decoder, Frame, FrameKind, MAX_ENCODED, encode_frame};
+use crate::link::{DecodeError, Decoder, Frame, FrameKind, LinkArrival, MAX_ENCODED, encode_frame};
 use crate::protocol::{
     AchievedDrive, CURRENT_VERSION, FaultCode, LinkCounters, MIN_VERSION, Refusal, Reply, Request,
     is_version_supported, translate_for_version,
@@ -164,9 +164,23 @@ impl Device {
         });
     }
 
+    /// Carries out what a link reports; answers go out as in [`Self::receive_bytes`].
+    pub fn handle_link_arrival(
+        &mut self,
+        board: &mut impl Board,
+        port: &mut LinkReceiver,
+        arrival: &LinkArrival,
+        send_answer: impl FnMut(&[u8]),
+    ) {
+        match arrival {
+            LinkArrival::Bytes(bytes) => self.receive_bytes(board, port, bytes, send_answer),
+            LinkArrival::Reopened => self.reopen_link_switching_off_if_armed(board, port),
+        }
+    }
+
     /// Takes note that the other end of a link is new: what came before does not belong to what comes now. If this link has armed the
     /// board, whoever did so is gone, and everything is switched off.
-    pub fn reopen_link_switching_off_if_armed(&mut self, board: &mut impl Board, port: &mut LinkReceiver) {
+    fn reopen_link_switching_off_if_armed(&mut self, board: &mut impl Board, port: &mut LinkReceiver) {
         port.decoder.discard_partial_frame();
         if self.safety.close_session_of(port.id) {
             // Accepted in every state.

@@ -4,6 +4,7 @@
 //! endian), postcard body, CRC-32 of all that (4 bytes, little endian). It is COBS-encoded, so that it holds no zero
 //! byte, and ends with one zero byte. USB CDC-ACM and the UART carry the same frames.
 
+mod arrival;
 mod decoder;
 mod frame;
 mod port_watch;
@@ -18,6 +19,7 @@ pub const USB_PRODUCT_NAME: &str = "ERA haptics board";
 /// Speed of the UART link (the ST-LINK virtual COM port) in baud; USB has no speed to set. Slow enough for every adapter.
 pub const UART_BAUD: u32 = 115_200;
 
+pub use arrival::{LinkArrival, MAX_PACKET};
 pub use decoder::{DecodeError, Decoder};
 pub use frame::{EncodeError, Frame, FrameKind, MAX_BODY, MAX_ENCODED, encode_frame};
 pub use port_watch::PortWatch;

@@ -6,7 +6,7 @@ use crate::decoder::encode_unchecked_frame;
 use crate::step::{LINKS, Step};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::{DEADMAN_MAX_MS, DISCHARGED_MILLIVOLTS};
-use era_shared::link::{Decoder, Frame, FrameKind, MAX_ENCODED};
+use era_shared::link::{Decoder, Frame, FrameKind, LinkArrival, MAX_ENCODED};
 use era_shared::protocol::{
     BOOTLOADER_KEY, CURRENT_VERSION, Fault, FaultCode, Refusal, Reply, Request, is_version_supported,
 };
@@ -112,7 +112,7 @@ impl Bench {
             Step::Trip { code } => self.board.trip = Some((select_board_fault_code(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
-                    self.device.reopen_link_switching_off_if_armed(&mut self.board, port);
+                    self.device.handle_link_arrival(&mut self.board, port, &LinkArrival::Reopened, |_| {});
                 }
             }
         }

@@ -59,6 +59,13 @@ pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
             ResetCause::Software,
             AT_ONCE_MS,
         ),
+        failure(
+            "non-maskable interrupt",
+            handler("NonMaskableInt", 0),
+            FaultCode::HardFault,
+            ResetCause::Software,
+            AT_ONCE_MS,
+        ),
         failure("thread mode hangs", handler("loop", 15), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),
         failure("device task hangs", handler("loop", 5), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),
         failure("everything hangs", handler("loop", 0), FaultCode::Watchdog, ResetCause::Watchdog, WATCHDOG_MS),
@@ -86,6 +93,7 @@ pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table.run_part_adding_row_on_error("reset behind an open divider", |table| {
         check_distrust_outlasts_reset(board, table)
     });
+    table.run_part_adding_row_on_error("credit over a reset", |table| check_credit_outlasts_reset(board, table));
     table.run_part_adding_row_on_error("start: option bytes", |table| check_option_bytes(board, table));
     table.run_part_adding_row_on_error("start: SRAM parity", |table| check_brown_out_with_parity(board, table));
     table
@@ -118,6 +126,29 @@ fn check_distrust_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTa
     board.inject_fault(&json!({"reset": "pin"}))?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 2_000)?;
     table.add_time_range_row(&format!("{name}: safe after it"), 900.0, f64::from(DISCHARGE_LIMIT_MS), safe.ok());
+    Ok(())
+}
+
+/// A drive near the largest force is charged by nearly all the time that passes; a reset does not give that back.
+fn check_credit_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+    let name = "credit over a reset";
+    board.power_cycle()?;
+    let full = read_credit_ms(board)?;
+    board.arm_and_wait()?;
+    let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
+    table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
+    board.advance_time_with_keep_alives(0.5)?;
+    let spent = read_credit_ms(board)?;
+    board.inject_fault(&json!({"reset": "pin"}))?;
+    board.advance_time(RESTARTED_S)?;
+    let after = read_credit_ms(board)?;
+    let is_kept = match (full.first(), spent.first(), after.first()) {
+        // At rest a channel earns less than it spends.
+        (Some(full), Some(spent), Some(after)) => spent + 200 < *full && after.abs_diff(*spent) <= 100,
+        _ => false,
+    };
+    let expected = format!("channel 0: 200 ms less than of {full:?} ms, and within 100 ms of {spent:?} ms");
+    table.add_row(&format!("{name}: after it"), &expected, &format!("{after:?} ms"), is_kept);
     Ok(())
 }
 

@@ -33,7 +33,7 @@ const COMP_DAC: u32 = 0x0002_0041;
 /// Enabled, against VREFINT (011) by its scaler, inverted, 20 mV.
 const COMP_VREF: u32 = 0x0082_8031;
 
-const SETTINGS: [Setting; 46] = [
+const SETTINGS: [Setting; 49] = [
     new_register_setting("TIM1 BDTR", 0x4001_2C44, BDTR_MASK, BDTR),
     new_register_setting("TIM8 BDTR", 0x4001_3444, BDTR_MASK, BDTR),
     new_register_setting("TIM20 BDTR", 0x4001_5044, BDTR_MASK, BDTR),
@@ -66,6 +66,8 @@ const SETTINGS: [Setting; 46] = [
     new_register_setting("DAC1 MCR", 0x5000_083C, 0x0007_C007, 0x0002_8002),
     // PVDE (0) and PLS (3:1): 110, 2.9 V.
     new_register_setting("PWR CR2", 0x4000_7004, 0xF, 0xD),
+    // R1MODE (8): off, as the processor runs faster than 150 MHz (6.1.5).
+    new_register_setting("PWR CR5", 0x4000_7080, 1 << 8, 0),
     // EXTI line 16 (15.3.2) is the output of the detector, which rises when the supply falls: IM16, RT16, and not FT16.
     new_register_setting("EXTI IMR1", 0x4001_0400, 1 << 16, 1 << 16),
     new_register_setting("EXTI RTSR1", 0x4001_0408, 1 << 16, 1 << 16),
@@ -89,8 +91,9 @@ const SETTINGS: [Setting; 46] = [
     new_register_setting("ADC2 CFGR", 0x5000_010C, 0x0000_3018, 0x0000_3000),
     // ROVSE (0), no JOVSE (1), OVSR (4:2) 101 for 64 conversions, OVSS (8:5) 2.
     new_register_setting("ADC2 CFGR2", 0x5000_0110, 0x0000_01FF, 0x0000_0055),
-    // VREFEN (22).
-    new_register_setting("ADC12 CCR", 0x5000_0308, 1 << 22, 1 << 22),
+    // CKMODE (17:16): 11, a quarter of 170 MHz, as a converter takes 60 MHz at most (DS12288); VREFEN (22).
+    new_register_setting("ADC12 CCR", 0x5000_0308, 0x0043_0000, 0x0043_0000),
+    new_register_setting("ADC345 CCR", 0x5000_0708, 0x0003_0000, 0x0003_0000),
     // SMP6, SMP2 and SMP1 of the rails and the bond: 47.5 clocks. SMP18 of VREFINT: 247.5 clocks, as it takes 4 us.
     new_register_setting("ADC1 SMPR1", 0x5000_0014, 0x001C_01F8, 0x0010_0120),
     new_register_setting("ADC1 SMPR2", 0x5000_0018, 0x0700_0000, 0x0600_0000),
@@ -98,13 +101,32 @@ const SETTINGS: [Setting; 46] = [
     new_register_setting("DBGMCU CR", 0xE004_2004, 0b111, 0),
     // DBG_TIM1_STOP (11), TIM8 (13), TIM16 (17) and TIM20 (20): outputs with a break go off while a debugger halts the processor.
     new_register_setting("DBGMCU APB2FZ", 0xE004_2010, 0x0012_2800, 0x0012_2800),
+    // DBG_IWDG_STOP (12): with the supply off, a debugger may halt the processor without a reset.
+    new_register_setting("DBGMCU APB1FZ", 0xE004_2008, 1 << 12, 1 << 12),
     // DISDEFWBUF (1): no write buffer (Cortex-M4 erratum 838869); not DISMCYCINT (0), nor DISFOLD (2).
     new_register_setting("ACTLR", 0xE000_E008, 0b111, 0b010),
+];
+
+/// Those that differ while the board is armed.
+const SETTINGS_WHILE_LIVE: [Setting; 2] = [
+    // BIE (7; 28.6.4): the breaks raise the interrupt that takes the pins of the timer without a break.
+    new_register_setting("live: TIM1 DIER", 0x4001_2C0C, 1 << 7, 1 << 7),
+    // DBG_IWDG_STOP: a processor that a debugger has halted is reset, and the supply goes off.
+    new_register_setting("live: DBGMCU APB1FZ", 0xE004_2008, 1 << 12, 0),
 ];
 
 /// The whole part of the report.
 pub fn check_settings_adding_row_on_error(board: &mut EmulatedBoard, table: &mut ReportTable) {
     table.run_part_adding_row_on_error("settings", |table| check_register_settings_and_trip_thresholds(board, table));
+}
+
+/// One row for each setting.
+fn add_rows_of_settings(settings: &[Setting], board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+    for Setting { name, address, mask, expected } in settings {
+        let seen = board.read_memory_word(*address)? & mask;
+        table.add_comparison_row(&format!("setting: {name}"), &format!("{expected:#010x}"), &format!("{seen:#010x}"));
+    }
+    Ok(())
 }
 
 /// Compares every setting, and tries thresholds from both sides.
@@ -113,14 +135,12 @@ fn check_register_settings_and_trip_thresholds(
     table: &mut ReportTable,
 ) -> Result<(), Error> {
     super::trips::power_up_and_drive(board)?;
+    add_rows_of_settings(&SETTINGS_WHILE_LIVE, board, table)?;
     // Off, whatever came before: the main output enable of TIM16, which gives the permit, is set while the board is armed.
     board.send_request(&Request::Stop)?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 1000)?;
     table.add_time_limit_row("settings: stopped, safe", 1000.0, safe.ok());
-    for Setting { name, address, mask, expected } in SETTINGS {
-        let seen = board.read_memory_word(address)? & mask;
-        table.add_comparison_row(&format!("setting: {name}"), &format!("{expected:#010x}"), &format!("{seen:#010x}"));
-    }
+    add_rows_of_settings(&SETTINGS, board, table)?;
     // What trips and what does not: 5 % around 10 mA and 2100 V, with the hysteresis of 20 mV (0.12 mA, 15 V); a bond of 12 ohm and one of 40 ohm
     // at 330 ohm from 3.3 V.
     let thresholds = [

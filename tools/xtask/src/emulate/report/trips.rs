@@ -37,6 +37,9 @@ pub fn check_trips(board: &mut EmulatedBoard, table: &mut ReportTable) {
     for (name, fault, code) in list_faults_before_arming() {
         table.run_part_adding_row_on_error(name, |table| check_fault_at_arming(board, table, name, &fault, code));
     }
+    table.run_part_adding_row_on_error("permit's line stuck high while safe", |table| {
+        check_stuck_permit_is_noticed_while_safe(board, table)
+    });
     table.run_part_adding_row_on_error("rail stays charged", |table| {
         check_undischarged_rail_faults_after_stop(board, table)
     });
@@ -173,6 +176,9 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
         ("arm: permit's line stuck low", json!({"pin": {"name": "permit", "stuck": false}}), FaultCode::Permit),
         ("arm: permit's line stuck high", json!({"pin": {"name": "permit", "stuck": true}}), FaultCode::Permit),
         ("arm: gates do not follow the permit", json!({"permit": "ignored"}), FaultCode::Permit),
+        // Of one port, and of one ERA; then of two.
+        ("arm: electrodes' pads of an ERA touch", json!({"joined": ["era1_a", "era1_b"]}), FaultCode::ArmFailed),
+        ("arm: electrodes' pads of two ERAs touch", json!({"joined": ["era1_a", "era2_b"]}), FaultCode::ArmFailed),
         ("arm: electrode's pad stuck high", json!({"pin": {"name": "era4_a", "stuck": true}}), FaultCode::ArmFailed),
         (
             "arm: enable's pad stuck high",
@@ -304,6 +310,21 @@ fn check_fault_at_arming(
     );
     check_latched_fault(board, table, name, code)?;
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
+    heal_faults_and_check_rearming(board, table, name)
+}
+
+/// A line that gives the permit although nobody has: noticed without an arming.
+fn check_stuck_permit_is_noticed_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+    let name = "permit's line stuck high while safe";
+    board.power_cycle()?;
+    let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
+    table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
+    board.inject_fault(&json!({"pin": {"name": "permit", "stuck": true}}))?;
+    board.advance_time(AT_NEXT_LOOK_MS / 1e3)?;
+    // 1: the line is high without the permit (docs/src/troubleshooting.md).
+    let fault = board.read_latched_fault()?.map(|fault| (fault.code, fault.detail));
+    let expected = Some((FaultCode::Permit, 1));
+    table.add_comparison_row(&format!("{name}: fault"), &format!("{expected:?}"), &format!("{fault:?}"));
     heal_faults_and_check_rearming(board, table, name)
 }
 

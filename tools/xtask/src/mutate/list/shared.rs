@@ -11,6 +11,24 @@ pub const MUTATIONS: &[Mutation] = &[
         "    (channel + 1) % RAILS",
     ),
     new_mutation(
+        "drives that wait for an arming outlive it",
+        "shared/src/device/mod.rs",
+        "        self.held = None;\n        self.sequencer = None;",
+        "        self.sequencer = None;",
+    ),
+    new_mutation(
+        "after an over-voltage the rails are believed",
+        "shared/src/protocol/fault.rs",
+        "            FaultCode::OverVoltage\n                | FaultCode::RailImplausible\n",
+        "            FaultCode::RailImplausible\n",
+    ),
+    new_mutation(
+        "a reopened link keeps its session",
+        "shared/src/device/mod.rs",
+        "            LinkArrival::Reopened => self.reopen_link_switching_off_if_armed(board, port),",
+        "            LinkArrival::Reopened => port.decoder.discard_partial_frame(),",
+    ),
+    new_mutation(
         "force computed from the aim alone",
         "shared/src/device/live.rs",
         "        let there = if excess { measured } else { aim };",
