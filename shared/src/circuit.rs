@@ -68,10 +68,6 @@ pub const SUPPLY_LAG_MS: u32 = 5;
 
 /// 1000 ln(2000 V / 60 V): how many time constants a rail takes from its highest voltage to a harmless one.
 const FULL_DISCHARGE_PERMILLE: u64 = 3_507;
-const _: () = assert!(
-    MAX_RAIL_MILLIVOLTS == 2_000_000 && DISCHARGED_MILLIVOLTS == 60_000,
-    "the logarithm above is of these two voltages"
-);
 /// 1000 ln 2.
 const HALVING_PERMILLE: u64 = 693;
 

@@ -27,6 +27,10 @@ pub const SWITCHED_DISCHARGE_MS: u32 =
 /// One bleeder alone has discharged a rail after this many ms (2.26 nF and 100 Mohm from 2 kV to 60 V: 0.79 s, with tolerances
 /// 0.95 s). When what is measured cannot be believed, a rail is not called safe before.
 pub const BLEEDER_MS: u32 = longest_discharge_us(circuit::BLEEDER_OHMS).div_ceil(1000);
+const _: () = assert!(
+    MAX_RAIL_MILLIVOLTS == 2_000_000 && DISCHARGED_MILLIVOLTS == 60_000,
+    "circuit.rs has the logarithm of the ratio of these two voltages"
+);
 const _: () = assert!(SWITCHED_DISCHARGE_MS < 20 && BLEEDER_MS < DISCHARGE_LIMIT_MS);
 
 /// Soft start: the most that a set-point rises, in mV per ms. 20 V/ms charges 2.26 nF with 45 uA, an eleventh of what the supply

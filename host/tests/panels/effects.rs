@@ -184,12 +184,15 @@ fn clicks_of_single_windows_do_what_is_predicted() {
     assert!(crisp >= 4, "{crisp} of 5 are crisp");
 }
 
+/// Its place in m, and what it is to feel in g.
+type Finger = (f64, f64, f64);
+
 /// A click for several fingers: each of them feels the peak that is told for it, all at the same time, and none of them feels more after 45 ms than
 /// a tenth of it where the click is told to be crisp. In another order the fingers feel the same.
 #[test]
 fn several_fingers_feel_the_same_click() {
     let mut crisp = 0;
-    let cases: [(&str, &[(f64, f64, f64)]); 5] = [
+    let cases: [(&str, &[Finger]); 5] = [
         (EXAMPLE_PLATE, &[(0.060, 0.050, 0.3), (0.240, 0.140, 0.3)]),
         (EXAMPLE_PLATE, &[(0.150, 0.100, 0.2), (0.030, 0.170, 0.35)]),
         (EXAMPLE_PLATE, &[(0.040, 0.040, 0.2), (0.260, 0.050, 0.2), (0.150, 0.160, 0.3)]),

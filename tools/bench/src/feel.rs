@@ -94,12 +94,12 @@ fn design_and_measure_click(
 ) -> Option<ClickAtPlace> {
     let poles = table.panel_poles()?;
     let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
+    let (shapes, wishes) = ([shape], [ASKED_G * STANDARD_GRAVITY]);
     let begun = Instant::now();
-    let click = design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, ClickOptions::default())?;
+    let click = design_click_windows(table, poles, &shapes, &wishes, ClickOptions::default())?;
     let took_ms = 1e3 * begun.elapsed().as_secs_f64();
     let compared = ClickOptions { with_figures_for_comparison: true, ..ClickOptions::default() };
-    let ClickDesign { best_possible, surface, .. } =
-        design_click_windows(table, poles, &shape, ASKED_G * STANDARD_GRAVITY, compared)?;
+    let ClickDesign { best_possible, surface, .. } = design_click_windows(table, poles, &shapes, &wishes, compared)?;
     let click = ClickDesign { best_possible, surface, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use era::device::sim::{SimBoard, SimControl, SimDevice, SimPanel};
 use era::model::{Accuracy, PanelModel};
-use era::planner::{PlanTable, TableOptions};
+use era::planner::{PlanTable, STANDARD_GRAVITY, TableOptions};
 use era::scene::{STARTING_PLATE, Scene};
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
@@ -49,6 +49,7 @@ struct Disturbance {
 #[derive(Debug)]
 pub struct Bench {
     device: SimDevice,
+    table: PlanTable,
     link: PathBuf,
     cable: Option<Cable>,
 }
@@ -59,7 +60,8 @@ impl Bench {
     /// # Errors
     /// [`Error::Scene`], [`Error::Line`], [`Error::System`].
     pub fn new(link: PathBuf) -> Result<Self, Error> {
-        let mut bench = Self { device: start_device()?, link, cable: None };
+        let (device, table) = start_device()?;
+        let mut bench = Self { device, table, link, cable: None };
         bench.plug_in()?;
         Ok(bench)
     }
@@ -69,7 +71,8 @@ impl Bench {
     /// # Errors
     /// As [`Self::new`].
     pub fn new_linked_directly_to_board(link: PathBuf) -> Result<Self, Error> {
-        let bench = Self { device: start_device()?, link, cable: None };
+        let (device, table) = start_device()?;
+        let bench = Self { device, table, link, cable: None };
         bench.create_new_link_to(bench.device.port_path())?;
         Ok(bench)
     }
@@ -82,6 +85,23 @@ impl Bench {
     #[must_use]
     pub fn sim_control(&self) -> SimControl {
         self.device.control()
+    }
+
+    /// Puts the board's accelerometer under a finger: what it shows from then on is that of the touch `id`.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for a place that is not on the surface.
+    pub fn place_accelerometer_at_px(&self, id: u64, x_px: f64, y_px: f64) -> Result<(), Error> {
+        let place =
+            self.table.scene.surface_point_at_px(x_px, y_px).map_err(|error| Error::Scene(error.to_string()))?;
+        self.device.control().place_accelerometer(id, self.table.model.shape_deflections_at(place.x_m, place.y_m));
+        Ok(())
+    }
+
+    /// What the accelerometer has shown of the touch `id`, in g; 0 if it never began.
+    #[must_use]
+    pub fn measured_peak_g(&self, id: u64) -> f64 {
+        self.device.control().peak_of_touch_if_kept(id).map_or(0.0, |peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 
     /// Plugs the cable in.
@@ -131,11 +151,11 @@ impl Bench {
     }
 }
 
-fn start_device() -> Result<SimDevice, Error> {
+fn start_device() -> Result<(SimDevice, PlanTable), Error> {
     let table = build_plan_table()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID)
-        .map_err(Error::system_error("no pseudo-terminal"))
+    let device = SimDevice::start_with_board_id(SimPanel::from_plan_table(&table), volts, SimBoard::ID);
+    Ok((device.map_err(Error::system_error("no pseudo-terminal"))?, table))
 }
 
 /// What is planned with for the example plate.

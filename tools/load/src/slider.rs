@@ -1,4 +1,5 @@
-//! How long a detent of a slider takes: from the message of a moving finger to the windows of its click at the board.
+//! How long a detent of a slider takes: from the message of a moving finger to the windows of its click at the board; and what the simulated
+//! board's accelerometer shows of it under the finger.
 
 use crate::board::Bench;
 use crate::daemon::{Daemon, DaemonSetup};
@@ -24,8 +25,12 @@ const BETWEEN_STROKES: Duration = Duration::from_millis(500);
 /// Places along the screen, in px: the finger moves there and back.
 const FROM_PX: f64 = 300.0;
 const PLACES: u32 = 1300;
+/// Place across the screen, in px.
+const Y_PX: f64 = 640.0;
 /// Strength of a detent in g.
 const INTENSITY_G: f64 = 0.2;
+/// Part of that which the accelerometer has to show before the next detent: clicks have 0.8 of what is asked for if they can.
+const FELT: f64 = 0.8;
 /// The time between a message and the first window that is asked for, p99, in ms.
 const AIM_MS: f64 = 20.0;
 /// A detent that takes longer is named.
@@ -63,15 +68,24 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
     println!(
         "Times are p50 / p99 / longest, from a message with a detent to the last byte of the frame that has its windows"
     );
-    println!("{:>14} {:>9} {:>9} {:>27}", "detents a s", "detents", "played", "to the frame");
-    let mut missed = Vec::new();
+    println!(
+        "and the measured peak under the finger until the next detent: of {INTENSITY_G} g, felt if it is {FELT} of that"
+    );
+    println!(
+        "{:>14} {:>9} {:>9} {:>9} {:>12} {:>27}",
+        "detents a s", "detents", "played", "felt", "least peak", "to the frame"
+    );
+    let (mut missed, mut touches) = (Vec::new(), 0);
     for messages_per_detent in MESSAGES_PER_DETENT {
         let rate = 1.0 / (BETWEEN_MESSAGES.as_secs_f64() * f64::from(messages_per_detent));
         let control = bench.sim_control();
         control.record_drive_frames((STROKES * DETENTS_PER_STROKE) as usize * 2);
-        let mut sent = Vec::new();
+        let (mut sent, mut peaks_g) = (Vec::new(), Vec::new());
         for _ in 0..STROKES {
-            sent.extend(slide_over_detents(&mut live, messages_per_detent).map_err(Error::Answer)?);
+            let (sent_now, peaks_now_g) = slide_over_detents(&bench, &mut live, messages_per_detent, touches)?;
+            touches += u64::from(DETENTS_PER_STROKE * messages_per_detent);
+            sent.extend(sent_now);
+            peaks_g.extend(peaks_now_g);
         }
         let frames = control.stop_recording_and_take_recorded_frames();
         let waits = find_waits_until_window_frames(&sent, &frames);
@@ -83,7 +97,14 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
             }
         }
         let played = waits.iter().flatten().count();
-        println!("{rate:>14.0} {:>9} {played:>9} {:>27}", sent.len(), times.describe_median_p99_and_longest());
+        let felt = peaks_g.iter().filter(|peak_g| **peak_g >= FELT * INTENSITY_G).count();
+        let least_g = peaks_g.iter().copied().fold(f64::INFINITY, f64::min);
+        let times_text = times.describe_median_p99_and_longest();
+        println!(
+            "{rate:>14.0} {:>9} {played:>9} {felt:>9} {:>12} {times_text:>27}",
+            sent.len(),
+            format!("{least_g:.3} g")
+        );
         let late = waits.iter().enumerate().filter(|(_, wait)| wait.is_none_or(|wait| wait > LATE));
         let late: Vec<String> = late.map(|(detent, wait)| describe_wait(detent, *wait)).collect();
         if let Some(late) = late.get(..late.len().min(10)).filter(|late| !late.is_empty()) {
@@ -94,18 +115,27 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
         if rate < 20.5 && p99_ms.is_none_or(|p99_ms| p99_ms + BOARD_MS > AIM_MS) {
             missed.push(format!("a detent within {AIM_MS} ms at {rate:.0} a second"));
         }
+        if rate < 20.5 && felt < peaks_g.len() {
+            missed.push(format!("every detent felt at {rate:.0} a second"));
+        }
     }
     if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join(", "))) }
 }
 
-/// Moves a finger and lifts it; when each message with a detent was sent.
-fn slide_over_detents(live: &mut Live, messages_per_detent: u32) -> Result<Vec<Instant>, String> {
+/// Moves a finger and lifts it, with touches that are numbered from `first_touch` on: when each message with a detent was sent, and the peak in g
+/// that was measured from there to the next.
+fn slide_over_detents(
+    bench: &Bench,
+    live: &mut Live,
+    messages_per_detent: u32,
+    first_touch: u64,
+) -> Result<(Vec<Instant>, Vec<f64>), Error> {
     let begun = Instant::now();
     let mut sent = Vec::new();
     for message in 0..DETENTS_PER_STROKE * messages_per_detent {
         std::thread::sleep((begun + BETWEEN_MESSAGES * message).saturating_duration_since(Instant::now()));
         let x_px = FROM_PX + f64::from(message * 10 % PLACES);
-        let touches = json!([{"id": 1, "x_px": x_px, "y_px": 640}]);
+        let touches = json!([{"id": 1, "x_px": x_px, "y_px": Y_PX}]);
         let is_detent = message % messages_per_detent == 0;
         let body = if is_detent {
             json!({"type": "touch", "touches": touches, "effect": "click", "intensity_g": INTENSITY_G})
@@ -113,13 +143,16 @@ fn slide_over_detents(live: &mut Live, messages_per_detent: u32) -> Result<Vec<I
             json!({"type": "touch", "touches": touches, "intensity_g": 0})
         };
         if is_detent {
+            bench.place_accelerometer_at_px(first_touch + u64::from(message), x_px, Y_PX)?;
             sent.push(Instant::now());
         }
-        live.send(&body)?;
+        live.send(&body).map_err(Error::Answer)?;
     }
-    live.send(&json!({"type": "touch", "touches": []}))?;
+    live.send(&json!({"type": "touch", "touches": []})).map_err(Error::Answer)?;
     std::thread::sleep(BETWEEN_STROKES);
-    Ok(sent)
+    let detents = (0..DETENTS_PER_STROKE).map(|detent| first_touch + u64::from(detent * messages_per_detent));
+    let peaks_g = detents.map(|id| bench.measured_peak_g(id)).collect();
+    Ok((sent, peaks_g))
 }
 
 /// From each message to the first frame with windows before the next message with a detent; `None` where there is none.

@@ -363,9 +363,11 @@ impl ClickDesigner<'_> {
                 }
             }
         }
-        let choose_panels =
-            |own: &TargetResponses<'_>| TargetResponses { panels: own.panels.get(..1).unwrap_or(&[]), ..*own };
-        let targets = if largest { self.targets.iter().map(choose_panels).collect() } else { self.targets.clone() };
+        let targets = if largest {
+            self.targets.iter().map(TargetResponses::without_panels_off).collect()
+        } else {
+            self.targets.clone()
+        };
         let program = ForceProgram { targets, forces, bounds, asked, first };
         let solved = if largest { program.find_largest_peak()? } else { program.find_least_forces_for_peak()? };
         let pushes = program.forces.iter().zip(&solved.values).filter(|(_, value)| **value > 1e-6);

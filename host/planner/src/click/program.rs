@@ -93,6 +93,11 @@ pub struct TargetResponses<'a> {
 }
 
 impl TargetResponses<'_> {
+    /// The same without the panels that are off.
+    pub fn without_panels_off(&self) -> Self {
+        Self { panels: self.panels.get(..1).unwrap_or(&[]), ..*self }
+    }
+
     /// What is there besides at a sample, in m/s^2.
     fn besides_at(&self, sample: usize) -> f64 {
         self.besides.get(sample).copied().unwrap_or(0.0)
