@@ -12,6 +12,7 @@ use era::model::Accuracy;
 use era::model::levels::ReducedLevels;
 use era::planner::click::{ClickOptions, LEAD_S, Preference, design_click_windows};
 use era::planner::limits::Electrodes;
+use era::planner::residual::{LIMIT_TOLERANCE, RailState, ResidualVibration, find_fraction_and_plan_within_headroom};
 use era::planner::rise::PanelPoles;
 use era::planner::{self, PlanTable, STANDARD_GRAVITY, TableOptions, Target};
 use era::scene::random::random_scene_text;
@@ -377,12 +378,54 @@ fn no_effect_goes_beyond_the_actuators_limits() {
     }
 }
 
-/// Random panels, places, strengths and effects, from far too weak to far too strong: on the simulated device, which integrates with gaps as they
-/// move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::random -- --nocapture` tries
+/// What rests on a touched place of every second panel below.
+const FINGER: &str = "\n[finger]\nmass_g = 8.0\ndamping_n_s_per_m = 2.0\nstiffness_n_per_m = 800.0\n";
+/// From the start of one burst to the next, in us: a slider with 17 detents a second.
+const NEXT_BURST_US: u64 = 60_000;
+/// Largest travel in parts of the gap. A burst that follows another may take the limit's tolerance.
+const MOST_TRAVEL: f64 = (1.0 + LIMIT_TOLERANCE) / 3.0;
+
+/// Plays a click three times in quick succession, as weak as what is left of the one before makes it.
+fn play_burst_three_times(bench: &mut Bench, table: &PlanTable, design: &EffectDesign, name: &str) {
+    bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
+    bench.run_to(300_000);
+    let predict =
+        |design: &EffectDesign| design.predict_travel_and_free_motion_of_effect_if_poles_known(table).unwrap();
+    let mut residual = ResidualVibration::new(table.decay_rate_and_travel_of_each_pole());
+    for number in 1..=3_u32 {
+        let now_s = bench.time_us as f64 * 1e-6;
+        let headroom = |design: &EffectDesign| {
+            residual.max_force_fraction_that_fits_without_wait(&predict(design), None, now_s, RailState::Up)
+        };
+        let weaken = |part: f64| Ok::<_, ()>(design.weaken(part));
+        let (part, fitting) = find_fraction_and_plan_within_headroom(design.clone(), weaken, headroom).unwrap();
+        if part > 0.0 {
+            let windows = WindowSequence { number, start_us: 0, ..windows_to_wire(&fitting.windows) };
+            let reply = bench.ask(&Request::PlayWindows(windows));
+            let Reply::WindowsPlaying { start_us } = reply else { panic!("{name}, burst {number}: {reply:?}") };
+            let until_s = start_us as f64 * 1e-6 + 1e-3 * fitting.length_ms;
+            let id = u64::from(number);
+            residual.record_drives_that_begin_in_place_of_others(
+                id,
+                &predict(&fitting),
+                None,
+                RailState::Up,
+                now_s,
+                until_s,
+            );
+            bench.run_to(start_us);
+        }
+        bench.run_to(bench.time_us + NEXT_BURST_US);
+    }
+    bench.run_to(bench.time_us + 100_000);
+}
+
+/// Random panels, with and without fingers, places, strengths and effects, from far too weak to far too strong, for one, two and three fingers, clicks
+/// three times in quick succession: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::random -- --nocapture` tries
 /// many more.
 #[test]
 fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
-    let wanted = std::env::var("ERA_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(36_u32);
+    let wanted = std::env::var("ERA_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(100_u32);
     let effects = [
         NamedEffect::Click,
         NamedEffect::DoubleClick,
@@ -392,9 +435,17 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
         NamedEffect::Click,
         NamedEffect::Texture,
     ];
-    let (mut tried, mut bursts, mut near, mut furthest) = (0_u32, 0_u32, 0_u32, 0.0_f64);
+    let (mut tried, mut bursts, mut for_several, mut near, mut furthest) = (0_u32, 0_u32, 0_u32, 0_u32, 0.0_f64);
     for number in 0..u64::from(4 * wanted) {
-        let scene = Scene::parse("random", &random_scene_text(31, number)).unwrap();
+        let with_fingers = number % 2 == 1;
+        let text = random_scene_text(31, number) + if with_fingers { FINGER } else { "" };
+        let scene = Scene::parse("random", &text).unwrap();
+        let place = |k: u64| {
+            let at = |step: f64| (0.5 + step * (k + 1) as f64).fract();
+            (at(0.754_877_666) * scene.surface.length_m, at(0.569_840_291) * scene.surface.width_m)
+        };
+        let touched: Vec<(f64, f64)> = (0..=number / 2 % 3).map(|finger| place(6 * number + finger)).collect();
+        let scene = if with_fingers { scene.with_finger_at_places(&touched) } else { scene.clone() };
         let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
         let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::from_levels(&scene, levels, options).unwrap();
@@ -402,13 +453,17 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
         let Some(poles) = table.panel_poles() else { continue };
         for case in 0..6_u32 {
             let k = 6 * u32::try_from(number).unwrap() + case;
-            let at = |step: f64| (0.5 + step * f64::from(k + 1)).fract();
-            let (x_m, y_m) = (at(0.754_877_666) * scene.surface.length_m, at(0.569_840_291) * scene.surface.width_m);
             let g = [0.2, 1.0, 1e3][k as usize % 3];
-            let target = Target { x_m, y_m, intensity_g: Some(g) };
+            let places = if with_fingers {
+                touched.clone()
+            } else {
+                (0..=u64::from(k / 3 % 3)).map(|finger| place(u64::from(k) + 100 * finger)).collect()
+            };
+            let targets: Vec<Target> =
+                places.into_iter().map(|(x_m, y_m)| Target { x_m, y_m, intensity_g: Some(g) }).collect();
             let request = EffectRequest::with_defaults(effects[k as usize % effects.len()]);
             // A place in a cut-out, or one that nothing moves, has none either.
-            let Ok(plan) = table.plan(&[target]) else { continue };
+            let Ok(plan) = table.plan(&targets) else { continue };
             let prefer = if case % 2 == 0 { Preference::Strength } else { Preference::Crispness };
             let options = ClickOptions { preference: prefer, ..ClickOptions::default() };
             // Two thirds of the clicks are bursts of windows, one third are pushes with brakes, as older boards play them.
@@ -418,25 +473,21 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
                 design_effect_with_windows(&table, poles, &plan, request, options)
             };
             let Ok(design) = design else { continue };
-            let mut bench = Bench::new(&table, &target);
+            let mut bench = Bench::new(&table, &targets[0]);
+            let fingers = targets.len();
+            let name = format!("panel {number}, case {case}, {:?} of {g} g, {fingers} fingers", request.effect);
             if design.windows.is_empty() {
                 let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 bench.play(&design, &effects, 400_000);
             } else {
-                bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: None });
-                bench.run_to(300_000);
-                let start_us = 500_000;
-                let windows = Request::PlayWindows(WindowSequence { start_us, ..windows_to_wire(&design.windows) });
-                assert_eq!(bench.ask(&windows), Reply::WindowsPlaying { start_us }, "panel {number}, case {case}");
-                bench.run_to(start_us + 200_000);
+                play_burst_three_times(&mut bench, &table, &design, &name);
                 bursts += 1;
+                for_several += u32::from(fingers > 1);
             }
             let travels = bench.board.panel_mut().take_largest_travels_since_last_call();
             for (travel, electrodes) in travels.iter().zip(&table.electrodes) {
                 let part = travel.travel_m / electrodes.gap_m;
-                let name =
-                    || format!("panel {number}, case {case}, {:?} of {g} g: {part:.4} of the gap", request.effect);
-                assert!(!travel.snapped_in && part <= 1.0 / 3.0, "{}", name());
+                assert!(!travel.snapped_in && part <= MOST_TRAVEL, "{name}: {part:.4} of the gap");
                 furthest = furthest.max(part);
             }
             let is_near = |(travel, own): (&LargestTravel, &Electrodes)| travel.travel_m > own.gap_m / 6.0;
@@ -444,9 +495,10 @@ fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
             tried += 1;
             if tried == wanted {
                 println!(
-                    "{tried} effects, {bursts} of them bursts of windows: {furthest:.3} of the gap at most, {near} beyond a sixth"
+                    "{tried} effects, {bursts} of them bursts of windows, of which {for_several} for several fingers: {furthest:.3} of the gap \
+                     at most, {near} beyond a sixth"
                 );
-                assert!(bursts > wanted / 5 && near > 0, "{bursts} {near}");
+                assert!(bursts > wanted / 5 && for_several > 0 && near > 0, "{bursts} {for_several} {near}");
                 return;
             }
         }
