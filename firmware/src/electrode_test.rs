@@ -4,7 +4,9 @@
 //! disabled. The break interrupt is enabled and takes the pin away like all others. For all of this the device waits, 3 ms for each
 //! electrode: what switches off has a higher priority.
 
-use crate::outputs::{PinName, find_electrode_not_low, find_other_electrode_not_low, is_pin_set_high, set_pin_level};
+use crate::outputs::{
+    PinName, find_electrode_not_low, find_other_electrode_not_low, has_pad_become_high, set_pin_level,
+};
 use crate::pins::ELECTRODES;
 use crate::{sense, trip};
 use embassy_time::{Duration, block_for};
@@ -20,7 +22,7 @@ const MEASUREMENTS: u32 = 8;
 /// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode`].
 ///
 /// # Errors
-/// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or 0 if that of the electrode cannot be set high.
+/// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or 0 if the pad of the electrode does not become high.
 pub fn pulse_electrode(channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
     const FAILED: FaultFinding = (FaultCode::ArmFailed, 0);
     let [a, b] = ELECTRODES.get(channel).ok_or(FAILED)?;
@@ -32,8 +34,9 @@ pub fn pulse_electrode(channel: usize, electrode: Electrode) -> Result<Electrode
             take_trip_as_error()?;
             check_is_low(find_electrode_not_low())?;
             set_pin_level(pin, true);
+            // By then the pads of pins that touch it are high, too.
             let result =
-                if is_pin_set_high(pin) { check_is_low(find_other_electrode_not_low(pin)) } else { Err(FAILED) };
+                if has_pad_become_high(pin) { check_is_low(find_other_electrode_not_low(pin)) } else { Err(FAILED) };
             if result.is_err() {
                 set_pin_level(pin, false);
             }

@@ -62,7 +62,7 @@ fn main() -> ! {
     let (reset_cause, is_watchdog_proven) = watchdog_proof::prove_watchdog(identity::take_reset_cause());
     let previous_run = run_record::read_run_record_of_previous_run();
     let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.is_live));
-    let peripherals = embassy_stm32::init(clocks::build_clock_config());
+    let peripherals = clocks::init_chip_and_clocks();
     priorities::set_driver_interrupt_priorities();
     outputs::init_electrode_and_supply_pins_low();
     rails::init_rail_dac();

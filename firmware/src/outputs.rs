@@ -4,6 +4,7 @@
 //! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
 use crate::pins::{self, ELECTRODES, Pin};
+use crate::poll::{PAD_SETTLING, poll_within};
 use crate::{permit, rails, timers};
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
@@ -147,4 +148,10 @@ pub fn set_pin_level(pin: Pin, high: bool) {
 #[must_use]
 pub fn is_pin_set_high(pin: Pin) -> bool {
     pin.port.odr().read().0 & (1 << pin.number) != 0
+}
+
+/// Whether the pad of an output that has been set high becomes high, within [`PAD_SETTLING`].
+#[must_use]
+pub fn has_pad_become_high(pin: Pin) -> bool {
+    poll_within(PAD_SETTLING, || pin.port.idr().read().0 & (1 << pin.number) != 0)
 }

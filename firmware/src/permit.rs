@@ -6,14 +6,13 @@
 //! has no break (pin table). Every ms the level of the line is read back.
 
 use crate::pins::{PERMIT, Pin, TimerPin};
-use crate::poll::poll_within;
+use crate::poll::{PAD_SETTLING, poll_within};
 use crate::timers::{AF1_COMPARATORS, BDTR_LOCKED, BDTR_MOE};
 use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_stm32::pac;
 use embassy_stm32::pac::RCC;
 use embassy_stm32::pac::gpio::vals::Moder;
 use embassy_stm32::pac::timer::{TimAdv, regs};
-use embassy_time::Duration;
 use era_shared::protocol::FaultCode;
 use era_shared::supply::FaultFinding;
 
@@ -25,9 +24,6 @@ pub const TIMER: TimAdv = unsafe { TimAdv::from_ptr(pac::TIM16.as_ptr()) };
 const CCMR1_FORCED_ACTIVE: u32 = 0b101 << 4;
 /// CCER.CC1E, active high. With OSSI set, the output is driven low while MOE is clear.
 const CCER_CC1E: u32 = 1;
-
-/// For how long the line may differ from what it was set to: 10 kohm and up to 500 pF of line and gates take 5 us.
-const SETTLING: Duration = Duration::from_micros(20);
 
 /// Details of [`FaultCode::Permit`]: the line is high although the permit is not given ...
 const DETAIL_STUCK_HIGH: u32 = 1;
@@ -109,7 +105,7 @@ pub fn is_routing_intact() -> bool {
 /// [`FaultCode::Permit`] with 1 if the line is high without the permit, and 2 if it is low with it.
 pub fn check_line() -> Result<(), FaultFinding> {
     let is_as_set = || is_line_high() == GIVEN.load(Ordering::Relaxed);
-    if is_as_set() || poll_within(SETTLING, is_as_set) {
+    if is_as_set() || poll_within(PAD_SETTLING, is_as_set) {
         return Ok(());
     }
     let detail = if GIVEN.load(Ordering::Relaxed) { DETAIL_STUCK_LOW } else { DETAIL_STUCK_HIGH };

@@ -420,6 +420,32 @@ fn play_burst_three_times(bench: &mut Bench, table: &PlanTable, design: &EffectD
     bench.run_to(bench.time_us + 100_000);
 }
 
+/// With a bias, whose softening is in the springs of the model, an effect's forces are not softened twice: its travel, of which 0.92 may be used, is
+/// that of the simulated device. (Before, a panel with fingers went 4 % beyond its limit.)
+#[test]
+fn the_travel_of_an_effect_with_a_bias_is_that_of_the_device() {
+    let scene = Scene::parse("bias", &(random_scene_text(31, 245) + FINGER)).unwrap();
+    assert!(scene.actuators.iter().any(|actuator| actuator.softening_n_per_m() > 0.0), "{scene:?}");
+    let (x_m, y_m) = (0.4 * scene.surface.length_m, 0.3 * scene.surface.width_m);
+    let scene = scene.with_finger_at_places(&[(x_m, y_m)]);
+    let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
+    let levels = ReducedLevels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    let table = PlanTable::from_levels(&scene, levels, options).unwrap();
+    let target = Target { x_m, y_m, intensity_g: Some(1e3) };
+    let plan = table.plan(&[target]).unwrap();
+    let request = EffectRequest::with_defaults(NamedEffect::DoubleClick);
+    let design = design_effect(&table, table.panel_poles().unwrap(), &plan, request).unwrap();
+    let mut bench = Bench::new(&table, &target);
+    let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+    bench.play(&design, &effects, 400_000);
+    let travels = bench.board.panel_mut().take_largest_travels_since_last_call();
+    for (told_m, travel) in design.travel_m.iter().zip(&travels) {
+        let ratio = travel.travel_m / (0.92 * told_m);
+        println!("{:.2} um, told {:.2} um for 0.92 of it: {ratio:.3}", 1e6 * travel.travel_m, 1e6 * told_m);
+        assert!((0.95..1.03).contains(&ratio), "{ratio}");
+    }
+}
+
 /// Random panels, with and without fingers, places, strengths and effects, from far too weak to far too strong, for one, two and three fingers, clicks
 /// three times in quick succession: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::random -- --nocapture` tries
 /// many more.

@@ -169,7 +169,69 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
         table.add_row(build_row_of_clicks(name, places.len(), &clicked));
         eprintln!("{name}: {} places", clicked.len());
     }
-    Ok(vec![table])
+    Ok(vec![table, build_table_of_pairs()?])
+}
+
+/// Clicks for two fingers at once, on every pair of keys of a keypad that covers the panel.
+fn build_table_of_pairs() -> Result<Table, Error> {
+    let scenes = [
+        ("plate", EXAMPLE_PLATE.to_owned()),
+        ("starting plate", STARTING_PLATE.to_owned()),
+        ("bar, 4 keys", EXAMPLE_BAR.to_owned()),
+        ("sheet 700 x 400 mm, 4 ERAs", make_sheet_scene_toml()),
+    ];
+    let mut table = Table::new(
+        "Clicks of 0.5 g for two fingers, on all pairs of 4 x 3 keys",
+        &[
+            "scene",
+            "pairs",
+            "crisp at both",
+            "0.4 g or more at both",
+            "peak of the weaker (median)",
+            "its least",
+            "time (median, longest)",
+        ],
+    );
+    for (name, text) in scenes {
+        let own = build_plan_table_from_toml(&text)?;
+        let Some(poles) = own.panel_poles() else { continue };
+        let keys = CellMiddles::find_on_surface(&own.scene, KEYPAD.0, KEYPAD.1).places_m;
+        let keys: Vec<(f64, f64)> = keys.into_iter().flatten().collect();
+        let pairs =
+            keys.iter().enumerate().flat_map(|(i, one)| keys.iter().skip(i + 1).map(move |other| [*one, *other]));
+        let design = |pair: [(f64, f64); 2]| {
+            let shapes = pair.map(|(x_m, y_m)| mode_shape_values_at_point_or_on_bar_axis(&own, x_m, y_m));
+            let begun = Instant::now();
+            let click =
+                design_click_windows(&own, poles, &shapes, &[ASKED_G * STANDARD_GRAVITY; 2], ClickOptions::default());
+            (click, 1e3 * begun.elapsed().as_secs_f64())
+        };
+        let clicked: Vec<(Option<ClickDesign>, f64)> = pairs.map(design).collect();
+        table.add_row(build_row_of_pairs(name, &clicked));
+        eprintln!("{name}: {} pairs", clicked.len());
+    }
+    Ok(table)
+}
+
+/// A pair without a click counts as one that is not crisp, with a peak of 0.
+#[expect(clippy::cast_precision_loss, reason = "some pairs")]
+fn build_row_of_pairs(name: &str, clicked: &[(Option<ClickDesign>, f64)]) -> Vec<String> {
+    let share_where = |is_counted: &dyn Fn(&ClickDesign) -> bool| {
+        let counted = clicked.iter().filter(|(click, _)| click.as_ref().is_some_and(is_counted)).count();
+        format!("{:.0} %", 100.0 * counted as f64 / clicked.len().max(1) as f64)
+    };
+    let weaker_g = |click: &ClickDesign| click.peaks.iter().copied().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY;
+    let peaks_g: Vec<f64> = clicked.iter().map(|(click, _)| click.as_ref().map_or(0.0, weaker_g)).collect();
+    let times_ms: Vec<f64> = clicked.iter().map(|(_, took_ms)| *took_ms).collect();
+    vec![
+        name.to_owned(),
+        clicked.len().to_string(),
+        share_where(&|click| click.is_crisp),
+        share_where(&|click| weaker_g(click) >= 0.8 * ASKED_G),
+        format!("{:.2} g", compute_median(peaks_g.clone())),
+        format!("{:.2} g", peaks_g.iter().copied().fold(f64::INFINITY, f64::min)),
+        format!("{:.1} ms, {:.1} ms", compute_median(times_ms.clone()), times_ms.iter().copied().fold(0.0, f64::max)),
+    ]
 }
 
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some places")]

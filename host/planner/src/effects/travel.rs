@@ -18,6 +18,7 @@ use crate::PlanTable;
 use crate::physics::charging::ChargingElectrode;
 use crate::physics::limits::{Electrodes, Limit};
 use crate::physics::rise::{PanelPoles, Stepper, TransientResponse};
+use crate::scene::Actuator;
 use era_shared::waveform::{Effect, Segment};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -78,6 +79,7 @@ pub fn derate_drives_to_travel_limits(
         return TravelOutcome { limited: None, travel_m };
     }
     let rest = rise.build_stepper(&rows, TRAVEL_STEP_S);
+    let counted_n_per_m: Vec<f64> = table.scene.actuators.iter().map(Actuator::softening_n_per_m).collect();
     let most = OFFSETS.pow(u32::try_from(effect_drives.len().saturating_sub(1)).unwrap_or(0));
     let combinations = if shortened.has_drive_longer_than_least_cut(effect_drives) { most.min(OFFSETS) } else { most };
     // How far the masses go, or the first limit that is broken, if any is.
@@ -87,6 +89,7 @@ pub fn derate_drives_to_travel_limits(
             let travels = simulate_largest_travel_of_each_actuator_m(
                 rest.clone(),
                 &table.electrodes,
+                &counted_n_per_m,
                 effect_drives,
                 &shortened.levels,
                 scale,
@@ -284,6 +287,7 @@ fn largest_decaying_sum_of_level_change_magnitudes(levels: &[f64], exponent: f64
 fn simulate_largest_travel_of_each_actuator_m(
     mut stepper: Stepper,
     electrodes: &[Electrodes],
+    counted_n_per_m: &[f64],
     effect_drives: &[EffectDrive],
     levels: &[Vec<f64>],
     force_scale: f64,
@@ -331,6 +335,9 @@ fn simulate_largest_travel_of_each_actuator_m(
             let u = (travel[actuator] / electrodes[actuator].gap_m).clamp(-0.5, 0.5);
             forces[actuator] += plateau_n * (a / ((1.0 - u) * (1.0 - u)) - b / ((1.0 + u) * (1.0 + u)));
         }
+        // What a bias takes off the springs in the model is given back: the forces above have all of the softening.
+        let counted = counted_n_per_m.iter().zip(&travel);
+        forces.iter_mut().zip(counted).for_each(|(force, (counted, travel))| *force -= counted * travel);
         stepper.advance_one_step(&forces, &mut travel);
         most.iter_mut().zip(&travel).for_each(|(most, travel)| *most = most.max(travel.abs()));
     }
@@ -414,6 +421,7 @@ mod tests {
                     simulate_largest_travel_of_each_actuator_m(
                         rest.clone(),
                         &table.electrodes,
+                        &[],
                         &effect_drives,
                         levels,
                         1.0,

@@ -19,8 +19,10 @@ const SOUND_S: f64 = 1.3;
 /// When a fault must be noticed, in ms: 131 ms is the time constant of the means that are compared, so that 95 % of what has changed is in
 /// them after three of them.
 const NOTICED_MS: f64 = 400.0;
-/// Over how many looks the measured current is averaged, 7 ms apart.
-const LOOKS: u32 = 20;
+/// Over how many looks the measured current is averaged, and how far they are apart, in ms: of a drive at 40 Hz each is at another ms of its period,
+/// as 7 and 25 have no common divisor, and together they are at all 25.
+const LOOKS: u32 = 25;
+const LOOK_EVERY_MS: f64 = 7.0;
 
 /// One broken electrode while its ERA is driven alone.
 struct BrokenWhileDriving {
@@ -77,9 +79,11 @@ fn power_up_and_set(board: &mut EmulatedBoard, drives: &[ChannelDrive]) -> Resul
 }
 
 fn read_mean_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
-    let mut sum = 0.0;
-    for _ in 0..LOOKS {
-        board.advance_time_with_keep_alives(7e-3)?;
+    let (mut sum, begin) = (0.0, board.read_clock_cycles()?);
+    for look in 1..=LOOKS {
+        // A question takes some time of the board, too.
+        let ahead_ms = f64::from(look) * LOOK_EVERY_MS - board.milliseconds_since(begin)?;
+        board.advance_time_with_keep_alives(ahead_ms / 1e3)?;
         match board.send_request(&Request::Details)? {
             Reply::Details(details) => sum += f64::from(details.average_microamps),
             other => return Err(Error::NoReply(format!("the reply to Details is {other:?}"))),

@@ -179,6 +179,7 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
         // Of one port, and of one ERA; then of two.
         ("arm: electrodes' pads of an ERA touch", json!({"joined": ["era1_a", "era1_b"]}), FaultCode::ArmFailed),
         ("arm: electrodes' pads of two ERAs touch", json!({"joined": ["era1_a", "era2_b"]}), FaultCode::ArmFailed),
+        ("arm: electrode's pad stuck low", json!({"pin": {"name": "era3_b", "stuck": false}}), FaultCode::ArmFailed),
         ("arm: electrode's pad stuck high", json!({"pin": {"name": "era4_a", "stuck": true}}), FaultCode::ArmFailed),
         (
             "arm: enable's pad stuck high",

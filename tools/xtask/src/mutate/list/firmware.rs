@@ -46,7 +46,12 @@ pub const MUTATIONS: &[Mutation] = &[
         "    let is_as_set = || is_line_high() == GIVEN.load(Ordering::Relaxed);",
         "    let is_as_set = || is_line_high() || !GIVEN.load(Ordering::Relaxed);",
     ),
-    new_mutation("170 MHz in the mode for 150 MHz", "firmware/src/clocks.rs", "    config.rcc.boost = true;\n", ""),
+    new_mutation(
+        "170 MHz in the mode for 150 MHz",
+        "firmware/src/clocks.rs",
+        "    PWR.cr5().modify(|w| w.0 &= !CR5_R1MODE);\n",
+        "",
+    ),
     new_mutation(
         "pads are believed to follow their registers",
         "firmware/src/outputs.rs",
@@ -62,8 +67,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "an electrode is tried without a look at the others",
         "firmware/src/electrode_test.rs",
-        "if is_pin_set_high(pin) { check_is_low(find_other_electrode_not_low(pin)) } else { Err(FAILED) };",
-        "if is_pin_set_high(pin) { Ok(()) } else { Err(FAILED) };",
+        "if has_pad_become_high(pin) { check_is_low(find_other_electrode_not_low(pin)) } else { Err(FAILED) };",
+        "if has_pad_become_high(pin) { Ok(()) } else { Err(FAILED) };",
     ),
     new_mutation(
         "the write buffer stays on",
