@@ -3,6 +3,7 @@
 use crate::fingers::{Socket, live, next, say};
 use crate::line::{CALM, Ear};
 use crate::support::Daemon;
+use era::planner::STANDARD_GRAVITY;
 use era::scene::STARTING_PLATE;
 use era_shared::protocol::Request;
 use serde_json::{Value, json};
@@ -67,6 +68,33 @@ fn each_detent_of_a_slider_is_felt() {
         let peak = find_peak_g(&felt).unwrap();
         assert!(peak < 1.5 * most, "detent {detent}: measured {peak} g, {predicted}");
     }
+}
+
+/// Fifteen detents a second, with moves that drive nothing between them: each detent's click has its peak before the next detent. (Before, the moves
+/// took the rails down, so that every second click waited for its rails and was replaced.)
+#[test]
+fn detents_in_quick_succession_are_felt() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
+    let mut missed = Vec::new();
+    // Other programs may hold the computer up for longer than a detent lasts.
+    for _ in 0..4 {
+        let mut socket = live(&daemon, "?send=plan");
+        slide_and_lift(&mut socket, 13, 4);
+        // The first waits for the rails.
+        next_click(&mut socket);
+        let clicks: Vec<Value> = (1..13).map(|_| next_click(&mut socket)).collect();
+        let told = |click: &Value| {
+            let measured = click["plan_id"].as_u64().and_then(|id| daemon.sim.peak_of_touch_if_kept(id));
+            let least_g = click["effect"]["predicted"]["peak_least_g"].as_f64().unwrap();
+            (measured.map_or(0.0, |peak| peak.peak_m_per_s2 / STANDARD_GRAVITY), least_g)
+        };
+        missed = clicks.iter().map(told).filter(|(measured_g, least_g)| *measured_g < 0.7 * least_g).collect();
+        if missed.is_empty() {
+            break;
+        }
+    }
+    assert!(missed.is_empty(), "measured and told in g: {missed:.3?}");
 }
 
 /// When the line took windows, and when anything else that drives or ends a drive.

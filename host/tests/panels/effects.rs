@@ -447,8 +447,8 @@ fn the_travel_of_an_effect_with_a_bias_is_that_of_the_device() {
 }
 
 /// Random panels, with and without fingers, places, strengths and effects, from far too weak to far too strong, for one, two and three fingers, clicks
-/// three times in quick succession: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap. `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::random -- --nocapture` tries
-/// many more.
+/// three times in quick succession: on the simulated device, which integrates with gaps as they move, no mass goes beyond a third of its gap.
+/// `ERA_CASES=2000 cargo test --release -p era-host --test panels effects::the_travel_of_random -- --nocapture` tries many more.
 #[test]
 fn the_travel_of_random_effects_stays_within_a_third_of_the_gap() {
     let wanted = std::env::var("ERA_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(100_u32);

@@ -94,7 +94,7 @@ impl Bench {
     pub fn place_accelerometer_at_px(&self, id: u64, x_px: f64, y_px: f64) -> Result<(), Error> {
         let place =
             self.table.scene.surface_point_at_px(x_px, y_px).map_err(|error| Error::Scene(error.to_string()))?;
-        self.device.control().place_accelerometer(id, self.table.model.shape_deflections_at(place.x_m, place.y_m));
+        self.device.control().place_accelerometer(id, self.table.model.shape_deflections_at(place.x_m(), place.y_m()));
         Ok(())
     }
 

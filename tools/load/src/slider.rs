@@ -64,6 +64,7 @@ pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
     daemon.await_device()?;
     // The self-test and the rise of the rails belong to the first touch after a rest, and to no detent.
     Http::new(Endpoint::Tcp(daemon.address)).post("/v1/arm", "").map_err(Error::system_error("cannot arm"))?;
+    std::thread::sleep(BETWEEN_STROKES);
     let mut live = Live::open(daemon.address, "").map_err(Error::Answer)?;
     println!(
         "Times are p50 / p99 / longest, from a message with a detent to the last byte of the frame that has its windows"

@@ -11,7 +11,7 @@ use crate::planner::drive::assign_channels;
 use crate::planner::residual::RailState;
 use crate::planner::{Plan, PlanTable};
 use era_shared::limits::REST_MS;
-use era_shared::protocol::Refusal;
+use era_shared::protocol::{ChannelDrive, Refusal};
 use era_shared::safety::SafetyState;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -102,7 +102,11 @@ impl DriveEquipment {
         let (plan, AskedAt { stops, interruptions }) = (&prepared.plan, asked_at);
         let begun = match &prepared.mode {
             PreparedMode::Hold(hold) => {
-                let drives = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
+                let mut drives: Vec<ChannelDrive> = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
+                // A finger that feels nothing, as one between two detents, takes no rail down: the next click would wait until it is up again.
+                if drives.iter().all(|drive| drive.voltage_millivolts == 0) {
+                    drives.clear();
+                }
                 let order = DriveOrder { id, stops, interruptions, drives, hold: *hold, from_zero: from_zero_volts };
                 let mut driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order.clone())).await;
                 // A burst of before this daemon's time, or of drives that it does not look after.
