@@ -4,9 +4,7 @@
 //! disabled. The break interrupt is enabled and takes the pin away like all others. For all of this the device waits, 3 ms for each
 //! electrode: what switches off has a higher priority.
 
-use crate::outputs::{
-    PinName, find_electrode_not_low, find_other_electrode_not_low, has_pad_become_high, set_pin_level,
-};
+use crate::outputs::{PinName, await_high_pad, find_electrode_not_low, find_other_electrode_not_low, set_pin_level};
 use crate::pins::ELECTRODES;
 use crate::{sense, trip};
 use embassy_time::{Duration, block_for};
@@ -22,7 +20,7 @@ const MEASUREMENTS: u32 = 8;
 /// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode`].
 ///
 /// # Errors
-/// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or 0 if the pad of the electrode does not become high.
+/// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or that of the electrode if its pad does not become high.
 pub fn pulse_electrode(channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
     const FAILED: FaultFinding = (FaultCode::ArmFailed, 0);
     let [a, b] = ELECTRODES.get(channel).ok_or(FAILED)?;
@@ -34,9 +32,10 @@ pub fn pulse_electrode(channel: usize, electrode: Electrode) -> Result<Electrode
             take_trip_as_error()?;
             check_is_low(find_electrode_not_low())?;
             set_pin_level(pin, true);
-            // By then the pads of pins that touch it are high, too.
-            let result =
-                if has_pad_become_high(pin) { check_is_low(find_other_electrode_not_low(pin)) } else { Err(FAILED) };
+            // A pin that touches it keeps this pad from becoming high, or is high, too.
+            let result = await_high_pad(pin)
+                .map_err(|pin| (FaultCode::ArmFailed, pin))
+                .and_then(|()| check_is_low(find_other_electrode_not_low(pin)));
             if result.is_err() {
                 set_pin_level(pin, false);
             }

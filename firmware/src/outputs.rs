@@ -126,9 +126,12 @@ fn find_pin_not_low(port: Gpio, pins: u32, has_wrong_mode: bool) -> Option<PinNa
     // What the pads show, not only what they were told.
     let high = (port.odr().read().0 | port.idr().read().0) & pins;
     let wrong = if has_wrong_mode { pins } else { high };
+    (wrong != 0).then(|| name_pin_of_port(port, wrong.trailing_zeros()))
+}
+
+fn name_pin_of_port(port: Gpio, number: u32) -> PinName {
     // The ports' registers are 1 KiB apart, from port A on (RM0440, section 2.2.2).
-    let port_number = (port.as_ptr().addr() >> 10 & 0xF) as u32 + 1;
-    (wrong != 0).then(|| port_number * 100 + wrong.trailing_zeros())
+    ((port.as_ptr().addr() >> 10 & 0xF) as u32 + 1) * 100 + number
 }
 
 /// Makes a pin a push-pull output, low from the first moment.
@@ -150,8 +153,12 @@ pub fn is_pin_set_high(pin: Pin) -> bool {
     pin.port.odr().read().0 & (1 << pin.number) != 0
 }
 
-/// Whether the pad of an output that has been set high becomes high, within [`PAD_SETTLING`].
-#[must_use]
-pub fn has_pad_become_high(pin: Pin) -> bool {
-    poll_within(PAD_SETTLING, || pin.port.idr().read().0 & (1 << pin.number) != 0)
+/// Waits until the pad of an output that has been set high is high, for [`PAD_SETTLING`] at most.
+///
+/// # Errors
+/// The pin, if its pad stays low.
+pub fn await_high_pad(pin: Pin) -> Result<(), PinName> {
+    let Pin { port, number } = pin;
+    let is_high = poll_within(PAD_SETTLING, || port.idr().read().0 & (1 << number) != 0);
+    if is_high { Ok(()) } else { Err(name_pin_of_port(port, number as u32)) }
 }

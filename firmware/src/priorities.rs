@@ -11,7 +11,7 @@
 //!
 //! Critical sections mask them all; the longest are those of the timers' start (20 us, nothing is connected then), of what the
 //! drivers do with their queues (some us), and of the self-test that makes the over-voltage comparators trip (20 us, 0.4 ms if they do
-//! not; the rails are at 50 V then).
+//! not; the rails are at 50 V then) and waits for an electrode's pad (20 us).
 
 use embassy_stm32::interrupt::{Interrupt, InterruptExt, Priority};
 

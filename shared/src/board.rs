@@ -80,7 +80,7 @@ pub trait Board {
     /// returns, whatever it returns.
     ///
     /// # Errors
-    /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low.
+    /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low, or its own pad does not become high.
     fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding>;
 
     /// Keeps what the next start must know of this run. To be called every ms, and whenever everything has been switched off.

@@ -79,6 +79,25 @@ fn a_finger_that_rests_is_felt_for_as_long_as_it_is_down() {
     assert_eq!(kinds, [false, true, false], "{said:?}");
 }
 
+/// A finger that rests and is to feel nothing is one plan for as long as it is down, whose end nothing but its lift brings.
+#[test]
+fn a_finger_that_rests_and_feels_nothing_is_one_plan() {
+    let daemon = Daemon::start(STARTING_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let (begun, mut said) = (Instant::now(), Vec::new());
+    say(&mut socket, &json!({"type": "touch", "touches": [{"id": 1, "x_px": 960.0, "y_px": 640.0}], "intensity_g": 0}));
+    while begun.elapsed() < LONG {
+        std::thread::sleep(MOVE);
+        said.extend(read_all(&mut socket));
+    }
+    let state = daemon.wait_for(|state| state["plan"].is_object());
+    assert_eq!(state["touches"][0]["id"], 1, "{state}");
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert_ne!(state["device"]["state"], "running", "the board drives nothing");
+    say(&mut socket, &json!({"type": "touch", "touches": []}));
+    daemon.wait_for(|state| state["plan"].is_null());
+}
+
 /// Uses up what both channels have, but for so much.
 fn spend(board: &TimedBoard, leave_ms: u32) {
     // Its time is the test's alone meanwhile, however busy the computer is; it has seen that its rails are down.

@@ -1,4 +1,5 @@
-//! Clicks over grids of places: how many are crisp, before and now, on the panel and on panels whose stiffness is off, beside what is possible.
+//! Clicks over grids of places: how many are crisp, before and now, on the panel and on panels whose stiffness is off, beside what is possible; and
+//! clicks for two fingers, on pairs of keys.
 
 use crate::clock::compute_median;
 use crate::error::Error;
@@ -7,7 +8,9 @@ use era_model::model::{Accuracy, levels::ReducedLevels};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene};
 use era_planner::click::measures::{ClickMeasures, QUIET, measure_click};
 use era_planner::click::places::CellMiddles;
-use era_planner::click::{ClickDesign, ClickOptions, design_click_windows, simulate_felt_motion_of_windows};
+use era_planner::click::{
+    ClickDesign, ClickOptions, LATEST_PEAK_S, design_click_windows, simulate_felt_motion_of_windows,
+};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
 use era_planner::{PlanTable, STANDARD_GRAVITY, TableOptions, Target};
@@ -19,8 +22,7 @@ const GRID: (u32, u32) = (12, 8);
 const KEYPAD: (u32, u32) = (4, 3);
 /// Peak asked for in g.
 const ASKED_G: f64 = 0.5;
-/// Latest peak of a crisp click, and from when on it is quiet, in s.
-const LATEST_PEAK_S: f64 = 0.015;
+/// From when on a click is quiet, in s.
 const QUIET_S: f64 = 0.045;
 /// Part of the peak that may be left then on panels off the scene.
 const QUIET_OFF: f64 = 0.2;
@@ -75,10 +77,6 @@ struct ClickAtPlace {
     is_quiet_when_perturbed: bool,
 }
 
-fn is_click_crisp(measures: &ClickMeasures) -> bool {
-    measures.peak_s <= LATEST_PEAK_S && measures.quiet_s.is_some_and(|quiet_s| quiet_s <= QUIET_S)
-}
-
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sample number")]
 fn is_below_fraction_of_peak_after_quiet_time(motion: &[f64], fraction: f64) -> bool {
     let peak = motion.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -103,7 +101,8 @@ fn design_and_measure_click(
     let click = ClickDesign { best_possible, surface, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
-    let before_is_crisp = before.peak_at_ms <= 15.0 && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0);
+    let before_is_crisp =
+        before.peak_at_ms <= 1e3 * LATEST_PEAK_S && before.quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 1e3 * QUIET_S);
     let motions: Vec<Vec<f64>> = perturbed_tables
         .iter()
         .filter_map(|table| {
@@ -117,7 +116,7 @@ fn design_and_measure_click(
     Some(ClickAtPlace { before_is_crisp, click, took_ms, perturbed_measures, is_quiet_when_perturbed })
 }
 
-/// Measures clicks: a list of one table.
+/// Measures clicks: a table of places, and one of pairs of keys.
 ///
 /// # Errors
 /// [`Error`]: a scene that cannot be modelled.
@@ -251,7 +250,7 @@ fn build_row_of_clicks(name: &str, places: usize, clicked: &[ClickAtPlace]) -> V
     vec![
         name.to_owned(),
         share_where(&|own| own.before_is_crisp),
-        share_where(&|own| is_click_crisp(&own.click.measures)),
+        share_where(&|own| own.click.is_crisp),
         share_where(&|own| {
             own.is_quiet_when_perturbed
                 && own.perturbed_measures.iter().all(|measures| measures.peak_s <= LATEST_PEAK_S)

@@ -98,9 +98,9 @@ impl Bench {
         Ok(())
     }
 
-    /// What the accelerometer has shown of the touch `id`, in g; 0 if it never began.
+    /// What the accelerometer has shown of the touch `id`, in g; 0 if it never began, or is not one of the last 256.
     #[must_use]
-    pub fn measured_peak_g(&self, id: u64) -> f64 {
+    pub fn read_measured_peak_g(&self, id: u64) -> f64 {
         self.device.control().peak_of_touch_if_kept(id).map_or(0.0, |peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 

@@ -29,7 +29,8 @@ const PLACES: u32 = 1300;
 const Y_PX: f64 = 640.0;
 /// Strength of a detent in g.
 const INTENSITY_G: f64 = 0.2;
-/// Part of that which the accelerometer has to show before the next detent: clicks have 0.8 of what is asked for if they can.
+/// Part of that which the accelerometer has to show before the next detent: clicks have 0.8 of what is asked for if they can. The accelerometer
+/// shows motion up to 1 kHz, some of which is not felt.
 const FELT: f64 = 0.8;
 /// The time between a message and the first window that is asked for, p99, in ms.
 const AIM_MS: f64 = 20.0;
@@ -49,7 +50,7 @@ pub struct Options {
 /// Measures each speed and prints a table.
 ///
 /// # Errors
-/// [`Error::Missed`] if a detent of up to 20 a second is not played, or takes too long.
+/// [`Error::Missed`] if a detent of up to 20 a second is not played, is not felt, or takes too long.
 pub fn measure_slider_latency(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system_error("no folder for sockets"))?;
     let link = folder.path().join("board");
@@ -152,7 +153,7 @@ fn slide_over_detents(
     live.send(&json!({"type": "touch", "touches": []})).map_err(Error::Answer)?;
     std::thread::sleep(BETWEEN_STROKES);
     let detents = (0..DETENTS_PER_STROKE).map(|detent| first_touch + u64::from(detent * messages_per_detent));
-    let peaks_g = detents.map(|id| bench.measured_peak_g(id)).collect();
+    let peaks_g = detents.map(|id| bench.read_measured_peak_g(id)).collect();
     Ok((sent, peaks_g))
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Free forces between -F and F, F that of an electrode at its highest voltage with the mass at rest, in pieces of 0.5 ms for 30 ms on every
 //! actuator. The felt acceleration at the place has its peak 8, 12 or 15 ms after the beginning, is at no time larger, and stays below a tenth
-//! of the peak from the time asked for on; at several places all peaks are in the proportions and directions of the click, at the same time. Left out are dead time, charging of the electrodes, the number of windows, the growth of
+//! of the peak from the time asked for on. Left out are dead time, charging of the electrodes, the number of windows, the growth of
 //! forces as gaps close, travel, the supply's current, and panels off the scene.
 
 use super::felt::SAMPLE_S;
@@ -20,11 +20,10 @@ const PEAKS: [usize; 3] = [32, 48, 60];
 /// What panels off the scene may do: there are none.
 const ANYTHING: f64 = f64::INFINITY;
 
-/// That peak at the first place in m/s^2, for forces of at most `forces_n` N; quiet from `crisp_s` on. Of every place: what forces do there, and what
-/// its acceleration is multiplied by, so that its peak is that of the first. `None` if a programme does not end.
+/// That peak in m/s^2, for forces of at most `forces_n` N; quiet from `crisp_s` on. `None` if a programme does not end.
 #[must_use]
-pub fn find_best_possible_peak(places: &[(PointResidues, f64)], forces_n: &[f64], crisp_s: f64) -> Option<f64> {
-    let panels: Vec<_> = places.iter().map(|(residues, _)| [compute_slot_responses(residues, PIECE_SAMPLES)]).collect();
+pub fn find_best_possible_peak(residues: &PointResidues, forces_n: &[f64], crisp_s: f64) -> Option<f64> {
+    let panels = [compute_slot_responses(residues, PIECE_SAMPLES)];
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
     let quiet_sample = (crisp_s / SAMPLE_S).round() as usize;
     let free = |(actuator, force_n): (usize, &f64)| {
@@ -35,9 +34,7 @@ pub fn find_best_possible_peak(places: &[(PointResidues, f64)], forces_n: &[f64]
         forces_n.iter().enumerate().filter(|(_, force_n)| **force_n > 0.0).flat_map(free).collect();
     let peak = |peak_sample: usize| {
         let bounds = MotionBounds { peak_sample, quiet_sample, before: [1.0, ANYTHING], after: [QUIET, ANYTHING] };
-        let target = |(panels, factor)| TargetResponses { panels, factor, besides: &[] };
-        let targets =
-            panels.iter().map(<[_; 1]>::as_slice).zip(places.iter().map(|(_, factor)| *factor)).map(target).collect();
+        let targets = vec![TargetResponses { panels: &panels, factor: 1.0, besides: &[] }];
         let program = ForceProgram { targets, forces: forces.clone(), bounds, asked: 1.0, first: &[] };
         program.find_largest_peak().map(|solved| solved.goal)
     };

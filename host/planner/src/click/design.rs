@@ -44,7 +44,7 @@ pub struct ClickDesign {
     pub travel_m: Vec<f64>,
     /// For each pole that vibrates: its pole, the largest amplitude while windows are on, and that after them.
     pub amplitudes: Vec<(Complex64, f64, f64)>,
-    /// Peak at the first place of the strongest crisp click that these actuators can make, in m/s^2, if it was asked for ([`super::bound`]).
+    /// Of a click for one place, the strongest crisp click that these actuators can make there in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
     /// What it does to the surface, if it was asked for and anything moves.
     pub surface: Option<SurfaceFigures>,
@@ -76,25 +76,17 @@ pub fn design_click_windows(
     if has_several && wishes.iter().any(|wish| *wish <= 0.0) {
         return None;
     }
-    let mut places: Vec<(PointResidues, f64)> = shapes
-        .iter()
-        .zip(wishes)
-        .map(|(shape, wish)| (poles.residues_at_shape(shape), if has_several { asked / wish } else { 1.0 }))
-        .collect();
+    let residues: Vec<PointResidues> = shapes.iter().map(|shape| poles.residues_at_shape(shape)).collect();
     let panels: Vec<Vec<SlotResponses>> =
-        places.iter().map(|(residues, _)| compute_slot_responses_of_five_panels(residues, SLOT_SAMPLES)).collect();
+        residues.iter().map(|own| compute_slot_responses_of_five_panels(own, SLOT_SAMPLES)).collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
-    let targets = panels.iter().zip(&places).map(|(panels, (_, factor))| TargetResponses {
-        panels,
-        factor: *factor,
-        besides: &[],
-    });
-    let targets = targets.collect();
+    let factors = wishes.iter().map(|wish| if has_several { asked / wish } else { 1.0 });
+    let targets =
+        panels.iter().zip(factors).map(|(panels, factor)| TargetResponses { panels, factor, besides: &[] }).collect();
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
     if has_several {
-        choose_directions(&mut designer);
-        places.iter_mut().zip(&designer.targets).for_each(|((_, factor), target)| *factor = target.factor);
+        choose_directions_of_peaks(&mut designer);
     }
     let mut part = 1.0;
     let mut travel_limit = None;
@@ -149,11 +141,11 @@ pub fn design_click_windows(
     if let Some(actuator) = travel_limit.filter(|_| is_short) {
         add_limitation_if_new(&mut limits, Limitation::for_actuator(table, Limit::Travel, actuator));
     }
-    let best_possible = options.with_figures_for_comparison.then(|| {
+    let alone = residues.first().filter(|_| options.with_figures_for_comparison && !has_several);
+    let best_possible = alone.and_then(|residues| {
         let forces: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
-        find_best_possible_peak(&places, &forces, options.crisp_s)
+        find_best_possible_peak(residues, &forces, options.crisp_s)
     });
-    let best_possible = best_possible.flatten();
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
@@ -177,7 +169,7 @@ pub fn design_click_windows(
 }
 
 /// Chooses the directions of the peaks at all targets but the first, of which a finger feels nothing: those of the largest crisp peak.
-fn choose_directions(designer: &mut ClickDesigner) {
+fn choose_directions_of_peaks(designer: &mut ClickDesigner) {
     let sizes: Vec<f64> = designer.targets.iter().map(|target| target.factor.abs()).collect();
     let others = sizes.len().saturating_sub(1);
     let mut best = (0.0, sizes.clone());
@@ -185,13 +177,13 @@ fn choose_directions(designer: &mut ClickDesigner) {
         let is_reversed = |target: usize| target > 0 && choice >> (target - 1) & 1 == 1;
         let direct = |(target, size): (usize, &f64)| if is_reversed(target) { -size } else { *size };
         let factors: Vec<f64> = sizes.iter().enumerate().map(direct).collect();
-        designer.set_factors(&factors);
+        designer.set_factors_of_targets(&factors);
         let peak = designer.find_largest_crisp_peak();
         if peak > best.0 {
             best = (peak, factors);
         }
     }
-    designer.set_factors(&best.1);
+    designer.set_factors_of_targets(&best.1);
 }
 
 /// Felt acceleration in m/s^2 at the places whose mode shapes are `shapes`, as [`FINE_RECORD`] samples in 1 s from the burst's start on:

@@ -139,7 +139,7 @@ pub struct ClickDesigner<'a> {
 
 impl ClickDesigner<'_> {
     /// Sets what the accelerations of the targets are multiplied by, in their order.
-    pub fn set_factors(&mut self, factors: &[f64]) {
+    pub fn set_factors_of_targets(&mut self, factors: &[f64]) {
         self.targets.iter_mut().zip(factors).for_each(|(target, factor)| target.factor = *factor);
     }
 

@@ -88,7 +88,7 @@ pub struct TargetResponses<'a> {
     pub panels: &'a [SlotResponses],
     /// What its acceleration is multiplied by in the programme, so that its wish is that of the first target.
     pub factor: f64,
-    /// Its acceleration so multiplied, in m/s^2, sample by sample on every panel, that is there besides; may be empty.
+    /// Its acceleration so multiplied, in m/s^2, sample by sample and the same on every panel, that is there besides; may be empty.
     pub besides: &'a [f64],
 }
 

@@ -1,6 +1,6 @@
 //! A click of single windows as an effect ([`crate::click`]).
 //!
-//! With several fingers their peaks come together, and all of them are quiet in time.
+//! With several fingers their peaks come together, and the same conditions of quiet hold at all of them.
 
 use super::design::{EffectDesign, EffectPrediction, design_effect};
 use super::effect_window::EffectWindow;
@@ -16,8 +16,8 @@ use nalgebra::DVector;
 /// Most fingers of a click of single windows: for more, two to four actuators have no common click.
 const MOST_FINGERS: usize = 3;
 
-/// Designs an effect for a board that plays single windows: a click for up to three fingers without quiet zones is a burst of them, and everything
-/// else is as [`design_effect`] has it.
+/// Designs an effect for a board that plays single windows: a click for up to three fingers without quiet zones is a burst of them, if
+/// they have a common one, and everything else is as [`design_effect`] has it.
 ///
 /// # Errors
 /// [`DesignError`].

@@ -27,6 +27,11 @@ pub struct DriveState {
 }
 
 impl DriveState {
+    /// Whether the newest plan has no forces.
+    pub const fn is_silent(&self) -> bool {
+        self.is_silent
+    }
+
     /// A panel at rest with these poles.
     #[must_use]
     pub fn new(modes: Vec<PoleDecayAndTravel>, zero: Instant) -> Self {

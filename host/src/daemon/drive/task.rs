@@ -511,11 +511,13 @@ impl DriveTask {
         until: Instant,
     ) -> bool {
         let (board, now) = (equipment.read_rail_state_down_up_or_driving(), Instant::now());
+        let is_silent = self.state.is_silent();
         let Some(current) = self.state.current.as_mut() else { return false };
         if current.active.id != id || !is_plan_neither_over_nor_stopped(current, equipment, now) {
             return false;
         }
-        if board == RailState::Driving || current.active.plan.is_board_resting() {
+        // A plan without forces has no drives, whatever the board does.
+        if board == RailState::Driving || is_silent || current.active.plan.is_board_resting() {
             current.until = until.max(current.until);
             let until = current.until;
             equipment.session.move_drive_end_to(id, until);

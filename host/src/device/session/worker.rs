@@ -295,8 +295,9 @@ impl SessionWorker {
         }
         let now = Instant::now();
         self.drive_id = id;
-        self.drive_until = Some(now + hold);
-        self.idle_since = now + hold;
+        // Nothing is driven without drives: the rails go down when the board has been idle for long enough.
+        (self.drive_until, self.idle_since) =
+            if state == SafetyState::Armed { (None, now) } else { (Some(now + hold), now + hold) };
         self.publish_acknowledged_state(state);
         Ok(DriveResult { achieved: achieved.to_vec(), frame_written })
     }

@@ -147,7 +147,7 @@ fn check_credit_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTabl
         (Some(full), Some(spent), Some(after)) => spent + 200 < *full && after.abs_diff(*spent) <= 100,
         _ => false,
     };
-    let expected = format!("channel 0: 200 ms less than of {full:?} ms, and within 100 ms of {spent:?} ms");
+    let expected = format!("channel 0: before it 200 ms below {full:?} ms, after it within 100 ms of {spent:?} ms");
     table.add_row(&format!("{name}: after it"), &expected, &format!("{after:?} ms"), is_kept);
     Ok(())
 }

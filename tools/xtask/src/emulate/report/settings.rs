@@ -107,7 +107,7 @@ const SETTINGS: [Setting; 49] = [
     new_register_setting("ACTLR", 0xE000_E008, 0b111, 0b010),
 ];
 
-/// Those that differ while the board is armed.
+/// Settings while the board is armed.
 const SETTINGS_WHILE_LIVE: [Setting; 2] = [
     // BIE (7; 28.6.4): the breaks raise the interrupt that takes the pins of the timer without a break.
     new_register_setting("live: TIM1 DIER", 0x4001_2C0C, 1 << 7, 1 << 7),
