@@ -372,7 +372,7 @@ mod tests {
             assert_eq!(parse_url(text).as_deref(), Ok("http://127.0.0.1:7878"));
         }
         assert_eq!(parse_url("https://panel:7878/").as_deref(), Ok("https://panel:7878"));
-        assert!(parse_url("ftp://panel").unwrap_err().contains("https:// only"));
+        assert!(parse_url("ftp://panel").unwrap_err().contains("must begin with http:// or https://"));
         assert!(parse_url("http://").unwrap_err().contains("HOST:PORT"));
         // As copied from a browser, or with a password: a stop would go elsewhere, and what is secret is not repeated.
         for text in

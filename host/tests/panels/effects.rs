@@ -212,7 +212,7 @@ fn several_fingers_feel_the_same_click() {
         };
         let design = design_for(&targets);
         assert!(!design.windows.is_empty() && design.peaks_g.len() == fingers.len(), "{fingers:?}: {design:?}");
-        let (mut reached, mut peaks_at_ms) = (Vec::new(), Vec::new());
+        let (mut reached, mut felts) = (Vec::new(), Vec::new());
         for (target, told_g) in targets.iter().zip(&design.peaks_g) {
             let felt = Bench::new(&table, target).record_felt_motion_of_windows(&design);
             let peak_g = largest(&felt) / STANDARD_GRAVITY;
@@ -222,17 +222,18 @@ fn several_fingers_feel_the_same_click() {
                 assert!(largest(&felt[from..]) < 0.11 * largest(&felt), "{fingers:?}");
             }
             reached.push(peak_g / target.intensity_g.unwrap());
-            let peak_at = felt.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap().0;
-            peaks_at_ms.push(peak_at as f64 / 16.0);
+            felts.push(felt);
         }
         let is_crisp = design.predicted.crisp == Some(true);
         println!("{fingers:?}: {reached:.2?} of the wishes, crisp: {is_crisp}, limits {:?}", design.limits);
         crisp += usize::from(is_crisp);
         let (least, most) = reached.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), own| (l.min(*own), m.max(*own)));
         assert!(most <= 1.1 && most < 1.15 * least, "{fingers:?}: {reached:?}");
-        let (first_ms, last_ms) =
-            peaks_at_ms.iter().fold((f64::INFINITY, 0.0_f64), |(first, last), own| (first.min(*own), last.max(*own)));
-        assert!(last_ms - first_ms <= 1.5, "{fingers:?}: peaks at {peaks_at_ms:?} ms");
+        // At one moment all of them have nine tenths of their peaks; one may have had as much before.
+        let least_part =
+            |sample: usize| felts.iter().map(|felt| felt[sample].abs() / largest(felt)).fold(f64::INFINITY, f64::min);
+        let together = (0..felts[0].len()).map(least_part).fold(0.0, f64::max);
+        assert!(together >= 0.9, "{fingers:?}: {together} of the peaks at the same time");
         assert_eq!(least < 0.95, !design.limits.is_empty(), "{fingers:?}: {reached:?}, {:?}", design.limits);
         let reversed: Vec<Target> = targets.iter().rev().copied().collect();
         let other = design_for(&reversed);

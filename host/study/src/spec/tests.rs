@@ -34,7 +34,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
         (28, "limit[1]: at least one of the keys `least` and `most` is needed"),
         (30, "uncertain[1]: exactly one of the keys `part` and `by` is needed"),
         (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
-        (35, "method.designs is 10, but must be at least 32 (population x runs), one generation of each run"),
+        (35, "method.designs is 10, but must be at least 32 (population x runs), which is one generation for each run"),
     ];
     let told = told(text);
     assert_eq!(told.len(), expected.len(), "{told:#?}");
