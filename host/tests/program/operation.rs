@@ -9,7 +9,7 @@ mod notify;
 use std::process::{Command, Output};
 
 /// The program, away from the settings of whoever runs the tests.
-fn era() -> Command {
+fn make_era_command() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
     command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
     for variable in ["ERA_LOG", "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
@@ -18,10 +18,10 @@ fn era() -> Command {
     command
 }
 
-fn run(arguments: &[&str]) -> Output {
-    era().args(arguments).output().unwrap()
+fn run_era(arguments: &[&str]) -> Output {
+    make_era_command().args(arguments).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
+fn decode_utf8(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }

@@ -1,5 +1,5 @@
 //! A daemon with a simulated device, for tests.
-#![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
+#![allow(dead_code, reason = "each test program uses a part of this")]
 
 pub mod browser;
 pub mod described;

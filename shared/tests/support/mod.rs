@@ -1,5 +1,5 @@
 //! A board that remembers what it was told, and a host that talks to a device over it.
-#![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
+#![allow(dead_code, reason = "each test program uses a part of this")]
 
 pub mod circuit;
 pub mod golden;

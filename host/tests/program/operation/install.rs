@@ -1,14 +1,14 @@
 //! The files of `era install`, below a folder of the test's own.
 #![cfg(target_os = "linux")]
 
-use super::{run, text};
+use super::{decode_utf8, run_era};
 use std::path::Path;
 
 const RULE: &str = "etc/udev/rules.d/70-era.rules";
 const UNIT: &str = "etc/systemd/system/era.service";
 
 fn install(root: &Path, more: &[&str]) -> std::process::Output {
-    run(&[&["install", "--root", root.to_str().unwrap(), "--program", "/usr/bin/era"], more].concat())
+    run_era(&[&["install", "--root", root.to_str().unwrap(), "--program", "/usr/bin/era"], more].concat())
 }
 
 #[test]
@@ -16,8 +16,8 @@ fn rule_and_unit_are_written_once_and_removed_again() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     let first = install(root, &["--group", "haptics"]);
-    assert!(first.status.success(), "{}", text(&first.stderr));
-    assert_eq!(text(&first.stdout).matches("wrote ").count(), 2, "{}", text(&first.stdout));
+    assert!(first.status.success(), "{}", decode_utf8(&first.stderr));
+    assert_eq!(decode_utf8(&first.stdout).matches("wrote ").count(), 2, "{}", decode_utf8(&first.stdout));
     let rule = std::fs::read_to_string(root.join(RULE)).unwrap();
     for words in ["1209", "0001", "df11", "GROUP=\"haptics\"", "uaccess", "ENV{ID_MM_DEVICE_IGNORE}=\"1\""] {
         assert!(rule.contains(words), "{words} in {rule}");
@@ -33,19 +33,19 @@ fn rule_and_unit_are_written_once_and_removed_again() {
     ] {
         assert!(unit.lines().any(|own| own == line), "{line} in {unit}");
     }
-    let again = text(&install(root, &["--group", "haptics"]).stdout);
+    let again = decode_utf8(&install(root, &["--group", "haptics"]).stdout);
     assert_eq!(again.matches("unchanged ").count(), 2, "{again}");
-    let changed = text(&install(root, &["--group", "haptics", "--config", "/srv/my panel.toml"]).stdout);
+    let changed = decode_utf8(&install(root, &["--group", "haptics", "--config", "/srv/my panel.toml"]).stdout);
     assert!(changed.contains("unchanged ") && changed.contains("replaced "), "{changed}");
     let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
     assert!(unit.contains("serve --config \"/srv/my panel.toml\"\n"), "{unit}");
     // Of a package nothing is to be run now; and no half file is left.
     assert!(!changed.contains("udevadm"), "{changed}");
     assert_eq!(std::fs::read_dir(root.join("etc/systemd/system")).unwrap().count(), 1);
-    let removed = text(&install(root, &["--remove"]).stdout);
+    let removed = decode_utf8(&install(root, &["--remove"]).stdout);
     assert_eq!(removed.matches("removed ").count(), 2, "{removed}");
     assert!(!root.join(RULE).exists() && !root.join(UNIT).exists());
-    assert_eq!(text(&install(root, &["--remove"]).stdout).matches("absent ").count(), 2);
+    assert_eq!(decode_utf8(&install(root, &["--remove"]).stdout).matches("absent ").count(), 2);
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn somebody_elses_files_are_left_alone() {
     std::fs::write(&unit, "[Service]\n").unwrap();
     for more in [&[][..], &["--remove"]] {
         let output = install(root, more);
-        let told = text(&output.stderr);
+        let told = decode_utf8(&output.stderr);
         assert!(output.status.code() == Some(1) && told.contains("was not written by `era install`"), "{told}");
         assert_eq!(std::fs::read_to_string(&unit).unwrap(), "[Service]\n");
     }
@@ -76,12 +76,12 @@ fn somebody_elses_files_are_left_alone() {
 fn parts_can_be_had_one_by_one_and_looked_at() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    let printed = text(&install(root, &["--print"]).stdout);
+    let printed = decode_utf8(&install(root, &["--print"]).stdout);
     assert!(printed.contains("Type=notify") && printed.contains("uaccess") && printed.contains(RULE), "{printed}");
     assert_eq!(std::fs::read_dir(root).unwrap().count(), 0);
     assert!(install(root, &["--only", "rule"]).status.success());
     assert!(root.join(RULE).exists() && !root.join(UNIT).exists());
-    let user = text(&install(root, &["--user"]).stdout);
+    let user = decode_utf8(&install(root, &["--user"]).stdout);
     assert!(user.contains("etc/systemd/user/era.service") && !user.contains("rules.d"), "{user}");
     let unit = std::fs::read_to_string(root.join("etc/systemd/user/era.service")).unwrap();
     assert!(unit.contains("WantedBy=default.target") && !unit.contains("DynamicUser"), "{unit}");
@@ -95,9 +95,9 @@ fn parts_can_be_had_one_by_one_and_looked_at() {
 #[test]
 fn a_user_is_told_what_to_run() {
     let home = tempfile::tempdir().unwrap();
-    let mut command = super::era();
+    let mut command = super::make_era_command();
     let output = command.args(["install", "--user"]).env("XDG_CONFIG_HOME", home.path()).output().unwrap();
-    let (told, warned) = (text(&output.stdout), text(&output.stderr));
+    let (told, warned) = (decode_utf8(&output.stdout), decode_utf8(&output.stderr));
     assert!(output.status.success(), "{warned}");
     for words in ["systemctl --user daemon-reload", "systemctl --user enable --now era.service", "era config example >"]
     {
@@ -116,9 +116,9 @@ fn a_service_that_drives_no_board_or_a_program_of_a_build_is_told() {
     std::fs::create_dir_all(config.parent().unwrap()).unwrap();
     let said = |content: &str, program: &str| {
         std::fs::write(&config, content).unwrap();
-        let mut command = super::era();
+        let mut command = super::make_era_command();
         command.args(["install", "--user", "--program", program]).env("XDG_CONFIG_HOME", home.path());
-        text(&command.output().unwrap().stderr)
+        decode_utf8(&command.output().unwrap().stderr)
     };
     let told = said("version = 1\n", "/opt/era/target/release/era");
     assert!(told.contains("drives the simulated device: set device = \"auto\""), "{told}");
@@ -156,7 +156,7 @@ fn what_only_root_may_read_is_handed_to_the_service() {
     let run = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/bin/era ")).unwrap();
     let run = run.replace("${CREDENTIALS_DIRECTORY}", credentials.path().to_str().unwrap());
     let run = run.replace("/etc/era", root.join("etc/era").to_str().unwrap());
-    let told = text(&super::run(&run.split(' ').collect::<Vec<_>>()).stderr);
+    let told = decode_utf8(&super::run_era(&run.split(' ').collect::<Vec<_>>()).stderr);
     assert!(told.contains(&format!("{}/tokens: ", credentials.path().display())), "{told}");
     // A user's service reads its user's files.
     assert!(install(root, &["--user"]).status.success());
@@ -191,16 +191,16 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
         for (more, path) in [(&[][..], UNIT), (&["--user"], "etc/systemd/user/era.service")] {
             // The program must be there.
             let own = [&["install", "--root", root.to_str().unwrap(), "--program", env!("CARGO_BIN_EXE_era")], more];
-            assert!(run(&own.concat()).status.success());
+            assert!(run_era(&own.concat()).status.success());
             let unit = root.join(path);
             let manager = if more.is_empty() { "--system" } else { "--user" };
             let verified = analyze(&["verify", "--man=no", manager], &unit).unwrap();
-            let said = text(&verified.stderr);
+            let said = decode_utf8(&verified.stderr);
             assert!(verified.status.success() && !said.contains("era.service"), "{said}");
             if more.is_empty() {
                 // Of 100; an unfenced service has 96.
                 let fenced = analyze(&["security", "--offline=yes", "--threshold=25", "--no-pager"], &unit).unwrap();
-                assert!(fenced.status.success(), "{}{}", text(&fenced.stdout), text(&fenced.stderr));
+                assert!(fenced.status.success(), "{}{}", decode_utf8(&fenced.stdout), decode_utf8(&fenced.stderr));
             }
         }
     }
@@ -208,7 +208,7 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
     let unit = root.join(UNIT);
     let wrong = std::fs::read_to_string(&unit).unwrap().replace("StateDirectory=era", "StateDirectory=../era");
     std::fs::write(&unit, wrong).unwrap();
-    assert!(text(&analyze(&["verify", "--man=no"], &unit).unwrap().stderr).contains("era.service"));
+    assert!(decode_utf8(&analyze(&["verify", "--man=no"], &unit).unwrap().stderr).contains("era.service"));
 }
 
 /// A folder for a package, named from where one stands: what the unit says is as it will be on the machine that gets it, and what will not
@@ -224,13 +224,13 @@ fn a_package_is_staged_below_a_folder() {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
         command.current_dir(folder.path()).args(["install", "--root", "stage", "--program", "/usr/bin/era"]).args(more);
         let output = command.output().unwrap();
-        let told = text(&output.stderr);
+        let told = decode_utf8(&output.stderr);
         assert!(output.status.success(), "{told}");
         assert!(told.contains("`tls_dir` is /home/me/tls, but the service may write only below"), "{told}");
         assert!(told.contains("simulated"), "{told}");
         let unit = match more {
             [] => std::fs::read_to_string(folder.path().join("stage/etc/systemd/system/era.service")).unwrap(),
-            _ => text(&output.stdout),
+            _ => decode_utf8(&output.stdout),
         };
         assert!(unit.contains("LoadCredential=tokens:/etc/era/tokens\n"), "{unit}");
     }

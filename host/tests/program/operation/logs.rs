@@ -1,11 +1,11 @@
 //! The log as lines of JSON.
 
-use super::{era, run, text};
+use super::{decode_utf8, make_era_command, run_era};
 use serde_json::Value;
 
 /// Every line of standard error; each has the three keys that a collector of logs wants.
 fn lines(error: &[u8]) -> Vec<Value> {
-    let lines: Vec<Value> = text(error)
+    let lines: Vec<Value> = decode_utf8(error)
         .lines()
         .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
         .collect();
@@ -23,12 +23,12 @@ fn warnings_news_and_errors_are_lines_of_json() {
     let thick = era::scene::STARTING_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 15.0");
     let scene = folder.path().join("thick.toml");
     std::fs::write(&scene, thick).unwrap();
-    let output = run(&["-v", "modes", "--log-format", "json", "--scene", scene.to_str().unwrap()]);
+    let output = run_era(&["-v", "modes", "--log-format", "json", "--scene", scene.to_str().unwrap()]);
     assert!(output.status.success() && !output.stdout.is_empty());
     let told = lines(&output.stderr);
     assert!(told.iter().any(|line| line["level"] == "WARN"), "{told:?}");
     // Progress and explanations are no log, but on the same stream.
-    let told = lines(&run(&["modes", "--explain", "--log-format=json", "--accuracy", "fast"]).stderr);
+    let told = lines(&run_era(&["modes", "--explain", "--log-format=json", "--accuracy", "fast"]).stderr);
     assert!(!told.is_empty());
 }
 
@@ -41,7 +41,7 @@ fn what_ends_a_command_is_a_line_of_json() {
         (&["modes", "--max-herz", "100"], 2, "--max-herz"),
         (&["--listen", "127.0.0.1:0"], 2, "era serve --listen"),
     ] {
-        let output = run(&[&["--log-format", "json"], arguments].concat());
+        let output = run_era(&[&["--log-format", "json"], arguments].concat());
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         let told = lines(&output.stderr);
         let last = told.last().unwrap();
@@ -52,8 +52,8 @@ fn what_ends_a_command_is_a_line_of_json() {
 /// Help is asked for by people.
 #[test]
 fn help_stays_text_and_so_does_the_log_unless_asked() {
-    let help = run(&["--log-format", "json", "modes", "--help"]);
-    assert!(help.status.success() && help.stderr.is_empty() && text(&help.stdout).starts_with("List"));
-    let plain = era().args(["state", "--url", "127.0.0.1:1"]).output().unwrap();
-    assert!(text(&plain.stderr).starts_with("error: no answer"));
+    let help = run_era(&["--log-format", "json", "modes", "--help"]);
+    assert!(help.status.success() && help.stderr.is_empty() && decode_utf8(&help.stdout).starts_with("List"));
+    let plain = make_era_command().args(["state", "--url", "127.0.0.1:1"]).output().unwrap();
+    assert!(decode_utf8(&plain.stderr).starts_with("error: no answer"));
 }

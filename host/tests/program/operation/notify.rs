@@ -1,8 +1,9 @@
 //! What a service manager is told.
 #![cfg(target_os = "linux")]
 
-use super::era;
+use super::make_era_command;
 use std::os::unix::net::UnixDatagram;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -26,16 +27,23 @@ fn until(socket: &UnixDatagram, last: &str, count: usize) -> Vec<String> {
     told
 }
 
-#[test]
-fn ready_alive_and_stopping_are_told() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("notify");
+/// A socket as a service manager has it, in `folder`, and a daemon that is to notify it.
+fn make_socket_and_serve_command_that_notifies_it(folder: &Path) -> (UnixDatagram, Command) {
+    let path = folder.join("notify");
     let socket = UnixDatagram::bind(&path).unwrap();
     // The first start computes a plan table.
     socket.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
-    let mut command = era();
+    let mut command = make_era_command();
     command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
-    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "400000").stderr(Stdio::null());
+    command.env("NOTIFY_SOCKET", &path).stderr(Stdio::null());
+    (socket, command)
+}
+
+#[test]
+fn ready_alive_and_stopping_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (socket, mut command) = make_socket_and_serve_command_that_notifies_it(folder.path());
+    command.env("WATCHDOG_USEC", "400000");
     let mut daemon = Daemon(command.spawn().unwrap());
     let told = until(&socket, "READY=1", 1);
     assert!(told.iter().any(|line| line.starts_with("STATUS=serving on http://127.0.0.1:")), "{told:?}");
@@ -52,12 +60,8 @@ fn ready_alive_and_stopping_are_told() {
 #[test]
 fn nobody_who_did_not_ask_is_told_of_life() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("notify");
-    let socket = UnixDatagram::bind(&path).unwrap();
-    socket.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
-    let mut command = era();
-    command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
-    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "20000").env("WATCHDOG_PID", "1").stderr(Stdio::null());
+    let (socket, mut command) = make_socket_and_serve_command_that_notifies_it(folder.path());
+    command.env("WATCHDOG_USEC", "20000").env("WATCHDOG_PID", "1");
     let _daemon = Daemon(command.spawn().unwrap());
     until(&socket, "READY=1", 1);
     socket.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
