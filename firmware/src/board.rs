@@ -1,6 +1,6 @@
 //! The hardware behind the device logic of `era-shared`.
 
-use crate::clock_check::ClockCheck;
+use crate::clock_check::{self, ClockCheck};
 use crate::clocks::TIMER_CLOCK_HZ;
 use crate::pins::CHANNELS;
 use crate::{
@@ -30,6 +30,8 @@ const COUNT_WAIT: Duration = Duration::from_micros(20);
 const DETAIL_COMPARATORS: u32 = 10;
 /// Likewise about the timer that makes the permit.
 const DETAIL_PERMIT: u32 = 11;
+/// Likewise about the timer from which all time comes.
+const DETAIL_TIME: u32 = 12;
 
 /// The fault to report for a step that has failed with `fallback`: a trip that has come meanwhile, as it is the reason for the failure, or else
 /// `fallback`.
@@ -96,13 +98,16 @@ impl Stm32Board {
         if let Some(finding) = self.lasting_fault.or_else(|| self.clock_check.find_fault()) {
             return Some(finding);
         }
+        if !clock_check::is_time_base_intact() {
+            return Some((FaultCode::ReadBack, DETAIL_TIME));
+        }
         // With interrupts masked, so that a break between the two looks is not taken for a line that does not follow.
         cortex_m::interrupt::free(|_| {
             if permit::is_withdrawn_by_break() {
                 // A break whose interrupt has not run; one that runs after this notes its reason itself.
                 return Some(breaks::find_trip_cause());
             }
-            permit::check_line().err()
+            permit::check_line_level_matches_permit().err()
         })
     }
 
@@ -146,7 +151,7 @@ impl Board for Stm32Board {
     }
 
     fn read_sensors_and_take_trip(&mut self) -> SensorReadings {
-        let measured = sense::measure_rails_bond_loops_and_reference();
+        let measured = sense::measure_rails_loops_earth_bond_and_reference();
         let [interlock_millivolts, stop_millivolts] = measured.loop_millivolts;
         // Before the trips: what a break has withdrawn has its reason there, if its interrupt works.
         let standing_fault = self.find_standing_fault();
@@ -167,7 +172,7 @@ impl Board for Stm32Board {
 
     fn test_trip_circuits(&mut self) -> Result<(), FaultFinding> {
         match outputs::find_output_not_low() {
-            None => breaks::test_all_comparators(),
+            None => breaks::test_permit_line_comparators_and_break_interrupt(),
             Some(pin) => Err((FaultCode::ArmFailed, pin)),
         }
     }
@@ -179,8 +184,12 @@ impl Board for Stm32Board {
         }
     }
 
-    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
-        electrode_test::pulse_electrode(channel, electrode)
+    fn pulse_electrode_and_measure_rail_mv(
+        &mut self,
+        channel: usize,
+        electrode: Electrode,
+    ) -> Result<ElectrodePulses, FaultFinding> {
+        electrode_test::pulse_electrode_and_measure_rail_mv(channel, electrode)
     }
 
     fn keep_for_next_start(&mut self, run: KeptRun) {
@@ -203,18 +212,18 @@ impl Board for Stm32Board {
         .map_err(take_trip_code_or)
     }
 
-    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
         cortex_m::interrupt::free(|_| {
             if let Some((code, _)) = trip::take_trip() {
                 return Err(code);
             }
             if connected {
                 // Still low: outputs that MOE switches off are driven low, and TIM4 runs blank periods.
-                outputs::set_electrodes_connected(true);
+                outputs::set_timers_connected_to_electrodes(true);
                 timers::set_main_outputs(true);
             } else {
                 timers::set_main_outputs(false);
-                outputs::set_electrodes_connected(false);
+                outputs::set_timers_connected_to_electrodes(false);
             }
             self.connected = connected;
             Ok(())
@@ -241,7 +250,7 @@ impl Board for Stm32Board {
     }
 
     /// Detail: the channel, [`DETAIL_COMPARATORS`] or [`DETAIL_PERMIT`].
-    fn check_timers(&mut self) -> Result<(), FaultFinding> {
+    fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), FaultFinding> {
         self.inspect_timers_and_trip_circuits().map_err(|finding| trip::take_trip().unwrap_or(finding))
     }
 

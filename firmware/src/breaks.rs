@@ -9,7 +9,7 @@
 //! The interrupt is at the highest priority and everything else below it; it does the same as [`force_electrodes_and_supply_off`] and leaves the
 //! reason for the device ([`trip::take_trip`]). It is enabled while the supply is.
 
-use crate::comparators::{COMPARATORS, Comparator, OVER_VOLTAGE, find_tripped_comparator};
+use crate::comparators::{COMPARATORS, Comparator, LOOPS, OVER_VOLTAGE, find_tripped_comparator};
 use crate::outputs::{find_output_not_low, force_electrodes_and_supply_off, set_pin_level};
 use crate::permit;
 use crate::pins::DISCHARGE_OPEN;
@@ -90,15 +90,16 @@ pub fn arm_break_interrupt() {
 
 /// Tests the permit's line, every comparator, and the break interrupt. With its polarity inverted a comparator must trip, whatever its input
 /// carries, clear MOE of all four timers and withdraw the permit; with its polarity restored it must be released. This proves the comparator's
-/// output, its connection to the breaks and their effect. The thresholds are only compared with their registers here; they are tested with real
-/// inputs when a board is brought up. The timers stand still, the supply is disabled, the rails are discharged, and the pins other than the
-/// permit's are low.
+/// output, its connection to the breaks and their effect. Those of the loops are tested with their inputs as well: with the threshold above the level
+/// of a closed loop they must trip. The other thresholds are only compared with their registers here. The timers stand still, the supply is
+/// disabled, the rails are discharged, and the pins other than the permit's are low.
 ///
 /// # Errors
 /// [`FaultCode::SelfTest`] with the comparator's number; +10, 20, 30, 40 if MOE of TIM1, TIM8, TIM20 or TIM16 did not fall, +100 if the
-/// comparator or MOE did not go back, +1000 if a register does not hold its settings (number 0), +4000 if the interrupt did not run or did not
-/// switch off. [`FaultCode::Permit`] as in [`permit::check_line`], or 10 + the comparator's number if the line stayed high.
-pub fn test_all_comparators() -> Result<(), FaultFinding> {
+/// comparator or MOE did not go back, +1000 if a register does not hold its settings (number 0), +3000 if it does not see its closed loop, +3020 if
+/// it is not released after that, +4000 if the interrupt did not run or did not switch off. [`FaultCode::Permit`] as in
+/// [`permit::check_line_level_matches_permit`], or 10 + the comparator's number if the line stayed high.
+pub fn test_permit_line_comparators_and_break_interrupt() -> Result<(), FaultFinding> {
     let locked = SYSCFG.cfgr2().read();
     let led_here = locked.cll() && locked.spl() && locked.pvdl() && locked.eccl();
     if !crate::comparators::are_all_settings_intact()
@@ -109,7 +110,8 @@ pub fn test_all_comparators() -> Result<(), FaultFinding> {
         return Err((FaultCode::SelfTest, DETAIL_SETTINGS));
     }
     let result = test_line_level_follows_permit()
-        .and_then(|()| COMPARATORS.iter().try_for_each(test_comparator))
+        .and_then(|()| COMPARATORS.iter().try_for_each(test_that_comparator_clears_outputs_and_permit))
+        .and_then(|()| test_loop_inputs())
         .and_then(|()| test_break_interrupt());
     cortex_m::interrupt::free(|_| permit::set_permit(false));
     timers::set_main_outputs(false);
@@ -119,9 +121,9 @@ pub fn test_all_comparators() -> Result<(), FaultFinding> {
 
 /// Tests that the permit's line is low without the permit and high with it. The permit is left given.
 fn test_line_level_follows_permit() -> Result<(), FaultFinding> {
-    permit::check_line()?;
+    permit::check_line_level_matches_permit()?;
     cortex_m::interrupt::free(|_| permit::set_permit(true));
-    match permit::check_line() {
+    match permit::check_line_level_matches_permit() {
         // A comparator that is tripped: the tests of the comparators find which.
         Err(_) if permit::is_withdrawn_by_break() => Ok(()),
         result => result,
@@ -176,7 +178,20 @@ pub fn test_over_voltage_inputs(charged: [bool; RAILS]) -> Result<(), FaultFindi
     result.map_err(|detail| (FaultCode::SelfTest, detail))
 }
 
-fn test_comparator(comparator: &Comparator) -> Result<(), FaultFinding> {
+/// Tests that the comparators of the loops see their loops: closed ones are below the threshold of the self-test, and above that which protects.
+fn test_loop_inputs() -> Result<(), FaultFinding> {
+    crate::comparators::set_loop_threshold(true);
+    let blind = LOOPS.into_iter().find(|comparator| !poll_within_trip_time(|| comparator.is_tripped()));
+    crate::comparators::set_loop_threshold(false);
+    let stuck = LOOPS.into_iter().find(|comparator| !poll_within_trip_time(|| !comparator.is_tripped()));
+    let blind = blind.map(|comparator| comparator.number + DETAIL_NO_TRIP);
+    match blind.or(stuck.map(|comparator| comparator.number + DETAIL_NOT_RELEASED)) {
+        Some(detail) => Err((FaultCode::SelfTest, detail)),
+        None => Ok(()),
+    }
+}
+
+fn test_that_comparator_clears_outputs_and_permit(comparator: &Comparator) -> Result<(), FaultFinding> {
     check_main_outputs_can_be_set(comparator)?;
     comparator.write_settings_with_trip_inverted(true);
     let are_all_cleared = || !BREAKABLE.into_iter().any(timers::is_main_output_enabled);

@@ -4,11 +4,13 @@
 //! has an oscillator of its own (LSI, 32 kHz). TIM5, which counts the processor's clock, captures its count at each edge of that oscillator and begins
 //! anew, so that its capture register always holds the last period. The comparison is as good as that oscillator: an error of more than a quarter is
 //! found, one of less than a tenth is not.
+//!
+//! What the processor's clock is divided by for the board's time (TIM2) would not show there: its register is compared with its value.
 
 use crate::clocks::TIMER_CLOCK_HZ;
 use core::ops::Range;
 use embassy_stm32::pac::timer::regs;
-use embassy_stm32::pac::{RCC, TIM5};
+use embassy_stm32::pac::{RCC, TIM2, TIM5};
 use embassy_time::{Duration, Instant};
 use era_shared::protocol::FaultCode;
 use era_shared::supply::FaultFinding;
@@ -49,6 +51,15 @@ pub fn init_clock_check() {
     TIM5.ccer().write_value(regs::CcerGp16(CCER_CC1E));
     TIM5.smcr().write_value(regs::SmcrGp16(SMCR_RESET_BY_INPUT_1));
     TIM5.cr1().write_value(regs::Cr1Gp16(CR1_CEN));
+}
+
+/// TIM2's prescaler: one tick of the board's time is a us (the time driver of embassy-stm32, with the feature `time-driver-tim2`).
+const TIME_PRESCALER: u16 = (TIMER_CLOCK_HZ as u64 / embassy_time::TICK_HZ - 1) as u16;
+
+/// Whether the board's time runs at its rate. Every time-out, dead-man time and discharge time comes from it.
+#[must_use]
+pub fn is_time_base_intact() -> bool {
+    TIM2.psc().read() == TIME_PRESCALER
 }
 
 /// Looks at the measurement from time to time.

@@ -8,7 +8,6 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::log_limit::CountReport;
-use era_shared::safety::LinkId;
 
 /// How long the device sleeps at most, in us, whatever it wants: silence is looked for this often. The dead-man time is at
 /// least 50 ms, so this adds 2 % to it at most.
@@ -21,15 +20,17 @@ const SHORTEST_SLEEP_US: u64 = 10;
 pub async fn run_device(mut board: Stm32Board) -> ! {
     let mut device = Device::new();
     device.complete_boot_to_discharging_or_fault(&mut board);
-    let mut ports: [LinkReceiver; LINKS.len()] = core::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8)));
+    let mut ports = LinkReceiver::new_for_each_link::<{ LINKS.len() }>();
     let mut heartbeat = Heartbeat::new();
     let mut line_errors = CountReport::new();
     let mut state = device.state();
     defmt::info!("device task started, state {}", state.name());
     loop {
         // First in every turn, so that a flood of bytes cannot starve it; what a frame has changed is done at once too.
-        let due_us = device.poll_next_due_us(&mut board);
-        watchdog::check_in(WatchedTask::Device);
+        let due_us = device.do_due_work_and_tell_next_due_us(&mut board);
+        if device.take_tick_done() {
+            watchdog::check_in(WatchedTask::Device);
+        }
         watchdog::feed_if_all_checked_in();
         let now_us = Instant::now().as_micros();
         heartbeat.update_led(device.state(), now_us);

@@ -17,11 +17,14 @@ use era_shared::waveform::Electrode;
 /// Measurements whose mean is a rail's voltage: 12 us each. Their noise moves the mean by less than a step of the converter.
 const MEASUREMENTS: u32 = 8;
 
-/// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode`].
+/// Makes the pulses and measures the rail; see [`era_shared::board::Board::pulse_electrode_and_measure_rail_mv`].
 ///
 /// # Errors
 /// What has tripped, or [`FaultCode::ArmFailed`] with the pin that is not low, or that of the electrode if its pad does not become high.
-pub fn pulse_electrode(channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+pub fn pulse_electrode_and_measure_rail_mv(
+    channel: usize,
+    electrode: Electrode,
+) -> Result<ElectrodePulses, FaultFinding> {
     const FAILED: FaultFinding = (FaultCode::ArmFailed, 0);
     let [a, b] = ELECTRODES.get(channel).ok_or(FAILED)?;
     let pin = if electrode == Electrode::A { a.pin } else { b.pin };
@@ -68,7 +71,11 @@ fn measure_rail_millivolts(rail: usize) -> u32 {
     let sum: u64 = (0..MEASUREMENTS)
         .map(|_| {
             u64::from(
-                sense::measure_rails_bond_loops_and_reference().rail_millivolts.get(rail).copied().unwrap_or(u32::MAX),
+                sense::measure_rails_loops_earth_bond_and_reference()
+                    .rail_millivolts
+                    .get(rail)
+                    .copied()
+                    .unwrap_or(u32::MAX),
             )
         })
         .sum();

@@ -45,7 +45,7 @@ pub fn take_previous_failure(
     match note {
         Some(note) => Some(note),
         None if reset_cause == ResetCause::Watchdog => {
-            let (missing, text) = watchdog::find_tasks_missing_before_reset();
+            let (missing, text) = watchdog::find_mask_and_names_of_tasks_missing_before_reset();
             Some((FaultCode::Watchdog, missing, text))
         }
         None if dipped => Some((FaultCode::BrownOut, 0, String::new())),

@@ -59,7 +59,8 @@ fn main() -> ! {
     // Before the clocks are set up.
     outputs::force_electrodes_and_supply_off();
     // Before notes of the previous run are taken: it resets the chip once.
-    let (reset_cause, is_watchdog_proven) = watchdog_proof::prove_watchdog(identity::take_reset_cause());
+    let (reset_cause, is_watchdog_proven) =
+        watchdog_proof::prove_watchdog_and_tell_original_cause_and_success(identity::take_reset_cause());
     let previous_run = run_record::read_run_record_of_previous_run();
     let failure = identity::take_previous_failure(reset_cause, previous_run.is_some_and(|run| run.is_live));
     let peripherals = clocks::init_chip_and_clocks();
@@ -86,14 +87,6 @@ fn main() -> ! {
             info.failure.as_str()
         );
     }
-    // Neither of them can go before the next start.
-    let lasting_fault = if is_watchdog_proven {
-        option_bytes::find_unsafe_option_bytes().map(|options| (FaultCode::OptionBytes, options))
-    } else {
-        Some((FaultCode::Watchdog, watchdog_proof::DETAIL_UNPROVEN))
-    };
-    let board = board::Stm32Board::new(info, lasting_fault);
-
     // A baud rate that cannot be reached is a mistake in the clock tree, found at the first start on a desk.
     let uart =
         defmt::unwrap!(links::uart::open_uart(peripherals.LPUART1, peripherals.PA3, peripherals.PA2, Interrupts));
@@ -101,7 +94,14 @@ fn main() -> ! {
     let (usb, usb_tx, usb_rx, usb_line) =
         links::usb::open_usb_serial_port(peripherals.USB, peripherals.PA12, peripherals.PA11, Interrupts);
 
-    watchdog::start_watchdog();
+    let is_watchdog_set_up = watchdog::start_watchdog_and_tell_whether_settings_hold();
+    // None of these can go before the next start.
+    let lasting_fault = if is_watchdog_proven && is_watchdog_set_up {
+        option_bytes::read_option_bytes_if_unsafe().map(|options| (FaultCode::OptionBytes, options))
+    } else {
+        Some((FaultCode::Watchdog, watchdog_proof::DETAIL_UNPROVEN))
+    };
+    let board = board::Stm32Board::new(info, lasting_fault);
     executor::start_device_executor().spawn(defmt::unwrap!(device_task::run_device(board)));
     executor::run_thread_executor(|spawner| {
         spawner.spawn(defmt::unwrap!(bootloader::await_request_and_reset()));

@@ -15,19 +15,21 @@
 //! * nRST_STOP, nRST_STDBY, nRST_SHDW: the firmware uses none of these modes. 1 as delivered; 0 would reset the chip, which is as safe.
 //! * IWDG_SW, WWDG_SW: 1. A watchdog that the hardware starts is set up by the firmware all the same.
 //! * nSWBOOT0, nBOOT0, nBOOT1: 1. With others, the pin BOOT0 does not lead to the ROM bootloader, which repairs an update that was cut off.
-//! * DBANK, SRAM_PE, CCMSRAM_RST, RDP, NRST_MODE, IRHEN: the firmware works with each (`memory.x`, `pre_init.rs`).
+//! * SRAM_PE: 0, so that parity is on. All variables are in the first 32 KiB of SRAM1, and all of the stack that is used in the CCM SRAM: a bit of
+//!   them that changes by itself is then noticed when it is read, and everything switched off (`breaks.rs`). It is delivered with 1.
+//! * DBANK, CCMSRAM_RST, RDP, NRST_MODE, IRHEN: the firmware works with each (`memory.x`).
 
 use embassy_stm32::pac::FLASH;
 
 /// IWDG_STOP, IWDG_STDBY, BFB2.
 const NEEDED_MASK: u32 = 1 << 17 | 1 << 18 | 1 << 20;
 const NEEDED: u32 = 1 << 17 | 1 << 18;
-/// BOR_LEV, nRST_STOP, nRST_STDBY, nRST_SHDW, IWDG_SW, WWDG_SW, nBOOT1, nSWBOOT0, nBOOT0.
-const RECOMMENDED_MASK: u32 = 0b111 << 8 | 0b111 << 12 | 1 << 16 | 1 << 19 | 1 << 23 | 1 << 26 | 1 << 27;
+/// BOR_LEV, nRST_STOP, nRST_STDBY, nRST_SHDW, IWDG_SW, WWDG_SW, nBOOT1, SRAM_PE, nSWBOOT0, nBOOT0.
+const RECOMMENDED_MASK: u32 = 0b111 << 8 | 0b111 << 12 | 1 << 16 | 1 << 19 | 1 << 23 | 1 << 24 | 1 << 26 | 1 << 27;
 const RECOMMENDED: u32 = 4 << 8 | 0b111 << 12 | 1 << 16 | 1 << 19 | 1 << 23 | 1 << 26 | 1 << 27;
 
 /// The option bytes, if one of them takes a protection away. What differs from the recommendation is logged.
-pub fn find_unsafe_option_bytes() -> Option<u32> {
+pub fn read_option_bytes_if_unsafe() -> Option<u32> {
     let options = FLASH.optr().read().0;
     let differing = (options ^ RECOMMENDED) & RECOMMENDED_MASK;
     if differing != 0 {

@@ -78,7 +78,7 @@ pub fn init_electrode_and_supply_pins_low() {
 
 /// Lets the timers reach the electrodes' pins, or takes the pins from them. To be called with interrupts masked: the break
 /// interrupt must not come between the read and the write of a port's mode.
-pub fn set_electrodes_connected(connected: bool) {
+pub fn set_timers_connected_to_electrodes(connected: bool) {
     for electrode in ELECTRODES.iter().flatten() {
         let Pin { port, number } = electrode.pin;
         port.bsrr().write(|w| w.set_br(number, true));

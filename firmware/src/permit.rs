@@ -103,7 +103,7 @@ pub fn is_routing_intact() -> bool {
 ///
 /// # Errors
 /// [`FaultCode::Permit`] with 1 if the line is high without the permit, and 2 if it is low with it.
-pub fn check_line() -> Result<(), FaultFinding> {
+pub fn check_line_level_matches_permit() -> Result<(), FaultFinding> {
     let is_as_set = || is_line_high() == GIVEN.load(Ordering::Relaxed);
     if is_as_set() || poll_within(PAD_SETTLING, is_as_set) {
         return Ok(());

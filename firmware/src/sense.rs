@@ -154,7 +154,7 @@ pub fn is_loop_level_closed(millivolts: u32) -> bool {
 }
 
 /// Measures all inputs now; takes 12 us.
-pub fn measure_rails_bond_loops_and_reference() -> Measurement {
+pub fn measure_rails_loops_earth_bond_and_reference() -> Measurement {
     ADC1.isr().write(|w| {
         w.set_eoc(true);
         w.set_eos(true);

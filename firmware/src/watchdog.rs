@@ -84,8 +84,8 @@ fn now_in_1024_us() -> u32 {
 const ALIVE: u32 = 60;
 
 /// The tasks that had not checked in when the watchdog reset the chip, as a mask and as a text that names them. To be called after such a
-/// reset, before [`start_watchdog`].
-pub fn find_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
+/// reset, before [`start_watchdog_and_tell_whether_settings_hold`].
+pub fn find_mask_and_names_of_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
     let fed = check_in_record().fed.load(Ordering::Relaxed);
     let (mut missing, mut text) = (0, String::new());
     // The text has room for all names.
@@ -100,17 +100,21 @@ pub fn find_tasks_missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
     (missing, text)
 }
 
-/// Starts the watchdog, which cannot be stopped again. To be called once, right before the tasks start.
-pub fn start_watchdog() {
+/// Starts the watchdog, which cannot be stopped again, and returns whether its settings read back as they were written: its time would otherwise
+/// be up to that of the reset, 512 ms. To be called once, right before the tasks start.
+#[must_use]
+pub fn start_watchdog_and_tell_whether_settings_hold() -> bool {
     record_feed_and_mark_all_missing();
     set_frozen_in_debug(true);
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY32));
     IWDG.rlr().write(|w| w.set_rl(RELOAD));
-    // Until the values have arrived, 512 ms would be loaded; that comes true if they never do.
-    let _ = (0..UPDATE_READS).any(|_| IWDG.sr().read().0 == 0);
+    // Until the values have arrived they cannot be read, and 512 ms would be loaded; that comes true if they never do.
+    let have_arrived = (0..UPDATE_READS).any(|_| IWDG.sr().read().0 == 0);
+    let are_as_written = IWDG.pr().read().pr() == Pr::DIVIDE_BY32 && IWDG.rlr().read().rl() == RELOAD;
     IWDG.kr().write(|w| w.set_key(Key::RESET));
+    have_arrived && are_as_written
 }
 
 /// Notes that a task still does its work.

@@ -18,7 +18,7 @@ const PROVEN: u32 = 0x4552_5760;
 /// What a run that tries the watchdog may have been started by.
 const CAUSES: [ResetCause; 4] = [ResetCause::PowerOn, ResetCause::Pin, ResetCause::Software, ResetCause::Other];
 
-/// Detail of a fault of the watchdog: it did not reset the chip when it was tried; beyond the bits of all tasks.
+/// Detail of a fault of the watchdog: it did not reset the chip when it was tried, or does not take its settings; beyond the bits of all tasks.
 pub const DETAIL_UNPROVEN: u32 = 1_000;
 
 struct NoteCell(UnsafeCell<MaybeUninit<[u32; 2]>>);
@@ -38,7 +38,7 @@ const WAIT_CLOCKS: u32 = 160_000;
 
 /// Tries the watchdog if it has not been seen to work since power-on. The return value is what started the chip, not counting a reset by this
 /// test, and whether the watchdog works. To be called once, at boot, with all outputs low.
-pub fn prove_watchdog(reset_cause: ResetCause) -> (ResetCause, bool) {
+pub fn prove_watchdog_and_tell_original_cause_and_success(reset_cause: ResetCause) -> (ResetCause, bool) {
     let note = read_note_or_zero();
     if reset_cause == ResetCause::Watchdog {
         // Any reset by the watchdog is a proof.
@@ -51,13 +51,13 @@ pub fn prove_watchdog(reset_cause: ResetCause) -> (ResetCause, bool) {
     }
     let place = CAUSES.iter().position(|cause| *cause == reset_cause).unwrap_or(CAUSES.len() - 1);
     write_note(EXPECTED + place as u32);
-    await_watchdog_reset();
+    start_watchdog_and_await_its_reset();
     write_note(0);
     (reset_cause, false)
 }
 
 /// Starts the watchdog with its shortest time and waits; returns only if the watchdog does not work.
-fn await_watchdog_reset() {
+fn start_watchdog_and_await_its_reset() {
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY4));

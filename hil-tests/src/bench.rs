@@ -122,7 +122,8 @@ impl Bench {
     /// If the emulator fails.
     pub fn observe_outputs_for(&self, check: OutputCheck) -> Result<Option<Vec<ChannelOutputs>>, String> {
         let emulated = self.device.emulated_board_if_emulated().map(read_emulated_outputs).transpose();
-        let simulated = || self.sim_control().map(|control| convert_simulated_outputs(&control.last_outputs()));
+        let simulated =
+            || self.sim_control().map(|control| convert_simulated_outputs(&control.last_timer_outputs_at_electrodes()));
         let outputs = emulated.map_err(|error| error.to_string())?.or_else(simulated);
         self.checks.borrow_mut().insert(check, outputs.is_some());
         Ok(outputs)
@@ -139,7 +140,7 @@ impl Bench {
                 board.send_bridge_command_and_await_answer(&command).map(|_| ()).map_err(|error| error.to_string())
             }
             None => {
-                let sim_time_s = || self.sim_control().map(|control| control.last_outputs().time_s);
+                let sim_time_s = || self.sim_control().map(|control| control.last_timer_outputs_at_electrodes().time_s);
                 let (begun, end_s) = (Instant::now(), sim_time_s().map(|now_s| now_s + time.as_secs_f64()));
                 std::thread::sleep(time);
                 // The simulated device's clock stands still while the computer does.

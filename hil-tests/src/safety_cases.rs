@@ -44,7 +44,7 @@ pub(crate) fn check_details_and_credit(bench: &Bench) -> CaseResult {
     let charged: Vec<bool> = credit.channels.iter().map(|channel| channel.charge_ppm > 0).collect();
     let driven: Vec<bool> = (0..channels).map(|channel| channel < 2).collect();
     check_equal("channels that are charged", charged, driven)?;
-    check_equal("remaining drive time of a weak drive", credit.remaining_drive_time_ms(0), None)?;
+    check_equal("remaining drive time of a weak drive", credit.drive_time_ms_until_credit_runs_out_if_ever(0), None)?;
     session.disarm_and_await_safe()
 }
 

@@ -1,6 +1,6 @@
 //! Files with secrets: read only where nobody else than their owner can.
 
-use crate::text_file::decode_text;
+use crate::text_file::decode_utf8_and_drop_byte_order_mark;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -17,7 +17,7 @@ pub const TOKEN_VARIABLE: &str = "ERA_TOKEN";
 /// That it cannot be read, is no text in UTF-8, is neither a file nor a pipe, belongs to another user, or that others than its owner may read or write it,
 /// with its mode and what to do.
 pub fn read(path: &Path) -> Result<String, String> {
-    decode_text(read_bytes(path)?).map_err(|error| error.to_string())
+    decode_utf8_and_drop_byte_order_mark(read_bytes(path)?).map_err(|error| error.to_string())
 }
 
 /// The same of a file that may have other bytes than text.

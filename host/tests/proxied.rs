@@ -11,6 +11,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use support::browser::{Browser, browser_or_skip};
+use support::program::{build_era_command, run_era};
 use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 use tungstenite::{Message, WebSocket};
@@ -163,12 +164,11 @@ fn start_daemon(folder: &Path) -> (Process, String) {
     // Where it is told otherwise, the command line counts.
     std::fs::write(&config, printed("toml")).unwrap();
     write_secret(&tokens, &format!("arm {TOKEN}\n"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let mut command = build_era_command();
     command.args(["--log-format", "json", "serve", "--config", config.to_str().unwrap()]);
     command.args(["--listen", "127.0.0.1:0", "--device", "sim", "--socket", "none", "--accuracy", "fast"]);
     command.args(["--token-file", tokens.to_str().unwrap()]);
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
-    let mut process = command.spawn().unwrap();
+    let mut process = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
     let open = |line: String| {
         let line: Value = serde_json::from_str(&line).unwrap();
@@ -274,13 +274,9 @@ fn the_manuals_configuration_serves_requests_and_the_live_socket() {
     let at = |name: &str| proxied.folder.path().join(name).display().to_string();
     let url = format!("https://localhost:{}/era", proxied.port);
     for command in ["state", "stop"] {
-        let output = Command::new(env!("CARGO_BIN_EXE_era"))
-            .args([command, "--url", &url, "--ca", &at("cert.pem"), "--token-file", &at("tokens")])
-            .env_remove("ERA_TOKEN")
-            .output()
-            .unwrap();
-        let is_late = String::from_utf8_lossy(&output.stderr).contains("the device at");
-        assert!(output.status.success() || is_late, "{command}: {output:?}");
+        let output = run_era(&[command, "--url", &url, "--ca", &at("cert.pem"), "--token-file", &at("tokens")]);
+        let is_late = output.error.contains("the device at");
+        assert!(output.is_success() || is_late, "{command}: {output:?}");
     }
     // Where the daemon has ended the page is told so, and nginx answers by itself.
     drop(proxied.daemon.take());

@@ -88,7 +88,7 @@ export class Readout {
     show("target-g", fixed(predicted.target_peak_g, 3, " g") + this.sensorInWords());
     show("bound", plan ? boundInWords(plan) : "–");
     show("elsewhere-g", fixed(predicted.mean_elsewhere_g, 3, " g"));
-    show("contrast", fixed(predicted.contrast_db, 1, " dB"));
+    show("contrast", fixed(this.contrastDb(), 1, " dB"));
     show("elapsed", plan ? `found in ${fixed(plan.elapsed_us / 1e3, 2, " ms")}` : "");
     this.showLimit(plan);
     const several = plan?.targets.length > 1;
@@ -101,6 +101,11 @@ export class Readout {
     this.showMode();
     this.showMeasured();
     if (plan) announce(this.planInWords(plan));
+  }
+
+  // That of a click of single windows, else that of the steady drives.
+  contrastDb() {
+    return this.effect?.predicted?.contrast_db ?? this.plan?.predicted?.contrast_db;
   }
 
   // Of a click of single windows: "measured" is of all motion below 1 kHz, of which the skin feels a part.
@@ -147,9 +152,9 @@ export class Readout {
     const [x, y] = plan.target_mm;
     const drives = plan.drives.map((drive) =>
       `${drive.actuator} ${drive.frequency_hz.toFixed(0)} hertz ${drive.voltage_v.toFixed(0)} volts`).join(", ");
-    const { target_peak_g, contrast_db } = plan.predicted;
+    const { target_peak_g } = plan.predicted;
     return `Touch at ${x.toFixed(0)}, ${y.toFixed(0)} millimetres: ${drives}. Predicted ${target_peak_g.toFixed(2)} g, ` +
-      `contrast ${contrast_db.toFixed(0)} decibels.${plan.limited_by ? ` Limited by ${plan.limited_by}.` : ""}`;
+      `contrast ${this.contrastDb().toFixed(0)} decibels.${plan.limited_by ? ` Limited by ${plan.limited_by}.` : ""}`;
   }
 
   // Without a link nothing is known of the device.

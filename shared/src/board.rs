@@ -81,7 +81,11 @@ pub trait Board {
     ///
     /// # Errors
     /// What has tripped, or [`FaultCode::ArmFailed`] if another electrode is not low, or its own pad does not become high.
-    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding>;
+    fn pulse_electrode_and_measure_rail_mv(
+        &mut self,
+        channel: usize,
+        electrode: Electrode,
+    ) -> Result<ElectrodePulses, FaultFinding>;
 
     /// Keeps what the next start must know of this run. To be called every ms, and whenever everything has been switched off.
     fn keep_for_next_start(&mut self, run: KeptRun);
@@ -100,7 +104,7 @@ pub trait Board {
     ///
     /// # Errors
     /// As [`Board::start_timers`].
-    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode>;
+    fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode>;
 
     /// Writes one period to a running timer's preload registers. It takes effect at the timer's next boundary, `preload.at`,
     /// which is at least 50 us ahead: the sequencer leaves 100 us and uses some of them itself.
@@ -113,7 +117,7 @@ pub trait Board {
     ///
     /// # Errors
     /// The fault, with the channel.
-    fn check_timers(&mut self) -> Result<(), FaultFinding>;
+    fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), FaultFinding>;
 
     /// Largest acceleration in 1/1000 m/s^2 since the last call, or of the last 50 ms if that is longer; `None` without an
     /// accelerometer.

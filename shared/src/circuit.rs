@@ -16,7 +16,7 @@ pub const fn rail_index_of_channel(channel: usize) -> usize {
 
 /// Capacitance of one rail in pF: its capacitors and the output of its supply module. With less, electrodes that rise together take more
 /// than a fifth of the rail's voltage (four of them, with the supply: 1 nF: 23 %; 1.8 nF: 15 %; simulated), which the board takes for an
-/// arc ([`most_dip_permille`]).
+/// arc ([`most_rail_dip_when_electrodes_rise_permille`]).
 pub const RAIL_PICOFARADS: u32 = 1_800;
 /// Capacitance of each electrode of a channel in pF: electrode and cable (100 pF), its two switches (19 nC per edge: 10 pF at 2 kV)
 /// and the transformer of its gate (6 pF).
@@ -136,7 +136,7 @@ pub const fn most_leakage_microamps(millivolts: u32) -> u32 {
 /// The most in uA that the electrodes which can rise together take in their first moment from rails of `millivolts`: one of each ERA, as
 /// the two of an ERA are never on together. 4 x 2 kV / 1 Mohm are 8 mA, with the resistors' tolerance 8.4 mA.
 #[must_use]
-pub const fn most_edge_microamps(millivolts: u32) -> u32 {
+pub const fn most_microamps_when_one_electrode_of_each_era_rises(millivolts: u32) -> u32 {
     let ohms = subtract_percent(ELECTRODE_OHMS as u64, RESISTANCE_TOLERANCE_PERCENT);
     (MAX_CHANNELS as u64 * millivolts as u64 * 1_000 / ohms) as u32
 }
@@ -144,7 +144,7 @@ pub const fn most_edge_microamps(millivolts: u32) -> u32 {
 /// The most that a rail loses to electrodes that rise together, in thousandths of its voltage, with all tolerances against it and without
 /// any help of the supply: one electrode of each channel of the rail. 2 x 116 pF take 11 % from 1.8 nF, with tolerances 16 %.
 #[must_use]
-pub const fn most_dip_permille() -> u32 {
+pub const fn most_rail_dip_when_electrodes_rise_permille() -> u32 {
     let rising = add_percent(most_electrode_picofarads_of_a_rail() as u64 / 2, TOLERANCE_PERCENT);
     let rail = subtract_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT);
     (rising * 1_000).div_ceil(rising + rail) as u32
@@ -153,7 +153,7 @@ pub const fn most_dip_permille() -> u32 {
 /// What both bleeders take at least in `elapsed_us` from a rail that stands at `from_millivolts` without its supply, in mV: 1 - exp(-x) is
 /// more than x - x^2 / 2 after x time constants.
 #[must_use]
-pub const fn least_bleed_millivolts(from_millivolts: u32, elapsed_us: u32) -> u32 {
+pub const fn least_fall_by_bleeders_millivolts(from_millivolts: u32, elapsed_us: u32) -> u32 {
     let nominal_us = BLEEDER_OHMS as u64 / 2 * LOADED_RAIL_PICOFARADS as u64 / 1_000_000;
     let time_constant_us = add_percent(nominal_us, TOLERANCE_PERCENT);
     let x_ppm = elapsed_us as u64 * 1_000_000 / time_constant_us;

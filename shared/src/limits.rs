@@ -60,7 +60,7 @@ pub const TEST_BLEED_MS: u32 = 10;
 /// take 7 % of the 35 V that a rail has at least, or 2.4 V; the converter's step is 0.6 V.
 pub const TEST_BLEED_MILLIVOLTS: u32 = 1_800;
 const _: () = assert!(
-    circuit::least_bleed_millivolts(TEST_MILLIVOLTS - TEST_TOLERANCE_MILLIVOLTS, TEST_BLEED_MS * 1_000)
+    circuit::least_fall_by_bleeders_millivolts(TEST_MILLIVOLTS - TEST_TOLERANCE_MILLIVOLTS, TEST_BLEED_MS * 1_000)
         >= TEST_BLEED_MILLIVOLTS + circuit::RAIL_FULL_SCALE_MILLIVOLTS / 4_095,
     "the bleeders of a rail without faults lower its voltage by less than the self-test requires"
 );
@@ -91,7 +91,7 @@ pub const FORGIVING_RATIO: u32 = 4;
 /// A rail that loses more than this part of its voltage from one ms to the next, in per cent, has had an arc or a short.
 pub const COLLAPSE_PERCENT: u32 = 20;
 const _: () = assert!(
-    COLLAPSE_PERCENT * 10 > circuit::most_dip_permille(),
+    COLLAPSE_PERCENT * 10 > circuit::most_rail_dip_when_electrodes_rise_permille(),
     "electrodes that charge together lower the rail's voltage like an arc: the rail's capacitance is too small"
 );
 /// Below this set-point in mV a loss is not looked at, as noise is as large.
@@ -116,7 +116,8 @@ pub const OVER_CURRENT_MICROAMPS: u32 = 700;
 pub const OVER_CURRENT_MEAN_MICROSECONDS: u64 = 1 << 13;
 /// Most that a charge of all electrodes adds to that mean, in uA.
 const CHARGE_RIPPLE_MICROAMPS: u64 =
-    circuit::add_percent(most_charge_picocoulombs(), circuit::TOLERANCE_PERCENT) / OVER_CURRENT_MEAN_MICROSECONDS;
+    circuit::add_percent(charge_of_one_electrode_per_channel_picocoulombs(), circuit::TOLERANCE_PERCENT)
+        / OVER_CURRENT_MEAN_MICROSECONDS;
 /// What both rails take while they rise, in uA.
 const RISING_MICROAMPS: u64 =
     circuit::RAILS as u64 * circuit::RAIL_PICOFARADS as u64 * RAIL_SLOPE_MILLIVOLTS_PER_MS as u64 / 1_000_000;
@@ -131,7 +132,7 @@ const _: () = assert!(
 );
 
 /// Charge of one electrode of every channel at the highest voltage, in pC.
-const fn most_charge_picocoulombs() -> u64 {
+const fn charge_of_one_electrode_per_channel_picocoulombs() -> u64 {
     let (mut picofarads, mut channel) = (0, 0);
     while channel < circuit::ELECTRODE_PICOFARADS.len() {
         picofarads += circuit::ELECTRODE_PICOFARADS[channel] as u64;
@@ -159,7 +160,7 @@ pub const TRIP_MICROAMPS: u32 = 10_000;
 /// 1.65 V for the comparator's offset and half of its hysteresis.
 const TRIP_TOLERANCE_PERCENT: u32 = 5;
 const _: () = assert!(
-    circuit::most_edge_microamps(MAX_RAIL_MILLIVOLTS) as u64
+    circuit::most_microamps_when_one_electrode_of_each_era_rises(MAX_RAIL_MILLIVOLTS) as u64
         <= circuit::subtract_percent(TRIP_MICROAMPS as u64, TRIP_TOLERANCE_PERCENT),
     "simultaneous rising edges trip the over-current comparator"
 );

@@ -33,7 +33,7 @@ impl LogRing<'_> {
             self.drop_oldest_frame();
             lost += 1;
         }
-        let mut write = self.load_checked_index(self.write);
+        let mut write = self.load_index_or_zero_if_outside_ring(self.write);
         for byte in frame {
             if let Some(place) = self.bytes.get(write) {
                 place.store(*byte, Relaxed);
@@ -46,8 +46,8 @@ impl LogRing<'_> {
 
     /// Moves the oldest bytes to `buffer`, as many as there are and fit; returns how many.
     pub fn take_bytes(&self, buffer: &mut [u8]) -> usize {
-        let write = self.load_checked_index(self.write);
-        let mut read = self.load_checked_index(self.read);
+        let write = self.load_index_or_zero_if_outside_ring(self.write);
+        let mut read = self.load_index_or_zero_if_outside_ring(self.read);
         let mut count = 0;
         for place in buffer {
             if read == write {
@@ -62,8 +62,8 @@ impl LogRing<'_> {
     }
 
     fn drop_oldest_frame(&self) {
-        let write = self.load_checked_index(self.write);
-        let mut read = self.load_checked_index(self.read);
+        let write = self.load_index_or_zero_if_outside_ring(self.write);
+        let mut read = self.load_index_or_zero_if_outside_ring(self.read);
         while read != write {
             let byte = self.bytes.get(read).map_or(END, |byte| byte.load(Relaxed));
             read = self.next_index(read);
@@ -75,8 +75,11 @@ impl LogRing<'_> {
     }
 
     fn count_free_bytes(&self) -> usize {
-        let (read, write, size) =
-            (self.load_checked_index(self.read), self.load_checked_index(self.write), self.bytes.len());
+        let (read, write, size) = (
+            self.load_index_or_zero_if_outside_ring(self.read),
+            self.load_index_or_zero_if_outside_ring(self.write),
+            self.bytes.len(),
+        );
         (read + size - write - 1) % size
     }
 
@@ -85,7 +88,7 @@ impl LogRing<'_> {
     }
 
     /// Reads an index. A probe may write anything: an index outside the ring counts as its start.
-    fn load_checked_index(&self, position: &AtomicU32) -> usize {
+    fn load_index_or_zero_if_outside_ring(&self, position: &AtomicU32) -> usize {
         let index = position.load(Relaxed) as usize;
         if index < self.bytes.len() { index } else { 0 }
     }

@@ -56,3 +56,31 @@ fn a_loop_that_is_not_closed_tells_its_level() {
         }
     }
 }
+
+/// A tick that lies further ahead than one tick is due at once. A clock that is put back makes one, as a bit of the memory would that changes.
+#[test]
+fn a_tick_that_is_far_ahead_is_due() {
+    const FAR_US: u64 = 1 << 40;
+    let mut bench = Bench::new();
+    bench.board.now_us += FAR_US;
+    bench.wait_ms(2);
+    bench.board.now_us -= FAR_US;
+    bench.board.standing_fault = Some((FaultCode::Permit, 1));
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), SafetyState::Fault);
+}
+
+/// Only the checks of a ms are a sign of life: looking again before the next ones are due is none.
+#[test]
+fn a_device_that_checks_nothing_gives_no_sign_of_life() {
+    let mut bench = Bench::new();
+    assert!(bench.device.take_tick_done());
+    assert!(!bench.device.take_tick_done(), "told once");
+    for _ in 0..3 {
+        bench.device.do_due_work_and_tell_next_due_us(&mut bench.board);
+        assert!(!bench.device.take_tick_done(), "nothing was due");
+    }
+    bench.board.now_us += 1_000;
+    bench.device.do_due_work_and_tell_next_due_us(&mut bench.board);
+    assert!(bench.device.take_tick_done());
+}

@@ -159,7 +159,7 @@ fn drives_that_are_set_while_arming_are_forgotten_with_it() {
 #[test]
 fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
     type Spoil = fn(&mut support::FakeBoard);
-    let spoils: [(Spoil, FaultCode); 13] = [
+    let spoils: [(Spoil, FaultCode); 14] = [
         (|board| board.interlock_closed = false, FaultCode::InterlockOpen),
         (|board| board.stop_released = false, FaultCode::EmergencyStop),
         (|board| board.earth_bonded = false, FaultCode::EarthOpen),
@@ -171,6 +171,7 @@ fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
         (|board| board.circuit.stuck_enable = true, FaultCode::SelfTest),
         (|board| board.dead_over_voltage = true, FaultCode::SelfTest),
         (|board| board.circuit.dead_discharge = true, FaultCode::DischargeSlow),
+        (|board| board.circuit.dead_discharge_lines = true, FaultCode::DischargeSlow),
         (|board| board.circuit.dead_permit = true, FaultCode::Permit),
         (|board| board.circuit.broken[1][0] = ElectrodeState::Open, FaultCode::Electrode),
     ];

@@ -98,11 +98,14 @@ fn the_credit_is_told_with_what_it_is_charged_by() {
     assert!((charged[0] - 0.75 / 16.0).abs() < 1e-3 && (charged[2] - 0.75).abs() < 1e-3, "{charged:?}");
     assert_eq!((charged[1], charged[3]), (0.0, 0.0));
     assert!(credit.channels[2].left_ms < 60_000 && credit.channels[1].left_ms == 60_000);
-    assert_eq!((credit.remaining_drive_time_ms(0), credit.remaining_drive_time_ms(1)), (None, None));
+    assert_eq!(
+        (credit.drive_time_ms_until_credit_runs_out_if_ever(0), credit.drive_time_ms_until_credit_runs_out_if_ever(1)),
+        (None, None)
+    );
     assert!(
-        credit.remaining_drive_time_ms(2).is_some_and(|ms| (90_000..93_000).contains(&ms)),
+        credit.drive_time_ms_until_credit_runs_out_if_ever(2).is_some_and(|ms| (90_000..93_000).contains(&ms)),
         "{:?}",
-        credit.remaining_drive_time_ms(2)
+        credit.drive_time_ms_until_credit_runs_out_if_ever(2)
     );
     // A stronger drive that is replaced costs what it does until its last boundary, and a level of an effect what it is.
     let prepare = Request::Prepare { drives: Short::from_slice(&[strong]).unwrap() };

@@ -56,7 +56,7 @@ fn what_credit_lasts_for() {
     let lasts = |channels: &[(u32, u32)]| {
         let channels = channels.iter().copied().map(of).collect();
         let credit = CreditReply { rule: ChargeRule::ForceSquared, earned_ppm: 100_000, channels };
-        (0..5).map(|channel| credit.remaining_drive_time_ms(channel)).collect::<Vec<_>>()
+        (0..5).map(|channel| credit.drive_time_ms_until_credit_runs_out_if_ever(channel)).collect::<Vec<_>>()
     };
     assert_eq!(lasts(first), [None, None, Some(60_000_000_000), Some(10_000), None]);
     assert_eq!(lasts(second), [Some(0), None, None, None, None]);

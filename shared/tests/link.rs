@@ -1,6 +1,6 @@
 //! Frames: any bytes in any pieces, and nothing that was changed on the way gets through.
 
-use era_shared::link::{DecodeError, Decoder, FrameKind, MAX_BODY, MAX_ENCODED, PortWatch, encode_frame};
+use era_shared::link::{DecodeError, Decoder, FrameKind, LinkArrival, MAX_BODY, MAX_ENCODED, PortWatch, encode_frame};
 use era_shared::protocol::Request;
 use proptest::prelude::*;
 
@@ -87,13 +87,19 @@ proptest! {
     }
 }
 
-/// A port is closed once for each time that it was open, whatever else of its line changes.
+/// A port is closed once for each time that it was open, whatever else of its line changes; and it is this port's link that has another program then.
 #[test]
 fn a_port_that_was_open_is_told_to_be_closed_once() {
-    let mut port = PortWatch::new();
-    let told: Vec<bool> = [false, true, true, false, false, true, false]
-        .into_iter()
-        .map(|line| port.note_line_and_tell_whether_closed(line))
-        .collect();
-    assert_eq!(told, [false, false, false, true, false, false, true]);
+    for link in 0..3 {
+        let mut port = PortWatch::new(link);
+        let told: Vec<Option<usize>> = [false, true, true, false, false, true, false]
+            .into_iter()
+            .map(|line| match port.note_line_and_build_arrival_if_closed(line) {
+                Some((link, LinkArrival::Reopened)) => Some(link),
+                Some((_, LinkArrival::Bytes(_))) => panic!("nothing has been received"),
+                None => None,
+            })
+            .collect();
+        assert_eq!(told, [None, None, None, Some(link), None, None, Some(link)]);
+    }
 }

@@ -385,7 +385,7 @@ fn a_late_look_does_not_make_a_rail_jump() {
     let before = bench.board.supply.set_point_millivolts;
     assert!(before[0] > 100_000 && before[0] < 400_000, "{before:?}");
     bench.board.now_us += 50_000;
-    bench.device.poll_next_due_us(&mut bench.board);
+    bench.device.do_due_work_and_tell_next_due_us(&mut bench.board);
     let after = bench.board.supply.set_point_millivolts;
     for (after, before) in after.into_iter().zip(before) {
         assert!(after > before && after <= before + 100_000, "{after} mV after {before} mV");

@@ -5,7 +5,8 @@ use era_shared::limits::{BURST_DEFAULT_MS, DUTY_CREDIT_MS, REST_MS, TEST_MILLIVO
 use era_shared::protocol::FaultCode;
 use era_shared::safety::{
     CreditCharge, DriveBudget, ElectrodeFinding, ElectrodePulses, LinkId, SafetyAction, SafetyEvent, SafetyMachine,
-    SafetyState, SelfTest, SelfTestVerdict, Transition, judge_electrode_pulses, look_up_transition,
+    SafetyState, SelfTest, SelfTestVerdict, Transition, is_silence_over_deadman, judge_electrode_pulses,
+    look_up_transition,
 };
 use era_shared::supply::{SensorReadings, SupplyCommand};
 use era_shared::waveform::Electrode;
@@ -143,6 +144,29 @@ fn silence_counts_from_the_arming_link_alone_and_ends_exactly_at_the_limit() {
     assert!(safety.is_armed_by_other_link(LinkId(4)) && !safety.is_armed_by_other_link(LinkId(3)));
 }
 
+/// A dead-man time that is longer than any that may be asked for is none that anybody has asked for.
+#[test]
+fn no_dead_man_time_is_longer_than_the_largest_permitted() {
+    for deadman_us in [50_000, 250_000, 1_000_000] {
+        assert!(
+            !is_silence_over_deadman(deadman_us - 1, deadman_us) && is_silence_over_deadman(deadman_us, deadman_us)
+        );
+    }
+    for bit in 20..64 {
+        assert!(!is_silence_over_deadman(999_999, 1 << bit));
+        assert!(is_silence_over_deadman(1_000_000, 1 << bit), "a bit of the memory has changed");
+    }
+}
+
+/// Links must not be taken for each other: only the one that has armed drives, and keeps the board alive.
+#[test]
+fn each_link_has_a_name_of_its_own() {
+    let names: Vec<LinkId> = (0..256).map(LinkId::from_index).collect();
+    for (place, name) in names.iter().enumerate() {
+        assert_eq!(names.iter().position(|other| other == name), Some(place));
+    }
+}
+
 #[test]
 fn a_live_state_without_a_session_counts_as_silence() {
     let mut safety = SafetyMachine::new();
@@ -195,8 +219,11 @@ fn the_self_test_passes_in_order() {
         "disabled, and nothing else"
     );
     assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 28, [46, 44])), (false, [false; 2], [50; 2]));
-    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 29, [46, 44])), OFF, "now the switches");
-    assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 30, [30, 28])), OFF);
+    for (at_ms, volts) in [(29, [46, 44]), (30, [30, 28])] {
+        let discharge = SupplyCommand { permitted: true, ..SupplyCommand::OFF };
+        let verdict = advance_self_test(&mut test, at_ms, volts);
+        assert_eq!(verdict, SelfTestVerdict::Continue(discharge), "now the switches, by their own lines");
+    }
     assert_eq!(supply_command_of_verdict(advance_self_test(&mut test, 31, [14, 12])), (true, [false; 2], [50; 2]));
     for at_ms in [34, 35] {
         let SelfTestVerdict::Continue(supply) = advance_self_test(&mut test, at_ms, [48, 48]) else { panic!() };

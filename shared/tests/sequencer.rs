@@ -239,14 +239,14 @@ fn effects_are_checked_and_queued_in_order() {
 fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
     let mut timers = Timers::new();
     timers.set_drives(&[make_drive(0, 100_000, 0)], true);
-    timers.model.sequencer.set_force_fraction_of_drive_windows(0, FULL_STRENGTH / 4);
+    timers.model.sequencer.set_force_fraction_q16_of_drive_windows(0, FULL_STRENGTH / 4);
     timers.run_ms(50);
     let planned = compute_channel_program(&make_channel_limits(), &make_drive(0, 100_000, 0)).unwrap();
     let angle = |ticks: f64| std::f64::consts::PI * ticks / f64::from(planned.ticks);
     let width = timers.model.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
     let ratio = angle(width).sin() / angle(f64::from(planned.width)).sin();
     assert!((ratio - 0.25).abs() < 1e-4, "{ratio}");
-    timers.model.sequencer.set_force_fraction_of_drive_windows(0, 0);
+    timers.model.sequencer.set_force_fraction_q16_of_drive_windows(0, 0);
     timers.run_ms(20);
     assert!(!timers.model.sequencer.is_active_or_preloaded_period_driving(0));
 }

@@ -83,7 +83,7 @@ impl Player {
         let used = std::array::from_fn(|channel| windows.iter().any(|window| usize::from(window.channel) == channel));
         let start = self.model.sequencer.earliest_sequence_start_clock(used, self.now_us);
         let mut placed = PlacedWindows::from_sequence(&[make_channel_limits(); 4], windows).unwrap();
-        placed.begin_at(start);
+        placed.set_start_clock(start);
         self.model.sequencer.play_windows_ending_all_drives(&placed, self.now_us);
         (placed, start)
     }
@@ -120,7 +120,7 @@ proptest! {
         let (placed, start) = player.play_windows(&windows);
         let length_us = u64::from(placed.last_window_end_tick()) / 10;
         player.run_until(5_000 + start / 170 + length_us + 5_000);
-        prop_assert_eq!(player.model.sequencer.missed_channel(), None);
+        prop_assert_eq!(player.model.sequencer.first_channel_with_missed_window(), None);
         for (channel, expected) in expected_pulses(&windows).iter().enumerate() {
             // Nothing of what was driven before is cut short or too near; on channels without windows a last period goes on.
             prop_assert!(player.pulses[channel].windows(2).all(|two| two[1].from - two[0].to >= GUARD_CLOCKS));
@@ -130,7 +130,7 @@ proptest! {
             let expected: Vec<Pulse> = expected.iter().map(|pulse| Pulse { from: pulse.from + start, to: pulse.to + start, ..*pulse }).collect();
             let played: Vec<Pulse> = player.pulses[channel].iter().copied().filter(|pulse| pulse.from >= start).collect();
             prop_assert_eq!(&played, &expected, "channel {}", channel);
-            prop_assert!(!player.model.sequencer.has_windows(channel) && !player.model.sequencer.is_active_or_preloaded_period_driving(channel));
+            prop_assert!(!player.model.sequencer.has_unfinished_window_sequence(channel) && !player.model.sequencer.is_active_or_preloaded_period_driving(channel));
         }
     }
 
@@ -198,14 +198,14 @@ proptest! {
         let guard_ticks = u64::from(guard_ns.max(88_000)).div_ceil(100);
         match PlacedWindows::from_sequence(&[limit; 4], &windows) {
             Ok(mut placed) => {
-                placed.begin_at(1_000_000);
+                placed.set_start_clock(1_000_000);
                 prop_assert!(!windows.is_empty());
                 for window in &windows {
                     prop_assert!(window.channel < 4 && u64::from(window.wait_ticks) >= guard_ticks);
                 }
                 for (channel, pulses) in (0..4).zip(expected_pulses(&windows)) {
                     let (mut boundary, end) = (1_000_000, 1_000_000 + pulses.last().map_or(0, |pulse| pulse.to));
-                    while let Some(period) = placed.period_from(channel, boundary) {
+                    while let Some(period) = placed.period_from_boundary_unless_windows_over(channel, boundary) {
                         prop_assert!(period.ticks >= 2 && period.ticks <= 65_535, "{:?}", period);
                         prop_assert!(period.a.off.max(period.b.off) == 0 || u32::from(period.a.off.max(period.b.off)) < period.ticks);
                         boundary += period.length_clocks();

@@ -17,6 +17,8 @@ class Defects:
         # The resistors that hold a pin low that nothing drives.
         self.pull_downs_work = True
         self.watchdog_works = True
+        # It takes no settings after it has reset the chip, and keeps its longest time.
+        self.watchdog_is_slow = False
         # ADC2 delivers the average current.
         self.average_is_converted = True
         # Timers that no break reaches.

@@ -10,7 +10,8 @@ rail_fault      {"rail": 1 | 2, and any of:
                  "measured_factor": x}                           the divider shows x times the rail
 reference       x                                                the board's own 3.3 V is x times that
 enable          "stuck" | "works"                                the supply delivers though it is disabled
-permit          "ignored" | "works"                              the gates outside the chip do not follow the permit
+permit          "ignored" | "ignored_by_enable"                  the gates outside the chip do not follow the permit: none, or not that
+                | "works"                                        of the supply's enable
 pin             {"name": key of the op `pins`,                   its pad has this level, whatever drives it (null: no more)
                  "stuck": true | false | null}
 joined          [key, key] of the op `pins`                      the pads of two pins touch
@@ -19,7 +20,8 @@ break           {"timer": "TIM8", "works": true | false}         breaks do not r
 average         "stops" | "converts"                             ADC2 gives no result any more
 register        {"address": n, "value": n}                       the register changes by itself, also if it is locked
 measurements    "crossed" | "straight"                           each rail's divider is on the other one's input
-discharge       "fails" | "works"                                the discharge switch does not close
+discharge       "fails" | "line_open" | "works"                  the discharge switches do not close, or by the permit alone: their own
+                                                                 lines say "open" for ever
 electrode       {"era": 1 to 4, "electrode": "a" | "b",          it is not there ("open"), has a short to earth ("shorted"), its
                  "is": "open" | "shorted" | "lower_open"         lower switch does not close ("lower_open") or is always closed
                  | "lower_stuck" | "works"}                      ("lower_stuck")
@@ -27,12 +29,15 @@ overcurrent_ma  mA                                               through the fas
 average_ma      mA | null                                        the measured average current (null: the true one)
 pvd             "low" | "ok"                                     the board's 3.3 V against the voltage detector
 comparator      {"number": n, "stuck": true | false | null}      its output stays there (null: no more)
+comparator_in   {"number": n, "volts": v | null}                 it sees this voltage in place of its input, which is not
+                                                                 connected (null: no more)
 stall           {"timer": "TIM8", "on": true | false}            the timer's counter stands still
 handler         {"runs": "loop" | "undefined" | name of a        an interrupt that nobody asked for: its handler loops for
                  function, "priority": 0 to 15}                  ever (15: thread mode hangs; 5: the device's task too; 0:
                                                                  everything), is undefined (HardFault), or is the
                                                                  function (for example one that panics)
-watchdog        "broken" | "works"                               the independent watchdog does not reset the chip
+watchdog        "broken" | "slow" | "works"                      the independent watchdog does not reset the chip, or takes no settings
+                                                                 after it has done so once
 lsi             x                                                the watchdog's oscillator has x times 32 kHz (0: it stands still)
 option_bytes    n                                                FLASH_OPTR; a reset loads it too
 time_base       "stops"                                          TIM2's interrupt is not served any more
@@ -87,7 +92,8 @@ class Faults:
         self.machine.supply.enable_stuck = one_of(value, "stuck", "works") == "stuck"
 
     def do_permit(self, value):
-        self.machine.supply.permit_ignored = one_of(value, "ignored", "works") == "ignored"
+        gates = {"ignored": ("enable", "discharge"), "ignored_by_enable": ("enable",), "works": ()}
+        self.machine.supply.permit_ignored = gates[one_of(value, *gates)]
 
     def do_pin(self, value):
         pin, stuck = PINS[one_of(value["name"], *PINS)], one_of(value["stuck"], True, False, None)
@@ -119,7 +125,9 @@ class Faults:
         self.machine.supply.crossed = one_of(value, "crossed", "straight") == "crossed"
 
     def do_discharge(self, value):
-        self.machine.supply.discharge_works = one_of(value, "fails", "works") == "works"
+        is_now = one_of(value, "fails", "line_open", "works")
+        self.machine.supply.discharge_works = is_now != "fails"
+        self.machine.supply.discharge_lines_work = is_now != "line_open"
 
     def do_electrode(self, value):
         place = one_of(value["era"], 1, 2, 3, 4) - 1, one_of(value["electrode"], "a", "b")
@@ -135,6 +143,13 @@ class Faults:
 
     def do_pvd(self, value):
         self.machine.protection.supply_low = one_of(value, "low", "ok") == "low"
+
+    def do_comparator_in(self, value):
+        number, volts = one_of(value["number"], *self.machine.protection.outputs), value["volts"]
+        if volts is None:
+            self.machine.protection.disconnected.pop(number, None)
+        else:
+            self.machine.protection.disconnected[number] = float(volts)
 
     def do_comparator(self, value):
         number, stuck = one_of(value["number"], *self.machine.protection.outputs), one_of(value["stuck"], True, False, None)
@@ -162,7 +177,9 @@ class Faults:
         pend(sim, IRQ_UNUSED)
 
     def do_watchdog(self, value):
-        self.machine.defects.watchdog_works = one_of(value, "broken", "works") == "works"
+        is_now = one_of(value, "broken", "slow", "works")
+        self.machine.defects.watchdog_works = is_now != "broken"
+        self.machine.defects.watchdog_is_slow = is_now == "slow"
 
     def do_lsi(self, value):
         self.machine.defects.lsi = float(value)
@@ -183,6 +200,7 @@ class Faults:
         self.machine.defects.heal()
         self.machine.protection.supply_low = False
         self.machine.protection.stuck.clear()
+        self.machine.protection.disconnected.clear()
         for timer in self.machine.timers.timers.values():
             timer.stalled = False
 

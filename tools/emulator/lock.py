@@ -5,6 +5,8 @@ The first write to BDTR decides on the lock until the next reset, also one with 
 before the slice.
 """
 
+from chip import PWR, SYSCFG
+
 # Not of the chip: which registers have been written, see board/peripherals/timer.yaml.
 TOUCHED = 0x3F4
 TOUCHED_BITS = {"bdtr": 1 << 0, "af1": 1 << 1, "af2": 1 << 2, "cr2": 1 << 3, "ccer": 1 << 4, "ccmr1": 1 << 5, "ccmr2": 1 << 6}
@@ -19,6 +21,8 @@ BDTR_2 = 0b11 << 10
 # Of CCER, CCxP and CCxNP of the first channel (level 2); of CCMR1 and CCMR2, CCxS, OCxM and OCxPE of the first channel (level 3).
 CCER_2 = 0b1010
 CCXS, CCMR_3 = 0b11, 1 << 16 | 0b111 << 4 | 1 << 3
+# SYSCFG_CFGR2, PWR_CR2 and its PVDE and PLS.
+CFGR2, PVDL, PWR_CR2, DETECTOR = SYSCFG + 0x1C, 1 << 2, PWR + 0x04, 0b1111
 # What these registers hold after a reset.
 AF1_RESET = 1
 
@@ -80,13 +84,34 @@ class Lock:
         return not self.kept["ccmr1" if channel < 2 else "ccmr2"] >> 8 * (channel % 2) & CCXS
 
 
+class DetectorLock:
+    """PWR_CR2 while SYSCFG_CFGR2.PVDL is set (RM0440, section 10.2.8): PVDE and PLS are read only. What is written in the slice in which it is set, or
+    before, is accepted."""
+
+    def __init__(self, sim):
+        self.sim = sim
+        self.kept = None
+
+    def step(self):
+        if not self.sim.read_u32(CFGR2) & PVDL:
+            self.kept = None
+            return
+        now = self.sim.read_u32(PWR_CR2)
+        if self.kept is None:
+            self.kept = now & DETECTOR
+        elif now & DETECTOR != self.kept:
+            self.sim.write_u32(PWR_CR2, now & ~DETECTOR | self.kept)
+
+
 class Locks:
-    """Those of all timers with a break."""
+    """Those of all timers with a break, and of the voltage detector."""
 
     def __init__(self, timers):
         self.locks = [Lock(timer) for timer in timers.with_break()]
+        self.detector = DetectorLock(timers.sim)
 
     def step(self):
+        self.detector.step()
         for lock in self.locks:
             lock.step()
 

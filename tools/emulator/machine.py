@@ -96,7 +96,7 @@ class Machine:
         self.sensing.clock = self.clock
         self.protection = Protection(self.sim, self.sensing, self.supply, self.timers, self.defects)
         self.lsi = Lsi(self.sim, self.defects)
-        self.watchdog = Watchdog(self.sim, self.defects, self.lsi)
+        self.watchdog = Watchdog(self.sim, self.defects, self.lsi, has_reset_chip=cause == "watchdog")
         # Whether faults.py has made an endless handler.
         self.looping = False
         # Whether an event of the time base was already due at the end of the last slice.

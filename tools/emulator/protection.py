@@ -4,13 +4,13 @@ Follows RM0440, sections 24 (COMP), 28.3.16 and 30.4.13 (break), 29.3.15 (cleari
 A trip acts at the end of the slice in which it happens (5 us), where the chip takes tens of nanoseconds.
 """
 
-from chip import COMP, DAC3, EXTI, IRQ_PVD, IRQ_TIM16, PWR, SUPPLY_V, SYSCFG, VREFINT_V, dac_volts, pend
+from chip import COMP, DAC3, DAC4, EXTI, IRQ_PVD, IRQ_TIM16, PWR, SUPPLY_V, SYSCFG, VREFINT_V, dac_volts, pend
 from timers import MOE, SR_SET
 
 # COMP_CxCSR, section 24.5.
 ENABLED, POLARITY, VALUE = 1 << 0, 1 << 15, 1 << 30
 # INMSEL 000 to 011: quarters of VREFINT.
-INMSEL_SHIFT, INMSEL_DAC3 = 4, 0b100
+INMSEL_SHIFT, INMSEL_DAC = 4, 0b100
 
 # BDTR, section 28.6.20: break enable and polarity.
 BKE, BKP = 1 << 12, 1 << 13
@@ -47,6 +47,8 @@ class Protection:
         self.outputs = dict.fromkeys(range(1, 8), False)
         # Comparator -> the output that a broken one has.
         self.stuck = {}
+        # Comparator -> the voltage that it sees in place of its input, which is not connected.
+        self.disconnected = {}
         # Timers that are cleared until an update event finds the trip gone: name -> origin at the trip.
         self.cleared_at = {}
 
@@ -61,17 +63,20 @@ class Protection:
 
     def inputs(self):
         """Comparator -> voltage at its input, with INPSEL = 0 for all of them."""
-        return {
+        connected = {
             1: self.sensing.rail_input(1), 3: self.sensing.rail_input(0), 4: self.sensing.shunt_input(),
             5: self.supply.interlock_v(), 7: self.supply.emergency_stop_v(),
         }
+        return connected | self.disconnected
 
     def threshold(self, comparator, control):
         select = control >> INMSEL_SHIFT & 0b111
-        if select < INMSEL_DAC3:
+        if select < INMSEL_DAC:
             return VREFINT_V * (select + 1) / 4
-        if select == INMSEL_DAC3 and comparator <= 4:
-            return dac_volts(self.sim, DAC3, 0 if comparator in (1, 3) else 1, "inside")
+        if select == INMSEL_DAC:
+            # Table of the comparators' inverting inputs. Like every code of the chip's converters, relative to the board's own supply.
+            converter, channel = {1: (DAC3, 0), 3: (DAC3, 0), 4: (DAC3, 1), 5: (DAC4, 0), 7: (DAC4, 0)}[comparator]
+            return dac_volts(self.sim, converter, channel, "inside") * self.supply.reference
         # Nothing else is connected on this board: an open input is never above it.
         return SUPPLY_V
 

@@ -15,7 +15,7 @@ TIMER_REGISTERS = "cr1 cr2 smcr dier sr ccmr1 ccmr2 ccer cnt psc arr ccr1 ccr2 c
 # Module -> its constants that stand for addresses and bits.
 CONSTANTS = {
     "chip": {
-        **{name: name for name in "TIM2 TIM3 IWDG PWR LPUART1 SYSCFG COMP EXTI ADC1 ADC2 ADC3 ADC4 DAC1 DAC3".split()},
+        **{name: name for name in "TIM2 TIM3 IWDG PWR LPUART1 SYSCFG COMP EXTI ADC1 ADC2 ADC3 ADC4 DAC1 DAC3 DAC4".split()},
         "GPIO": {port: f"GPIO{port}" for port in "ABCD"}, "RCC_CSR": "RCC_CSR", "FLASH_OPTR": "FLASH_OPTR", "RNG_DATA": "RNG_DR",
         **{f"NVIC_{name}": f"NVIC_{name}0" for name in ("ISER", "ICER", "ISPR", "IPR")},
         **{name: f"SCB_{name}" for name in ("ICSR", "VTOR", "AIRCR")},
@@ -41,6 +41,7 @@ CONSTANTS = {
         "BDTR_1": "TIM1_BDTR: DTG BKE BKP AOE BKF BK2F BK2E BK2P BKBID BK2ID", "BDTR_2": "TIM1_BDTR: OSSI OSSR", "AF_1": "TIM1_AF1: " + AF_SOURCES,
         "CR2_1": "TIM1_CR2: " + IDLE_LEVELS, "CCER_2": "TIM1_CCER: CC1P CC1NP", "CCXS": "TIM1_CCMR1_OUTPUT: CC1S",
         "CCMR_3": "TIM1_CCMR1_OUTPUT: OC1M OC1M_3 OC1PE", "AF1_RESET": "TIM1_AF1 reset",
+        "CFGR2": "SYSCFG_CFGR2", "PVDL": "SYSCFG_CFGR2: PVDL", "PWR_CR2": "PWR_CR2", "DETECTOR": "PWR_CR2: PVDE PVDLS",
     },
     "lsi": {
         "TIM5": "TIM5", "TISEL": "TIM5_TISEL offset", "LSION": "RCC_CSR: LSION", "TI1SEL_LSI": "TIM5_TISEL: TI1SEL=1",
@@ -81,7 +82,9 @@ CONSTANTS = {
         "SLAVE_MASK": SLAVE_MASK, "SLAVE_OF_TIM3": SLAVE, "MASTER_MASK": MASTER_MASK, "MASTER_TELLS_ENABLE": "TIM3_CR2: MMS=1",
         "TIMERS": {name: name for name in TIMERS}, "TIM16": "TIM16",
     },
-    "watchdog": {"PRESCALER": "IWDG_PR", "RELOAD": "IWDG_RLR"},
+    "watchdog": {
+        "PRESCALER": "IWDG_PR", "RELOAD": "IWDG_RLR", "PRESCALER_AFTER_RESET": "IWDG_PR reset", "RELOAD_AFTER_RESET": "IWDG_RLR reset",
+    },
     "board_test_case": {name: name for name in ("RCC_AHB2ENR", "RCC_APB1ENR1", "RCC_APB2ENR")},
     "test_board": {"TIM2_CNT": "TIM2_CNT"},
     "test_first_stage": {"VTOR": "SCB_VTOR", "RCC_CRRCR": "RCC_CRRCR", "MEMRMP": "SYSCFG_MEMRMP"},
@@ -92,9 +95,9 @@ CONSTANTS = {
 }
 # Constants that are no addresses and bits of registers of the chip: memory, quantities, values of fields, registers that are not of the chip.
 OTHERS = set("""
-    FLASH FLASH_BYTES RAM RAM_BYTES INTERRUPTS NVIC_WORDS EXCEPTIONS CLOCK_HZ STARTED STARTED_REGULAR STARTED_INJECTED RELOADED EOC_SET SR_SET
+    FLASH FLASH_BYTES RAM RAM_BYTES INTERRUPTS NVIC_WORDS EXCEPTIONS CLOCK_HZ STARTED STARTED_REGULAR STARTED_INJECTED RELOADED WRITABLE EOC_SET SR_SET
     SAMPLING CONVERTING CONVERTER_CLOCKS VREFINT_V DAC_MODES BUFFER_V FULL_SCALE_CODE SUPPLY_V TOUCHED TOUCHED_BITS TOUCHED_WITH_LOCK LSI_HZ
-    HANGING_TICKS BOOT_LIMIT_S TICK TICK_S TICK_CLOCKS HALF_COUNT FULL_COUNT MARGIN_TICKS LOST_TICKS STACK_PAINT FINE_SLICES INMSEL_DAC3 OUTPUTS
+    HANGING_TICKS BOOT_LIMIT_S TICK TICK_S TICK_CLOCKS HALF_COUNT FULL_COUNT MARGIN_TICKS LOST_TICKS STACK_PAINT FINE_SLICES INMSEL_DAC OUTPUTS
     FROZEN FORCED PWM_1 PWM_2 COMBINED GUARD TWO_TICKS FREQUENCY_ERROR WINDOW_TICK HISTORY_LIMIT RAIL_FULL_SCALE_V AVERAGE_FULL_SCALE_A
     SHUNT_FULL_SCALE_A PAUSE_CLOCKS READ_CLOCKS WRONG_BY MILLISECOND FIRMWARE HEADER SYSTEM_FLASH ELECTRODES HIGH_VOLTAGE_ENABLE DISCHARGE_OPEN
     PERMIT PINS TIMER_PINS
@@ -117,8 +120,8 @@ RUST_CONSTANTS = {
     "firmware/src/comparators.rs": {"POLARITY": "COMP_C1CSR: POL"},
     "firmware/src/option_bytes.rs": {
         "NEEDED_MASK": "FLASH_OPTR: IWDG_STOP IWDG_STDBY BFB2", "NEEDED": "FLASH_OPTR: IWDG_STOP IWDG_STDBY",
-        "RECOMMENDED_MASK": "FLASH_OPTR: BOR_LEV N_RST_STOP N_RST_STDBY N_RST_SHDW IDWG_SW WWDG_SW N_BOOT1 N_SWBOOT0 N_BOOT0",
-        "RECOMMENDED": "FLASH_OPTR: BOR_LEV=4 N_RST_STOP N_RST_STDBY N_RST_SHDW IDWG_SW WWDG_SW N_BOOT1 N_SWBOOT0 N_BOOT0",
+        "RECOMMENDED_MASK": "FLASH_OPTR: BOR_LEV N_RST_STOP N_RST_STDBY N_RST_SHDW IDWG_SW WWDG_SW N_BOOT1 SRAM2_PE N_SWBOOT0 N_BOOT0",
+        "RECOMMENDED": "FLASH_OPTR: BOR_LEV=4 N_RST_STOP N_RST_STDBY N_RST_SHDW IDWG_SW WWDG_SW N_BOOT1 SRAM2_PE=0 N_SWBOOT0 N_BOOT0",
     },
     "shared/src/waveform/registers.rs": {
         "CR1_CEN": "TIM1_CR1: CEN", "CR1_DIR": "TIM1_CR1: DIR", "CR1_CMS": "TIM1_CR1: CMS", "CR1_ARPE": "TIM1_CR1: ARPE",
@@ -140,8 +143,8 @@ SETTINGS = {
     "TIM16 CCMR1": "TIM16_CCMR1_OUTPUT: CC1S=0 OC1M=5 OC1M_3=0", "TIM16 CCER": "TIM16_CCER: CC1E CC1P=0 CC1NE=0 CC1NP=0",
     "TIM5 TISEL": "TIM5_TISEL: TI1SEL=1", "TIM5 CCMR1": "TIM5_CCMR1_INPUT: CC1S=1 IC1PSC=0 IC1F=0", "TIM5 CCER": "TIM5_CCER: CC1E CC1P=0 CC1NP=0",
     "TIM5 SMCR": "TIM5_SMCR: SMS=4 SMS_3=0 TS=5 TS2=0", "TIM4 AF2": "TIM4_AF2: OCRSEL=3",
-    **{f"COMP{number} CSR": f"COMP_C{number}CSR: " + COMPARATOR.format(4, 0, 0) for number in (1, 3, 4)},
-    **{f"COMP{number} CSR": f"COMP_C{number}CSR: " + COMPARATOR.format(3, 1, 1) for number in (5, 7)},
+    **{f"COMP{number} CSR": f"COMP_C{number}CSR: " + COMPARATOR.format(4, int(number >= 5), 0) for number in (1, 3, 4, 5, 7)},
+    "DAC4 DHR12R1": "DAC4_DHR12R1: DACCDHR=2357", "DAC4 MCR": "DAC4_MCR: MODE1=3 MODE2=3 HFSEL=2", "DAC4 CR": "DAC4_CR: EN1",
     "DAC3 DHR12R1": "DAC3_DHR12R1: DACCDHR=3439", "DAC3 DHR12R2": "DAC3_DHR12R2: DACCDHR=2047",
     "DAC3 MCR": "DAC3_MCR: MODE1=3 MODE2=3 HFSEL=2", "DAC1 MCR": "DAC1_MCR: MODE1=2 MODE2=2 HFSEL=2", "PWR CR2": "PWR_CR2: PVDE PVDLS=6",
     "EXTI IMR1": "EXTI_IMR1: IM16", "EXTI RTSR1": "EXTI_RTSR1: RT16", "EXTI FTSR1": "EXTI_FTSR1: FT16=0",
@@ -172,7 +175,11 @@ SNIPPETS = {
     ),
     f"{REPORT}/trips.rs": (
         'mode changed", {TIM1_CCMR1_OUTPUT}, 0)', 'TIM4 changed", {TIM4_CCMR1_OUTPUT}, 0)',
-        '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(COMP4_CSR)", {COMP_C4CSR}, 0)',
+        '(AF1)", {TIM8_AF1}, 0)', '(TIM16_AF1)", {TIM16_AF1}, 0)', '(BDTR)", {TIM8_BDTR}, {TIM8_BDTR: LOCK OSSI OSSR BKP MOE})',
+        '(TIM16_BDTR)", {TIM16_BDTR}, {TIM16_BDTR: LOCK OSSI OSSR BKP MOE})',
+        '(DAC3_MCR)", {DAC3_MCR}, {DAC3_MCR: MODE1=3 MODE2=0 HFSEL=2})', 'loops lowered (DAC4)", {DAC4_DHR12R1}, 0)', '(TIM2_PSC)", {TIM2_PSC}, 170)',
+        'loops not connected (DAC4_MCR)", {DAC4_MCR}, {DAC4_MCR: MODE1=0 MODE2=3 HFSEL=2})', '(DAC3_CR)", {DAC3_CR}, {DAC3_CR: EN1})',
+        '(COMP4_CSR)", {COMP_C4CSR}, 0)',
         '(COMP1_CSR)", {COMP_C1CSR}, 0)', 'voltage threshold raised (DAC3)", {DAC3_DHR12R1}, 4095)',
         'current threshold raised (DAC3)", {DAC3_DHR12R2}, 4095)', '(ADC1_CR)", {ADC1_CR})', '(ADC3_CR)", {ADC3_CR})', '(ADC4_CR)", {ADC4_CR})',
         "(name, address, 1 << {ADC1_CR first ADVREGEN})",
@@ -203,7 +210,7 @@ UNLIKE_AFTER_RESET = {"AF2", "SR", "IDCODE"}
 MODELS = {
     "adc": ("ADC1", "STARTED"), "adc2": ("ADC2", "EOC_SET"), "adc_common": ("ADC12_COMMON", ""), "comparators": ("COMP", ""), "dac": ("DAC1", ""),
     "dbgmcu": ("DBGMCU", ""),
-    "iwdg": ("IWDG", "STARTED RELOADED"), "rng": ("RNG", ""), "syscfg": ("SYSCFG", ""), "timer": ("TIM1", "SR_SET TOUCHED"),
+    "iwdg": ("IWDG", "STARTED RELOADED WRITABLE TOUCHED"), "rng": ("RNG", ""), "syscfg": ("SYSCFG", ""), "timer": ("TIM1", "SR_SET TOUCHED"),
 }
 CONVERTER_EVENTS = {
     "ready": ("CR: ADEN", "ISR: ADRDY"), "calibrated": ("CR: ADCAL", "CR: ADCAL"), "disabled": ("CR: ADDIS", "CR: ADEN ADDIS"),
@@ -221,7 +228,11 @@ EVENTS = {
         # The flags, RMVF, and a bit between them that is reserved.
         "forget": ("CSR: RMVF", None),
     },
-    "iwdg": {"start": ("KR: KEY=0xCCCC", None), "reload": ("KR: KEY=0xAAAA", None)},
+    "iwdg": {
+        "start": ("KR: KEY=0xCCCC", None), "started": ("KR: KEY=0xCCCC", None), "reload": ("KR: KEY=0xAAAA", None),
+        "reloaded": ("KR: KEY=0xAAAA", None), "enable": ("KR: KEY=0x5555", None), "prescaler_comes": ("SR: PVU",),
+        "prescaler_is_there": ("SR: PVU",), "reload_comes": ("SR: RVU",), "reload_is_there": ("SR: RVU",),
+    },
     "timer": {
         "uif": ("SR_SET: UIF", "SR: UIF"), "cc1if": ("SR_SET: CC1IF", "SR: CC1IF"), "bif": ("SR_SET: BIF", "SR: BIF"),
         "sbif": ("SR_SET: SBIF", "SR: SBIF"),

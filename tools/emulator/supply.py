@@ -16,8 +16,10 @@ RAIL_FARADS = 1.8e-9
 SOURCE_OHM = 47e3
 # One electrode with its cable and switches in F; what charges and discharges it, and what a short behind it leaves, in ohm.
 ELECTRODE_FARADS, UPPER_OHM, LOWER_OHM = 116e-12, 1e6, 100e3
-# How fast it falls with the discharge switch closed (1 Mohm) and with it open and the supply off (divider and bleeder of 100 Mohm each), in s.
-DISCHARGE_S = 1e6 * RAIL_FARADS
+# What a closed discharge switch leads to ground through, in ohm. How fast a rail falls with it closed, and with it open and the supply off (divider
+# and bleeder of 100 Mohm each), in s.
+DISCHARGE_OHM = 1e6
+DISCHARGE_S = DISCHARGE_OHM * RAIL_FARADS
 LEAKAGE_S = 50e6 * RAIL_FARADS
 # Divider and bleeder of one rail.
 BLEEDERS_OHM = 50e6
@@ -51,6 +53,8 @@ class Supply:
         self.bond_ohm = 5.0
         self.bond_fed = True
         self.discharge_works = True
+        # Whether the switches follow their own lines; where they do not, these say "open".
+        self.discharge_lines_work = True
         # Rail -> the voltage that it is held at, whatever is asked of it.
         self.held = [None, None]
         # Rail -> its voltage as a share of the set-point; the measurement as a share of the voltage.
@@ -60,8 +64,8 @@ class Supply:
         self.reference = 1.0
         # The supply delivers though it is disabled; the measurements of the rails are exchanged.
         self.enable_stuck = False
-        # The gates outside do not follow the permit.
-        self.permit_ignored = False
+        # The gates outside that do not follow the permit: of "enable" and "discharge".
+        self.permit_ignored = ()
         self.crossed = False
         # Electrode -> how it is broken: see faults.py.
         self.broken = {}
@@ -74,8 +78,11 @@ class Supply:
         both, and these electrodes switched to their rails."""
         if seconds <= 0.0:
             return
-        if not (permitted or self.permit_ignored):
-            enabled, discharge_open = False, [False] * len(discharge_open)
+        if not self.discharge_lines_work:
+            discharge_open = [True] * len(discharge_open)
+        if not permitted and "discharge" not in self.permit_ignored:
+            discharge_open = [False] * len(discharge_open)
+        enabled = (enabled and (permitted or "enable" in self.permit_ignored)) or self.enable_stuck
         # What flows through broken electrodes all the time, in A.
         drawn_a = [0.0, 0.0]
         for electrode in self.electrodes:
@@ -83,14 +90,18 @@ class Supply:
         charge = 0.0
         for rail, set_point in enumerate(set_points):
             before, load_a = self.rails[rail], drawn_a[rail]
-            feeds = (enabled or self.enable_stuck) and discharge_open[rail]
             wanted = set_point * FULL_SCALE_V * self.gain[rail]
-            self.followed[rail] = approach(self.followed[rail], wanted, seconds, FOLLOW_S) if feeds else before
-            if not discharge_open[rail] and self.discharge_works:
+            self.followed[rail] = approach(self.followed[rail], wanted, seconds, FOLLOW_S) if enabled else before
+            discharges = not discharge_open[rail] and self.discharge_works
+            if enabled and self.followed[rail] >= before:
+                # A closed switch does not stop the supply: 47 kohm against 1 Mohm.
+                closed_siemens = 1 / DISCHARGE_OHM if discharges else 0.0
+                siemens = 1 / SOURCE_OHM + closed_siemens
+                after = approach(before, (self.followed[rail] / SOURCE_OHM - load_a) / siemens, seconds, RAIL_FARADS / siemens)
+                leaving_a = before * (1 / BLEEDERS_OHM + closed_siemens) + load_a
+                charge += max((after - before) * RAIL_FARADS + leaving_a * seconds, 0.0)
+            elif discharges:
                 after = approach(before, 0.0, seconds, DISCHARGE_S)
-            elif feeds and self.followed[rail] >= before:
-                after = approach(before, self.followed[rail] - load_a * SOURCE_OHM, seconds, SOURCE_OHM * RAIL_FARADS)
-                charge += max((after - before) * RAIL_FARADS + (before / BLEEDERS_OHM + load_a) * seconds, 0.0)
             else:
                 after = approach(before, 0.0, seconds, LEAKAGE_S) - load_a * seconds / RAIL_FARADS
             if self.held[rail] is not None:

@@ -8,10 +8,10 @@ import unittest
 
 from board_test_case import BoardTestCase
 from chip import (
-    ADC1, ADC2, ADC3, ADC4, AIRCR, CLOCK_HZ, COMP, DAC1, DAC3, EXTI, GPIO, IWDG, JDR1, NVIC_ISPR, ODR, PWR, RAM, RAM_BYTES, RCC_CSR, SYSCFG,
+    ADC1, ADC2, ADC3, ADC4, AIRCR, CLOCK_HZ, COMP, DAC1, DAC3, DAC4, EXTI, GPIO, IWDG, JDR1, NVIC_ISPR, ODR, PWR, RAM, RAM_BYTES, RCC_CSR, SYSCFG,
     TIM3,
 )
-from supply import DISCHARGE_S, FOLLOW_S, Supply
+from supply import DISCHARGE_S, FOLLOW_S, LEAKAGE_S, Supply
 
 MILLISECOND = CLOCK_HZ // 1000
 # A count of the time base, TIM2, in clocks.
@@ -28,11 +28,37 @@ class SupplyTest(unittest.TestCase):
         self.assertAlmostEqual(supply.rails[0], 1000 * (1 - math.exp(-1 + 47e3 * 1.8e-9 / FOLLOW_S)), delta=15)
         self.assertEqual(supply.rails[1], 0.0)
         before = supply.rails[0]
-        supply.step(DISCHARGE_S, [0.5, 0.0], True, [False, True], True)
+        supply.step(DISCHARGE_S, [0.5, 0.0], False, [False, True], True)
         self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
         before = supply.rails[0]
         supply.step(DISCHARGE_S, [0.5, 0.0], True, [True, True], False)
         self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
+
+    def test_a_closed_switch_does_not_stop_a_supply(self):
+        """1 Mohm against 47 kohm: the rail stays at 955 of 1000 V, from which 955 uA flow. Without the permit both gates together stop it."""
+        supply = Supply()
+        for permitted, ignored, line_open, rail_v, current_a in (
+            (True, (), False, 1000 / 1.047, 974e-6),
+            (False, ("enable",), True, 1000 / 1.047, 974e-6),
+            (False, ("enable", "discharge"), True, 1000, 20e-6),
+        ):
+            supply.permit_ignored = ignored
+            for _ in range(2):
+                supply.step(1.0, [0.5, 0.0], True, [line_open, True], permitted)
+            self.assertAlmostEqual(supply.rails[0], rail_v, delta=1)
+            self.assertAlmostEqual(supply.average_a, current_a, delta=2e-6)
+        supply.permit_ignored = ()
+        before = supply.rails[0]
+        supply.step(DISCHARGE_S, [0.5, 0.0], True, [True, True], False)
+        self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
+
+    def test_a_switch_without_its_line_closes_by_the_permit_alone(self):
+        supply = Supply()
+        supply.discharge_lines_work = False
+        for permitted, left in ((True, math.exp(-DISCHARGE_S / LEAKAGE_S)), (False, math.exp(-1))):
+            supply.rails = [50.0, 50.0]
+            supply.step(DISCHARGE_S, [0.0, 0.0], False, [False, False], permitted)
+            self.assertAlmostEqual(supply.rails[0], 50.0 * left, places=3)
 
     def test_charging_takes_current(self):
         supply = Supply()
@@ -206,6 +232,24 @@ class BoardTest(BoardTestCase):
             self.spend(1)
             self.assertTrue(self.machine.protection.outputs[comparator])
 
+    def test_loops_against_dac4(self):
+        """Closed loops are at 2.185 V, and the threshold is relative to the same supply; an input that is not connected sees none of it."""
+        self.sim.write_u32(DAC4 + 0x3C, 0b011)
+        self.sim.write_u32(DAC4, 1)
+        for comparator in (5, 7):
+            self.sim.write_u32(COMP + 4 * (comparator - 1), 1 << 15 | 0b100 << 4 | 1)
+        for volts, reference, trips in ((2.15, 1.0, False), (2.22, 1.0, True), (2.15, 0.9, False), (2.22, 0.9, True)):
+            self.sim.write_u32(DAC4 + 0x08, round(volts / 3.3 * 4095))
+            self.faults.inject({"reference": reference})
+            self.spend(1)
+            self.assertEqual([self.machine.protection.outputs[comparator] for comparator in (5, 7)], [trips] * 2, (volts, reference))
+        self.faults.inject({"comparator_in": {"number": 5, "volts": 3.3}})
+        self.spend(1)
+        self.assertEqual([self.machine.protection.outputs[comparator] for comparator in (5, 7)], [False, True])
+        self.faults.inject({"comparator_in": {"number": 5, "volts": None}})
+        self.spend(1)
+        self.assertTrue(self.machine.protection.outputs[5])
+
     def test_tim4_is_cleared_until_its_next_update(self):
         self.sim.write_u32(DAC3 + 0x3C, 0b011 << 16)
         self.sim.write_u32(DAC3 + 0x00, 1 << 16)
@@ -339,6 +383,25 @@ class BoardTest(BoardTestCase):
         self.machine.step_board()
         self.assertEqual([reset["cause"] for reset in self.machine.resets], ["watchdog"])
         self.assertEqual(self.machine.sim.read_u32(RCC_CSR), 1 << 29 | 1 << 26)
+
+    def test_watchdog_takes_settings_after_their_key_alone(self):
+        """RM0440, section 42.3.4; the values after a reset are 0 and 0xFFF. At first SR says that they are on their way."""
+        settings = lambda: (self.sim.read_u32(IWDG + 4), self.sim.read_u32(IWDG + 8))
+        for keys, expected in (
+            ((), (0, 0xFFF)), ((0xCCCC,), (0, 0xFFF)), ((0xCCCC, 0x5555), (3, 99)), ((0x5555,), (3, 99)), ((0x5555, 0xAAAA), (0, 0xFFF)),
+            ((0x5555, 0xCCCC), (0, 0xFFF)),
+        ):
+            self.renew()
+            for key in keys:
+                self.sim.write_u32(IWDG, key)
+                self.spend(0)
+                self.machine.step_board()
+            self.sim.write_u32(IWDG + 4, 3)
+            self.sim.write_u32(IWDG + 8, 99)
+            self.sim.run_for("100ns")
+            self.assertEqual(self.sim.read_u32(IWDG + 0xC), 0b11)
+            self.machine.step_board()
+            self.assertEqual(settings(), expected, keys)
 
     def test_tim5_measures_the_watchdogs_oscillator(self):
         tim5 = 0x4000_0C00

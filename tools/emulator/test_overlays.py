@@ -7,7 +7,7 @@ usage: launch.py --self-test --elf PATH
 import unittest
 
 from board_test_case import BoardTestCase
-from chip import ADC1, ADC2, ADC3, CLOCK_HZ, COMP, DAC1, DAC3, EXTI, GPIO, JDR1, NVIC_ISPR, PWR
+from chip import ADC1, ADC2, ADC3, CLOCK_HZ, COMP, DAC1, DAC3, EXTI, GPIO, JDR1, NVIC_ISPR, PWR, SYSCFG
 
 MILLISECOND = CLOCK_HZ // 1000
 # BDTR: OSSI, OSSR, BKE, BKP; and MOE.
@@ -30,6 +30,17 @@ class LockTest(BoardTestCase):
         """Two slices: what has been written is known in the second one at the latest."""
         self.spend(0)
         self.spend(0)
+
+    def test_the_voltage_detector_is_locked_by_its_break(self):
+        for locked, value in ((False, 0x0), (True, 0xD)):
+            self.renew()
+            self.sim.write_u32(PWR + 0x04, 0xD)
+            self.settle()
+            self.sim.write_u32(SYSCFG + 0x1C, 0b100 if locked else 0b011)
+            self.settle()
+            self.sim.write_u32(PWR + 0x04, 0x0)
+            self.settle()
+            self.assertEqual(self.sim.read_u32(PWR + 0x04), value)
 
     def test_what_is_locked_keeps_its_value(self):
         # Level from which each is locked, register, what is written, what is then there without the lock and with it.

@@ -7,7 +7,7 @@ use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
 use embassy_usb::{Builder, Config, UsbDevice};
-use era_shared::link::{LinkArrival, MAX_PACKET, PortWatch, USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
+use era_shared::link::{MAX_PACKET, PortWatch, USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
 use static_cell::StaticCell;
 
 /// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
@@ -72,11 +72,11 @@ pub async fn transmit_over_usb(sender: Sender<'static, UsbDriver>) -> ! {
 #[embassy_executor::task]
 pub async fn watch_usb_line(line: ControlChanged<'static>) -> ! {
     run_watched(WatchedTask::UsbLine, async {
-        let mut port = PortWatch::new();
+        let mut port = PortWatch::new(USB_LINK);
         loop {
             line.control_changed().await;
-            if port.note_line_and_tell_whether_closed(line.dtr()) {
-                INBOX.send((USB_LINK, LinkArrival::Reopened)).await;
+            if let Some(arrival) = port.note_line_and_build_arrival_if_closed(line.dtr()) {
+                INBOX.send(arrival).await;
             }
         }
     })

@@ -3,7 +3,7 @@
 //! `cargo run --release -p era-model --example softer_supports`
 
 use era_model::model::{Accuracy, PanelModel};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::{EXAMPLE_PLATE, Scene};
 use std::error::Error;
 
@@ -18,7 +18,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("modes with the stiffness of the supports times {factor}: {} Hz", hz.join(", "));
     }
     let middle = (scene.surface.length_m / 2.0, scene.surface.width_m / 2.0);
-    let found = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, middle, &[100.0, 200.0])?;
+    let found =
+        compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::BALANCED, middle, &[100.0, 200.0])?;
     for (actuator, (curve, bound)) in scene.actuators.iter().zip(found.answer.iter().zip(&found.bounds)) {
         let bound = bound.limit_if_known().map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
         println!(

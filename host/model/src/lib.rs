@@ -8,12 +8,12 @@
 //!
 //! ```
 //! use era_model::model::Accuracy;
-//! use era_model::response::compute_curves_with_error_bounds;
+//! use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 //! use era_model::scene::{EXAMPLE_PLATE, Scene};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let scene = Scene::parse("plate.toml", EXAMPLE_PLATE)?;
 //! // Acceleration at (0.1, 0.05) m for 1 N at each actuator alone, at two frequencies.
-//! let found = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (0.1, 0.05), &[120.0, 180.0])?;
+//! let found = compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::BALANCED, (0.1, 0.05), &[120.0, 180.0])?;
 //! for (actuator, (curve, bound)) in scene.actuators.iter().zip(found.answer.iter().zip(&found.bounds)) {
 //!     println!("{}: {:.3} m/s^2/N at 120 Hz, {bound:?}", actuator.id, curve[0].norm());
 //!     assert!(bound.limit_if_known().is_some_and(|bound| bound <= 1e-3));

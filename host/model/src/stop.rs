@@ -40,7 +40,7 @@ impl StopRequest {
 
     /// Whether the work is to end: somebody has asked for that, or the time is over.
     #[must_use]
-    pub fn is_stop_requested(&self) -> bool {
+    pub fn is_stop_requested_or_deadline_over(&self) -> bool {
         self.is_stop_requested_by_somebody() || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
@@ -68,7 +68,7 @@ impl StopRequest {
 mod tests {
     use super::*;
     use crate::model::{Accuracy, ModelError, compute_modes_with_error_bounds};
-    use crate::response::{CurveError, compute_curves_with_error_bounds};
+    use crate::response::{CurveError, compute_acceleration_curves_per_newton_with_error_bounds};
     use crate::scene::{EXAMPLE_BAR, Scene};
 
     #[test]
@@ -79,12 +79,13 @@ mod tests {
         assert!(stop.run_stoppable(modes).is_ok());
         stop.request_stop();
         assert_eq!(stop.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
-        let curves =
-            stop.run_stoppable(|| compute_curves_with_error_bounds(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0]));
+        let curves = stop.run_stoppable(|| {
+            compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::FAST, (0.1, 0.01), &[100.0])
+        });
         assert_eq!(curves.unwrap_err(), CurveError::Model(ModelError::Stopped));
         let late = StopRequest::with_deadline(Instant::now());
         assert_eq!(late.run_stoppable(modes).unwrap_err(), ModelError::Stopped);
-        assert!(late.is_stop_requested() && !late.is_stop_requested_by_somebody());
+        assert!(late.is_stop_requested_or_deadline_over() && !late.is_stop_requested_by_somebody());
         // Others on this thread are not, and within it neither.
         assert!(modes().is_ok() && stop.run_stoppable(|| StopRequest::default().run_stoppable(modes)).is_ok());
     }

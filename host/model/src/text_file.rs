@@ -11,7 +11,7 @@ pub const BYTE_ORDER_MARK: &str = "\u{feff}";
 /// # Errors
 /// As the system has it, or that the file has other bytes than UTF-8 (`InvalidData`), UTF-16 by name.
 pub fn read_text_file(path: &Path) -> Result<String> {
-    decode_text(std::fs::read(path)?)
+    decode_utf8_and_drop_byte_order_mark(std::fs::read(path)?)
 }
 
 /// Refuses bytes that begin as a text in UTF-16 does.
@@ -30,7 +30,7 @@ pub fn refuse_utf16(bytes: &[u8]) -> Result<()> {
 ///
 /// # Errors
 /// That they are something else than UTF-8 (`InvalidData`), UTF-16 by name.
-pub fn decode_text(bytes: Vec<u8>) -> Result<String> {
+pub fn decode_utf8_and_drop_byte_order_mark(bytes: Vec<u8>) -> Result<String> {
     let wrong = |reason: String| Error::new(ErrorKind::InvalidData, reason);
     refuse_utf16(&bytes)?;
     let mut text = String::from_utf8(bytes).map_err(|error| {

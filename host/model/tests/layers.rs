@@ -1,7 +1,7 @@
 //! Surfaces of layers: against closed forms, against what they have to be equal to, and bounds against finer solutions.
 
 use era_model::model::{Accuracy, PanelMode, compute_modes_with_error_bounds};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::random::RandomSequence;
 use era_model::scene::{Scene, SurfaceDamping};
 use std::f64::consts::{PI, TAU};
@@ -315,8 +315,14 @@ fn bounds_hold() {
         }
         let hz = [37.0, 113.0, 241.0, 389.0];
         let at = (0.61 * scene.surface.length_m, 0.83 * scene.surface.width_m);
-        let coarse = compute_curves_with_error_bounds(&scene, Accuracy::FAST, at, &hz).unwrap();
-        let fine = compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(1e-4).unwrap(), at, &hz).unwrap();
+        let coarse = compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::FAST, at, &hz).unwrap();
+        let fine = compute_acceleration_curves_per_newton_with_error_bounds(
+            &scene,
+            Accuracy::from_tolerance(1e-4).unwrap(),
+            at,
+            &hz,
+        )
+        .unwrap();
         let mut worst_curve = 0.0_f64;
         for ((a, bound), (b, finer)) in
             coarse.answer.iter().zip(&coarse.bounds).zip(fine.answer.iter().zip(&fine.bounds))

@@ -4,7 +4,7 @@
 use era_model::model::assembly::assemble_panel_matrices;
 use era_model::model::grid::DeflectionDerivative;
 use era_model::model::{Accuracy, Fineness, PanelModel, compute_modes_with_error_bounds};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::random::RandomSequence;
 use era_model::scene::{Mount, Scene};
 use nalgebra::{DMatrix, DVector};
@@ -259,8 +259,13 @@ fn bounds_of_responses_hold_with_attachments_inside() {
         let wanted: Vec<Vec<Complex64>> =
             (0..2).map(|k| hz.iter().map(|hz| exact.accelerance(*hz, at, k)).collect()).collect();
         for tolerance in [1e-2, 1e-3, 1e-5, 1e-7] {
-            let found = compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(tolerance).unwrap(), at, &hz)
-                .unwrap();
+            let found = compute_acceleration_curves_per_newton_with_error_bounds(
+                &scene,
+                Accuracy::from_tolerance(tolerance).unwrap(),
+                at,
+                &hz,
+            )
+            .unwrap();
             for (k, (curve, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {
                 let peak = wanted[k].iter().map(|z| z.norm()).fold(0.0, f64::max);
                 let off = curve.iter().zip(&wanted[k]).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak;

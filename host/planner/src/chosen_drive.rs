@@ -66,8 +66,8 @@ pub(super) fn group_drive_indices_by_frequency(drives: &[ChosenDrive]) -> impl I
 }
 
 /// Phase in rad of the force's fundamental of the drive of `actuator` relative to its windows: 0 or negative.
-pub(super) fn force_phase_behind_windows_rad(drive: &ChosenDrive, actuator: usize, pulse_width: f64) -> f64 {
-    drive.row.get(actuator).map_or(0.0, |own| own.charging.force_phase_behind_windows_rad(pulse_width))
+pub(super) fn force_phase_relative_to_windows_rad(drive: &ChosenDrive, actuator: usize, pulse_width: f64) -> f64 {
+    drive.row.get(actuator).map_or(0.0, |own| own.charging.force_phase_relative_to_windows_rad(pulse_width))
 }
 
 /// Phases of the windows in rad that give the drives' forces their phases. The force of electrodes behind resistors is late by an angle that
@@ -77,8 +77,9 @@ pub(super) fn window_phase_of_each_drive_rad(
     drives: &[ChosenDrive],
     applied: &[VoltageAndPulseWidth; MAX_ACTUATORS],
 ) -> [f64; MAX_ACTUATORS] {
-    let behind =
-        |i: usize| applied.get(i).map_or(0.0, |own| force_phase_behind_windows_rad(&drives[i], i, own.pulse_width));
+    let behind = |i: usize| {
+        applied.get(i).map_or(0.0, |own| force_phase_relative_to_windows_rad(&drives[i], i, own.pulse_width))
+    };
     let mut phases = [0.0; MAX_ACTUATORS];
     for group in group_drive_indices_by_frequency(drives) {
         for i in &group {

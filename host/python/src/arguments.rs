@@ -113,11 +113,9 @@ impl RealNumbers {
     /// Refuses masked entries; `field` is what the argument is called.
     fn refuse_masked_entries(&self, field: &str) -> Result<(), Raised> {
         let Some(at) = self.first_masked else { return Ok(()) };
-        Err(Raised::wrong_argument(
-            format!("{field}[{at}]"),
-            "masked",
-            "a number: remove masked entries with compressed()",
-        ))
+        let (entry, allowed) = (format!("{field}[{at}]"), "a number: remove masked entries with compressed()");
+        let text = format!("{entry} is masked, but must be {allowed}");
+        Err(Raised::wrong_argument_with_text(entry, "masked", allowed, text))
     }
 
     /// Exactly `N` numbers, in rows or not.
@@ -155,12 +153,12 @@ impl GivenPlace {
                 return Err(Raised::wrong_argument(field, x_m, "two coordinates (x_m, y_m) on a plate"));
             }
         };
-        check_place_on_surface(scene, field, at)
+        check_coordinates_on_surface_m(scene, field, at)
     }
 }
 
 /// Where two coordinates in m are on the surface; `field` is what the argument is called.
-fn check_place_on_surface(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
+fn check_coordinates_on_surface_m(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
     let place = scene.surface_point_at(at.0, at.1).map_err(|error| Raised::place_off_surface(field, at, error))?;
     Ok(place.coordinates_m())
 }
@@ -197,7 +195,8 @@ impl GivenTarget {
     ) -> Result<((f64, f64), Option<f64>), Raised> {
         self.numbers.refuse_masked_entries(field)?;
         let at = |k: usize| self.numbers.values.get(k).copied();
-        let place = check_place_on_surface(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
+        let place =
+            check_coordinates_on_surface_m(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
         Ok((place, at(2)))
     }
 }
@@ -230,7 +229,7 @@ impl FourNumbers {
     /// The same where the first two are a place on the surface.
     pub fn check_place_in_first_two(&self, scene: &Scene, field: &str) -> Result<[f64; 4], Raised> {
         let [x_m, y_m, radius_m, at_most_g] = self.check_unmasked_numbers(field)?;
-        let (x_m, y_m) = check_place_on_surface(scene, field, (x_m, y_m))?;
+        let (x_m, y_m) = check_coordinates_on_surface_m(scene, field, (x_m, y_m))?;
         Ok([x_m, y_m, radius_m, at_most_g])
     }
 }
@@ -308,7 +307,7 @@ pub struct GridSize {
 
 impl GridSize {
     /// The size that is used where none is given.
-    pub const fn default_size(columns: i64, rows: i64) -> Self {
+    pub const fn from_columns_and_rows(columns: i64, rows: i64) -> Self {
         Self { columns, rows }
     }
 }
@@ -321,7 +320,7 @@ impl<'py> FromPyObject<'_, 'py> for GridSize {
         match counts[..] {
             [columns, rows] => Ok(Self { columns, rows }),
             _ => Err(PyTypeError::new_err(format!(
-                "a grid must be two whole numbers (columns, rows), not {}",
+                "a grid must be two whole numbers (columns, rows), not {} numbers",
                 counts.len()
             ))),
         }

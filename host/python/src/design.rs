@@ -2,7 +2,7 @@
 
 use crate::pickles::{Reduced, pickled, reduce_for_pickle};
 use crate::results::read_only_array;
-use era_study::result::{constraint_names_and_excesses_of_design, objective_names_and_losses_of_design};
+use era_study::result::{constraint_names_and_signed_excesses_of_design, objective_names_and_losses_of_design};
 use era_study::run::{DesignOutcome, DesignRow, Study};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -37,10 +37,11 @@ impl Design {
         let (values, figures) = (PyDict::new(py), PyDict::new(py));
         for column in study.space.table_columns() {
             match &column.words {
-                Some(_) => values.set_item(&column.name, column.text_in_design_unless_kept(&row.design))?,
-                None => {
-                    values.set_item(&column.name, column.number_or_choice_index_in_design_unless_kept(&row.design))?
-                }
+                Some(_) => values.set_item(&column.name, column.text_in_design_unless_scene_value_kept(&row.design))?,
+                None => values.set_item(
+                    &column.name,
+                    column.number_or_choice_index_in_design_unless_scene_value_kept(&row.design),
+                )?,
             }
         }
         if let Some(found) = row.figures_unless_failed() {
@@ -58,7 +59,7 @@ impl Design {
             values: values.unbind(),
             figures: figures.unbind(),
             objectives: numbers(objective_names_and_losses_of_design(study, &row)),
-            constraints: numbers(constraint_names_and_excesses_of_design(study, &row)),
+            constraints: numbers(constraint_names_and_signed_excesses_of_design(study, &row)),
             failed,
             scene_text: study.space.design_as_scene_text(&row.design).ok(),
             point: read_only_array(py, row.point),

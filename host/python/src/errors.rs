@@ -142,6 +142,26 @@ impl Raised {
         Self { kind: RaisedKind::Request, text, field: Some(field), value, allowed: Some(allowed) }
     }
 
+    /// An argument whose value does not tell what is wrong with it; `text` is the whole message.
+    pub fn wrong_argument_with_text(
+        field: impl Into<String>,
+        value: impl Into<ArgumentValue>,
+        allowed: impl Into<String>,
+        text: String,
+    ) -> Self {
+        let (field, value, allowed) = (field.into(), value.into(), allowed.into());
+        Self { kind: RaisedKind::Request, text, field: Some(field), value, allowed: Some(allowed) }
+    }
+
+    /// A `grid` of so many points that a result would have too many values; `other` is what else makes the result smaller.
+    pub fn grid_with_too_many_values(points: usize, values: &str, most: &str, other: &str) -> Self {
+        let text = format!(
+            "grid has {points} points, which makes {values} values, but the result may have at most {most} values: use \
+             fewer points or {other}"
+        );
+        Self::wrong_argument_with_text("grid", points, format!("at most {most} values in the result"), text)
+    }
+
     /// A place that is none of the surface: an argument in m, of which `field` is the x coordinate's name.
     pub fn place_off_surface(field: &str, (x_m, y_m): (f64, f64), error: PlaceError) -> Self {
         match error {

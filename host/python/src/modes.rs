@@ -165,8 +165,9 @@ pub fn compute_modes(
             Some(grid) => {
                 let values = grid.0.len() * grid.1.len() * found.answer.len();
                 if values > MOST_VALUES {
-                    let allowed = format!("so small that the result has at most {MOST_VALUES} values, not {values}");
-                    return Err(Raised::wrong_argument("grid", grid.0.len() * grid.1.len(), allowed));
+                    let (points, most) = (grid.0.len() * grid.1.len(), MOST_VALUES.to_string());
+                    let other = "a lower max_hz";
+                    return Err(Raised::grid_with_too_many_values(points, &values.to_string(), &most, other));
                 }
                 Some(ModeShapes::compute(&scene, &found, max_hz, grid)?)
             }

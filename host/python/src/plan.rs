@@ -253,19 +253,19 @@ impl Plan {
 impl Plan {
     /// What is told besides: peak of the whole waveform, harmonics, when it is there and gone.
     #[getter(details)]
-    fn report_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn harmonics_and_timing_report_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.details_json)
     }
 
     /// What can be had of wishes that cannot all be had; None where there is nothing to choose.
     #[getter(trade)]
-    fn trade_off_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn trade_off_as_dict_or_none<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.trade_json)
     }
 
     /// With `explain=True` why it is what it is: candidates, pulse widths, alternatives; None otherwise.
     #[getter(explanation)]
-    fn explanation_as_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn explanation_as_dict_if_asked_for<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parse_json_to_python(py, &self.explanation_json)
     }
 
@@ -384,7 +384,7 @@ pub fn plan_touch(
     let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
     let plan_with = move |table: &PlanTable| -> Result<(Found, ToleranceVerdict, [String; 3]), Raised> {
         let request = set_missing_target_peaks_from_level_if_given(table, request, intensity_db)?;
-        let (planned, trade) = era_planner::trade::plan_and_explore_trade_offs(table, &request)?;
+        let (planned, trade) = era_planner::trade::plan_and_improve_by_exploring_trade_offs(table, &request)?;
         let report = era_planner::report::build_harmonics_and_timing_report_at_first_target(table, &planned);
         let explanation = explain.then(|| era_planner::explain::explain_plan(table, &request)).transpose()?;
         let found = planned.plan;

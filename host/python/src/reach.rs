@@ -47,7 +47,7 @@ impl Reach {
     /// -------
     /// (float, (float, float))
     #[pyo3(name = "weakest")]
-    fn find_weakest_point(&self, py: Python<'_>) -> PyResult<(f64, (f64, f64))> {
+    fn find_weakest_peak_g_and_point_m(&self, py: Python<'_>) -> PyResult<(f64, (f64, f64))> {
         use numpy::PyArrayMethods;
         let (values, x_m, y_m) = (self.strongest_g.bind(py), self.x_m.bind(py), self.y_m.bind(py));
         let (values, x_m, y_m) = (values.readonly(), x_m.readonly(), y_m.readonly());
@@ -64,7 +64,7 @@ impl Reach {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (least, (x_m, y_m)) = self.find_weakest_point(py)?;
+        let (least, (x_m, y_m)) = self.find_weakest_peak_g_and_point_m(py)?;
         let shape = self.strongest_g.bind(py).getattr("shape")?;
         Ok(format!("<Reach: {shape} (row, column), weakest {least:.4} g at ({x_m}, {y_m}) m>"))
     }

@@ -7,7 +7,7 @@ use crate::results::{ToleranceVerdict, bounds_or_nan, read_only_array, read_only
 use crate::run::run_in_pool_interruptibly;
 use crate::scene::PyScene;
 use era_model::model::validity;
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use num_complex::Complex64;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -120,7 +120,10 @@ pub fn compute_response(
     let scene = scene.with_finger_at_places(&[at_m]);
     let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
     let (found, frequencies_hz) = run_in_pool_interruptibly(py, move || {
-        Ok((compute_curves_with_error_bounds(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz))
+        Ok((
+            compute_acceleration_curves_per_newton_with_error_bounds(&scene, accuracy, at_m, &frequencies_hz)?,
+            frequencies_hz,
+        ))
     })?;
     let asked = ToleranceVerdict::check_whether_bounds_meet_tolerance(&found.bounds, accuracy);
     let shape = [found.answer.len(), frequencies_hz.len()];

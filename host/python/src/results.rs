@@ -28,7 +28,7 @@ impl ToleranceVerdict {
     pub fn check_whether_bounds_meet_tolerance(bounds: &[ErrorBound], accuracy: Accuracy) -> Self {
         Self {
             tolerance: accuracy.tolerance_unless_time_limit_given(),
-            is_met: ErrorBound::all_meet_tolerance_if_decidable(bounds, accuracy),
+            is_met: ErrorBound::all_meet_tolerance_if_given_and_decidable(bounds, accuracy),
             missing: first_reason_of_missing_bound(bounds).map(str::to_owned),
         }
     }

@@ -16,9 +16,9 @@ use toml::Table;
 /// What messages call a scene that was made from keywords.
 const KEYWORDS: &str = "Scene";
 /// What is said to whoever gives no surface: most have the text of a file, or its path.
-const NO_SURFACE: &str = "Scene() takes the tables of a scene, but the argument surface is missing: \
-                          Scene.from_toml takes the text of a scene file, Scene.from_file takes its path, \
-                          Scene.example takes \"plate\" or \"bar\"";
+const NO_SURFACE: &str = "Scene() needs the argument `surface` (the table [surface] of a scene). To read a scene \
+                          file instead, use Scene.from_file(path) or Scene.from_toml(text); for an example, use \
+                          Scene.example(\"plate\") or Scene.example(\"bar\")";
 
 /// A panel with everything that holds, loads and drives it; never changes.
 ///

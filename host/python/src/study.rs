@@ -18,7 +18,7 @@ use era_model::model::Accuracy;
 use era_model::text_file::read_text_file;
 use era_study::evaluate::{Evaluator, QuickEvaluator, ThoroughEvaluator};
 use era_study::result::{
-    DesignTable, TableEntry, constraint_names_and_excesses_of_design, objective_names_and_losses_of_design,
+    DesignTable, TableEntry, constraint_names_and_signed_excesses_of_design, objective_names_and_losses_of_design,
 };
 use era_study::run::{
     DesignOutcome, DesignRow, RunEnd, Shard, Study, StudyFolder, StudyTask, decode_task_rows_if_of_study_and_task,
@@ -83,7 +83,7 @@ type ConstructorArguments<'py> = (String, Bound<'py, PyAny>);
 
 impl PyStudy {
     fn from_study_and_texts(study: Study, text: String, scene_text: String) -> Self {
-        let options = study.table_options();
+        let options = study.plan_table_options();
         let evaluator: Arc<dyn Evaluator + Send + Sync> = if study.spec.method.thorough {
             Arc::new(ThoroughEvaluator::new(options))
         } else {
@@ -98,10 +98,8 @@ impl PyStudy {
         task: StudyTask,
         bytes: &[u8],
     ) -> Result<Vec<DesignRow>, Raised> {
-        let allowed =
-            "the bytes that compute() returned for this task, from the same study and the same version of era";
         decode_task_rows_if_of_study_and_task(&self.study.fingerprint(), task, bytes)
-            .ok_or_else(|| Raised::wrong_argument(field, "other bytes", allowed))
+            .ok_or_else(|| refuse_other_bytes(field, task))
     }
 
     /// The names of objectives or constraints.
@@ -122,6 +120,14 @@ impl PyStudy {
     fn open_or_create_study_folder(&self, folder: PathBuf) -> Result<StudyFolder, Raised> {
         Ok(StudyFolder::open_or_create(&folder, self.study.fingerprint())?)
     }
+}
+
+/// The error of bytes that are not rows of this study and task.
+fn refuse_other_bytes(field: &str, task: StudyTask) -> Raised {
+    let allowed =
+        format!("the bytes that compute(\"{task}\") returned, from the same study and the same version of era");
+    let text = format!("{field} must be {allowed}, but contains other bytes");
+    Raised::wrong_argument_with_text(field, "other bytes", allowed, text)
 }
 
 fn read_text_or_raise(path: &Path) -> PyResult<String> {
@@ -218,7 +224,10 @@ impl PyStudy {
     /// The bounds of all limits, as "sag_um at most 800": in the order of `Design.constraints`.
     #[getter(constraints)]
     fn constraint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
-        pyo3::types::PyTuple::new(py, self.names_of_constraints_or_objectives(constraint_names_and_excesses_of_design))
+        pyo3::types::PyTuple::new(
+            py,
+            self.names_of_constraints_or_objectives(constraint_names_and_signed_excesses_of_design),
+        )
     }
 
     /// What the study follows from (its file, the scene's, this program), as one number in hexadecimal digits.
@@ -386,9 +395,15 @@ impl PyStudy {
             self.decode_rows_argument_or_raise("base", StudyTask::Base, base)?,
             self.decode_rows_argument_or_raise("rows", own, rows)?,
         );
-        let base = base
-            .first()
-            .ok_or_else(|| Raised::wrong_argument("base", "no rows", "the bytes that compute(\"base\") returned"))?;
+        let base = base.first().ok_or_else(|| {
+            let allowed = "the bytes that compute(\"base\") returned";
+            Raised::wrong_argument_with_text(
+                "base",
+                "no rows",
+                allowed,
+                format!("base must be {allowed}, but has no rows"),
+            )
+        })?;
         Ok(self.study.compute_losses_for_search_run(run, base, &rows))
     }
 
@@ -441,11 +456,7 @@ impl PyStudy {
         if folder.write_encoded_task_rows_if_of_study(task, rows)? {
             return Ok(());
         }
-        Err(Raised::wrong_argument(
-            "rows",
-            "other bytes",
-            "the bytes that compute() returned for this task, from the same study and the same version of era",
-        ))
+        Err(refuse_other_bytes("rows", task))
     }
 
     /// Computes what is not in a folder yet, here.
@@ -534,7 +545,7 @@ impl PyStudy {
         let summary = run_in_own_thread_interruptibly(py, move |pool| {
             let stop = pool.stop_request();
             let written = pool.run_in_pool_with_stop_request(|| {
-                verify_and_write_results_unless_stopped(&study, &own, &|| stop.is_stop_requested())
+                verify_and_write_results_unless_stopped(&study, &own, &|| stop.is_stop_requested_or_deadline_over())
             })?;
             Ok(written.map(|written| written.summarise_as_json(&study, &folder)))
         })?;
@@ -567,11 +578,17 @@ impl PyStudy {
             if column.words.is_some() {
                 found.set_item(
                     &column.name,
-                    rows().map(|own| column.text_in_design_unless_kept(&own.row.design)).collect::<Vec<_>>(),
+                    rows()
+                        .map(|own| column.text_in_design_unless_scene_value_kept(&own.row.design))
+                        .collect::<Vec<_>>(),
                 )?;
             } else {
                 let values = rows()
-                    .map(|own| column.number_or_choice_index_in_design_unless_kept(&own.row.design).unwrap_or(f64::NAN))
+                    .map(|own| {
+                        column
+                            .number_or_choice_index_in_design_unless_scene_value_kept(&own.row.design)
+                            .unwrap_or(f64::NAN)
+                    })
                     .collect();
                 found.set_item(&column.name, read_only_array(py, values))?;
             }

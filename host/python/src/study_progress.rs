@@ -23,7 +23,7 @@ impl ProgressObserver {
 
 impl StudyObserver for ProgressObserver {
     fn is_stop_wanted(&self) -> bool {
-        self.stop.is_stop_requested()
+        self.stop.is_stop_requested_or_deadline_over()
     }
 
     fn report_already_computed_of_all_at_start(&self, there: usize, _all: usize) {

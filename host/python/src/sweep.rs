@@ -112,7 +112,7 @@ struct SweepQuestion {
 /// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
 /// ((5, 2, 5, 7), dtype('complex64'))
 #[pyfunction]
-#[pyo3(name = "sweep", signature = (scene, frequency_hz, *, grid=GridSize::default_size(49, 33), tolerance=None, within_s=None),
+#[pyo3(name = "sweep", signature = (scene, frequency_hz, *, grid=GridSize::from_columns_and_rows(49, 33), tolerance=None, within_s=None),
     text_signature = "(scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None)")]
 pub fn sweep_frequencies(
     py: Python<'_>,
@@ -176,6 +176,6 @@ fn check_number_of_values(scene: &Scene, points: usize, frequencies: usize) -> R
     if values <= MOST_SWEEP_VALUES {
         return Ok(());
     }
-    let allowed = format!("so small that the result has at most {MOST_SWEEP_VALUES:e} values, not {values:e}");
-    Err(Raised::wrong_argument("points of grid", points, allowed))
+    let (values, most) = (format!("{values:e}"), format!("{MOST_SWEEP_VALUES:e}"));
+    Err(Raised::grid_with_too_many_values(points, &values, &most, "fewer frequencies"))
 }

@@ -9,7 +9,8 @@ use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::scene::Scene;
 use era_model::transient::panel::{
-    NO_BOUND, SwitchedForce, choose_time_grid, compute_motion_after_switch_on, highest_drive_frequency_or_1_hz,
+    NO_BOUND, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
+    highest_drive_frequency_but_at_least_1_hz,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -177,10 +178,13 @@ pub fn compute_transient_motion(
         return Err(Raised::wrong_argument("len(drives)", 0, "at least 1").into());
     }
     let grid = choose_time_grid(duration_s, step_s).map_err(Raised::from)?;
-    emit_model_warnings(py, validity::list_thin_plate_warnings(&scene, highest_drive_frequency_or_1_hz(&drives)))?;
+    emit_model_warnings(
+        py,
+        validity::list_thin_plate_warnings(&scene, highest_drive_frequency_but_at_least_1_hz(&drives)),
+    )?;
     let (motion, settled_s) = run_in_pool_interruptibly(py, move || {
         let motion = compute_motion_after_switch_on(&scene, accuracy, at_m, &drives, grid)?;
-        let settled_s = motion.settling_time_unless_several_drives_s(&drives);
+        let settled_s = motion.settling_time_if_single_drive_settles_s(&drives);
         Ok((motion, settled_s))
     })?;
     Ok(Transient {

@@ -33,7 +33,7 @@ WRONG: list[tuple[str, Call, object]] = [
     ("frequency_hz[1]", lambda: era.response(PLATE, AT_M, [100.0, float("inf")]), float("inf")),
     ("frequency_hz[0]", lambda: era.sweep(PLATE, [0.0]), 0.0),
     ("len(frequency_hz)", lambda: era.sweep(PLATE, []), 0),
-    ("points of grid", lambda: era.sweep(PLATE, BAND, grid=(9000, 9000)), 81_000_000),
+    ("grid", lambda: era.sweep(PLATE, BAND, grid=(9000, 9000)), 81_000_000),
     ("actuator", lambda: era.response(PLATE.with_(actuator=None), AT_M, BAND), 0),
     ("drives[0][0]", lambda: era.transient(PLATE, AT_M, [("middle", 100.0, 1.0)]), "middle"),
     ("frequency in Hz", lambda: era.transient(PLATE, AT_M, [("left", 1e5, 1.0)]), 1e5),

@@ -171,7 +171,7 @@ def test_the_version_is_the_packages() -> None:
 
 
 def test_the_text_of_a_file_is_not_taken_for_a_name(plate: era.Scene) -> None:
-    with pytest.raises(TypeError, match=r"surface is missing: Scene\.from_toml takes the text"):
+    with pytest.raises(TypeError, match=r"needs the argument `surface` .* use Scene\.from_file\(path\) or Scene\.from_toml\(text\)"):
         era.Scene(plate.to_toml())  # type: ignore[call-arg]
     # To those who ask, it is still an argument that has to be there.
     assert inspect.signature(era.Scene).parameters["surface"].default is inspect.Parameter.empty

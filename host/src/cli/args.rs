@@ -12,10 +12,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Failure;
-use super::headings::{ACCESS, DAEMON, DEVICE, LISTENING, MODEL, RECORDING, TOUCH};
+use super::headings::{ACCESS, DAEMON, DEVICE, EFFECT, LISTENING, MODEL, NO_HEADING, PLANNER, RECORDING, TOUCH};
 use super::values::{
-    Point, parse_comma_separated_grid_counts, parse_finite_number, parse_listen_address, parse_npy_path,
-    parse_outgoing_http_proxy, parse_png_path, parse_press_n, parse_time, parse_unitless_point, parse_url,
+    Point, parse_finite_number, parse_listen_address, parse_outgoing_http_proxy, parse_time, parse_unitless_point,
+    parse_url,
 };
 use super::wishes::PlanWishes;
 
@@ -89,7 +89,7 @@ pub struct CacheOptions {
 
 impl CacheOptions {
     /// Where they are kept.
-    pub fn open_table_cache_unless_disabled(self) -> Option<Cache> {
+    pub fn open_table_cache_unless_disabled_or_without_folder(self) -> Option<Cache> {
         if self.no_cache {
             return None;
         }
@@ -207,7 +207,7 @@ pub struct DaemonOptions {
     #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
-    #[arg(long, help_heading = None::<&str>)]
+    #[arg(long, help_heading = NO_HEADING)]
     pub json: bool,
 }
 
@@ -220,16 +220,17 @@ pub struct Touch {
     #[arg(allow_negative_numbers = true, value_parser = parse_finite_number)]
     pub y_px: f64,
     /// Requested peak acceleration, in g [default: 0.5]
-    #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite_number)]
+    #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite_number, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
     /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g)
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite_number, conflicts_with = "intensity_g")]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite_number,
+        conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     /// Duration in ms [default: 1000]
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number, help_heading = TOUCH)]
     pub duration_ms: Option<f64>,
-    /// Play this effect instead of a steady drive; the board itself times the effect
-    #[arg(long, value_name = "NAME")]
+    /// Play this effect instead of a steady drive; the board itself controls the timing of the effect
+    #[arg(long, value_name = "NAME", help_heading = EFFECT)]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub rhythm: Rhythm,
@@ -238,7 +239,7 @@ pub struct Touch {
     #[command(flatten)]
     pub wishes: PlanWishes,
     /// Compute alternatives if the requested peaks and quiet zones conflict; --json prints the alternatives
-    #[arg(long)]
+    #[arg(long, help_heading = PLANNER)]
     pub trade: bool,
     #[command(flatten)]
     pub daemon: DaemonOptions,
@@ -246,6 +247,7 @@ pub struct Touch {
 
 /// How often.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = EFFECT)]
 pub struct Rhythm {
     /// Number of pulses
     #[arg(long, value_name = "N")]
@@ -257,6 +259,7 @@ pub struct Rhythm {
 
 /// How crisp a click is.
 #[derive(Clone, Copy, Debug, Args)]
+#[command(next_help_heading = EFFECT)]
 pub struct Crispness {
     /// Longest time in ms from a click's start until less than a tenth of its peak remains, 20 to 100 [default: 45]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite_number)]
@@ -264,159 +267,6 @@ pub struct Crispness {
     /// What has priority if a click cannot be both as strong as requested and crisp [default: strength]
     #[arg(long, value_enum)]
     pub prefer: Option<Preference>,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Press {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    #[command(flatten)]
-    pub keep: CacheOptions,
-    /// Force of the press in N, 0 to 1000 [default: [press] force_n of the scene, or 5]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press_n)]
-    pub force_n: Option<f64>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Modes {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    #[command(flatten)]
-    pub time: TimeLimit,
-    /// Highest frequency in Hz
-    #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
-    pub max_hz: f64,
-    /// For --csv, --npy and --png: columns and rows of the grid, borders included; a bar has one row, its axis
-    #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33")]
-    pub grid: (usize, usize),
-    /// Write the mass-normalised shapes as CSV, with one line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg
-    /// per mode and point; `-` is standard output
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
-    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; also
-    /// write the axes to the same folder (for modes.npy: modes.frequency_hz.npy, modes.y_m.npy, modes.x_m.npy)
-    #[arg(long, value_name = "FILE.npy", value_parser = parse_npy_path)]
-    pub npy: Option<PathBuf>,
-    /// Draw the shapes in one picture, with the supports, masses, actuators and [[edge]] entries of the scene
-    #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
-    pub png: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Sweep {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    #[command(flatten)]
-    pub time: TimeLimit,
-    /// Columns and rows of the grid, borders included; a bar has one row, its axis
-    #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33")]
-    pub grid: (usize, usize),
-    #[command(flatten)]
-    pub band: Band,
-    /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance
-    /// of 1e-5, in m/s^2 per N; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy,
-    /// plate.y_m.npy, plate.x_m.npy)
-    #[arg(long, value_name = "FILE")]
-    pub npy: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Frequencies.
-#[derive(Clone, Debug, Args)]
-pub struct Band {
-    /// Lowest frequency in Hz
-    #[arg(long, value_name = "F", default_value_t = 40.0, allow_negative_numbers = true)]
-    pub from: f64,
-    /// Highest frequency in Hz
-    #[arg(long, value_name = "F", default_value_t = 400.0, allow_negative_numbers = true)]
-    pub to: f64,
-    /// Step in Hz
-    #[arg(long, value_name = "F", default_value_t = 1.0, allow_negative_numbers = true)]
-    pub step: f64,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Response {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    #[command(flatten)]
-    pub time: TimeLimit,
-    /// Point on the surface
-    #[arg(long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true)]
-    pub at: Point,
-    /// Unit of --at
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub unit: Unit,
-    #[command(flatten)]
-    pub band: Band,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Transient {
-    #[command(flatten)]
-    pub panel: PanelOptions,
-    /// Point on the surface
-    #[arg(long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true)]
-    pub at: Point,
-    /// Unit of --at
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub unit: Unit,
-    /// A drive: ID of the actuator, frequency in Hz, force amplitude in N and phase of the cosine in degrees (default
-    /// -90, which gives a sine); can be repeated
-    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive_id_hz_newton_deg, required = true)]
-    pub drive: Vec<DriveText>,
-    /// Duration in s
-    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
-    pub duration: f64,
-    /// Time step in s
-    #[arg(long, value_name = "S", default_value_t = 1e-4, allow_negative_numbers = true)]
-    pub step: f64,
-    /// Write the motion as CSV, with lines time_s,displacement_m,acceleration_m_per_s2; `-` is standard output
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// A drive as written on the command line.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DriveText {
-    pub actuator: String,
-    pub frequency_hz: f64,
-    pub force_n: f64,
-    pub phase_deg: f64,
-}
-
-fn parse_drive_id_hz_newton_deg(text: &str) -> Result<DriveText, String> {
-    let number = |part: &str| {
-        part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
-    };
-    let parts: Vec<&str> = text.split(':').collect();
-    let (id, rest) = parts.split_first().ok_or("empty")?;
-    let (frequency, force, phase) = match rest {
-        // A sine: the force rises from nothing.
-        [frequency, force] => (frequency, force, &"-90"),
-        [frequency, force, phase] => (frequency, force, phase),
-        _ => return Err(format!("{text:?} is not of the form ID:HZ:NEWTON or ID:HZ:NEWTON:DEG")),
-    };
-    Ok(DriveText {
-        actuator: (*id).to_owned(),
-        frequency_hz: number(frequency)?,
-        force_n: number(force)?,
-        phase_deg: number(phase)?,
-    })
 }
 
 /// Where a point's numbers count.
@@ -450,29 +300,30 @@ pub struct Verify {
     #[command(flatten)]
     pub keep: CacheOptions,
     /// Number of points, spread over the surface
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, help_heading = NO_HEADING)]
     pub points: u32,
     /// Requested peak acceleration at each point, in g
-    #[arg(long, value_name = "A", default_value_t = crate::planner::DEFAULT_INTENSITY_G, allow_negative_numbers = true)]
+    #[arg(long, value_name = "A", default_value_t = crate::planner::DEFAULT_INTENSITY_G, allow_negative_numbers = true,
+        help_heading = NO_HEADING)]
     pub intensity_g: f64,
     /// Largest allowed relative difference between prediction and simulation
-    #[arg(long, value_name = "REL", default_value_t = 0.05)]
+    #[arg(long, value_name = "REL", default_value_t = 0.05, help_heading = NO_HEADING)]
     pub limit: f64,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = NO_HEADING)]
     pub json: bool,
 }
 
 #[derive(Clone, Debug, Args)]
 pub struct Replay {
-    #[command(flatten)]
-    pub daemon: DaemonOptions,
     /// File that `era serve --record` wrote
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Speed relative to the recording, 0.01 to 100
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_replay_speed)]
     pub speed: f64,
+    #[command(flatten)]
+    pub daemon: DaemonOptions,
 }
 
 fn parse_replay_speed(text: &str) -> Result<f64, String> {
@@ -487,16 +338,18 @@ pub struct Latency {
     #[command(flatten)]
     pub keep: CacheOptions,
     /// Requested peak acceleration, in g [default: 0.5, as in a touch request]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", help_heading = NO_HEADING)]
     pub intensity_g: Option<f64>,
     /// Number of touches
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000),
+        help_heading = NO_HEADING)]
     pub touches: u32,
     /// Instead of touches, measure N clicks that begin with discharged high-voltage rails, and N clicks that begin
     /// after `POST /v1/arm`
-    #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000),
+        help_heading = NO_HEADING)]
     pub first_clicks: Option<u32>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = NO_HEADING)]
     pub json: bool,
 }

@@ -1,7 +1,7 @@
 //! Options of `era effect`.
 
 use super::args::{At, CacheOptions, Crispness, PanelOptions, Rhythm};
-use super::headings::TOUCH;
+use super::headings::{EFFECT, NO_HEADING, OUTPUT, TOUCH};
 use super::values::parse_export_path;
 use crate::effect_files::FileFormat;
 use crate::effects::NamedEffect;
@@ -21,13 +21,14 @@ pub struct EffectOptions {
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     /// Name of the effect
-    #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect")]
+    #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect",
+        help_heading = NO_HEADING)]
     pub name: Option<NamedEffect>,
     /// Name of the effect, as an option in place of NAME
-    #[arg(long, value_name = "NAME", hide_possible_values = true)]
+    #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT)]
     pub effect: Option<NamedEffect>,
     /// Duration in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, help_heading = EFFECT)]
     pub duration_ms: Option<f64>,
     #[command(flatten)]
     pub rhythm: Rhythm,
@@ -36,7 +37,7 @@ pub struct EffectOptions {
     #[command(flatten)]
     pub from_file: EffectFileOptions,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub json: bool,
 }
 
@@ -47,14 +48,15 @@ pub struct EffectFileOptions {
     #[arg(
         long,
         value_name = "FILE",
+        help_heading = EFFECT,
         conflicts_with_all = ["name", "effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db"]
     )]
     pub file: Option<PathBuf>,
     /// Format of the file [default: detected from the content of the file]
-    #[arg(long, value_enum, requires = "file")]
+    #[arg(long, value_enum, requires = "file", help_heading = EFFECT)]
     pub format: Option<FileFormat>,
     /// Write the acceleration over time to this file, whose name ends in .csv, .wav or .png
-    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path)]
+    #[arg(long, value_name = "FILE", requires = "file", value_parser = parse_export_path, help_heading = OUTPUT)]
     pub export: Option<PathBuf>,
 }
 

@@ -1,6 +1,7 @@
 //! Arguments of `era field`.
 
 use super::args::{CacheOptions, Crispness, PanelOptions, Unit};
+use super::headings::{EFFECT, OUTPUT, REACH, TOUCH};
 use super::values::{Point, parse_finite_number, parse_png_path, parse_tolerances, parse_unitless_point};
 use crate::effects::NamedEffect;
 use crate::study::tolerances::Tolerances;
@@ -16,57 +17,61 @@ pub struct Field {
     /// The touched point
     #[arg(
         long, value_name = "X,Y", value_parser = parse_unitless_point, allow_hyphen_values = true,
-        required_unless_present_any = ["effect", "reach", "schemes"]
+        required_unless_present_any = ["effect", "reach", "schemes"], help_heading = TOUCH
     )]
     pub at: Option<Point>,
     /// Unit of --at
-    #[arg(long, value_enum, default_value_t = Unit::Px)]
+    #[arg(long, value_enum, default_value_t = Unit::Px, help_heading = TOUCH)]
     pub unit: Unit,
     /// Requested peak acceleration, in g
-    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    #[arg(long, value_name = "A", allow_negative_numbers = true, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
     /// Instead of the field of one touch, map for every point the strongest possible peak and the highest possible
     /// contrast of a weak touch, each with the frequencies of its drives
-    #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
+    #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"], help_heading = REACH)]
     pub reach: bool,
     /// Instead of the field of one touch, compare three drive schemes by their lowest peak on the surface: one
     /// frequency in phase, one frequency with chosen phases, distinct frequencies
-    #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
+    #[arg(long, conflicts_with_all = ["at", "intensity_g"], help_heading = REACH)]
     pub schemes: bool,
     /// Instead of the field of one touch, design this effect, which must be `click`, at the centres of 12 x 8 cells (12
     /// cells of a bar), and map the time until the click is quiet
-    #[arg(long, value_name = "NAME", hide_possible_values = true,
+    #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT,
         conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub crispness: Crispness,
     /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar, y is ignored
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true,
+        help_heading = REACH)]
     pub zone: Option<Corners>,
     /// For --schemes: use dB above the threshold of feeling at each frequency instead of g
-    #[arg(long, conflicts_with_all = ["at", "reach"])]
+    #[arg(long, conflicts_with_all = ["at", "reach"], help_heading = REACH)]
     pub felt: bool,
     /// Lowest frequency for --reach and --schemes in Hz [default: the lowest frequency of the planner]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number,
+        help_heading = REACH)]
     pub from: Option<f64>,
     /// Highest frequency for --reach and --schemes in Hz [default: the highest frequency of the planner]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number)]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite_number,
+        help_heading = REACH)]
     pub to: Option<f64>,
     /// For a touch: compute how much the peak at the target changes if the panel differs from the scene, by default by
     /// up to 20 % in spring stiffness, 10 % in Young's modulus, 5 % in thickness and 1 mm in positions; this takes some
     /// seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
-        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"],
+        help_heading = TOUCH)]
     pub spread: Option<Tolerances>,
     /// Write a picture to this PNG file
-    #[arg(long, value_name = "FILE.png", value_parser = parse_png_path)]
+    #[arg(long, value_name = "FILE.png", value_parser = parse_png_path, help_heading = OUTPUT)]
     pub png: Option<PathBuf>,
     /// Write the values as CSV, with one line x_mm,y_mm,... per point; `-` is standard output (the default for a
     /// touch without --png)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub csv: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub json: bool,
 }
 

@@ -1,10 +1,12 @@
 //! Commands that talk to a running daemon.
 
 use super::args::{DaemonOptions, Touch};
-use super::token::read_token;
+use super::token::read_token_from_file_or_else_environment;
+use super::wishes::{AdditionalTarget, QuietZoneOption};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::certificate;
 use crate::connection::{DaemonRoute, HostPort, client_config, describe_redirect};
+use crate::daemon::{OtherTarget, QuietZone, TouchRequest};
 use crate::doctor::reach::RequestTrouble;
 use crate::planner::Weigh;
 use serde_json::{Value, json};
@@ -27,38 +29,51 @@ pub fn send_touch(options: &Touch) -> Outcome {
 /// The request; what was not given is left out, so that the daemon's defaults hold.
 fn make_touch_body(options: &Touch) -> Value {
     let wishes = &options.wishes;
-    let mut body = json!({"x_px": options.x_px, "y_px": options.y_px});
-    let mut add = |name: &str, value: Option<Value>| body[name] = value.unwrap_or_default();
-    add("intensity_g", options.intensity_g.map(Value::from));
-    add("duration_ms", options.duration_ms.map(Value::from));
-    add("intensity_db", options.intensity_db.map(Value::from));
-    add("count", options.rhythm.count.map(Value::from));
-    add("period_ms", options.rhythm.period_ms.map(Value::from));
-    add("crisp_ms", options.crispness.crisp_ms.map(Value::from));
-    add("prefer", options.crispness.prefer.map(|prefer| prefer.name().into()));
-    add("effect", options.effect.map(|effect| json!(effect)));
-    add("from_ms", wishes.window.map(|window| window.from_ms.into()));
-    add("to_ms", wishes.window.map(|window| window.to_ms.into()));
-    let also = wishes.also.iter().map(|also| {
-        json!({
-            "x_px": also.at.x, "y_px": also.at.y, "intensity_g": also.intensity_g,
-            "from_ms": also.window.map(|window| window.from_ms), "to_ms": also.window.map(|window| window.to_ms),
-        })
-    });
-    add("also", (!wishes.also.is_empty()).then(|| also.collect()));
-    let quiet = wishes.quiet.iter().map(|zone| {
-        json!({
-            "x_px": zone.at.x, "y_px": zone.at.y, "radius_mm": zone.radius_mm, "at_most_g": zone.at_most_g,
-        })
-    });
-    add("quiet", (!wishes.quiet.is_empty()).then(|| quiet.collect()));
-    add("objective", Some(json!(wishes.objective)));
-    add("grouping", Some(json!(wishes.grouping)));
-    add("weigh", (wishes.weigh != Weigh::default()).then(|| json!(wishes.weigh)));
-    add("trade", options.trade.then_some(Value::Bool(true)));
-    if let Some(map) = body.as_object_mut() {
-        map.retain(|_, value| !value.is_null());
-    }
+    let request = TouchRequest {
+        x_px: options.x_px,
+        y_px: options.y_px,
+        intensity_g: options.intensity_g,
+        intensity_db: options.intensity_db,
+        duration_ms: options.duration_ms,
+        effect: options.effect,
+        count: options.rhythm.count,
+        period_ms: options.rhythm.period_ms,
+        crisp_ms: options.crispness.crisp_ms,
+        prefer: options.crispness.prefer,
+        from_ms: wishes.window.map(|window| window.from_ms),
+        to_ms: wishes.window.map(|window| window.to_ms),
+        also: (!wishes.also.is_empty()).then(|| {
+            let target = |also: &AdditionalTarget| OtherTarget {
+                x_px: also.at.x,
+                y_px: also.at.y,
+                intensity_g: also.intensity_g,
+                from_ms: also.window.map(|window| window.from_ms),
+                to_ms: also.window.map(|window| window.to_ms),
+            };
+            wishes.also.iter().map(target).collect()
+        }),
+        quiet: (!wishes.quiet.is_empty()).then(|| {
+            let zone = |zone: &QuietZoneOption| QuietZone {
+                x_px: zone.at.x,
+                y_px: zone.at.y,
+                radius_mm: zone.radius_mm,
+                at_most_g: zone.at_most_g,
+            };
+            wishes.quiet.iter().map(zone).collect()
+        }),
+        objective: Some(wishes.objective),
+        grouping: Some(wishes.grouping),
+        weigh: Some(wishes.weigh).filter(|weigh| *weigh != Weigh::default()),
+        trade: options.trade.then_some(true),
+    };
+    let mut body = json!(request);
+    let leave_out_nulls = |value: &mut Value| {
+        if let Some(map) = value.as_object_mut() {
+            map.retain(|_, value| !value.is_null());
+        }
+    };
+    body["also"].as_array_mut().into_iter().flatten().for_each(leave_out_nulls);
+    leave_out_nulls(&mut body);
     body
 }
 
@@ -248,7 +263,7 @@ impl DaemonContact {
     /// # Errors
     /// A file that cannot be used, or a token that would go through a proxy for everybody there to read.
     pub fn from_options(daemon: &DaemonOptions) -> Result<Self, Failure> {
-        let token = read_token(daemon.token_file.as_deref())?;
+        let token = read_token_from_file_or_else_environment(daemon.token_file.as_deref())?;
         Self::new(&daemon.url, daemon.ca.as_deref(), daemon.proxy.as_ref(), token)
     }
 
@@ -313,7 +328,7 @@ pub fn request_answer(
         (_, None) => add_bearer_token(agent.post(&url), bearer).send_empty(),
     };
     let mut answer = sent.map_err(|error| {
-        match RequestTrouble::from_request_error(&error, &daemon.url, daemon.proxy.is_some())
+        match RequestTrouble::find_trouble_probing_address_for_tls(&error, &daemon.url, daemon.proxy.is_some())
             .describe_with_advice(&daemon.url, daemon.ca.is_some())
         {
             Some((found, advice)) => Failure::runtime_error(format!("{found}: {advice}")),
@@ -397,7 +412,7 @@ mod tests {
         let many = body("--also 10,20:0.2:100-300 --also 5,6 --quiet 100,200:15:0.02 --grouping shared --trade");
         let also = json!([
             {"x_px": 10.0, "y_px": 20.0, "intensity_g": 0.2, "from_ms": 100.0, "to_ms": 300.0},
-            {"x_px": 5.0, "y_px": 6.0, "intensity_g": null, "from_ms": null, "to_ms": null},
+            {"x_px": 5.0, "y_px": 6.0},
         ]);
         assert_eq!(many["also"], also);
         let quiet = json!([{"x_px": 100.0, "y_px": 200.0, "radius_mm": 15.0, "at_most_g": 0.02}]);

@@ -1,9 +1,10 @@
 //! The commands of the command line.
 
-use super::args::{DaemonOptions, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
+use super::args::{DaemonOptions, Latency, Replay, Serve, Touch, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_effect::EffectOptions;
 use super::args_field::Field;
+use super::args_panel::{Modes, Press, Response, Sweep, Transient};
 use super::args_study::Study;
 use super::completions::{Completions, Man};
 use super::config::Config;

@@ -2,7 +2,7 @@
 //!
 //! `toml` parses; the keys are taken one by one rather than by serde. A derived `Deserialize` stops at the first mistake, and `era config
 //! check` lists all of them, each with its line, key, value and what is allowed. What serde would replace is 86 of these lines
-//! (`examine_text`, `read_key_unless_version`, `read_value`), and in their place would come a structure of 20 optional spanned fields with a deserializer for
+//! (`parse_text_and_collect_mistakes`, `read_key_value_and_message_text_unless_version`, `convert_toml_value_and_format_for_messages`), and in their place would come a structure of 20 optional spanned fields with a deserializer for
 //! each kind of bounded value. The table of keys is needed in either case: for defaults, examples and the command line's precedence.
 
 use super::args::Serve;
@@ -126,28 +126,28 @@ impl ConfigFile {
     /// # Errors
     /// [`ConfigError`] with every mistake in it.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        Self::examine_file(path)?.into_file_if_sound()
+        Self::read_file_and_collect_mistakes(path)?.into_file_if_sound()
     }
 
     /// Reads what can be read of a file.
     ///
     /// # Errors
     /// [`ConfigError`] where the file cannot be read at all, or is no TOML.
-    fn examine_file(path: &Path) -> Result<ExaminedConfig, ConfigError> {
+    fn read_file_and_collect_mistakes(path: &Path) -> Result<ExaminedConfig, ConfigError> {
         let source = path.display().to_string();
         let failed = |text: String| ConfigError { source: source.clone(), mistakes: vec![Mistake { line: 0, text }] };
         let text =
             read_text_file(path).map_err(|error| failed(format!("cannot read the configuration file: {error}")))?;
         let whole = std::path::absolute(path).map_err(|error| failed(error.to_string()))?;
         let base = whole.parent().map(Path::to_path_buf).unwrap_or_default();
-        Self::examine_text(&source, &text, &base)
+        Self::parse_text_and_collect_mistakes(&source, &text, &base)
     }
 
     /// Reads what can be read of a file's text; `source` is its name in messages, relative paths count from `base`.
     ///
     /// # Errors
     /// [`ConfigError`] where it is no TOML.
-    fn examine_text(source: &str, text: &str, base: &Path) -> Result<ExaminedConfig, ConfigError> {
+    fn parse_text_and_collect_mistakes(source: &str, text: &str, base: &Path) -> Result<ExaminedConfig, ConfigError> {
         let line_at = |offset: usize| text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1;
         let error = |mistakes| ConfigError { source: source.into(), mistakes };
         let document = DeTable::parse(text).map_err(|wrong| {
@@ -158,7 +158,7 @@ impl ConfigFile {
         let mut has_version = false;
         for (name, value) in document.get_ref() {
             let line = line_at(name.span().start);
-            match read_key_unless_version(name.get_ref(), value, base) {
+            match read_key_value_and_message_text_unless_version(name.get_ref(), value, base) {
                 Ok(Some((key, given, text))) => settings.push(Setting { key, line, given, text }),
                 Ok(None) => has_version = true,
                 Err(text) => {
@@ -208,7 +208,7 @@ impl ConfigFile {
         // What the start only warns of is a mistake of the file all the same.
         serve::find_start_mistakes(&options)
             .into_iter()
-            .chain(serve::find_certificate_date_warnings(&options))
+            .chain(serve::list_certificate_date_warnings_by_config_key(&options))
             .map(of)
             .collect()
     }
@@ -249,12 +249,12 @@ struct KeyWithOrigin {
 }
 
 /// A key with its value and the value as people read it; nothing for the version; or what is wrong.
-fn read_key_unless_version(
+fn read_key_value_and_message_text_unless_version(
     name: &str,
     value: &Spanned<DeValue<'_>>,
     base: &Path,
 ) -> Result<Option<(&'static Key, GivenValue, String)>, String> {
-    let (given, told) = read_value(value.get_ref());
+    let (given, told) = convert_toml_value_and_format_for_messages(value.get_ref());
     if name == "version" {
         let is_known = matches!(given, GivenValue::Number(number) if number.total_cmp(&VERSION).is_eq());
         return if is_known { Ok(None) } else { Err(format!("version is {told}, but must be {VERSION}")) };
@@ -279,7 +279,7 @@ fn read_key_unless_version(
 }
 
 /// A value, and how messages write it.
-fn read_value(value: &DeValue<'_>) -> (GivenValue, String) {
+fn convert_toml_value_and_format_for_messages(value: &DeValue<'_>) -> (GivenValue, String) {
     match value {
         DeValue::String(text) => (GivenValue::Text(text.to_string()), format!("{text:?}")),
         DeValue::Boolean(flag) => (GivenValue::Flag(*flag), flag.to_string()),
@@ -333,7 +333,7 @@ pub fn run_config(options: &Config) -> Outcome {
 }
 
 fn check_config_file(options: &ConfigCheck) -> Outcome {
-    let found = ConfigFile::examine_file(&options.file).and_then(|mut found| {
+    let found = ConfigFile::read_file_and_collect_mistakes(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
         let file = &found.file;
         if let Err(Failure::Usage(text) | Failure::Failed(text)) =
@@ -399,7 +399,7 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<ConfigFile, ConfigError> {
-        ConfigFile::examine_text("era.toml", text, Path::new("/etc/era"))?.into_file_if_sound()
+        ConfigFile::parse_text_and_collect_mistakes("era.toml", text, Path::new("/etc/era"))?.into_file_if_sound()
     }
 
     #[test]

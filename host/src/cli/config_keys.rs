@@ -112,7 +112,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tolerance",
-        help: "Relative tolerance of the model, in place of accuracy",
+        help: "Relative tolerance of the model, in place of the key accuracy",
         allowed: "a number from 1e-8 to 0.1",
         default: "the tolerance that the key accuracy names",
         example: "1e-3",

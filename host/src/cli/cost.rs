@@ -75,7 +75,7 @@ impl Cost {
         if accuracy.time_limit().is_some() {
             return Ok(None);
         }
-        let mut cost = Self::new(scene, accuracy, max_hz, mode_range_over_max_frequency(scene, max_hz))?;
+        let mut cost = Self::new(scene, accuracy, max_hz, ratio_of_highest_mode_to_max_frequency(scene, max_hz))?;
         cost.operations += LEVELS.len() as f64 * cost.count_sweep_operations(scene, frequency_count, point_count);
         Ok(Some(Self { responses: Some((frequency_count, point_count)), ..cost }))
     }
@@ -85,7 +85,8 @@ impl Cost {
     /// # Errors
     /// As [`Cost::estimate_for_modes_unless_time_limited`].
     pub fn estimate_for_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Self, ModelError> {
-        let mut cost = Self::new(scene, accuracy, options.to_hz, mode_range_over_max_frequency(scene, options.to_hz))?;
+        let mut cost =
+            Self::new(scene, accuracy, options.to_hz, ratio_of_highest_mode_to_max_frequency(scene, options.to_hz))?;
         let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::count_points(scene, options.to_hz));
         let entries = (frequencies * scene.actuators.len()) as f64;
         cost.operations += cost.count_sweep_operations(scene, frequencies, points) + PER_ENTRY * entries;
@@ -165,7 +166,7 @@ fn round_to_digits_or_integer_below_one(value: f64, digits: i32) -> f64 {
 }
 
 /// How far a reduced model's modes go, as a multiple of the highest frequency.
-fn mode_range_over_max_frequency(scene: &Scene, max_hz: f64) -> f64 {
+fn ratio_of_highest_mode_to_max_frequency(scene: &Scene, max_hz: f64) -> f64 {
     BEYOND_REDUCED * if has_many_modes_below(scene, max_hz) { 0.5 } else { 1.0 }
 }
 

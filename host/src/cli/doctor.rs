@@ -3,8 +3,9 @@
 use super::args::Serve;
 use super::client::DaemonContact;
 use super::config::ConfigFile;
+use super::headings::{CHECKED, DAEMON};
 use super::serve::listen_place_or_default;
-use super::token::read_token;
+use super::token::read_token_from_file_or_else_environment;
 use super::values::{parse_outgoing_http_proxy, parse_url};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::certificate::read_certificates;
@@ -26,29 +27,29 @@ pub struct Doctor {
     /// The device to check: auto (finds the connected board), the path of a serial port, or sim or emulated, which need
     /// no hardware. The doctor opens no other serial port [default: the device in the configuration, or the board that
     /// the doctor finds by its USB identity]
-    #[arg(long, value_name = "DEVICE")]
+    #[arg(long, value_name = "DEVICE", help_heading = CHECKED)]
     pub device: Option<Target>,
     /// The daemon's configuration file; the doctor checks the file, and the device and the address in it
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = CHECKED)]
     pub config: Option<PathBuf>,
     /// A scene file to check
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = CHECKED)]
     pub scene: Option<PathBuf>,
     /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: the address in the
     /// configuration, or http://127.0.0.1:7878]
-    #[arg(long, value_name = "URL", value_parser = parse_url)]
+    #[arg(long, value_name = "URL", value_parser = parse_url, help_heading = DAEMON)]
     pub url: Option<String>,
     /// File with the token, if the daemon needs a token; or put the token into the environment variable ERA_TOKEN
     /// [default: the token file of the configuration]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = DAEMON)]
     pub token_file: Option<PathBuf>,
     /// File with the trusted certificate in PEM for the connection to the daemon [default: the certificate of the
     /// configuration]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = DAEMON)]
     pub ca: Option<PathBuf>,
     /// HTTP proxy for the connection to the daemon (method CONNECT), such as http://HOST:PORT; proxy variables of the
     /// environment are ignored
-    #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy)]
+    #[arg(long, value_name = "URL", value_parser = parse_outgoing_http_proxy, help_heading = DAEMON)]
     pub proxy: Option<HostPort>,
     /// Print JSON
     #[arg(long)]
@@ -92,7 +93,7 @@ fn format_findings(findings: &[Finding]) -> String {
 /// Looks at everything. Only a port that is the board's or named is opened, and only if nobody else has it open.
 fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
     let root = Path::new("/");
-    let (config, serve) = read_configuration(options);
+    let (config, serve) = examine_config_file_and_read_serve_options(options);
     let wanted = match options.device.as_ref().or(serve.device.as_ref()) {
         None => Wanted::Any,
         Some(Target::Auto) => Wanted::Board,
@@ -158,11 +159,11 @@ fn find_url_and_ask_daemon(options: &Doctor, serve: &Serve) -> Result<(String, D
     // A certificate of the configuration that is not there, not for this user, or none need not be: it is said what is missing.
     let ca = options.ca.clone().or_else(|| configured.filter(|file| read_certificates(file).is_ok()));
     let token = match (&options.token_file, &serve.token_file) {
-        (Some(named), _) => read_token(Some(named))?,
+        (Some(named), _) => read_token_from_file_or_else_environment(Some(named))?,
         (None, Some(configured)) if std::env::var_os(TOKEN_VARIABLE).is_none() => {
-            read_token(Some(configured)).ok().flatten()
+            read_token_from_file_or_else_environment(Some(configured)).ok().flatten()
         }
-        (None, _) => read_token(None)?,
+        (None, _) => read_token_from_file_or_else_environment(None)?,
     };
     let contact = DaemonContact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
     let way = daemon::WayToDaemon { has_ca: ca.is_some(), has_proxy: options.proxy.is_some() };
@@ -176,7 +177,7 @@ fn is_same_file(one: &str, other: &str) -> bool {
 }
 
 /// The configuration file, and what it makes the daemon use.
-fn read_configuration(options: &Doctor) -> (Option<File>, Serve) {
+fn examine_config_file_and_read_serve_options(options: &Doctor) -> (Option<File>, Serve) {
     let Some(path) = &options.config else { return (None, Serve::default()) };
     let (mistake, serve) = match ConfigFile::read(path) {
         Ok(file) => {

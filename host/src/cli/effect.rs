@@ -1,13 +1,14 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args_effect::EffectOptions;
-use super::effect_file::read_and_print_effect_file;
+use super::effect_file::design_effect_file_for_panel_and_print;
 use super::panel::{
-    collect_plan_bounds, make_target_from_at_option, prepare_table_with_fingers_at_places, tell_plan_bounds,
+    collect_plan_bounds, make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places,
+    tell_missing_or_exceeded_plan_bounds,
 };
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{
-    self, DesignError, EffectRequest, Intensity, design_effect_with_windows, intensity,
+    self, DesignError, EffectRequest, Intensity, design_effect_of_windows_if_click_else_of_drives, intensity,
     plan_request_with_intensity_for_targets_without_one,
 };
 use crate::model::Bound;
@@ -20,7 +21,7 @@ use std::time::Instant;
 
 pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(path) = &options.from_file.file {
-        return read_and_print_effect_file(options, path);
+        return design_effect_file_for_panel_and_print(options, path);
     }
     if let Some(option) = options.from_file.find_option_without_file() {
         return Err(Failure::usage_error(format!("{option} is given, but is allowed only with --file")));
@@ -40,8 +41,12 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     };
     request.build_envelope().map_err(Failure::usage_error)?;
     let target = make_target_from_at_option(&scene, &options.at)?;
-    let table =
-        prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
+    let table = prepare_table_with_scene_finger_if_any_at_places(
+        &options.panel,
+        options.keep,
+        &scene,
+        &[(target.x_m, target.y_m)],
+    )?;
     let rise = PanelPoles::find_poles_if_converged(&table.model)
         .ok_or(DesignError::Unbounded)
         .map_err(Failure::runtime_error)?;
@@ -53,16 +58,17 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         wanted,
     )?;
     let started = Instant::now();
-    let click = ClickOptions { with_figures_for_comparison: true, ..request.click_options() };
-    let design = design_effect_with_windows(&table, &rise, &plan, request, click).map_err(Failure::runtime_error)?;
+    let click = ClickOptions { with_best_possible: true, ..request.click_options() };
+    let design = design_effect_of_windows_if_click_else_of_drives(&table, &rise, &plan, request, click)
+        .map_err(Failure::runtime_error)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let shape = intensity::mode_shape_values_at_point_or_on_bar_axis(&table, target.x_m, target.y_m);
     let drives = intensity::list_switched_forces_of_plan(&table, &plan);
     let accuracy = options.panel.accuracy()?;
-    tell_plan_bounds(&[&plan], accuracy, options.panel.explain);
+    tell_missing_or_exceeded_plan_bounds(&[&plan], accuracy, options.panel.explain);
     let (timing, level_db) = (
         rise.find_rise_and_decay_times(&shape, &drives),
-        intensity::plan_level_above_threshold_if_any_motion_db(&rise, &shape, &drives),
+        intensity::level_above_threshold_at_point_if_any_motion_db(&rise, &shape, &drives),
     );
     if options.json {
         let mut answer = json!(effects::view::EffectView::new(&design));
@@ -70,7 +76,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
         answer["plan"] = json!(plan);
         answer["tolerance"] = json!(accuracy.relative_tolerance_or_tightest());
         answer["tolerance_met"] =
-            json!(Bound::all_meet_tolerance_if_decidable(&collect_plan_bounds(&[&plan]), accuracy));
+            json!(Bound::all_meet_tolerance_if_given_and_decidable(&collect_plan_bounds(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         // The same as the daemon says it.
         answer["times"] = json!(crate::planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan));
@@ -109,7 +115,7 @@ pub fn design_and_print_effect(options: &EffectOptions) -> Outcome {
     if let Some(best_g) = predicted.best_possible_g {
         let _ = write!(
             text,
-            "\nstrongest crisp click that these actuators could make within 30 ms with freely chosen forces: \
+            "\nstrongest crisp click with free forces (for 30 ms, each up to that of an electrode with the mass at rest): \
              {best_g:.3} g"
         );
     }

@@ -1,7 +1,7 @@
 //! `era effect --file`: what is read of an effect file, and what a panel makes of it.
 
 use super::args_effect::EffectOptions;
-use super::panel::{make_target_from_at_option, prepare_table_with_fingers_at_places};
+use super::panel::{make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
 use crate::effect_files::panel::{
@@ -40,16 +40,16 @@ impl From<ReadError> for Failure {
     }
 }
 
-pub fn read_and_print_effect_file(options: &EffectOptions, path: &Path) -> Outcome {
+pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Path) -> Outcome {
     let scene = options.panel.load_scene()?;
-    let list = read_effect_bytes(&read_file_up_to_limit(path)?, options.from_file.format)?;
+    let list = read_effect_bytes(&read_file_cut_one_byte_over_limit(path)?, options.from_file.format)?;
     let (parts, warnings) = cut_events_into_parts(&list)?;
     let target = make_target_from_at_option(&scene, &options.at)?;
     let touched_m = (target.x_m, target.y_m);
     let mut places_m: Vec<(f64, f64)> = parts.iter().map(|part| place_of_part_m(part, touched_m)).collect();
     places_m.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     places_m.dedup();
-    let table = prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &places_m)?;
+    let table = prepare_table_with_scene_finger_if_any_at_places(&options.panel, options.keep, &scene, &places_m)?;
     let poles = PanelPoles::find_poles_if_converged(&table.model)
         .ok_or(DesignError::Unbounded)
         .map_err(Failure::runtime_error)?;
@@ -64,11 +64,11 @@ pub fn read_and_print_effect_file(options: &EffectOptions, path: &Path) -> Outco
         answer["events"] = json!(list.events);
         return print_json(&answer);
     }
-    print_text(&describe_reading(path, &view))
+    print_text(&format_effect_file_report(path, &view))
 }
 
 /// A file, unless it is larger than any format allows.
-fn read_file_up_to_limit(path: &Path) -> Result<Vec<u8>, Failure> {
+fn read_file_cut_one_byte_over_limit(path: &Path) -> Result<Vec<u8>, Failure> {
     let failed = |error: std::io::Error| Failure::runtime_error(format!("cannot read {}: {error}", path.display()));
     let mut bytes = Vec::new();
     // One byte more shows that it is too large.
@@ -103,7 +103,7 @@ fn export_acceleration(
         .map_err(|error| Failure::runtime_error(format!("cannot write {}: {error}", export.display())))
 }
 
-fn describe_reading(path: &Path, view: &ReadingView) -> String {
+fn format_effect_file_report(path: &Path, view: &ReadingView) -> String {
     let mut text = format!(
         "{}: {} events in {:.0} ms, file format {}",
         view.name.clone().unwrap_or_else(|| path.display().to_string()),

@@ -73,7 +73,7 @@ fn describe_modelled_scene(scene: &Scene) -> String {
 
 /// The whole text.
 #[must_use]
-pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
+pub fn explain_model_scope_and_mesh_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[RefinementLevel]) -> String {
     let mut text = describe_modelled_scene(scene);
     text.push_str(
         "\nnot modelled: shear and rotary inertia, stretching in the plane, the air except where it is listed above, \
@@ -125,7 +125,7 @@ mod tests {
     fn every_step_and_every_part_is_told() {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 300.0).unwrap();
-        let text = explain_accuracy(&scene, Accuracy::BALANCED, &found.steps);
+        let text = explain_model_scope_and_mesh_accuracy(&scene, Accuracy::BALANCED, &found.steps);
         for piece in ["a beam", "2 grounded ERAs", "hysteretic", "not modelled: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
@@ -133,7 +133,7 @@ mod tests {
         let mut lossy = scene.clone();
         lossy.supports.extend(Scene::parse("plate", crate::scene::STARTING_PLATE).unwrap().supports);
         lossy.supports[1].loss_factor = 0.3;
-        let text_of_lossy = explain_accuracy(&lossy, Accuracy::BALANCED, &found.steps);
+        let text_of_lossy = explain_model_scope_and_mesh_accuracy(&lossy, Accuracy::BALANCED, &found.steps);
         assert!(text_of_lossy.contains(", 1 supports and edges with a loss factor"), "{text_of_lossy}");
         assert!(!text.contains("loss factor"), "{text}");
         let last = found.steps.last().unwrap();

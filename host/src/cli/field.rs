@@ -4,7 +4,8 @@ use super::args::At;
 use super::args_field::Field;
 use super::output::write_text_file;
 use super::panel::{
-    make_target_from_at_option, prepare_table_with_fingers_at_places, tell_missing_or_exceeded_bounds, tell_plan_bounds,
+    make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_bounds,
+    tell_missing_or_exceeded_plan_bounds,
 };
 use super::progress::run_with_progress;
 use super::told::tell;
@@ -43,13 +44,13 @@ pub fn run_field(options: &Field) -> Outcome {
     let scene = options.panel.load_scene()?;
     let target = make_target_from_at_option(&scene, &at)?;
     let touched = [(target.x_m, target.y_m)];
-    let table = prepare_table_with_fingers_at_places(&options.panel, options.keep, &scene, &touched)?;
+    let table = prepare_table_with_scene_finger_if_any_at_places(&options.panel, options.keep, &scene, &touched)?;
     let plan = table.plan(&[target])?;
     let field = maps::PeakField::from_plan(&table, &plan);
     let bound = crate::planner::plan::bound_field_error_relative_to_largest_peak(&table, &plan);
     let accuracy = options.panel.accuracy()?;
     tell_missing_or_exceeded_bounds(&[bound], accuracy);
-    tell_plan_bounds(&[&plan], accuracy, options.panel.explain);
+    tell_missing_or_exceeded_plan_bounds(&[&plan], accuracy, options.panel.explain);
     if let Some(path) = &options.png {
         reach::tell_picture_written(
             path,
@@ -76,7 +77,7 @@ pub fn run_field(options: &Field) -> Outcome {
         map["max_g"] = json!(field.peak_g.iter().flatten().copied().fold(0.0, f64::max));
         let mut answer = json!({
             "plan": plan, "field": map, "error_bound": bound.limit_if_known(), "tolerance": accuracy.relative_tolerance_or_tightest(),
-            "tolerance_met": Bound::all_meet_tolerance_if_decidable(&[bound], accuracy),
+            "tolerance_met": Bound::all_meet_tolerance_if_given_and_decidable(&[bound], accuracy),
         });
         if let Some(off) = off {
             answer["off"] = json!(off);

@@ -74,7 +74,9 @@ fn describe_click_map(map: &ClickMap) -> String {
         let place = format_place([weakest.x_mm, weakest.y_mm]);
         let _ = write!(text, "\nlowest peak: {:.3} g at {place}", weakest.peak_g);
     }
-    let median = map.compute_median_quiet_time_ms().map_or_else(|| "never".to_owned(), |ms| format!("{ms:.1} ms"));
+    let median = map
+        .median_time_until_quiet_ms_unless_half_never_quiet()
+        .map_or_else(|| "never".to_owned(), |ms| format!("{ms:.1} ms"));
     let _ = write!(text, "\nquiet time (median): {median}");
     let mut rest: Vec<&PlaceClick> = map.places().filter(|place| !place.crisp).collect();
     let quiet_ms = |place: &PlaceClick| place.quiet_ms.unwrap_or(f64::INFINITY);

@@ -45,8 +45,8 @@ pub fn run_flash(options: &Flash) -> Outcome {
         path.display()
     );
     let job = FlashJob { options, path, image };
-    let way = job.choose_probe_if_connected_else_dfu()?;
-    let board = job.open_idle_board_unless_none_found(way)?;
+    let way = job.choose_requested_way_or_probe_if_usable_else_dfu()?;
+    let board = job.open_idle_board_unless_none_runs_firmware(way)?;
     let (before, first_stage_replaced) = match way {
         FlashWay::Probe => (job.flash_by_probe_and_get_previous_firmware(board)?, None),
         FlashWay::Dfu => {
@@ -54,7 +54,7 @@ pub fn run_flash(options: &Flash) -> Outcome {
             (previous_firmware, Some(was_first_stage_replaced))
         }
     };
-    let runs = job.await_and_check_new_firmware()?;
+    let runs = job.await_new_firmware_false_if_no_board_answers()?;
     if options.json {
         return print_json(&json!({
             "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_to_json(job.image.header.firmware)},
@@ -83,7 +83,7 @@ struct FlashJob<'a> {
 
 impl FlashJob<'_> {
     /// A probe, if there is one; else USB.
-    fn choose_probe_if_connected_else_dfu(&self) -> Result<FlashWay, Failure> {
+    fn choose_requested_way_or_probe_if_usable_else_dfu(&self) -> Result<FlashWay, Failure> {
         if self.options.dfu {
             return Ok(FlashWay::Dfu);
         }
@@ -100,7 +100,7 @@ impl FlashJob<'_> {
 
     /// The board, if its firmware answers. Where its port is not named, none need answer: it may be in its bootloader, or
     /// without a firmware.
-    fn open_idle_board_unless_none_found(&self, way: FlashWay) -> Result<Option<Board>, Failure> {
+    fn open_idle_board_unless_none_runs_firmware(&self, way: FlashWay) -> Result<Option<Board>, Failure> {
         let waiting = way == FlashWay::Dfu && usb::find_bootloader().map_err(Failure::runtime_error)?.is_some();
         match &self.options.port {
             Some(_) if waiting => Err(Failure::runtime_error(
@@ -214,7 +214,7 @@ impl FlashJob<'_> {
     }
 
     /// Waits for the new firmware; whether it answers. Over which port it would is not known if none was named.
-    fn await_and_check_new_firmware(&self) -> Result<bool, Failure> {
+    fn await_new_firmware_false_if_no_board_answers(&self) -> Result<bool, Failure> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
             Ok(board) if board.identity.firmware == self.image.header.firmware => {

@@ -2,6 +2,7 @@
 
 use super::args::Serve;
 use super::config::{self, ConfigFile};
+use super::headings::{ACCESS, FILES, SERVICE};
 use super::told::tell;
 use super::{Failure, Outcome, print_text};
 use crate::daemon::Recorder;
@@ -23,35 +24,35 @@ pub enum Part {
 #[derive(Clone, Debug, Args)]
 pub struct Install {
     /// Install a service of this user instead of a system service; omit the udev rule, which needs root
-    #[arg(long)]
+    #[arg(long, help_heading = SERVICE)]
     pub user: bool,
-    /// Install or remove only one of the two files
-    #[arg(long, value_name = "PART", value_enum)]
-    pub only: Option<Part>,
-    /// The service's configuration file [default: /etc/era/era.toml, with --user ~/.config/era/era.toml]
-    #[arg(long, value_name = "FILE")]
+    /// The service's configuration file [default: /etc/era/era.toml; if --user is given: ~/.config/era/era.toml]
+    #[arg(long, value_name = "FILE", help_heading = SERVICE)]
     pub config: Option<PathBuf>,
     /// The program that the service runs [default: this program]
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", help_heading = SERVICE)]
     pub program: Option<PathBuf>,
     /// The group of users who may drive the board
-    #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group_name)]
+    #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group_name, help_heading = ACCESS)]
     pub group: String,
     /// The group of users who may write the board's firmware [default: none, so only root may write it]
-    #[arg(long, value_name = "NAME", value_parser = parse_group_name)]
+    #[arg(long, value_name = "NAME", value_parser = parse_group_name, help_heading = ACCESS)]
     pub flash_group: Option<String>,
-    /// Write below this folder in place of /, for packages
-    #[arg(long, value_name = "DIR")]
-    pub root: Option<PathBuf>,
     /// Print the files, and write nothing
-    #[arg(long, conflicts_with = "remove")]
+    #[arg(long, conflicts_with = "remove", help_heading = FILES)]
     pub print: bool,
+    /// Install or remove only one of the two files
+    #[arg(long, value_name = "PART", value_enum, help_heading = FILES)]
+    pub only: Option<Part>,
     /// Remove the installed files
-    #[arg(long)]
+    #[arg(long, help_heading = FILES)]
     pub remove: bool,
     /// Also overwrite or remove files that this command did not write
-    #[arg(long)]
+    #[arg(long, help_heading = FILES)]
     pub force: bool,
+    /// Write below this folder in place of /, for packages
+    #[arg(long, value_name = "DIR", help_heading = FILES)]
+    pub root: Option<PathBuf>,
 }
 
 /// A name that neither udev nor systemd takes for something else.

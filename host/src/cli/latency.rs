@@ -21,7 +21,11 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
     let (scene, text) = options.panel.load_scene_and_text()?;
     let table = load_or_compute_plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
-    let sim = device.sim_control_if_simulated().ok_or_else(|| Failure::runtime_error("no simulated device"))?;
+    let sim = device.sim_control_if_simulated().ok_or_else(|| {
+        Failure::runtime_error(
+            "the device that `era latency` opened is not the simulated device: please report this message",
+        )
+    })?;
     let app = App::new(table, device, text).map_err(Failure::runtime_error)?;
     let daemon = BackgroundDaemon::start(app).map_err(Failure::runtime_error)?;
     let base = format!("http://{}", daemon.address());
@@ -123,7 +127,7 @@ fn await_device_state(
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Err(Failure::runtime_error(format!("the simulated device did not {what} within 10 s")))
+    Err(Failure::runtime_error(format!("within 10 s, the simulated device did not {what}")))
 }
 
 struct LatencyFigures {

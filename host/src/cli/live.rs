@@ -48,8 +48,9 @@ pub fn open_live_socket(daemon: &DaemonOptions, query: &str) -> Result<Socket, F
         }
         Err(HandshakeError::Failure(Error::Io(error))) => {
             let error = ureq::Error::Io(error);
-            let told = RequestTrouble::from_request_error(&error, &daemon.url, daemon.proxy.is_some())
-                .describe_with_advice(&daemon.url, daemon.ca.is_some());
+            let told =
+                RequestTrouble::find_trouble_probing_address_for_tls(&error, &daemon.url, daemon.proxy.is_some())
+                    .describe_with_advice(&daemon.url, daemon.ca.is_some());
             Err(told.map_or_else(|| failed(&error), |(found, advice)| failed(&format!("{found}: {advice}"))))
         }
         Err(error) => Err(failed(&error)),

@@ -7,6 +7,7 @@ mod args;
 mod args_board;
 mod args_effect;
 mod args_field;
+mod args_panel;
 mod args_study;
 mod client;
 mod command;
@@ -230,8 +231,10 @@ fn print_text(text: &str) -> Outcome {
 
 #[cfg(test)]
 mod tests {
+    use super::headings::{BAND, DAEMON, EFFECT, MODEL, PLANNER, TOUCH};
     use super::*;
     use clap::CommandFactory;
+    use std::collections::{BTreeMap, BTreeSet};
 
     /// Every command's text for `--help` and for `-h`, with those of its subcommands.
     fn helps(command: &mut clap::Command) -> Vec<String> {
@@ -252,6 +255,37 @@ mod tests {
             for link in ["[`", "`]", "](", "::"] {
                 assert!(!line.contains(link), "{link} in {line:?}");
             }
+        }
+    }
+
+    /// A group of options that is flattened into a command leaves its heading to all options after it: each of these must
+    /// name its own.
+    #[test]
+    fn options_are_under_the_headings_that_are_theirs() {
+        let program = command::Arguments::command();
+        let mut groups: BTreeMap<(&str, &str), BTreeSet<&str>> = BTreeMap::new();
+        for command in program.get_subcommands() {
+            for option in command.get_arguments() {
+                let Some(heading) = option.get_help_heading() else { continue };
+                let (command, name) = (command.get_name(), option.get_id().as_str());
+                assert!(!option.is_positional(), "era {command}: the argument {name} is under {heading}");
+                groups.entry((command, heading)).or_default().insert(name);
+            }
+        }
+        for ((command, heading), names) in &groups {
+            assert!(names.len() > 1, "era {command}, {heading}: {names:?}");
+        }
+        for (heading, wanted) in [
+            (MODEL, "accuracy explain no_cache scene tolerance within"),
+            (BAND, "at from grid max_hz step to unit"),
+            (TOUCH, "at duration_ms intensity_db intensity_g spread unit"),
+            (EFFECT, "count crisp_ms duration_ms effect file format period_ms prefer"),
+            (PLANNER, "also grouping objective quiet spread trade weigh window zone"),
+            (DAEMON, "ca proxy token_file url"),
+        ] {
+            let with_heading = groups.iter().filter(|((_, own), _)| *own == heading);
+            let names: BTreeSet<&str> = with_heading.flat_map(|(_, names)| names.iter().copied()).collect();
+            assert_eq!(names.into_iter().collect::<Vec<_>>().join(" "), wanted, "{heading}");
         }
     }
 }

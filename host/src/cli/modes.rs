@@ -1,6 +1,6 @@
 //! `era modes`: frequencies, damping ratios and shapes.
 
-use super::args::Modes as Options;
+use super::args_panel::Modes as Options;
 use super::cost::Cost;
 use super::output::write_text_file;
 use super::panel::{
@@ -61,7 +61,7 @@ pub fn run_modes(options: &Options) -> Outcome {
             .collect();
         let mut answer = json!({
             "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": accuracy.tolerance_unless_time_limit_given(),
-            "tolerance_met": Bound::all_meet_tolerance_if_decidable(&found.bounds, accuracy), "modes": list,
+            "tolerance_met": Bound::all_meet_tolerance_if_given_and_decidable(&found.bounds, accuracy), "modes": list,
         });
         if let Some(laminate) = scene.surface.laminate_if_layered() {
             answer["layers"] = laminate_totals_to_json(&scene, &laminate);

@@ -18,7 +18,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(50);
 pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
     let target = options.port.clone().unwrap_or(Target::Auto);
     if !options.probe
-        && let Some(taken) = find_port_holder(&target)
+        && let Some(taken) = describe_port_holders_with_advice_if_any(&target)
     {
         return Err(Failure::Failed(taken));
     }
@@ -56,7 +56,7 @@ pub fn decode_and_print_board_log(options: &Monitor) -> Outcome {
 }
 
 /// Who has the port, if somebody has: two programs at one port take each other's bytes.
-fn find_port_holder(target: &Target) -> Option<String> {
+fn describe_port_holders_with_advice_if_any(target: &Target) -> Option<String> {
     let port = match target {
         Target::Serial(path) => path.clone(),
         Target::Auto => machine::list_ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,

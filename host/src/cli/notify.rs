@@ -11,7 +11,9 @@ use tokio::runtime::Handle;
 pub fn notify_ready(runtime: &Handle, status: &str, is_alive: impl Fn() -> bool + Send + 'static) {
     send_to_service_manager(&[NotifyState::Status(status), NotifyState::Ready]);
     if let Some(limit) = sd_notify::watchdog_enabled().filter(|limit| !limit.is_zero()) {
-        runtime.spawn(notify_while_alive(limit / 2, is_alive, || send_to_service_manager(&[NotifyState::Watchdog])));
+        runtime.spawn(notify_forever_skipping_periods_when_not_alive(limit / 2, is_alive, || {
+            send_to_service_manager(&[NotifyState::Watchdog])
+        }));
     }
 }
 
@@ -21,7 +23,11 @@ pub async fn notify_stopping_after(shutdown: impl Future<Output = ()>) {
     send_to_service_manager(&[NotifyState::Stopping]);
 }
 
-async fn notify_while_alive(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
+async fn notify_forever_skipping_periods_when_not_alive(
+    period: Duration,
+    is_alive: impl Fn() -> bool,
+    tell: impl Fn(),
+) {
     let mut interval = tokio::time::interval(period);
     interval.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut was_alive = true;
@@ -61,9 +67,10 @@ mod tests {
         // Alive, dead for two ticks, alive again.
         let is_alive = move || !(1..3).contains(&asks.fetch_add(1, Ordering::Relaxed));
         runtime.block_on(async {
-            let ticking = notify_while_alive(Duration::from_millis(5), is_alive, move || {
-                tells.fetch_add(1, Ordering::Relaxed);
-            });
+            let ticking =
+                notify_forever_skipping_periods_when_not_alive(Duration::from_millis(5), is_alive, move || {
+                    tells.fetch_add(1, Ordering::Relaxed);
+                });
             assert!(tokio::time::timeout(Duration::from_millis(100), ticking).await.is_err());
         });
         let (asked, told) = (asked.load(Ordering::Relaxed), told.load(Ordering::Relaxed));

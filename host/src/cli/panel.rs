@@ -1,8 +1,9 @@
 //! Commands that study a panel: response, field; and what others need of a panel.
 
-use super::args::{At, Band, CacheOptions, PanelOptions, Response, Unit};
+use super::args::{At, CacheOptions, PanelOptions, Unit};
+use super::args_panel::{Band, Response};
 use super::cost::Cost;
-use super::explain::explain_accuracy;
+use super::explain::explain_model_scope_and_mesh_accuracy;
 use super::progress::{run_with_progress, run_with_progress_and_expected_cost};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
@@ -98,7 +99,7 @@ pub fn tell_refinement_steps_if_asked(
     steps: &[RefinementLevel],
 ) {
     if panel.explain {
-        tell!("{}", explain_accuracy(scene, accuracy, steps));
+        tell!("{}", explain_model_scope_and_mesh_accuracy(scene, accuracy, steps));
     }
 }
 
@@ -123,7 +124,7 @@ pub fn tell_missing_or_exceeded_bounds(bounds: &[Bound], accuracy: Accuracy) {
 
 /// Says on standard error where the bound on a plan's peak is missing or above what was asked for; with `--explain` also that it
 /// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
-pub fn tell_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
+pub fn tell_missing_or_exceeded_plan_bounds(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
             "the model error has no known bound (error_bound is null). Possible causes: the drives do not move the \
@@ -162,7 +163,12 @@ pub fn run_response(options: &Response) -> Outcome {
     let cost =
         Cost::estimate_for_responses_unless_time_limited(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
     let found = run_with_progress_and_expected_cost("computing the response", cost, || {
-        response::compute_curves_with_error_bounds(&scene, accuracy, (x_m, y_m), &frequencies_hz)
+        response::compute_acceleration_curves_per_newton_with_error_bounds(
+            &scene,
+            accuracy,
+            (x_m, y_m),
+            &frequencies_hz,
+        )
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let curves = &found.answer;
@@ -187,7 +193,7 @@ pub fn run_response(options: &Response) -> Outcome {
         let bound = found.bounds.iter().map(|bound| bound.limit_if_known()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
             "dofs": found.model.count_unknowns(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.tolerance_unless_time_limit_given(),
-            "tolerance_met": Bound::all_meet_tolerance_if_decidable(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
+            "tolerance_met": Bound::all_meet_tolerance_if_given_and_decidable(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
     print_text(&format_response_csv(&scene, &frequencies_hz, curves, &found.bounds))
@@ -276,12 +282,12 @@ pub fn load_or_compute_plan_table(
 
 /// The planner's table for what is steady. If the table of all frequencies is stored, it is that one; otherwise it has the ends of the band only,
 /// because what is steady depends on no frequency, and a table of all of them takes minutes on large panels.
-pub fn load_or_compute_static_plan_table(
+pub fn load_full_plan_table_or_compute_band_ends_only(
     panel: &PanelOptions,
     keep: CacheOptions,
     scene: &Scene,
 ) -> Result<PlanTable, Failure> {
-    let (whole, cache) = (TableOptions::default(), keep.open_table_cache_unless_disabled());
+    let (whole, cache) = (TableOptions::default(), keep.open_table_cache_unless_disabled_or_without_folder());
     if cache::has_table_file(cache.as_ref(), scene, panel.accuracy()?, whole) {
         return load_or_compute_plan_table(panel, keep, scene);
     }
@@ -295,7 +301,12 @@ pub fn load_or_compute_plan_table_with_origin(
     keep: CacheOptions,
     scene: &Scene,
 ) -> Result<Prepared, Failure> {
-    prepare_table_showing_progress(panel, keep.open_table_cache_unless_disabled(), scene, TableOptions::default())
+    prepare_table_showing_progress(
+        panel,
+        keep.open_table_cache_unless_disabled_or_without_folder(),
+        scene,
+        TableOptions::default(),
+    )
 }
 
 fn prepare_table_showing_progress(
@@ -325,7 +336,7 @@ fn prepare_table_showing_progress(
 }
 
 /// The planner's table for touches of these places (m): of the panel with the scene's finger on them, where it has one.
-pub fn prepare_table_with_fingers_at_places(
+pub fn prepare_table_with_scene_finger_if_any_at_places(
     panel: &PanelOptions,
     keep: CacheOptions,
     scene: &Scene,

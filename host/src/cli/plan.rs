@@ -2,10 +2,10 @@
 
 use super::args::{At, CacheOptions, PanelOptions, Unit};
 use super::args_field::{Corners, parse_zone_corners};
-use super::headings::{PLANNER, TOUCH};
+use super::headings::{NO_HEADING, PLANNER, TOUCH};
 use super::panel::{
     collect_plan_bounds, convert_point_option_to_m, load_or_compute_plan_table, make_target_from_at_option,
-    prepare_table_with_fingers_at_places, tell_plan_bounds,
+    prepare_table_with_scene_finger_if_any_at_places, tell_missing_or_exceeded_plan_bounds,
 };
 use super::progress::run_with_progress;
 use super::reach::convert_zone_to_region;
@@ -54,7 +54,7 @@ pub struct PlanOptions {
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = NO_HEADING)]
     pub json: bool,
 }
 
@@ -89,7 +89,7 @@ pub fn run_plan(options: &PlanOptions) -> Outcome {
     let request = make_request(&scene, options)?;
     let windows = list_target_windows(options);
     let spans = windows.map(|windows| cut_windows_into_spans(&windows)).transpose()?;
-    let fingers = list_finger_places_m(&request);
+    let fingers = list_modelled_finger_places_m_empty_for_reach(&request);
     let table = prepare_request_table_refusing_finger_with_windows(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
     let mut answer = run_with_progress("planning", || {
@@ -100,8 +100,8 @@ pub fn run_plan(options: &PlanOptions) -> Outcome {
         tell!("{}", super::plan_explain::format_explanation(explanation));
     }
     let plans = list_plans(&answer);
-    tell_plan_bounds(&plans, accuracy, options.panel.explain);
-    answer.tolerance_met = Bound::all_meet_tolerance_if_decidable(&collect_plan_bounds(&plans), accuracy);
+    tell_missing_or_exceeded_plan_bounds(&plans, accuracy, options.panel.explain);
+    answer.tolerance_met = Bound::all_meet_tolerance_if_given_and_decidable(&collect_plan_bounds(&plans), accuracy);
     if let Some(tolerances) = options.spread {
         let off =
             || tolerances::compute_target_peak_spread_under_tolerances(&scene, &fingers, &answer.plan, tolerances);
@@ -138,11 +138,16 @@ fn prepare_request_table_refusing_finger_with_windows(
         );
         return load_or_compute_plan_table(panel, *keep, scene);
     }
-    prepare_table_with_fingers_at_places(panel, *keep, scene, &list_finger_places_m(request))
+    prepare_table_with_scene_finger_if_any_at_places(
+        panel,
+        *keep,
+        scene,
+        &list_modelled_finger_places_m_empty_for_reach(request),
+    )
 }
 
 /// Where the scene's finger is, in m: on every target, unless the setting is for touches of any place.
-fn list_finger_places_m(request: &Request) -> Vec<(f64, f64)> {
+fn list_modelled_finger_places_m_empty_for_reach(request: &Request) -> Vec<(f64, f64)> {
     if request.objective == Objective::Reach {
         return Vec::new();
     }
@@ -160,7 +165,7 @@ fn compute_answer(
     match spans {
         None => {
             let request = set_missing_target_peaks_from_level_if_given(table, request, options.intensity_db)?;
-            let (planned, trade) = crate::planner::trade::plan_and_explore_trade_offs(table, &request)?;
+            let (planned, trade) = crate::planner::trade::plan_and_improve_by_exploring_trade_offs(table, &request)?;
             let details =
                 Some(crate::planner::report::build_harmonics_and_timing_report_at_first_target(table, &planned));
             let explanations = explain_plans_if_asked(table, options, [&request].into_iter())?;
@@ -185,7 +190,8 @@ fn compute_answer(
                     request.with_selected_targets(targets),
                     options.intensity_db,
                 )?;
-                let (planned, trade) = crate::planner::trade::plan_and_explore_trade_offs(table, &request)?;
+                let (planned, trade) =
+                    crate::planner::trade::plan_and_improve_by_exploring_trade_offs(table, &request)?;
                 requests.push(request);
                 trades.push(trade);
                 Ok(planned.plan)
@@ -387,15 +393,16 @@ fn write_details(text: &mut String, plan: &Plan, details: &FirstTargetReport) {
         } else {
             format!("{:.2} % better", 100.0 * plan.optimality_gap)
         };
-        let what = if plan.limited_by.is_some() {
-            "the intensity at the target"
-        } else {
-            "the motion elsewhere, or the power with the objective `power`"
+        let what = match plan.objective {
+            Objective::Reach => "the peak at the weakest place",
+            _ if plan.limited_by.is_some() => "the peak at the target",
+            Objective::Contrast => "the motion elsewhere",
+            Objective::Power => "the power",
         };
         let _ = write!(
             text,
             "\nthis plan is not proven to be the best: another combination of frequencies could be up to {more} \
-             (criterion: {what})"
+             (compared by {what})"
         );
     } else {
         let proof = match plan.grouping {
@@ -423,12 +430,16 @@ fn write_rise_and_decay_times(text: &mut String, times: &Times) {
 fn write_trade_off_curves(text: &mut String, trade_offs: Option<&TradeOffs>) {
     let Some(trade_offs) = trade_offs else { return };
     let list = |values: &[f64]| values.iter().map(|g| format!("{g:.3}")).collect::<Vec<_>>().join("  ");
-    let _ = write!(text, "\npeak of each target as the only target: {} g", list(&trade_offs.alone_g));
+    let _ = write!(
+        text,
+        "\npeak of each target if it were the only target (at most its requested peak): {} g",
+        list(&trade_offs.alone_g)
+    );
     for curve in &trade_offs.targets {
         let _ = write!(
             text,
-            "\ntrade-off between target {} and the others (100 %: the peak of a target as the only target). \
-             Each line: percentage of this target, lowest percentage of the others, peaks of all targets in g:",
+            "\ntrade-off between target {} and the others (100 %: the peak of a target if it were the only target). \
+             Each line: least percentage for this target, lowest percentage of the others, peaks of all targets in g:",
             curve.target + 1
         );
         for point in &curve.points {

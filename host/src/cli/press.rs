@@ -1,7 +1,7 @@
 //! `era press`: what a finger's press does to the gaps of actuators.
 
-use super::args::Press as Options;
-use super::panel::{format_bound, load_or_compute_static_plan_table};
+use super::args_panel::Press as Options;
+use super::panel::{format_bound, load_full_plan_table_or_compute_band_ends_only};
 use super::told::tell;
 use super::{Outcome, print_json, print_text};
 use crate::planner::PlanTable;
@@ -13,16 +13,16 @@ pub fn run_press(options: &Options) -> Outcome {
     if let Some(force_n) = options.force_n {
         scene.press_n = force_n;
     }
-    let table = load_or_compute_static_plan_table(&options.panel, options.keep, &scene)?;
+    let table = load_full_plan_table_or_compute_band_ends_only(&options.panel, options.keep, &scene)?;
     if options.json {
-        describe_unknown_press_errors_by_reason(&table).iter().for_each(|line| tell!("{line}"));
+        describe_missing_press_error_bounds_by_reason(&table).iter().for_each(|line| tell!("{line}"));
         return print_json(&crate::planner::press_report::build_press_report(&table));
     }
     print_text(&format_press_travel_per_actuator(&table))
 }
 
 /// Why bounds are missing, and of whom.
-fn describe_unknown_press_errors_by_reason(table: &PlanTable) -> Vec<String> {
+fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (i, actuator) in table.scene.actuators.iter().enumerate() {
         let Some(reason) =
@@ -75,7 +75,7 @@ fn format_press_travel_per_actuator(table: &PlanTable) -> String {
             electrodes.max_voltage_of_remaining_gap_v(0.0).min(electrodes.max_voltage_v),
         );
     }
-    for line in describe_unknown_press_errors_by_reason(table) {
+    for line in describe_missing_press_error_bounds_by_reason(table) {
         let _ = writeln!(text, "{line}");
     }
     text.push_str(

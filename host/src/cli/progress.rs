@@ -62,7 +62,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
     if told::is_log_json() || !std::io::stderr().is_terminal() {
         let mut line = FIRST_LINE;
         while !is_over(line.saturating_sub(started.elapsed())) {
-            tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), describe_latest_level());
+            tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), describe_latest_mesh_or_empty());
             line *= 2;
         }
         return;
@@ -76,7 +76,7 @@ fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver
         bar.set_style(style);
     }
     loop {
-        bar.set_message(format!("{what}{}", describe_latest_level()));
+        bar.set_message(format!("{what}{}", describe_latest_mesh_or_empty()));
         match expected {
             Some(expected) => bar.set_position(compute_bar_position(started.elapsed(), expected)),
             None => bar.tick(),
@@ -98,7 +98,7 @@ fn compute_bar_position(elapsed: Duration, expected: Duration) -> u64 {
 }
 
 /// The latest level in words.
-fn describe_latest_level() -> String {
+fn describe_latest_mesh_or_empty() -> String {
     let level = *LEVEL.lock().unwrap_or_else(PoisonError::into_inner);
     level.map_or_else(String::new, |(order, unknowns)| format!(", latest mesh of order {order}, {unknowns} unknowns"))
 }
@@ -164,9 +164,9 @@ mod tests {
         .unwrap();
         let (order, dofs) = LEVEL.lock().unwrap().unwrap();
         assert!(found.steps.iter().any(|step| step.fineness.order as u64 == order && step.dofs as u64 == dofs));
-        assert!(describe_latest_level().contains(&format!("order {order}")));
+        assert!(describe_latest_mesh_or_empty().contains(&format!("order {order}")));
         // Of other work nothing is known yet.
-        let told = run_with_progress("asking", describe_latest_level);
+        let told = run_with_progress("asking", describe_latest_mesh_or_empty);
         assert_eq!(told, "");
     }
 

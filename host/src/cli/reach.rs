@@ -31,7 +31,7 @@ pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
     let (scene, table, region) = prepare_scene_table_and_region(options)?;
     let maps = match scene.finger {
         None => run_with_progress("computing the largest peaks and contrasts", || ReachMaps::compute(&table, region))?,
-        Some(_) => compute_touched_maps(options, &scene, &table, region)?,
+        Some(_) => compute_reach_maps_with_finger_on_each_point(options, &scene, &table, region)?,
     };
     if let Some(path) = &options.png {
         tell_picture_written(
@@ -43,8 +43,11 @@ pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
         return Ok(());
     }
     let spread = |values: &[Option<f64>]| {
-        Spread::compute(&table.grid, values)
-            .ok_or_else(|| Failure::runtime_error("the grid has no point on the surface"))
+        Spread::compute(&table.grid, values).ok_or_else(|| {
+            Failure::runtime_error(
+                "the map has no value at any point of the surface, so it has no weakest or strongest place",
+            )
+        })
     };
     let strongest = spread(&maps.strongest_g)?;
     // With a finger there is none.
@@ -52,34 +55,38 @@ pub fn compute_and_write_reach_maps(options: &Field) -> Outcome {
     if options.json {
         return print_json(&json!({"strongest_g": strongest, "contrast_db": contrast, "maps": maps}));
     }
-    let line = |name: &str, unit: &str, spread: &Spread, hz: &[Option<Vec<f64>>]| {
-        let end = |value: f64, at_mm: [f64; 2]| {
-            let frequencies = describe_frequencies_if_exactly_on_grid_point(&table, hz, at_mm).unwrap_or_default();
-            format!("{value:.2} {unit} at {} ({frequencies})", format_place(at_mm))
+    let line = |name: &str, unit: &str, spread: &Spread, hz: &[Option<Vec<f64>>], [least, most]: [&str; 2]| {
+        let end = |value: f64, at_mm: [f64; 2], which: &str| {
+            let place = format_place(at_mm);
+            let at = describe_frequencies_if_exactly_on_grid_point(&table, hz, at_mm)
+                .map_or_else(|| place.clone(), |frequencies| format!("{place}; {frequencies}"));
+            format!("{value:.2} {unit} at the {which} place ({at})")
         };
         format!(
-            "{name}: lowest {}, median {:.2} {unit}, highest {}",
-            end(spread.least, spread.least_at_mm),
+            "{name}: {}, median {:.2} {unit}, {}",
+            end(spread.least, spread.least_at_mm, least),
             spread.median,
-            end(spread.most, spread.most_at_mm)
+            end(spread.most, spread.most_at_mm, most)
         )
     };
     let mut text = format!("{}, {}\n", scene.name, describe_searched_frequencies(&table, options));
-    text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
+    text.push_str(&line("reach", "g", &strongest, &maps.strongest_hz, ["weakest", "strongest"]));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
         let _ = write!(
             text,
-            " (relative error of the lowest peak at most {bound:.1e}; the bound is computed for the weakest place only)"
+            " (relative error of the peak at the weakest place at most {bound:.1e}; the bound is computed for this place \
+             only)"
         );
     }
     if let Some(contrast) = contrast {
-        let _ = write!(text, "\n{}", line("highest contrast of a weak touch", "dB", &contrast, &maps.contrast_hz));
+        let name = "highest contrast of a weak touch";
+        let _ = write!(text, "\n{}", line(name, "dB", &contrast, &maps.contrast_hz, ["worst", "best"]));
     }
     print_text(&text)
 }
 
 /// The maps with the scene's finger on each point while it is looked at.
-fn compute_touched_maps(
+fn compute_reach_maps_with_finger_on_each_point(
     options: &Field,
     scene: &Scene,
     table: &PlanTable,
@@ -128,9 +135,9 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
         "{}, {}, all schemes with the largest safe forces, peaks in {unit}\n\
-         (one frequency: best of {ratios} amplitude ratios in phase, or of {phases} combinations of amplitudes \
-         and phases, at each frequency, then refined; distinct frequencies: proven optimum for the forces at the \
-         rest gaps)\n",
+         (one frequency: at each frequency, the program tries {ratios} amplitude ratios in phase, or {phases} \
+         combinations of amplitudes and phases, and then searches further near the best of them; distinct \
+         frequencies: the best for the forces at the rest gaps, which is proven unless a line below says otherwise)\n",
         scene.name,
         describe_searched_frequencies(&table, options)
     );
@@ -157,7 +164,7 @@ pub fn compare_schemes(options: &Field) -> Outcome {
          of the first scheme)\n",
     );
     text.push_str(&format_scheme_settings(&schemes, measure));
-    text.push_str(&explain_if_one_frequency_beats_distinct(&schemes, first_bending_hz));
+    text.push_str(&describe_first_bending_mode_and_why_one_frequency_wins(&schemes, first_bending_hz));
     print_text(text.trim_end())
 }
 
@@ -208,7 +215,10 @@ fn format_scheme_settings(schemes: &[SchemeReach], measure: Measure) -> String {
 }
 
 /// Why the weakest place is as strong as it is.
-fn explain_if_one_frequency_beats_distinct(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
+fn describe_first_bending_mode_and_why_one_frequency_wins(
+    schemes: &[SchemeReach],
+    first_bending_hz: Option<f64>,
+) -> String {
     let mut text = String::new();
     if let Some(hz) = first_bending_hz {
         let _ = write!(text, "\nFirst mode that bends the panel: {hz:.1} Hz.");

@@ -50,7 +50,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     let ports = runtime
         .block_on(Listener::bind_ports_of_all_addresses(&place, is_tls_configured(options), has_tokens))
         .map_err(convert_listen_error)?;
-    for warning in find_certificate_date_warnings(options) {
+    for warning in list_certificate_date_warnings_by_config_key(options) {
         tracing::warn!("{}", warning.1);
     }
     // In the runtime, in which sockets are opened.
@@ -90,7 +90,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
         .map_err(Failure::runtime_error)?;
     app.record = recorder;
     let app = Arc::new(app);
-    let first = plan_touch_at_screen_middle(&app.table);
+    let first = plan_touch_near_screen_middle(&app.table);
     let planned = started.elapsed();
     tracing::info!(
         "ready after {:.3} s: open {} (scene {}, device {target})",
@@ -117,7 +117,7 @@ pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
             duration_ms(planned)
         );
     }
-    compute_whole_surface_setting_in_background(&app);
+    compute_what_first_requests_need_in_background(&app);
     let watched = Arc::clone(&app);
     notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || {
         watched.driver.is_session_thread_working()
@@ -201,7 +201,7 @@ pub fn listen_place_or_default(options: &Serve) -> Result<HostPort, Failure> {
 fn find_tls_files_given_or_in_folder(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
     match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
-        (.., Some(folder)) => TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder),
+        (.., Some(folder)) => TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder),
         _ => Ok(None),
     }
 }
@@ -213,7 +213,7 @@ const fn certificate_option_name(options: &Serve) -> &'static str {
 
 /// What does not keep the daemon from starting, but clients from talking to it, each with its key: dates of its certificate, which are wrong
 /// for as long as the clock is, too.
-pub fn find_certificate_date_warnings(options: &Serve) -> Vec<(&'static str, String)> {
+pub fn list_certificate_date_warnings_by_config_key(options: &Serve) -> Vec<(&'static str, String)> {
     let files = find_tls_files_given_or_in_folder(options).ok().flatten();
     let faults = files.map(|files| files.list_date_faults()).unwrap_or_default();
     faults.into_iter().map(|fault| (certificate_option_name(options), fault)).collect()
@@ -317,7 +317,7 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
                 &options.allow_host,
                 "clients that use such a name need a certificate that contains the name",
             );
-            if files.has_no_host_name() {
+            if files.has_no_dns_name_or_ip_address() {
                 tracing::warn!(
                     "the certificate {} names no host (subjectAltName): `era` with --ca accepts this certificate, but \
                      browsers and other clients refuse it",
@@ -409,7 +409,7 @@ fn bytes_to_megabytes(bytes: u64) -> f64 {
 }
 
 /// A plan for the screen's middle, or the nearest place to it on its diagonal that has not been cut out. Nothing is driven.
-fn plan_touch_at_screen_middle(table: &PlanTable) -> Option<Plan> {
+fn plan_touch_near_screen_middle(table: &PlanTable) -> Option<Plan> {
     let screen = &table.scene.screen;
     let middle = [f64::from(screen.width_px), f64::from(screen.height_px)].map(|side| side / 2.0);
     DIAGONAL.iter().find_map(|part| {
@@ -418,22 +418,25 @@ fn plan_touch_at_screen_middle(table: &PlanTable) -> Option<Plan> {
     })
 }
 
-/// Makes ready what the first request for the objective `reach` needs, while nobody waits for it.
-fn compute_whole_surface_setting_in_background(app: &Arc<App>) {
+/// Makes ready what the first click, and the first request for the objective `reach`, need, while nobody waits for it.
+fn compute_what_first_requests_need_in_background(app: &Arc<App>) {
     let app = Arc::clone(app);
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
-        crate::planner::reach::compute_and_keep_whole_surface_setting(&app.table);
+        if let Some(poles) = app.table.panel_poles() {
+            crate::planner::click::sound::get_or_compute_mean_acceleration_products_of_cells(&app.table, poles);
+        }
+        crate::planner::reach::compute_and_cache_max_min_setting_of_whole_surface(&app.table);
         tracing::debug!(
-            "actuator settings for the objective `reach` computed in {:.0} ms",
+            "motion of the surface for clicks, and actuator settings for the objective `reach`, computed in {:.0} ms",
             duration_ms(started.elapsed())
         );
     });
     if let Err(error) = started {
         tracing::debug!(
             %error,
-            "could not compute the actuator settings for the objective `reach` in advance; the first request with \
-             this objective will compute them"
+            "could not compute in advance what the first click and the first request with the objective `reach` need; \
+             these requests will compute it"
         );
     }
 }

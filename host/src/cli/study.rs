@@ -58,9 +58,9 @@ pub fn run_study(options: &Options) -> Outcome {
     if !options.gather {
         let shown = StudyProgressDisplay::new(stops.clone());
         let evaluator: Box<dyn Evaluator> = if study.spec.method.thorough {
-            Box::new(ThoroughEvaluator::new(study.table_options()))
+            Box::new(ThoroughEvaluator::new(study.plan_table_options()))
         } else {
-            Box::new(QuickEvaluator::new(study.table_options()))
+            Box::new(QuickEvaluator::new(study.plan_table_options()))
         };
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(workers) = options.workers {

@@ -1,6 +1,6 @@
 //! `era sweep`: the response at every point of a grid.
 
-use super::args::Sweep as Options;
+use super::args_panel::Sweep as Options;
 use super::cost::Cost;
 use super::panel::{
     check_has_actuators, list_frequencies_hz, tell_missing_or_exceeded_bounds, tell_refinement_steps_if_asked,
@@ -87,13 +87,20 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
     let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
     let there: Vec<bool> = points.map(|(x, y)| layout.layer_at_unless_cut_out(x, y).is_some()).collect();
     let extremes: Vec<_> = (0..scene.actuators.len())
-        .map(|actuator| Extremes::find_largest_and_smallest_peak(&found.answer, &there, actuator, frequencies_hz.len()))
+        .map(|actuator| {
+            Extremes::find_points_with_largest_and_smallest_peak_over_frequencies(
+                &found.answer,
+                &there,
+                actuator,
+                frequencies_hz.len(),
+            )
+        })
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
         let mut answer = summarize_sweep_as_json(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
         answer["tolerance"] = json!(accuracy.tolerance_unless_time_limit_given());
-        answer["tolerance_met"] = json!(Bound::all_meet_tolerance_if_decidable(&found.bounds, accuracy));
+        answer["tolerance_met"] = json!(Bound::all_meet_tolerance_if_given_and_decidable(&found.bounds, accuracy));
         return print_json(&answer);
     }
     let mut text = format!(
@@ -108,7 +115,7 @@ fn compute_and_write_sweep<T: StoredNumber>(options: &Options) -> Outcome {
             || String::from("no bound of the model error is known"),
             |bound| {
                 format!(
-                    "model error at each point at most {bound:.0e} times the largest value of this point at \
+                    "the model error at each point is at most {bound:.0e} times the largest value of this point over \
                      all frequencies"
                 )
             },
@@ -145,7 +152,7 @@ struct Extremes {
 
 impl Extremes {
     /// `is_on_surface` tells the points that no cut-out has taken.
-    fn find_largest_and_smallest_peak<T: StoredNumber>(
+    fn find_points_with_largest_and_smallest_peak_over_frequencies<T: StoredNumber>(
         sweep: &AccelerationSweep<T>,
         is_on_surface: &[bool],
         actuator: usize,

@@ -9,7 +9,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// A file without a token, or text that is no token; what it says is not told.
-pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
+pub fn read_token_from_file_or_else_environment(file: Option<&Path>) -> Result<Option<String>, Failure> {
     let Some(path) = file else { return read_token_from_environment() };
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;

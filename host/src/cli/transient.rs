@@ -1,6 +1,6 @@
 //! `era transient`: a point's motion after drives are switched on.
 
-use super::args::{DriveText, Transient};
+use super::args_panel::{DriveText, Transient};
 use super::output::write_text_file;
 use super::panel::{convert_at_option_to_m, warn_if_too_thick_for_thin_plate_theory};
 use super::progress::run_with_progress;
@@ -9,7 +9,7 @@ use super::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
 use crate::transient::panel::{
     MotionError, NO_BOUND, PointMotion, SwitchedForce, choose_time_grid, compute_motion_after_switch_on,
-    highest_drive_frequency_or_1_hz,
+    highest_drive_frequency_but_at_least_1_hz,
 };
 use serde_json::json;
 use std::fmt::Write;
@@ -23,13 +23,13 @@ pub fn run_transient(options: &Transient) -> Outcome {
     let drives = options.drive.iter().map(|text| make_switched_force(&scene, text)).collect::<Result<Vec<_>, _>>()?;
     let grid =
         choose_time_grid(options.duration, options.step).map_err(|error| Failure::usage_error(format!("--{error}")))?;
-    warn_if_too_thick_for_thin_plate_theory(&scene, highest_drive_frequency_or_1_hz(&drives));
+    warn_if_too_thick_for_thin_plate_theory(&scene, highest_drive_frequency_but_at_least_1_hz(&drives));
     let motion = run_with_progress("computing the motion", || {
         compute_motion_after_switch_on(&scene, accuracy, at, &drives, grid)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     tell!("no bound of the model error is known (error_bound is null), because {NO_BOUND}");
-    let settled_s = motion.settling_time_unless_several_drives_s(&drives);
+    let settled_s = motion.settling_time_if_single_drive_settles_s(&drives);
     if let Some(path) = &options.csv {
         let text = format_motion_csv(&motion);
         if path.as_os_str() == "-" {

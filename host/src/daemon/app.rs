@@ -9,11 +9,11 @@ use super::design::background::BackgroundPlace;
 use super::design::preview::{Preview, PreviewRequest, Previews};
 use super::design::studies::Studies;
 use super::design::tolerances::{ToleranceStudies, TolerancesRequest, TolerancesView};
-use super::drive::{DriveEquipment, KnownClicks, TouchDriver};
+use super::drive::{DriveEquipment, TouchDriver};
 use super::observe::metrics::Metrics;
 use super::observe::recording::Recorder;
 use super::observe::scene::{SceneTexts, SceneView};
-use super::observe::state::{DrivenPlan, MOST_PEAKS, MeasuredView, StateView, ViewSources};
+use super::observe::state::{MOST_PEAKS, MeasuredView, StateView, ViewSources};
 use crate::device::session::policy::{SceneNeeds, SessionPolicy};
 use crate::device::{DeviceSnapshot, OpenDevice, Session, SessionError};
 use crate::planner::PlanTable;
@@ -82,11 +82,11 @@ impl App {
         access: Access,
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let (sim, ready_v) = (device.sim_control_if_simulated(), table.standby_voltage_of_each_actuator_v());
+        let (sim, ready_v) = (device.sim_control_if_simulated(), table.max_standby_voltage_of_each_actuator_v());
         let session = Session::start(device, SceneNeeds { max_voltages_v, ready_v }, policy)?;
         let table = Arc::new(table);
         let metrics = Arc::<Metrics>::default();
-        let equipment = DriveEquipment { table: Arc::clone(&table), session, sim, clicks: KnownClicks::default() };
+        let equipment = DriveEquipment::new(Arc::clone(&table), session, sim);
         let place = BackgroundPlace::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
@@ -161,12 +161,7 @@ impl App {
     pub fn build_state_view(&self) -> StateView {
         let (active, heard_ago) = (self.driver.find_active_plan(), self.driver.time_since_last_answer());
         let device = self.driver.current_device_snapshot();
-        let driven = active.map(|active| DrivenPlan {
-            id: active.id,
-            plan: active.plan.clone(),
-            fingers: active.touches.clone(),
-        });
-        StateView::new(&self.collect_view_sources(&device), driven, heard_ago, self.started.elapsed())
+        StateView::new(&self.collect_view_sources(&device), active.as_deref(), heard_ago, self.started.elapsed())
     }
 
     /// What a recording keeps of the device.
@@ -176,7 +171,7 @@ impl App {
     }
 
     fn collect_view_sources<'a>(&'a self, device: &'a DeviceSnapshot) -> ViewSources<'a> {
-        let touch_peaks = self.driver.list_newest_touch_peaks(MOST_PEAKS);
+        let touch_peaks = self.driver.list_simulated_sensor_peaks_of_newest_touches(MOST_PEAKS);
         ViewSources { device, actuators: &self.table.scene.actuators, touch_peaks }
     }
 

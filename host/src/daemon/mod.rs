@@ -29,7 +29,7 @@ pub use http::server::{EndReason, serve, serve_until_shutdown_or_session_end};
 pub use observe::recording::{KeptBytes, Recorder};
 pub use observe::scene::SceneView;
 pub use touch::plan_view::{FieldView, PlanView};
-pub use touch::request::TouchRequest;
+pub use touch::request::{OtherTarget, QuietZone, TouchRequest};
 
 use std::net::SocketAddr;
 use std::sync::Arc;

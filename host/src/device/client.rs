@@ -239,7 +239,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`Self::request`]; [`LinkError::Halted`] when the stop has been answered.
-    pub fn request_sending_stop_when_late(
+    pub fn request_sending_stop_when_ordered_or_late(
         &mut self,
         request: &Request,
         hooks: WaitHooks<'_>,
@@ -314,7 +314,7 @@ impl Client {
                 self.write_all_bytes(&[0])?;
             }
             let on_wire =
-                self.send_request_and_get_wire_time(if halted.is_some() { &Request::Stop } else { request })?;
+                self.send_one_try_and_compute_frame_wire_time(if halted.is_some() { &Request::Stop } else { request })?;
             let deadline = Instant::now() + self.retry_policy.timeout_of_try(attempt, last) + on_wire;
             if attempt == 0 {
                 doubt = Instant::now().checked_add(self.retry_policy.doubt.saturating_add(on_wire));
@@ -363,7 +363,7 @@ impl Client {
     }
 
     /// Sends one try of a request; returns how long its frame takes on the wire.
-    fn send_request_and_get_wire_time(&mut self, request: &Request) -> Result<Duration, LinkError> {
+    fn send_one_try_and_compute_frame_wire_time(&mut self, request: &Request) -> Result<Duration, LinkError> {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
         let length = encode_frame(self.version, FrameKind::Request, self.sequence, request, &mut frame)

@@ -96,7 +96,7 @@ impl ClockFit {
     }
 
     /// The board's time in s, of a question sent at `sent_s`.
-    fn board_time_s_by_fitted_line(&self, sent_s: f64) -> f64 {
+    fn fitted_board_time_s_in_answer_to_request_sent_at(&self, sent_s: f64) -> f64 {
         self.board_mean + (sent_s - self.sent_mean) * self.board_seconds_per_host_second()
     }
 
@@ -105,9 +105,9 @@ impl ClockFit {
     fn board_time_at_host_time_s(&self, time_s: f64) -> f64 {
         let ClockSample { sent_s, received_s, board_us } = self.last;
         let least_s = microseconds_to_seconds(board_us - self.board_zero_us);
-        let found_s = self.board_time_s_by_fitted_line(received_s - self.least_half_s);
+        let found_s = self.fitted_board_time_s_in_answer_to_request_sent_at(received_s - self.least_half_s);
         let true_s = found_s.clamp(least_s, least_s + (received_s - sent_s).max(0.0));
-        self.board_time_s_by_fitted_line(time_s - self.least_half_s) + (true_s - found_s)
+        self.fitted_board_time_s_in_answer_to_request_sent_at(time_s - self.least_half_s) + (true_s - found_s)
     }
 
     fn add_sample(&mut self, sent_s: f64, half_round_trip_s: f64, board_s: f64) {
@@ -115,7 +115,7 @@ impl ClockFit {
         if half_round_trip_s < self.least_half_s + (sent_s - self.least_half_at_s) * ROUND_TRIP_AGEING {
             (self.least_half_s, self.least_half_at_s) = (half_round_trip_s, sent_s);
         }
-        let off = board_s - self.board_time_s_by_fitted_line(sent_s);
+        let off = board_s - self.fitted_board_time_s_in_answer_to_request_sent_at(sent_s);
         let limit = (OUTLIER_DEVIATIONS * self.prediction_variance.sqrt()).max(OUTLIER_S);
         if off.abs() > limit {
             if off > 0.0 && sent_s < self.last_good_s + DOUBT_S {

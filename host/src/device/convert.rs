@@ -91,7 +91,7 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         Refusal::DuplicateChannel { channel } => format!("channel {channel} is given twice"),
         Refusal::OtherLink => "another host has armed the board; that host must disarm the board first".into(),
         Refusal::Deadman { requested_ms, min_ms, max_ms } => {
-            format!("deadman_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
+            format!("deadman_ms is {requested_ms}, but must be {min_ms} to {max_ms}")
         }
         Refusal::Fault(fault) => {
             format!("fault {} ({}): {}", fault.code.number(), fault.code.name(), fault.code.advice())
@@ -109,12 +109,14 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Start { start_us, now_us } => {
             format!(
-                "the effect starts at {start_us} us of the board's time, which is too far from the board's present time, {now_us} us"
+                "the effect starts at {start_us} us of the board's time, but must start at most 100 ms before and at \
+                 most 10 s after the board's present time, {now_us} us; a window sequence must also start after its \
+                 rails have risen and its channels have ended their drives"
             )
         }
         Refusal::Effect => {
-            "the effect is invalid: an effect must have at least one segment, levels of at most 1000, and 1 to 1000 \
-             repeats"
+            "the effect is invalid: an effect must have at least one segment, 1 to 1000 repeats, and levels from -1000 \
+             to 1000 (thousandths of the full strength)"
                 .into()
         }
         Refusal::QueueFull { channel } => format!(
@@ -122,10 +124,15 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
              effect has ended"
         ),
         Refusal::Burst { requested_ms, min_ms, max_ms } => {
-            format!("burst_ms is {requested_ms}, but must be in {min_ms} to {max_ms}")
+            format!("burst_ms is {requested_ms}, but must be {min_ms} to {max_ms}")
         }
         Refusal::Live(state) => {
-            format!("the request is not possible in the state {}, because the high voltage may be on", state.name())
+            format!(
+                "the board does not restart into its bootloader, because high voltage may be on: the board is armed, a \
+                 rail is still charged, or the board does not rely on its measurement of the rails yet (state {}). \
+                 Disarm the board, wait for 2 s, and run the command again",
+                state.name()
+            )
         }
         Refusal::Restarting => "the board is about to restart into its bootloader".into(),
         Refusal::OtherFault { number } => {
@@ -180,7 +187,7 @@ fn describe_drive_error(error: &DriveError) -> String {
             format!("this channel does not exist; the board has {channels} channels, numbered from 0")
         }
         DriveError::Frequency { requested_millihertz, min_millihertz, max_millihertz } => format!(
-            "the frequency is {} Hz, but must be in {} to {} Hz",
+            "the frequency is {} Hz, but must be {} to {} Hz",
             si(requested_millihertz),
             si(min_millihertz),
             si(max_millihertz)

@@ -17,6 +17,9 @@ pub const CHANNEL_TIMERS: [&str; 4] = ["TIM1", "TIM8", "TIM20", "TIM4"];
 /// BDTR.MOE, which TIM4 has not.
 const MAIN_OUTPUT: u32 = 1 << 15;
 
+/// The step that builds the firmware, in messages.
+const BUILDING: &str = "building the firmware (cargo xtask firmware)";
+
 /// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
 /// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
 const TIMING: LinkTiming = LinkTiming {
@@ -41,7 +44,7 @@ pub enum EmulatedError {
         path: PathBuf,
     },
     /// A step failed.
-    #[error("the emulated board did not start: {step}: {reason}")]
+    #[error("the emulated board did not start, because this step failed: {step}: {reason}")]
     Start {
         /// What was tried.
         step: &'static str,
@@ -107,7 +110,7 @@ impl EmulatedBoard {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
-            .map_err(|error| make_start_error("python3 tools/emulator/launch.py", error))?;
+            .map_err(|error| make_start_error("running python3 with tools/emulator/launch.py", error))?;
         let streams = child.stdin.take().zip(child.stdout.take());
         let (input, output) =
             streams.ok_or_else(|| make_start_error("opening the pipes of the emulator", "the pipes are missing"))?;
@@ -121,7 +124,7 @@ impl EmulatedBoard {
             Err(reason) => {
                 let _ = child.kill();
                 let _ = child.wait();
-                Err(make_start_error("reading the first line of the emulator", reason))
+                Err(make_start_error("reading the first line that the emulator prints", reason))
             }
         }
     }
@@ -234,15 +237,15 @@ fn find_firmware_in_environment_or_build(source: &Path) -> Result<PathBuf, Emula
         .stdout(Stdio::piped())
         .stderr(Stdio::inherit())
         .spawn()
-        .map_err(|error| make_start_error("cargo xtask firmware", error))?;
+        .map_err(|error| make_start_error(BUILDING, error))?;
     let leash = child.stdin.take();
-    let output = child.wait_with_output().map_err(|error| make_start_error("cargo xtask firmware", error))?;
+    let output = child.wait_with_output().map_err(|error| make_start_error(BUILDING, error))?;
     drop(leash);
     let printed = String::from_utf8_lossy(&output.stdout);
     let path = printed.lines().last().map(str::trim).filter(|line| !line.is_empty());
     match path {
         Some(path) if output.status.success() => Ok(path.into()),
-        _ => Err(make_start_error("cargo xtask firmware", output.status)),
+        _ => Err(make_start_error(BUILDING, output.status)),
     }
 }
 

@@ -24,5 +24,5 @@ pub use client::{Client, LinkError};
 pub use clock::{ClockQuality, ClockSync};
 
 pub use identity::DeviceIdentity;
-pub use session::{DeviceSnapshot, DriveOrder, EffectContent, EffectOrder, Session, SessionError};
+pub use session::{AskedAt, DeviceSnapshot, DriveContent, DriveOrder, Session, SessionError};
 pub use target::{KINDS as TARGET_KINDS, OpenDevice, Target, TargetError};

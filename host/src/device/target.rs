@@ -82,7 +82,9 @@ pub enum TargetError {
     #[error(transparent)]
     Emulated(#[from] EmulatedError),
     /// A simulation, where a board is wanted.
-    #[error("the simulated device has no firmware: name a board's serial port, or auto")]
+    #[error(
+        "the simulated device has no firmware: give the serial port of a board, or `auto` to find the board over USB"
+    )]
     NoBoard,
 }
 
@@ -265,7 +267,7 @@ impl OpenDevice {
     /// That there is no such device if the board is not there.
     pub fn update_port_path_from_usb(&mut self) -> Result<(), PortError> {
         if self.any || self.usb.is_some() {
-            self.path = port::find_port_of_identity_or_first_board(self.usb.as_ref()).ok_or_else(|| {
+            self.path = port::find_board_port_by_identity_if_given_else_first(self.usb.as_ref()).ok_or_else(|| {
                 let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
                 PortError::NotConnected { what }
             })?;

@@ -43,7 +43,7 @@ pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, way: Way
     let mut answer = match request.call() {
         Ok(answer) => answer,
         Err(error) => {
-            let trouble = RequestTrouble::from_request_error(&error, url, way.has_proxy);
+            let trouble = RequestTrouble::find_trouble_probing_address_for_tls(&error, url, way.has_proxy);
             return match (trouble.describe_with_advice(url, way.has_ca), &error) {
                 (Some((found, advice)), _) => Daemon::Hidden { found, advice },
                 (

@@ -12,7 +12,7 @@ pub fn judge_facts(facts: &Facts) -> Vec<Finding> {
     all.extend(facts.scene.as_ref().map(|file| judge_read_file("scene", file)));
     all.push(list_ports_as_finding(facts));
     all.push(judge_board_presence(facts));
-    all.extend(judge_udev_rule(facts));
+    all.extend(judge_udev_rule_if_machine_has_udev(facts));
     all.push(judge_modem_manager(facts));
     all.push(judge_daemon(facts));
     if let Some(chosen) = &facts.chosen {
@@ -114,7 +114,7 @@ fn judge_board_presence(facts: &Facts) -> Finding {
     }
 }
 
-fn judge_udev_rule(facts: &Facts) -> Option<Finding> {
+fn judge_udev_rule_if_machine_has_udev(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
         [] => Finding::warning("udev-rule", "no udev rule lets users open the board's port", RULE),
         [rule, ..] => Finding::ok("udev-rule", format!("the udev rule is in {}", rule.path)),

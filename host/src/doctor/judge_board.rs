@@ -25,7 +25,7 @@ pub fn judge_board_report(report: &BoardReport) -> Vec<Finding> {
             "check that nobody touches the board or the panel, then run `era arm`",
         ));
     }
-    all.extend(report.supply.as_ref().map(judge_safety_loops));
+    all.extend(report.supply.as_ref().map(judge_whether_safety_loops_are_closed));
     all.extend(report.supply.as_ref().map(|supply| judge_rails(supply, report.state.as_deref())));
     all.extend(report.clock.map(judge_clock));
     let (sent, again) = report.frames;
@@ -83,7 +83,7 @@ fn judge_fault_and_previous_failure(report: &BoardReport) -> Finding {
     }
 }
 
-fn judge_safety_loops(supply: &Supply) -> Finding {
+fn judge_whether_safety_loops_are_closed(supply: &Supply) -> Finding {
     let open: Vec<(&str, &str)> = [
         (supply.interlock_closed, ("the enclosure is open", "close the enclosure")),
         (supply.stop_released, ("the emergency stop is pressed", "release the emergency stop")),

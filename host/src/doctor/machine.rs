@@ -3,7 +3,7 @@
 use super::facts::{Port, Rule, Usb};
 use crate::device::port;
 pub use crate::device::port::users::{find_group_with_access_and_membership, find_other_processes_with_port_open};
-use crate::device::port::users::{list_processes, read_process_name_or_unknown};
+use crate::device::port::users::{list_pids_and_proc_folders, read_process_name_or_unknown};
 use crate::flash::usb::{UsbError, find_bootloader};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
@@ -69,7 +69,7 @@ pub fn find_udev_rules_for_board(root: &Path) -> Option<Vec<Rule>> {
 /// ModemManager's process, if it runs.
 #[must_use]
 pub fn find_modem_manager_pid(root: &Path) -> Option<u32> {
-    list_processes(root)
+    list_pids_and_proc_folders(root)
         .into_iter()
         .find(|(_, folder)| read_process_name_or_unknown(folder) == "ModemManager")
         .map(|(pid, _)| pid)

@@ -31,7 +31,7 @@ pub enum RequestTrouble {
 impl RequestTrouble {
     /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS, but not past a proxy.
     #[must_use]
-    pub fn from_request_error(error: &ureq::Error, url: &str, has_proxy: bool) -> Self {
+    pub fn find_trouble_probing_address_for_tls(error: &ureq::Error, url: &str, has_proxy: bool) -> Self {
         match find_tls_error(error) {
             Some(rustls::Error::InvalidCertificate(
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },

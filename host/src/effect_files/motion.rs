@@ -2,7 +2,7 @@
 
 use super::panel::PanelEffect;
 use crate::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
-use crate::effects::sample_acceleration_of_design;
+use crate::effects::sample_acceleration_of_design_unless_undamped_m_per_s2;
 use crate::planner::rise::PanelPoles;
 use crate::planner::{PlanTable, STANDARD_GRAVITY};
 use hound::{SampleFormat, WavSpec, WavWriter};
@@ -21,7 +21,8 @@ pub fn sample_acceleration_g(table: &PlanTable, poles: &PanelPoles, effect: &Pan
         let shape = mode_shape_values_at_point_or_on_bar_axis(table, place.x_m, place.y_m);
         let mut sum: Vec<f64> = Vec::new();
         for part in &effect.parts {
-            let alone = sample_acceleration_of_design(table, poles, &part.design, &shape, step_s)?;
+            let alone =
+                sample_acceleration_of_design_unless_undamped_m_per_s2(table, poles, &part.design, &shape, step_s)?;
             let begin = part.begin_ms * RATE_HZ as usize / 1000;
             sum.resize(sum.len().max(begin + alone.len()), 0.0);
             sum.iter_mut().skip(begin).zip(alone).for_each(|(sum, x)| *sum += x / STANDARD_GRAVITY);

@@ -369,7 +369,8 @@ fn read_envelope(
     for (i, FilePoint { time_ms, level }) in points.iter().enumerate() {
         let latest_ms = 1e3 * MAX_DURATION_S;
         if !(before_ms..=latest_ms).contains(time_ms) {
-            let allowed = format!("{before_ms} to {latest_ms}");
+            let least = if i == 0 { "0".to_owned() } else { format!("{before_ms} (the time of the point before)") };
+            let allowed = format!("{least} to {latest_ms}");
             return Err(ReadError::new_field_error(format!("{path}.envelope[{i}].time_ms"), time_ms, allowed));
         }
         if !(0.0..=1.0).contains(level) {
@@ -450,7 +451,7 @@ mod tests {
             (event("time_ms = 1\npause_ms = 2"), "events[0].pause_ms is 2, but must be absent with time_ms"),
             (
                 event("envelope = [{ time_ms = 5, level = 1 }, { time_ms = 4, level = 1 }]"),
-                "events[0].envelope[1].time_ms is 4",
+                "events[0].envelope[1].time_ms is 4, but must be 5 (the time of the point before) to 30000",
             ),
             (event("[[events]]\nprimitive = \"click\"\nduration_ms = 5"), "the primitive click has no duration"),
             (event("[[events]]"), "events[1].primitive is missing, but must be given if `events` is missing"),

@@ -5,7 +5,8 @@
 
 use super::parts::{Part, PartContent, PulseKind};
 use crate::effects::{
-    DesignError, EffectDesign, EffectRequest, NamedEffect, design_effect, design_effect_with_windows, design_envelope,
+    DesignError, EffectDesign, EffectRequest, NamedEffect, design_effect,
+    design_effect_of_windows_if_click_else_of_drives, design_envelope,
 };
 use crate::planner::click::{ClickOptions, Preference};
 use crate::planner::rise::PanelPoles;
@@ -243,9 +244,11 @@ fn design_pulse(
         PartKind::Tick => {
             let options =
                 ClickOptions { crisp_s: TICK_CRISP_S, preference: Preference::Crispness, ..ClickOptions::default() };
-            design_effect_with_windows(table, poles, plan, request, options)
+            design_effect_of_windows_if_click_else_of_drives(table, poles, plan, request, options)
         }
-        PartKind::Click => design_effect_with_windows(table, poles, plan, request, ClickOptions::default()),
+        PartKind::Click => {
+            design_effect_of_windows_if_click_else_of_drives(table, poles, plan, request, ClickOptions::default())
+        }
         PartKind::Thud | PartKind::Envelope => design_effect(table, poles, plan, request),
     }
 }

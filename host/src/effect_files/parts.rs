@@ -94,8 +94,8 @@ pub fn cut_events_into_parts(list: &EventList) -> Result<(Vec<Part>, Vec<String>
     }
     if interrupted > 0 {
         warnings.push(format!(
-            "pulses that interrupt a vibration: {interrupted} (for {CLICK_MS} ms each, because the board plays one \
-             event at a time)"
+            "a vibration stops for {CLICK_MS} ms at each pulse, because the board plays one event at a time; number of \
+             these interruptions: {interrupted}"
         ));
     }
     let mut tolerance = TOLERANCE;
@@ -381,7 +381,10 @@ mod tests {
         assert_eq!(kinds, [(20, Some(PulseKind::Click)), (100, None), (200, Some(PulseKind::Thud)), (250, None)]);
         assert_eq!((played(&parts, 199), played(&parts, 220), played(&parts, 260)), (1.0, 0.0, 1.0));
         let said = warnings.join("\n");
-        assert!(said.contains("is closer than 50 ms: 1") && said.contains("interrupt a vibration: 1"), "{said}");
+        assert!(
+            said.contains("is closer than 50 ms: 1") && said.contains("number of these interruptions: 1"),
+            "{said}"
+        );
     }
 
     #[test]

@@ -62,7 +62,9 @@ pub struct LogLine {
 
 impl LogLine {
     fn damaged() -> Self {
-        let message = "(a damaged log line: bytes were lost, or the board runs another image)".into();
+        let message =
+            "(a damaged log line: bytes were lost, or the board does not run the image with which the log is decoded)"
+                .into();
         Self { uptime_s: None, level: None, message, place: None }
     }
 }

@@ -1,7 +1,7 @@
 //! The simulated device on a clock that is set by hand, and what its accelerometer's record shows.
 
 use super::VerifyError;
-use crate::device::sim::{Accelerometer, SimBoard, low_pass_gain};
+use crate::device::sim::{Accelerometer, Clock, SimBoard, SimPanel, low_pass_gain};
 use crate::planner::drive::SiDrive;
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
@@ -14,43 +14,72 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Between two keep-alives, in us.
 const KEEP_ALIVE_US: u64 = 50_000;
 
-/// A device and a host in one thread, on a clock that is set by hand.
-pub(super) struct Bench {
+/// A simulated device and its host in one thread, on a clock that is set by hand: time passes only while one of the `run` methods
+/// computes what happens meanwhile.
+pub struct Bench {
     device: Device,
-    pub(super) board: SimBoard,
+    board: SimBoard,
     port: LinkReceiver,
     sequence: u16,
     time_us: u64,
 }
 
 impl Bench {
-    pub(super) fn new(mut board: SimBoard) -> Self {
+    /// A device that has just been switched on, at the time 0, with this panel and the highest voltages of its channels in V.
+    #[must_use]
+    pub fn new(panel: SimPanel, max_voltages_v: &[f64]) -> Self {
+        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Manual(0));
         let mut device = Device::new();
         device.complete_boot_to_discharging_or_fault(&mut board);
         Self { device, board, port: LinkReceiver::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
-    /// By its clock, in s.
+    /// The time by the device's clock, in us.
+    #[must_use]
+    pub const fn time_us(&self) -> u64 {
+        self.time_us
+    }
+
+    /// The time by the device's clock, in s.
+    #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "microseconds of some seconds")]
-    pub(super) fn time_s(&self) -> f64 {
+    pub fn time_s(&self) -> f64 {
         self.time_us as f64 * 1e-6
     }
 
-    pub(super) fn accelerometer(&mut self) -> &mut Accelerometer {
+    /// The panel, with its motion up to now.
+    pub const fn panel_mut(&mut self) -> &mut SimPanel {
+        self.board.panel_mut()
+    }
+
+    /// The accelerometer on the panel.
+    pub const fn accelerometer_mut(&mut self) -> &mut Accelerometer {
         &mut self.board.panel_mut().accelerometer
     }
 
+    /// Lets this time pass; the host sends nothing but keep-alives.
+    ///
+    /// # Errors
+    /// As [`Self::run_until_us()`].
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of some seconds")]
-    pub(super) fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
-        let end_us = self.time_us + (seconds * 1e6) as u64;
+    pub fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
+        self.run_until_us(self.time_us + (seconds * 1e6) as u64)
+    }
+
+    /// Lets time pass until the device's clock has this time in us; the host sends nothing but keep-alives. Nothing happens if it is
+    /// later already.
+    ///
+    /// # Errors
+    /// As [`Self::send_request()`].
+    pub fn run_until_us(&mut self, end_us: u64) -> Result<(), VerifyError> {
         while self.time_us < end_us {
             let keep_alive_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
             while self.time_us < keep_alive_us {
-                let due_us = self.device.poll_next_due_us(&mut self.board);
+                let due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
                 self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
                 self.board.set_manual_time_us(self.time_us);
             }
-            self.device.poll_next_due_us(&mut self.board);
+            self.device.do_due_work_and_tell_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
             self.send_request(&Request::KeepAlive)?;
         }
@@ -66,7 +95,8 @@ impl Bench {
         for drive in drives {
             let frequency_hz = drive.frequency_hz;
             let source = self.board.panel_mut().channel_timer_mut(usize::from(drive.channel));
-            let Some(peak_s) = source.and_then(|source| source.absolute_force_peak_time_s_unless_blank()) else {
+            let Some(peak_s) = source.and_then(|source| source.time_s_of_force_peak_in_last_preload_unless_blank())
+            else {
                 continue;
             };
             let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
@@ -83,7 +113,11 @@ impl Bench {
         Ok(found)
     }
 
-    pub(super) fn send_request(&mut self, request: &Request) -> Result<Reply, VerifyError> {
+    /// Sends a request, which takes no time, and gives the device's reply.
+    ///
+    /// # Errors
+    /// [`VerifyError::Device`] if the device refuses the request, or its reply cannot be read.
+    pub fn send_request(&mut self, request: &Request) -> Result<Reply, VerifyError> {
         let broken = |what: &str| VerifyError::Device(what.into());
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];

@@ -2,14 +2,16 @@
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
 use crate::device::convert::{achieved_drive_from_wire, drive_to_wire};
-use crate::device::sim::{Clock, LargestTravel, SimBoard, SimPanel};
+use crate::device::sim::{LargestTravel, SimPanel};
 use crate::model::ReducedModel;
 use crate::planner::drive::assign_channels;
 use crate::planner::softening::{MotionError, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use crate::scene::Scene;
-use crate::transient::reduced::{make_viscous_and_silence_unstepped_modes, with_viscous_damping_if_hysteretic};
+use crate::transient::reduced::{
+    make_viscous_and_silence_modes_too_fast_to_step_if_any, with_viscous_damping_if_hysteretic,
+};
 use bench::{Bench, convert_to_shared_rails, fit_amplitudes};
 use era_model::stop::StopRequest;
 use era_shared::MAX_CHANNELS;
@@ -19,8 +21,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
 
-mod bench;
-pub mod succession;
+pub mod bench;
 mod waveform;
 
 pub use waveform::{HIGHEST_LINE, Waveform, compute_sum_of_fundamentals_m_per_s2};
@@ -61,12 +62,6 @@ pub enum VerifyError {
     /// The electrodes leave no steady state, or none within their gap.
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] MotionError),
-    /// What a plan leaves when it ends cannot be told.
-    #[error(
-        "the vibration that remains after the end of the plan cannot be computed, because a drive excites an undamped mode \
-         at its resonance: give the scene damping (such as surface.damping.loss_factor)"
-    )]
-    Unknown,
     /// No force moves the place.
     #[error("the plan drives nothing: no actuator moves this place of the panel")]
     Nothing,
@@ -247,7 +242,7 @@ pub fn compare_plans_at_points_with_simulation(
     let panel = SimPanel::from_plan_table(table);
     let stop = StopRequest::current_request_of_thread();
     let compared = |target: &Target| {
-        if stop.is_stop_requested() {
+        if stop.is_stop_requested_or_deadline_over() {
             Err(PlanError::Stopped.into())
         } else {
             stop.run_stoppable(|| compare_plan_with_simulation(table, &panel, *target))
@@ -304,7 +299,7 @@ fn record_simulated_plan(
     let actuators = &table.scene.actuators;
     let volts: Vec<f64> = actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::from_actuator).collect();
-    let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
+    let mut bench = Bench::new(panel, &volts);
     bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
     let drives = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.send_request(&Request::SetDrives { drives })? else {
@@ -326,11 +321,11 @@ fn record_simulated_plan(
     let fundamentals = [
         of(&table.model, 1)?,
         causal_sum,
-        in_time(make_viscous_and_silence_unstepped_modes(&table.model), causal_sum)?,
+        in_time(make_viscous_and_silence_modes_too_fast_to_step_if_any(&table.model), causal_sum)?,
     ];
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak_m_per_s2(0.0, step_s, count_samples(RECORD_S, step_s));
-    let (settling_s, left) = bench.board.panel_mut().settling_time_s_and_acceleration_after_it_m_per_s2(
+    let (settling_s, left) = bench.panel_mut().settling_time_s_and_acceleration_after_it_m_per_s2(
         &waveform.displacement,
         &waveform.velocity,
         SETTLED * peak,
@@ -341,11 +336,11 @@ fn record_simulated_plan(
     }
     bench.run_for(settling_s.max(SHORTEST_SETTLE_S))?;
     // A sample is the mean over a step and stands for the step's middle.
-    let from_s = bench.board.panel_mut().time_s() + 0.5 * step_s;
-    bench.accelerometer().start_record();
+    let from_s = bench.panel_mut().time_s() + 0.5 * step_s;
+    bench.accelerometer_mut().start_record();
     bench.run_for(RECORD_S)?;
-    let samples = bench.accelerometer().stop_and_take_record();
-    let largest_travels = bench.board.panel_mut().take_largest_travels_since_last_call();
+    let samples = bench.accelerometer_mut().stop_and_take_record();
+    let largest_travels = bench.panel_mut().take_largest_travels_since_last_call();
     bench.send_request(&Request::Stop)?;
     Ok(SimulatedRecord {
         predicted_peak: waveform.peak_m_per_s2(from_s, step_s, samples.len()),

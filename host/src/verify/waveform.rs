@@ -310,7 +310,7 @@ fn forces_of_high_harmonic(
         let course =
             PeriodicCharging::new(actuator.charging, excitation.frequency_hz).voltage_course(excitation.pulse_width);
         let per_s = TAU * excitation.frequency_hz;
-        for (from_s, length_s) in course.begin_and_length_of_pieces_s() {
+        for (from_s, length_s) in course.begin_and_length_of_rise_plateau_and_fall_s() {
             let step_s = length_s / f64::from(WINDOW_POINTS);
             for at in middles.clone() {
                 let at_s = from_s + at * step_s;

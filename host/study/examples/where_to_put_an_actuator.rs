@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // What is done is kept there: a second run goes on where the first one ended.
     let results = tempfile::tempdir()?;
     let folder = StudyFolder::open_or_create(results.path(), study.fingerprint())?;
-    compute_missing_rows_of_shard(&study, &folder, &QuickEvaluator::new(study.table_options()), Shard::ALL, &())?;
+    compute_missing_rows_of_shard(&study, &folder, &QuickEvaluator::new(study.plan_table_options()), Shard::ALL, &())?;
     let table = DesignTable::gather_from_folder(&study, &folder)?;
     for place in choose_finalist_indices_best_first(&study, &table, 3) {
         let entry = &table.entries[place];

@@ -76,7 +76,11 @@ impl StudyBounds {
     ///
     /// # Errors
     /// [`ExceededBound`].
-    pub(crate) fn check_scene_place_counts(&self, spec: &StudySpec, space: &DesignSpace) -> Result<(), ExceededBound> {
+    pub(crate) fn check_counts_of_key_references_and_written_bytes(
+        &self,
+        spec: &StudySpec,
+        space: &DesignSpace,
+    ) -> Result<(), ExceededBound> {
         let count = |paths: &[ScenePath]| -> usize {
             paths.iter().map(|path| space.count_matches_of_path_in_base_scene_or_zero(path)).sum()
         };

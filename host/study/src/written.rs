@@ -105,7 +105,7 @@ pub fn names_and_verified_figures_unless_failed(study: &Study, finalist: &Finali
 
 /// Bounds on the relative errors of a finalist's figures with the names of their columns; `None` where none is known.
 #[must_use]
-pub fn names_and_error_bounds_of_finalist(study: &Study, finalist: &Finalist) -> Vec<(String, Option<f64>)> {
+pub fn names_and_relative_error_bounds_of_finalist(study: &Study, finalist: &Finalist) -> Vec<(String, Option<f64>)> {
     let names = study.figures.iter().map(|wanted| wanted.column_name());
     let bounds = finalist.verified.as_ref().map(|verified| verified.bounds.as_slice()).unwrap_or_default();
     names.enumerate().map(|(k, name)| (name, bounds.get(k).copied().flatten())).collect()
@@ -120,7 +120,7 @@ impl StudyResults {
     fn describe_settings_of_design(&self, entry: &TableEntry) -> String {
         let columns = self.table.columns.iter();
         let values = columns.filter_map(|column| {
-            Some(format!("{} = {}", column.name, column.text_in_design_unless_kept(&entry.row.design)?))
+            Some(format!("{} = {}", column.name, column.text_in_design_unless_scene_value_kept(&entry.row.design)?))
         });
         values.collect::<Vec<_>>().join(", ")
     }
@@ -136,7 +136,7 @@ impl StudyResults {
                 "figures": names_and_verified_figures_unless_failed(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
-                "error_bounds": names_and_error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "error_bounds": names_and_relative_error_bounds_of_finalist(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "tolerance_met": verified.ok().and_then(|verified| verified.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance)),
                 "worst": names_and_worst_case_wish_figures_if_uncertain(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "breaks": own.describe_verified_broken_limits_if_any(study),
@@ -189,7 +189,7 @@ impl StudyResults {
         let missed = |own: &Finalist| {
             own.verified.as_ref().is_ok_and(|found| {
                 found.is_tolerance_met_by_boundable_figures_if_known(&study.figures, finals.tolerance) != Some(true)
-            }) && study.figures.iter().any(WantedFigure::has_error_bound)
+            }) && study.figures.iter().any(WantedFigure::can_have_error_bound)
         };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {

@@ -230,7 +230,7 @@ fn designs_that_fail_are_rows_with_their_reasons() {
             .space
             .table_columns()
             .iter()
-            .map(|column| column.number_or_choice_index_in_design_unless_kept(&scene).unwrap())
+            .map(|column| column.number_or_choice_index_in_design_unless_scene_value_kept(&scene).unwrap())
             .collect();
         let [x, y, spring] = numbers[..] else { panic!("{numbers:?}") };
         let reason = if (x - 225.0).hypot(y - 100.0) < 50.0 {
@@ -296,7 +296,7 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
         let numbers: Vec<f64> = table
             .columns
             .iter()
-            .map(|column| column.number_or_choice_index_in_design_unless_kept(&entry.row.design).unwrap())
+            .map(|column| column.number_or_choice_index_in_design_unless_scene_value_kept(&entry.row.design).unwrap())
             .collect();
         let worst = [-60.0, 0.0, 60.0].map(|off| {
             let mut scene = Scene::parse("plate", STARTING_PLATE).unwrap();
@@ -407,7 +407,7 @@ fn panels_on_other_air_are_other_panels() {
         Scene::parse("plate.toml", &format!("{STARTING_PLATE}\n[air]\nsealed_depth_mm = {depth_mm:?}\n")).unwrap()
     };
     let study = study("");
-    let quick = QuickEvaluator::new(study.table_options());
+    let quick = QuickEvaluator::new(study.plan_table_options());
     let weakest = |depth_mm: f64| quick.compute_scene_figures(&on_air(depth_mm), &study.figures).unwrap().values[0];
     let (shallow, deep) = (weakest(5.0), weakest(50.0));
     assert!(shallow > 0.0 && (shallow / deep - 1.0).abs() > 1e-3, "{shallow} {deep}");

@@ -37,7 +37,13 @@ fn find_range_of_one_change(spread: &Spread, what: ToleranceKind) -> &PeakRange 
 /// The peak at a place on a panel whose scene is this one, as the drives of other frequencies each have it.
 fn peak(scene: &Scene, plan: &Plan, at_m: (f64, f64)) -> f64 {
     let hz: Vec<f64> = plan.drives.iter().map(|drive| drive.frequency_hz).collect();
-    let curves = era_model::response::compute_curves_with_error_bounds(scene, Accuracy::BALANCED, at_m, &hz).unwrap();
+    let curves = era_model::response::compute_acceleration_curves_per_newton_with_error_bounds(
+        scene,
+        Accuracy::BALANCED,
+        at_m,
+        &hz,
+    )
+    .unwrap();
     plan.drives.iter().enumerate().map(|(k, drive)| curves.answer[k][k].norm() * drive.force_n).sum()
 }
 

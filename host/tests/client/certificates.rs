@@ -1,8 +1,9 @@
 //! Certificates and keys as `openssl` and others make them: which are trusted, and what is said of those that are no good.
 
 use crate::support::Daemon;
+use crate::support::program::{ProgramOutput, build_era_command, run_command, run_era};
 use crate::support::served::Served;
-use crate::{Said, make_command, run_command, run_era, run_openssl, write_secret};
+use crate::{run_openssl, write_secret};
 use era::daemon::listener::TlsFiles;
 use era::daemon::{Access, Listener};
 use era::scene::STARTING_PLATE;
@@ -54,7 +55,7 @@ fn serve_over_tls(all: &[TlsFiles]) -> (Served, Vec<u16>) {
     (served, ports)
 }
 
-fn ask_state(host: &str, port: u16, ca: &Path) -> Said {
+fn ask_state(host: &str, port: u16, ca: &Path) -> ProgramOutput {
     run_era(&["state", "--url", &format!("https://{host}:{port}"), "--ca", ca.to_str().unwrap()])
 }
 
@@ -150,7 +151,7 @@ fn a_trusted_certificate_without_its_key_is_no_good() {
         let daemon =
             crate::servers::Server::tls_daemon(config.with_cert_resolver(Arc::new(Impostor(Arc::clone(&impostor.0)))));
         let url = format!("https://localhost:{}", daemon.address.port());
-        let mut command = make_command();
+        let mut command = build_era_command();
         command.args(["stop", "--url", &url, "--ca"]).arg(&own.certificate).env("ERA_TOKEN", SECRET);
         let said = run_command(&mut command);
         assert!(said.code == Some(1) && daemon.received().iter().all(|seen| !seen.contains(SECRET)), "{}", said.error);
@@ -193,9 +194,9 @@ fn a_client_tells_the_dates_of_a_certificate() {
 
 /// What `era config check`, `era doctor` and `era serve` say of a certificate and key.
 struct Judged {
-    checked: Said,
-    served: Said,
-    doctor: Said,
+    checked: ProgramOutput,
+    served: ProgramOutput,
+    doctor: ProgramOutput,
 }
 
 /// With a socket that is taken, so that the daemon ends once it has read all files.

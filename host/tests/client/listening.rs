@@ -1,6 +1,6 @@
 //! `--listen` and the configuration's `listen`: names, addresses of both kinds, and what is said of anything else.
 
-use crate::{make_command, run_era};
+use crate::support::program::{build_era_command, run_era};
 use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Stdio};
@@ -16,7 +16,7 @@ impl Drop for Running {
 
 /// Starts a daemon, and reads the addresses that it names.
 fn start_daemon(listen: &str) -> (Running, Vec<String>) {
-    let mut command = make_command();
+    let mut command = build_era_command();
     command.args(["serve", "--listen", listen, "--socket", "none", "--accuracy", "fast"]).stderr(Stdio::piped());
     let mut daemon = Running(command.spawn().unwrap());
     let mut lines = BufReader::new(daemon.0.stderr.take().unwrap()).lines().map_while(Result::ok);

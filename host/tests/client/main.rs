@@ -12,43 +12,7 @@ mod servers;
 mod tokens;
 
 use std::path::Path;
-use std::process::{Command, Output};
-
-/// Variables from which libraries take a proxy (curl, Python's urllib and websockets, ureq), and what makes some of them leave it.
-pub const PROXY_VARIABLES: [&str; 6] =
-    ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"];
-
-/// What a command has said.
-pub struct Said {
-    /// Its exit code.
-    pub code: Option<i32>,
-    /// Standard output.
-    pub out: String,
-    /// Standard error.
-    pub error: String,
-}
-
-/// The program, away from the settings of whoever runs the tests.
-pub fn make_command() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
-    for variable in ["ERA_LOG", "ERA_TOKEN", "NO_PROXY", "no_proxy", "XDG_RUNTIME_DIR"].iter().chain(&PROXY_VARIABLES) {
-        command.env_remove(variable);
-    }
-    command
-}
-
-/// Runs a command to its end.
-pub fn run_command(command: &mut Command) -> Said {
-    let Output { status, stdout, stderr } = command.output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-    Said { code: status.code(), out: text(stdout), error: text(stderr) }
-}
-
-/// The same with nothing but arguments.
-pub fn run_era(arguments: &[&str]) -> Said {
-    run_command(make_command().args(arguments))
-}
+use std::process::Command;
 
 /// A file that only its owner may read.
 pub fn write_secret(path: &Path, bytes: &[u8]) {

@@ -1,7 +1,8 @@
 //! Byte order marks at the beginning of whatever text comes in: files, bodies, messages.
 
 use crate::support::Daemon;
-use crate::{run_era, run_openssl, write_recording, write_secret};
+use crate::support::program::run_era;
+use crate::{run_openssl, write_recording, write_secret};
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::path::Path;

@@ -1,10 +1,8 @@
 //! What the environment says of proxies, certificates, keys and logs: it redirects no request and learns no secret.
 
 use crate::servers::Server;
-use crate::{
-    PROXY_VARIABLES, Said, asking_commands, make_command, run_command, run_era, run_openssl, write_recording,
-    write_secret,
-};
+use crate::support::program::{PROXY_VARIABLES, ProgramOutput, build_era_command, run_command, run_era};
+use crate::{asking_commands, run_openssl, write_recording, write_secret};
 use std::path::Path;
 use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
@@ -41,7 +39,7 @@ fn no_variable_leads_a_request_to_a_proxy() {
             // Each variable by itself with one command, and all together with every one.
             if i == 0 || variables.len() > 1 {
                 let daemon = Server::daemon();
-                let mut command = make_command();
+                let mut command = build_era_command();
                 command.args(arguments).args(["--url", &daemon.url()]).env("ERA_TOKEN", SECRET);
                 command.envs(variables.iter().map(|name| (*name, format!("{scheme}://{}", proxy.address))));
                 // Of programs behind a web server (CGI), by which some libraries leave HTTP_PROXY alone.
@@ -61,7 +59,7 @@ fn no_variable_leads_a_request_to_a_proxy() {
 #[test]
 fn no_variable_leads_a_measurement_to_a_proxy() {
     let proxy = Server::proxy();
-    let mut command = make_command();
+    let mut command = build_era_command();
     command.args(["latency", "--touches", "1", "--accuracy", "fast"]);
     command.envs(PROXY_VARIABLES.map(|name| (name, format!("http://{}", proxy.address))));
     let said = run_command(&mut command);
@@ -79,7 +77,7 @@ fn a_named_proxy_sees_no_token() {
     for arguments in asking_commands(&recording) {
         let (daemon, proxy) = (tls_daemon(folder.path()), Server::proxy());
         let url = format!("https://localhost:{}", daemon.address.port());
-        let mut command = make_command();
+        let mut command = build_era_command();
         command.args(&arguments).args(["--url", &url, "--proxy", &proxy.url(), "--ca"]).arg(&ca);
         let said = run_command(command.env("ERA_TOKEN", SECRET));
         assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.error);
@@ -95,7 +93,7 @@ fn a_named_proxy_sees_no_token() {
     // Without TLS the proxy would read the token: nothing is sent anywhere.
     for arguments in asking_commands(&recording) {
         let (daemon, proxy) = (Server::daemon(), Server::proxy());
-        let mut command = make_command();
+        let mut command = build_era_command();
         command.args(&arguments).args(["--url", &daemon.url(), "--proxy", &proxy.url()]).env("ERA_TOKEN", SECRET);
         let said = run_command(&mut command);
         assert!(said.code == Some(2) && said.error.contains("https://"), "{arguments:?}: {}", said.error);
@@ -155,8 +153,8 @@ fn no_variable_adds_trust_or_writes_keys() {
     let daemon = tls_daemon(folder.path());
     let (ca, keys) = (folder.path().join("cert.pem"), folder.path().join("keys.log"));
     let url = format!("https://localhost:{}", daemon.address.port());
-    let asked = |own: bool| -> Said {
-        let mut command = make_command();
+    let asked = |own: bool| -> ProgramOutput {
+        let mut command = build_era_command();
         command.args(["state", "--url", &url]).env("ERA_TOKEN", SECRET);
         if own {
             command.arg("--ca").arg(&ca);
@@ -183,7 +181,7 @@ fn no_variable_has_a_token_logged() {
     for arguments in asking_commands(&recording) {
         for log in ["trace", "ureq_proto=trace,tungstenite=trace,rustls=trace"] {
             let daemon = Server::daemon();
-            let mut command = make_command();
+            let mut command = build_era_command();
             command.args(&arguments).args(["--url", &daemon.url(), "--token-file"]).arg(&token);
             let said = run_command(command.env("ERA_LOG", log).env("RUST_LOG", log));
             assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.error);

@@ -2,7 +2,8 @@
 
 use crate::servers::{Server, read_request};
 use crate::support::browser::{Browser, browser_or_skip};
-use crate::{asking_commands, make_command, run_command, write_recording};
+use crate::support::program::{build_era_command, run_command};
+use crate::{asking_commands, write_recording};
 
 const SECRET: &str = "TTTTTTTTTTTTTTTTTTTTTTTTTTTTTTTT";
 
@@ -16,7 +17,7 @@ fn no_command_follows_a_redirect() {
         for arguments in asking_commands(&recording) {
             let elsewhere = Server::daemon();
             let front = Server::redirecting(status, format!("{}/era/v1/stop", elsewhere.url()));
-            let mut command = make_command();
+            let mut command = build_era_command();
             command.args(&arguments).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
             let said = run_command(&mut command);
             let told = format!("{}{}", said.out, said.error);
@@ -45,7 +46,7 @@ fn the_new_address_is_told_whole() {
         ("https://panel.example/login?back=%2Fv1%2Fstop", "https://panel.example/login?back=%2Fv1%2Fstop"),
     ] {
         let front = Server::redirecting(308, location);
-        let said = run_command(make_command().args(["stop", "--url", &front.url()]));
+        let said = run_command(build_era_command().args(["stop", "--url", &front.url()]));
         let wanted = match location {
             "/era/v1/stop" => format!("--url {}{url}", front.url()),
             "login" => format!("{}/v1/login", front.url()),
@@ -75,7 +76,7 @@ fn a_live_socket_follows_no_redirect() {
         let _ = std::io::Write::write_all(&mut stream, answer.as_bytes());
         head
     });
-    let mut command = make_command();
+    let mut command = build_era_command();
     command.arg("replay").arg(&recording).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
     let said = run_command(&mut command);
     let told = format!("{}{}", said.out, said.error);

@@ -2,7 +2,8 @@
 
 use crate::servers::Server;
 use crate::support::Daemon;
-use crate::{Said, asking_commands, make_command, run_command, write_recording, write_secret};
+use crate::support::program::{ProgramOutput, build_era_command, run_command};
+use crate::{asking_commands, write_recording, write_secret};
 use era::daemon::Access;
 use era::scene::STARTING_PLATE;
 use std::io::{Read, Write};
@@ -30,9 +31,9 @@ fn wrap_text(text: &str) -> Vec<String> {
 }
 
 /// Asks a daemon that notes what it is sent; the token is of a file or of the variable.
-fn ask_daemon(arguments: &[String], file: Option<&Path>, variable: Option<&[u8]>) -> (Said, Vec<String>) {
+fn ask_daemon(arguments: &[String], file: Option<&Path>, variable: Option<&[u8]>) -> (ProgramOutput, Vec<String>) {
     let daemon = Server::daemon();
-    let mut command = make_command();
+    let mut command = build_era_command();
     command.args(arguments).args(["--url", &daemon.url()]);
     if let Some(file) = file {
         command.arg("--token-file").arg(file);
@@ -127,14 +128,14 @@ fn the_daemon_reads_tokens_with_marks_and_any_line_ends() {
         format!("{}\r{}\r", lines[0], lines[1]),
     ]) {
         write_secret(&file, text.as_bytes());
-        let mut command = make_command();
+        let mut command = build_era_command();
         // With a file in order it gets as far as its port, which is taken.
         let said = run_command(command.args(["serve", "--listen", &address, "--token-file"]).arg(&file));
         assert!(said.code == Some(1) && said.error.contains("cannot listen on"), "{text:?}: {}", said.error);
     }
     let utf16: Vec<u8> = format!("{MARK}{}", lines[0]).encode_utf16().flat_map(u16::to_be_bytes).collect();
     write_secret(&file, &utf16);
-    let said = run_command(make_command().args(["serve", "--listen", &address, "--token-file"]).arg(&file));
+    let said = run_command(build_era_command().args(["serve", "--listen", &address, "--token-file"]).arg(&file));
     assert!(said.code == Some(2) && said.error.contains("UTF-16") && !said.error.contains("TTTT"), "{}", said.error);
 }
 

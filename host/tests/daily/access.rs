@@ -4,13 +4,14 @@ use crate::fingers::{Socket, live, next, say};
 use crate::raw::{connect, send_and_listen};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
+use crate::support::program::{build_era_command, run_era};
 use crate::support::served::Served;
 use era::daemon::{Access, Listener};
 use era::device::session::policy::SessionPolicy;
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
 use tungstenite::Message;
 
@@ -155,29 +156,30 @@ fn a_socket_that_may_only_look_is_told_and_does_nothing() {
     assert_ne!(next(&mut touching, "plan")["plan"]["drives"], plan["plan"]["drives"], "it was not stopped");
 }
 
-pub fn era(arguments: &[&str]) -> (i32, String) {
-    let out = Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap();
-    (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
+/// Runs the program with these arguments; its exit code, and what it has printed to standard error.
+pub fn ask_era(arguments: &[&str]) -> (i32, String) {
+    let output = run_era(arguments);
+    (output.code.unwrap(), output.error)
 }
 
 #[test]
 fn the_network_is_served_only_with_a_token_and_tls() {
     for listen in ["0.0.0.0:0", "[::]:0"] {
-        let (code, said) = era(&["serve", "--listen", listen]);
+        let (code, said) = ask_era(&["serve", "--listen", listen]);
         assert!(code == 2 && said.contains("--token-file") && said.contains("--tls-cert"), "{code} {said}");
     }
     let folder = tempfile::tempdir().unwrap();
     let tokens = folder.path().join("tokens");
     write_secret(&tokens, &format!("arm {}\n", "A".repeat(32)));
-    let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--token-file", tokens.to_str().unwrap()]);
+    let (code, said) = ask_era(&["serve", "--listen", "0.0.0.0:0", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("--tls-cert"), "{code} {said}");
     let tls = folder.path().join("tls");
-    let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--tls-dir", tls.to_str().unwrap()]);
+    let (code, said) = ask_era(&["serve", "--listen", "0.0.0.0:0", "--tls-dir", tls.to_str().unwrap()]);
     assert!(code == 2 && said.contains("--token-file"), "{code} {said}");
     let default: std::net::SocketAddr = era::daemon::DEFAULT_LISTEN.parse().unwrap();
     assert!(default.ip().is_loopback(), "{default}");
     write_secret(&tokens, "arm short\n");
-    let (code, said) = era(&["serve", "--token-file", tokens.to_str().unwrap()]);
+    let (code, said) = ask_era(&["serve", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("line 1"), "{code} {said}");
 }
 
@@ -187,7 +189,7 @@ fn tls_and_a_token_open_the_daemon_from_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let (tokens, tls) = (folder.path().join("tokens"), folder.path().join("tls"));
     write_secret(&tokens, &format!("touch {}\n", "T".repeat(32)));
-    let mut serving = Command::new(env!("CARGO_BIN_EXE_era"))
+    let mut serving = build_era_command()
         .args(["serve", "--listen", "0.0.0.0:0", "--socket", "none", "--accuracy", "fast", "--no-cache"])
         .arg("--token-file")
         .arg(&tokens)
@@ -205,14 +207,14 @@ fn tls_and_a_token_open_the_daemon_from_elsewhere() {
     let (certificate, key) = (tls.join("era-cert.pem"), tls.join("era-key.pem"));
     let [ca, token] = [&certificate, &tokens].map(|path| path.to_str().unwrap());
     let mut all = vec![
-        (era(&["state", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
-        (era(&["stop", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
-        (era(&["state", "--url", &url, "--ca", ca]), 1, "token"),
+        (ask_era(&["state", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
+        (ask_era(&["stop", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
+        (ask_era(&["state", "--url", &url, "--ca", ca]), 1, "token"),
         // Nobody else vouches for it.
-        (era(&["state", "--url", &url, "--token-file", token]), 1, "is not trusted"),
-        (era(&["state", "--url", &url.replace("https", "http"), "--token-file", token]), 1, "speaks TLS"),
-        (era(&["state", "--url", &url.replace("localhost", "127.0.0.2"), "--ca", ca]), 1, "is for other names"),
-        (era(&["doctor", "--url", &url.replace("https", "http")]), 0, ""),
+        (ask_era(&["state", "--url", &url, "--token-file", token]), 1, "is not trusted"),
+        (ask_era(&["state", "--url", &url.replace("https", "http"), "--token-file", token]), 1, "speaks TLS"),
+        (ask_era(&["state", "--url", &url.replace("localhost", "127.0.0.2"), "--ca", ca]), 1, "is for other names"),
+        (ask_era(&["doctor", "--url", &url.replace("https", "http")]), 0, ""),
     ];
     #[cfg(unix)]
     {

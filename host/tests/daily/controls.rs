@@ -2,7 +2,10 @@
 
 use crate::fingers::{Socket, live, next, say};
 use crate::line::CALM;
+use crate::support::Daemon;
 use crate::support::described::described;
+use era::planner::STANDARD_GRAVITY;
+use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use tungstenite::Message;
@@ -91,6 +94,35 @@ fn a_button_is_felt_twice_however_short_it_is_pressed() {
         }
     }
     assert_eq!(felt, [1000.0, 600.0, 2000.0, 1200.0, 1200.0, 720.0], "press and release, on, off, in 1e-4 g");
+}
+
+/// The board is off, so that the press waits for its self-test and for its rails, and the finger is lifted before that: the release comes after it.
+#[test]
+fn the_first_press_after_a_rest_is_felt() {
+    let mut told = Vec::new();
+    // Other programs may hold the computer up.
+    for _ in 0..4 {
+        let daemon = Daemon::start(STARTING_PLATE);
+        let mut socket = live(&daemon, "?send=plan");
+        declare(&mut socket, &json!([button(200, 0.2)]));
+        down(&mut socket, &[(1, 250.0)]);
+        std::thread::sleep(Duration::from_millis(30));
+        down(&mut socket, &[]);
+        let clicks = [next(&mut socket, "plan"), next(&mut socket, "plan")];
+        std::thread::sleep(Duration::from_millis(300));
+        told = clicks
+            .iter()
+            .map(|click| {
+                let measured = daemon.sim.peak_of_touch_if_kept(click["plan_id"].as_u64().unwrap());
+                let measured_g = measured.map_or(0.0, |peak| peak.peak_m_per_s2 / STANDARD_GRAVITY);
+                (measured_g, click["effect"]["predicted"]["peak_least_g"].as_f64().unwrap())
+            })
+            .collect();
+        if told.iter().all(|(measured_g, least_g)| *measured_g > 0.7 * least_g) {
+            return;
+        }
+    }
+    panic!("measured and predicted peaks of press and release in g: {told:.3?}");
 }
 
 #[test]

@@ -195,6 +195,8 @@ fn a_board_that_hears_and_is_not_heard_is_stopped() {
 
 /// A touch with a stretch that is due after this.
 const LATER: &str = r#"{"x_px": 300, "y_px": 900, "from_ms": 0, "to_ms": 1000, "also": [{"x_px": 1500, "y_px": 900, "from_ms": 3000, "to_ms": 4000}]}"#;
+/// The same for a part of an effect file.
+const LATER_PART: &str = r#"{"x_px": 300, "y_px": 900, "effect": {"version": 1, "events": [{"primitive": "tick"}, {"primitive": "click", "pause_ms": 3000}]}}"#;
 /// When its end is due as well.
 const LATER_OVER: Duration = Duration::from_millis(4200);
 
@@ -202,11 +204,14 @@ const LATER_OVER: Duration = Duration::from_millis(4200);
 /// what is asked for then, and not for what is left of a touch of before, also where silences are cleared by policy.
 #[test]
 fn what_is_left_of_a_touch_is_not_driven_after_a_fault() {
-    for clears_silence in [false, true] {
+    let both =
+        |clears_silence: bool| [("/v1/touch", LATER), ("/v1/effects", LATER_PART)].map(|asked| (clears_silence, asked));
+    for (clears_silence, (path, body)) in [false, true].into_iter().flat_map(both) {
         let policy = SessionPolicy { clears_silence, arms_after_outage: true, ..SessionPolicy::default() };
         let (daemon, line) = daemon_with(FOREVER, policy);
         let begun = Instant::now();
-        assert_eq!(daemon.post("/v1/touch", LATER).0, 200);
+        let (status, _, told) = daemon.post(path, body);
+        assert_eq!(status, 200, "{told}");
         let since = line.mark(|ear| ear.is_held = true);
         line.goes_off();
         line.set(|ear| ear.is_held = false);
@@ -216,10 +221,13 @@ fn what_is_left_of_a_touch_is_not_driven_after_a_fault() {
         }
         std::thread::sleep((begun + LATER_OVER).saturating_duration_since(Instant::now()));
         let drives = |request: &&Request| {
-            matches!(request, Request::Arm { .. } | Request::ArmWith { .. })
-                || matches!(request, Request::SetDrives { drives } if !drives.is_empty())
+            use Request::{Arm, ArmWith, Play, PlayOnce, PlayWindows, Prepare};
+            matches!(
+                request,
+                Arm { .. } | ArmWith { .. } | Play { .. } | PlayOnce { .. } | PlayWindows(_) | Prepare { .. }
+            ) || matches!(request, Request::SetDrives { drives } if !drives.is_empty())
         };
-        assert_eq!(line.ear().asked[since..].iter().find(drives), None, "{clears_silence}");
+        assert_eq!(line.ear().asked[since..].iter().find(drives), None, "{path}, {clears_silence}");
         // What is asked for from here on is driven.
         let (status, _, told) = daemon.post("/v1/touch", TOUCH);
         assert_eq!(status, 200, "{told}");

@@ -1,6 +1,6 @@
 //! Pages of other origins: whatever the option takes lets in the page that a browser, or an application's web view, opens so.
 
-use crate::access::era;
+use crate::access::ask_era;
 use crate::raw::{address, send_and_listen};
 use crate::support::Daemon;
 use era::daemon::Access;
@@ -136,10 +136,10 @@ fn what_could_never_match_is_refused_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("era.toml");
     for text in ["https://kiosk.example.", "https://*.kiosk.example", "file://", "http://kiosk/page", "ws://kiosk"] {
-        let (code, said) = era(&["serve", "--allow-origin", text]);
+        let (code, said) = ask_era(&["serve", "--allow-origin", text]);
         assert!(code == 2 && said.contains("--allow-origin") && said.contains(text), "{text}: {code} {said}");
         std::fs::write(&file, format!("version = 1\nallow_origin = [\"{text}\"]\n")).unwrap();
-        let (code, said) = era(&["config", "check", file.to_str().unwrap()]);
+        let (code, said) = ask_era(&["config", "check", file.to_str().unwrap()]);
         assert!(code == 2 && said.contains("allow_origin"), "{text}: {code} {said}");
     }
 }

@@ -33,12 +33,12 @@ pub fn send_and_go(daemon: &Daemon, request: &str) {
     stream.shutdown(Shutdown::Both).unwrap();
 }
 
-/// Sends, closes the sending half, and reads all that comes.
+/// Sends, closes the sending half, and reads all that comes, which need not be text: a live socket may have begun to send its frames.
 pub fn send_and_listen(daemon: &Daemon, request: &str) -> String {
     let mut stream = connect(daemon);
     stream.write_all(request.as_bytes()).unwrap();
     stream.shutdown(Shutdown::Write).unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    answer
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    String::from_utf8_lossy(&answer).into_owned()
 }

@@ -4,12 +4,12 @@ use crate::fingers::{live, next, say};
 use crate::line::{CALM, daemon, plate};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
+use crate::support::program::{build_era_command, run_command, run_era, run_era_json};
 use crate::support::served::Served;
 use era::daemon::{Access, BackgroundDaemon, Limits, Recorder, listener};
 use era::device::sim::SimKnobs;
 use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
-use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -42,12 +42,7 @@ fn a_recording_is_replayed_with_the_same_answers() {
     }
     assert!(Recorder::start(&file, "again").is_err(), "a recording is not written over");
     let (daemon, _line) = daemon(CALM);
-    let out = Command::new(env!("CARGO_BIN_EXE_era"))
-        .args(["replay", file.to_str().unwrap(), "--url", &daemon.url, "--json"])
-        .output()
-        .unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let told = run_era_json(&["replay", file.to_str().unwrap(), "--url", &daemon.url, "--json"]);
     assert_eq!((&told["requests"], &told["unanswered"]), (&json!(5), &json!(0)), "{told}");
     assert_eq!(told["statuses"], json!({"200": 4, "400": 1}), "{told}");
     assert_eq!((&told["answered_otherwise"], &told["left_out"]), (&json!(0), &json!(0)), "{told}");
@@ -67,11 +62,8 @@ fn a_recording_is_replayed_with_the_same_answers() {
         line.to_string() + "\n"
     });
     std::fs::write(&file, lines.collect::<String>()).unwrap();
-    let replay = |more: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        let out = command.args(["replay", file.to_str().unwrap(), "--url", &daemon.url]).args(more).output().unwrap();
-        String::from_utf8(out.stdout).unwrap()
-    };
+    let replay =
+        |more: &[&str]| run_era(&[&["replay", file.to_str().unwrap(), "--url", &daemon.url], more].concat()).out;
     let said = replay(&[]);
     let line = said
         .lines()
@@ -87,12 +79,9 @@ fn a_recording_is_replayed_with_the_same_answers() {
     assert_eq!(otherwise["then"], json!({"status": 409, "type": "superseded"}), "{told}");
     assert_eq!(otherwise["now"], json!({"status": 200, "type": null}), "{told}");
     std::fs::write(&file, "nonsense").unwrap();
-    let out = Command::new(env!("CARGO_BIN_EXE_era"))
-        .args(["replay", file.to_str().unwrap(), "--url", &daemon.url])
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(out.status.code() == Some(2) && said.contains("line 1"), "{said}");
+    let out = run_era(&["replay", file.to_str().unwrap(), "--url", &daemon.url]);
+    let said = &out.error;
+    assert!(out.code == Some(2) && said.contains("line 1"), "{said}");
 }
 
 /// What was measured stands beside what was driven: the sensor's peak and the rails while the board is on, and every change of its
@@ -164,11 +153,11 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     let (served, url) = Served::at_a_port(&Arc::new(app), Some(&tls));
     write_secret(&path("token"), &secret);
     let replay = |more: &[&str], variable: Option<&str>| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).args(more).env_remove("ERA_TOKEN");
-        let out = command.envs(variable.map(|token| ("ERA_TOKEN", token))).output().unwrap();
-        let told: Value = serde_json::from_slice(&out.stdout).unwrap_or_default();
-        (out.status.code().unwrap(), told["messages"].clone(), String::from_utf8_lossy(&out.stderr).into_owned())
+        let mut command = build_era_command();
+        command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).args(more);
+        let out = run_command(command.envs(variable.map(|token| ("ERA_TOKEN", token))));
+        let told: Value = serde_json::from_str(&out.out).unwrap_or_default();
+        (out.code.unwrap(), told["messages"].clone(), out.error)
     };
     let (certificate, token) = (tls.certificate.to_str().unwrap(), path("token"));
     let (ca, of_file) = (["--ca", certificate], ["--ca", certificate, "--token-file", token.to_str().unwrap()]);
@@ -219,11 +208,10 @@ fn a_page_that_rests_is_replayed_to_the_end() {
         let (served, url) = Served::at_a_port(&app, None);
         let mut device = app.driver.subscribe_device_snapshots();
         served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        let out = command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).output().unwrap();
-        let told: Value = serde_json::from_slice(&out.stdout).unwrap_or_default();
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert!(out.status.success() && told["messages"] == 3 && told["messages_lost"] == 0, "{told} {said}");
+        let out = run_era(&["replay", file.to_str().unwrap(), "--url", &url, "--json"]);
+        let told: Value = serde_json::from_str(&out.out).unwrap_or_default();
+        let said = &out.error;
+        assert!(out.is_success() && told["messages"] == 3 && told["messages_lost"] == 0, "{told} {said}");
         assert_eq!(told["messages_refused"], json!({"out-of-range": 1}), "{told}");
         assert_eq!(app.driver.stop_count(), 1, "{told}");
         drop(served);

@@ -1,7 +1,8 @@
 //! Tokens and keys: who may read them, and where they are not written.
 
-use crate::access::era;
+use crate::access::ask_era;
 use crate::support::Daemon;
+use crate::support::program::{build_era_command, run_command};
 use era::daemon::{Access, BackgroundDaemon, Recorder};
 use era::scene::STARTING_PLATE;
 use serde_json::json;
@@ -41,14 +42,14 @@ fn a_secret_that_others_may_read_is_refused() {
     for (file, arguments) in [(token, &with_tokens[..]), (key, &with_tls[..])] {
         for mode in [0o400, 0o600] {
             set_mode(Path::new(file), mode);
-            let (code, said) = era(arguments);
+            let (code, said) = ask_era(arguments);
             assert!(code == 1 && said.contains("cannot listen on"), "{mode:o}: {code} {said}");
         }
     }
     for mode in [0o640, 0o604, 0o644, 0o620, 0o602, 0o666] {
         for (file, arguments) in [(token, &with_tokens[..]), (key, &with_tls[..]), (token, &command[..])] {
             set_mode(Path::new(file), mode);
-            let (code, said) = era(arguments);
+            let (code, said) = ask_era(arguments);
             assert_eq!(code, 2, "{mode:o} {arguments:?}: {said}");
             for piece in [format!("its mode is {mode:04o}"), format!("chmod 600 {file}")] {
                 assert!(said.contains(&piece), "{piece:?} not in {said}");
@@ -59,7 +60,7 @@ fn a_secret_that_others_may_read_is_refused() {
     }
     // The certificate is for everybody.
     set_mode(&files.certificate, 0o644);
-    assert_eq!(era(&with_tls).0, 1);
+    assert_eq!(ask_era(&with_tls).0, 1);
 }
 
 /// The owner of a file can change it, and a pipe that nobody writes to has no end to wait for.
@@ -85,7 +86,7 @@ fn a_secret_is_a_file_of_ones_own_or_of_root() {
             &["stop", "--url", "http://127.0.0.1:1", "--token-file", file],
             &["serve", "--listen", address, "--tls-cert", file, "--tls-key", file],
         ] {
-            let (code, said) = era(arguments);
+            let (code, said) = ask_era(arguments);
             assert!(
                 code == 2 && (said.contains(piece) || arguments.contains(&"--tls-key")),
                 "{arguments:?}: {code} {said}"
@@ -109,9 +110,9 @@ fn a_credential_of_the_service_manager_may_have_its_lists_mask() {
         (0o440, Path::new(""), "its mode is 0440"),
     ] {
         set_mode(&tokens, mode);
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.args(["serve", "--token-file"]).arg(&tokens).env("CREDENTIALS_DIRECTORY", credentials);
-        let said = String::from_utf8(command.output().unwrap().stderr).unwrap();
+        let said = run_command(&mut command).error;
         assert!(said.contains(piece), "{mode:o} {}: {said}", credentials.display());
     }
 }
@@ -126,7 +127,7 @@ fn a_certificate_that_lacks_a_name_is_kept_and_told() {
     // The socket is taken, so that the daemon ends once it has its certificate.
     let serve = |more: &[&str]| {
         let (code, said) =
-            era(&[&["serve", "--listen", "127.0.0.1:0", "--socket", socket.to_str().unwrap()], more].concat());
+            ask_era(&[&["serve", "--listen", "127.0.0.1:0", "--socket", socket.to_str().unwrap()], more].concat());
         assert!(code == 1 && said.contains("another daemon listens on the socket"), "{more:?}: {code} {said}");
         said
     };

@@ -1,6 +1,7 @@
 //! `era serve` as a process of its own, beside a board of the test's.
 
 use crate::support::Daemon;
+use crate::support::program::{ERA, build_isolated_command};
 use era::device::sim::{SimControl, SimDevice};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -28,13 +29,12 @@ impl Serving {
 
     /// The same with a board at a path of any kind.
     pub fn start_at(by: &[&str], path: &str, board: SimControl, more: &[&str]) -> Self {
-        let words: Vec<&str> = by.iter().copied().chain([env!("CARGO_BIN_EXE_era")]).collect();
-        let mut command = Command::new(words[0]);
+        let words: Vec<&str> = by.iter().copied().chain([ERA]).collect();
+        let mut command = build_isolated_command(words[0]);
         command.args(&words[1..]);
         command.args(["--log-format", "json", "serve", "--listen", "127.0.0.1:0", "--socket", "none"]);
         command.args(["--accuracy", "fast", "--device", path]).args(more);
-        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
-        let mut process = command.spawn().unwrap();
+        let mut process = command.stderr(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
         let mut lines = lines.map(|line| serde_json::from_str::<Value>(&line).unwrap());
         let open =

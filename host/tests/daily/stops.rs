@@ -6,7 +6,7 @@ use era::device::client::WaitHooks;
 use era::device::session::policy::{SceneNeeds, SessionPolicy};
 use era::device::sim::{SimDevice, SimKnobs};
 use era::device::timing::{LinkTiming, REAL_TIME, RetryPolicy};
-use era::device::{Client, DeviceSnapshot, DriveOrder, EffectContent, EffectOrder, LinkError, Session, SessionError};
+use era::device::{AskedAt, Client, DeviceSnapshot, DriveContent, DriveOrder, LinkError, Session, SessionError};
 use era_shared::protocol::{ChannelDrive, Reply, Request};
 use era_shared::safety::SafetyState;
 use era_shared::waveform::Effect;
@@ -74,15 +74,9 @@ fn drives() -> Vec<ChannelDrive> {
 }
 
 fn drive(session: &Session) -> impl Future<Output = Result<era::device::session::DriveResult, SessionError>> + '_ {
-    let hold = Duration::from_secs(9);
-    session.drive(DriveOrder {
-        id: 1,
-        stops: session.stop_count(),
-        interruptions: None,
-        drives: drives(),
-        hold,
-        from_zero: false,
-    })
+    let content = DriveContent::Steady { drives: drives(), hold: Duration::from_secs(9), from_zero: false };
+    let asked_at = AskedAt { stops: session.stop_count(), interruptions: None };
+    session.drive(DriveOrder { id: 1, asked_at, start: None, content })
 }
 
 /// The same, once the board drives.
@@ -236,11 +230,12 @@ fn a_stop_is_sent_while_another_answer_is_waited_for() {
 /// Everything that would drive or arm, asked for when the board was not known to be in doubt.
 fn stale(session: &Session) -> [Answer<'_, ()>; 3] {
     let effects = vec![Effect::new_click(3, 1); 2];
-    let content = EffectContent::Envelopes { drives: drives(), effects, start: None };
-    let effect = EffectOrder { id: 2, stops: session.stop_count(), content };
+    let content = DriveContent::Envelopes { drives: drives(), effects };
+    let asked_at = AskedAt { stops: session.stop_count(), interruptions: None };
+    let effect = DriveOrder { id: 2, asked_at, start: None, content };
     [
         given(async move { drive(session).await.map(drop) }),
-        given(async move { session.arm_if_needed_and_schedule_effect(effect).await.map(drop) }),
+        given(async move { session.drive(effect).await.map(drop) }),
         given(session.arm(session.stop_count(), Instant::now())),
     ]
 }
@@ -315,7 +310,7 @@ fn a_stop_that_comes_in_the_last_try_is_sent_after_it() {
     let mut client = line.device(link_timing_with_tries(1)).open_client().unwrap();
     line.set(|ear| ear.is_deaf = true);
     let attention = WaitHooks { in_doubt: &mut |_, _| {}, is_stopped: &|| true };
-    let answer = client.request_sending_stop_when_late(&Request::KeepAlive, attention);
+    let answer = client.request_sending_stop_when_ordered_or_late(&Request::KeepAlive, attention);
     assert!(matches!(answer, Err(LinkError::Silent { .. })), "{answer:?}");
     assert_eq!(line.ear().asked, [Request::KeepAlive, Request::Stop]);
 }

@@ -96,7 +96,8 @@ fn one_wrong_finger_takes_nothing_from_the_others() {
     for Wrong { text, field, kind, has_id } in WRONG {
         let two = json!([{"id": 2, "x_px": 400, "y_px": 500}, {"id": 3, "x_px": 1500, "y_px": 900}]);
         say(&mut socket, &json!({"type": "touch", "touches": two, "intensity_g": 0.1}));
-        assert_eq!(ids(&next(&mut socket, "plan")), [2, 3], "{text}");
+        // The one before may be told once more, as drives that are held are renewed.
+        while ids(&next(&mut socket, "plan")) != [2, 3] {}
         let message = format!(
             r#"{{"type": "touch", "touches": [{{"id": 1, "x_px": 960, "y_px": 640}}, {text}], "intensity_g": 0.1}}"#
         );
@@ -105,7 +106,7 @@ fn one_wrong_finger_takes_nothing_from_the_others() {
         assert_eq!(problem["field"], field, "{text}: {problem}");
         assert_eq!(problem["type"], format!("urn:era:problem:{kind}"), "{text}: {problem}");
         assert_eq!(problem["finger"].is_i64(), has_id, "{text}: {problem}");
-        // The two before may be told once more, as drives that are held are renewed.
+        // So may these two.
         while ids(&next_of(&mut socket, "plan")) != [1] {}
         daemon.wait_for(|state| state["touches"].as_array().is_some_and(|touches| touches.len() == 1));
         say(&mut socket, &json!({"type": "touch", "touches": []}));

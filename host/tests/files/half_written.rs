@@ -1,6 +1,7 @@
 //! Whatever cuts the program's writing off, a file has its old content or all of its new one.
 
-use super::{files_in, run_limited};
+use super::{build_limited_command, files_in, run_limited};
+use crate::program::{build_era_command, run_command};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -53,7 +54,7 @@ fn a_full_disk_leaves_old_files_or_new_ones() {
         let out = folder.path().join("out");
         fs::create_dir(&out).unwrap();
         let done = run_limited(folder.path(), None, &arguments);
-        assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+        assert!(done.is_success(), "{arguments:?}: {}", done.error);
         let whole = files_in(&out);
         let largest = whole.values().map(Vec::len).max().unwrap() as u64;
         for limit in [0, 1, largest / 2] {
@@ -73,9 +74,9 @@ fn a_full_disk_leaves_old_files_or_new_ones() {
                     }
                 }
                 let ended = run_limited(folder.path(), Some(limit), &arguments);
-                let said = String::from_utf8_lossy(&ended.stderr);
+                let said = &ended.error;
                 let of = format!("{arguments:?}, at most {limit} bytes, old files {has_old}: {said}");
-                assert_eq!(ended.status.code(), Some(1), "{of}");
+                assert_eq!(ended.code, Some(1), "{of}");
                 assert!(said.contains("File too large") && said.contains("out"), "{of}");
                 for (path, content) in files_in(&out) {
                     let new = whole.get(&path).unwrap_or_else(|| panic!("{} was left: {of}", path.display()));
@@ -91,7 +92,7 @@ fn a_full_disk_leaves_old_files_or_new_ones() {
         }
         // What was left is in nobody's way.
         let again = run_limited(folder.path(), None, &arguments);
-        assert!(again.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&again.stderr));
+        assert!(again.is_success(), "{arguments:?}: {}", again.error);
         assert_eq!(files_in(&out).into_keys().collect::<Vec<_>>(), whole.into_keys().collect::<Vec<_>>());
     }
 }
@@ -101,11 +102,9 @@ fn a_full_disk_leaves_old_files_or_new_ones() {
 fn a_full_standard_output_is_told() {
     for arguments in [&["completions", "bash"][..], &["man"], &["config", "example"], &["install", "--print"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        let child = command.args(arguments).stdout(full).stderr(std::process::Stdio::piped()).spawn().unwrap();
-        let ended = child.wait_with_output().unwrap();
-        let said = String::from_utf8_lossy(&ended.stderr);
-        assert!(ended.status.code() == Some(1) && said.contains("No space left on device"), "{arguments:?}: {said}");
+        let ended = run_command(build_era_command().args(arguments).stdout(full));
+        let said = &ended.error;
+        assert!(ended.code == Some(1) && said.contains("No space left on device"), "{arguments:?}: {said}");
     }
 }
 
@@ -120,8 +119,8 @@ fn links_modes_and_pipes_are_as_before() {
             None,
             &["transient", "--accuracy", "fast", "--at", "180,120", "--drive", "left:150:0.1", "--json", "--csv", path],
         );
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
+        assert!(done.is_success(), "{}", done.error);
+        done.out
     };
     fs::create_dir(at("other")).unwrap();
     fs::write(at("other/target.csv"), "old").unwrap();
@@ -149,7 +148,7 @@ fn serve(folder: &Path, limit: Option<u64>, more: &[&str]) -> (Option<i32>, Stri
     let _ = fs::remove_file(&socket);
     let _taken = std::os::unix::net::UnixListener::bind(&socket).unwrap();
     let ended = run_limited(folder, limit, &arguments);
-    (ended.status.code(), String::from_utf8(ended.stderr).unwrap())
+    (ended.code, ended.error)
 }
 
 /// The pair of certificate and key is there whole or not at all, and the next start has it.
@@ -227,7 +226,7 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
         }
         fs::write(folder.path().join("era.toml"), "version = 1\nsocket = \"none\"\ntls_dir = \"tls\"\n").unwrap();
         let checked = run_limited(folder.path(), None, &["config", "check", "era.toml"]);
-        assert!(checked.status.success(), "{number}: {}", String::from_utf8_lossy(&checked.stderr));
+        assert!(checked.is_success(), "{number}: {}", checked.error);
         let (_, said) = serve(folder.path(), None, &["--tls-dir", "tls"]);
         assert!(
             said.contains("makes a new certificate and a new key, and adds") && said.contains("another daemon listens"),
@@ -254,13 +253,11 @@ fn a_full_disk_keeps_no_table_and_changes_no_plan() {
     let folder = folder_with_inputs();
     let cache = folder.path().join("cache");
     let plan = |limit: Option<u64>| {
-        let mut command = Command::new("prlimit");
-        command.arg(format!("--fsize={}", limit.map_or_else(|| "unlimited".into(), |bytes| bytes.to_string())));
-        command.arg(env!("CARGO_BIN_EXE_era")).args(["plan", "--accuracy", "fast", "--at", "480,640"]);
-        let ended = command.env("ERA_CACHE_DIR", &cache).current_dir(folder.path()).output().unwrap();
-        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-        assert!(ended.status.success(), "{said}");
-        said
+        let mut command = build_limited_command(limit);
+        command.env("ERA_CACHE_DIR", &cache).current_dir(folder.path());
+        let ended = run_command(command.args(["plan", "--accuracy", "fast", "--at", "480,640"]));
+        assert!(ended.is_success(), "{}", ended.error);
+        ended.error
     };
     for limit in [0, 1, 100_000] {
         plan(Some(limit));

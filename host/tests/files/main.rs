@@ -3,27 +3,29 @@
 
 mod half_written;
 mod private;
+#[allow(dead_code, reason = "each test program uses a part of this")]
+#[path = "../support/program.rs"]
+mod program;
 mod recordings;
 mod trusted;
 
+use program::{ERA, ProgramOutput, build_era_command, build_isolated_command, run_command};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
-/// The program in a folder, with at most so many bytes in a file, which `prlimit` sees to: what a limit is to a program a full disk is, too.
-fn run_limited(folder: &Path, bytes: Option<u64>, arguments: &[&str]) -> Output {
-    let mut command = match bytes {
-        Some(bytes) => {
-            let mut command = Command::new("prlimit");
-            command.arg(format!("--fsize={bytes}")).arg(env!("CARGO_BIN_EXE_era"));
-            command
-        }
-        None => Command::new(env!("CARGO_BIN_EXE_era")),
-    };
-    // A cache that is there, so that tables are not computed over and over.
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").env_remove("XDG_RUNTIME_DIR");
-    command.current_dir(folder).args(arguments).output().unwrap()
+/// A command for the program, which may write at most so many bytes to a file. `prlimit` sees to that: what a limit is to a program a full disk is, too.
+fn build_limited_command(bytes: Option<u64>) -> Command {
+    let Some(bytes) = bytes else { return build_era_command() };
+    let mut command = build_isolated_command("prlimit");
+    command.arg(format!("--fsize={bytes}")).arg(ERA);
+    command
+}
+
+/// Runs the program in a folder, with at most so many bytes in a file.
+fn run_limited(folder: &Path, bytes: Option<u64>, arguments: &[&str]) -> ProgramOutput {
+    run_command(build_limited_command(bytes).current_dir(folder).args(arguments))
 }
 
 /// All files below a folder, by their paths in it.

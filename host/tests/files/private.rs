@@ -1,10 +1,11 @@
 //! What the program writes for itself is its user's alone, whatever the umask is: keys, recordings, tables, its socket, and their folders.
 
+use crate::program::{ERA, build_isolated_command};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 /// Everything below a folder, with modes.
 fn modes_in(folder: &Path) -> Vec<(PathBuf, u32, bool)> {
@@ -24,8 +25,8 @@ fn modes_in(folder: &Path) -> Vec<(PathBuf, u32, bool)> {
 fn files_of_the_daemon_are_private_with_any_umask() {
     for umask in ["000", "022", "077"] {
         let folder = tempfile::tempdir().unwrap();
-        let mut daemon = Command::new("sh")
-            .args(["-c", &format!("umask {umask}; exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_era")])
+        let mut daemon = build_isolated_command("sh")
+            .args(["-c", &format!("umask {umask}; exec \"$0\" \"$@\""), ERA])
             .args(["serve", "--accuracy", "fast", "--listen", "127.0.0.1:0", "--socket", "run/deep/era.sock"])
             .args(["--tls-dir", "state/tls", "--record", "state/days/"])
             .env("ERA_CACHE_DIR", folder.path().join("state/cache"))

@@ -1,11 +1,12 @@
 //! A recording holds whole records from its beginning on, wherever its writing was cut off.
 
+use crate::build_limited_command;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
@@ -23,13 +24,10 @@ fn find_line(log: &Receiver<String>, words: &str) -> Option<String> {
 }
 
 /// Starts a daemon in a folder, which records to `day.jsonl` there and serves `era.sock`, and may write files of so many bytes; and its log.
-fn start_recording(folder: &Path, most_bytes: usize) -> (Child, Receiver<String>) {
-    let mut daemon = Command::new("prlimit")
-        .arg(format!("--fsize={most_bytes}"))
-        .arg(env!("CARGO_BIN_EXE_era"))
+fn start_recording(folder: &Path, most_bytes: u64) -> (Child, Receiver<String>) {
+    let mut daemon = build_limited_command(Some(most_bytes))
         .args(["serve", "--accuracy", "fast", "--listen", "127.0.0.1:0", "--socket", "era.sock"])
         .args(["--record", "day.jsonl"])
-        .env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
         .current_dir(folder)
         .stderr(Stdio::piped())
         .spawn()
@@ -68,7 +66,7 @@ fn a_start_without_room_does_not_keep_later_ones_from_recording() {
 /// With room for half of its first line, and for a few lines and a part of one: the end is told, the daemon answers on, and what was recorded can be read.
 #[test]
 fn a_recording_that_has_no_room_ends_with_a_whole_line() {
-    for limit in [0, 1, 50, 1000, 2001_usize] {
+    for limit in [0, 1, 50, 1000, 2001] {
         let folder = tempfile::tempdir().unwrap();
         let (socket, recording) = (folder.path().join("era.sock"), folder.path().join("day.jsonl"));
         let (mut daemon, log) = start_recording(folder.path(), limit);
@@ -85,7 +83,7 @@ fn a_recording_that_has_no_room_ends_with_a_whole_line() {
         daemon.kill().unwrap();
         daemon.wait().unwrap();
         let text = fs::read_to_string(&recording).unwrap_or_default();
-        assert!(text.len() <= limit && (text.is_empty() || text.ends_with('\n')), "{limit}: {text:?}");
+        assert!(text.len() as u64 <= limit && (text.is_empty() || text.ends_with('\n')), "{limit}: {text:?}");
         let kinds: Vec<String> = text
             .lines()
             .map(|line| serde_json::from_str::<Value>(line).unwrap_or_else(|error| panic!("{limit}: {error}: {line}")))

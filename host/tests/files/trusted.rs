@@ -1,5 +1,6 @@
 //! A table that is kept on disk raises no voltage, whatever somebody has written into it, and whoever it was.
 
+use crate::program::{ProgramOutput, build_era_command};
 use serde_json::Value;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, chown, symlink};
@@ -15,7 +16,7 @@ fn plan(scene: &Path, cache: Option<&Path>) -> (Vec<(f64, f64)>, String) {
     let mut drives = Vec::new();
     let mut said = String::new();
     for at in ["480,640", "100,100"] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.args(["plan", "--accuracy", "fast", "--intensity-g", "50", "--json", "--at", at, "--scene"]).arg(scene);
         match cache {
             Some(folder) => command.env("ERA_CACHE_DIR", folder),
@@ -28,10 +29,10 @@ fn plan(scene: &Path, cache: Option<&Path>) -> (Vec<(f64, f64)>, String) {
             assert!(started.elapsed() < Duration::from_secs(120), "it hangs");
             std::thread::sleep(Duration::from_millis(20));
         }
-        let ended = child.wait_with_output().unwrap();
-        said += &String::from_utf8_lossy(&ended.stderr);
-        assert!(ended.status.success(), "{said}");
-        let answer: Value = serde_json::from_slice(&ended.stdout).unwrap();
+        let ended = ProgramOutput::from(child.wait_with_output().unwrap());
+        said += &ended.error;
+        assert!(ended.is_success(), "{said}");
+        let answer: Value = ended.parse_json();
         let plan = if answer["drives"].is_array() { &answer } else { &answer["plan"] };
         for drive in plan["drives"].as_array().unwrap() {
             drives.push((drive["frequency_hz"].as_f64().unwrap(), drive["voltage_v"].as_f64().unwrap()));

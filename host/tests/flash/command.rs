@@ -3,13 +3,13 @@
 use crate::elf::{HEADER_AT, elf_file, flash_contents, version};
 use crate::probe::{ONE_PROBE, script};
 use crate::support::old_board;
+use crate::support::program::{ProgramOutput, build_era_command, run_command};
 use era::device::Target;
 use era::device::sim::SimBoard;
 use era::flash::board::{Board, BoardError};
 use era_shared::image::FLASH_START;
 use era_shared::protocol::{BoardKind, CURRENT_VERSION};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
 
 /// A token for a daemon, which is no concern of `probe-rs`.
 const SECRET: &str = "a-secret-of-the-environment";
@@ -28,16 +28,10 @@ impl Bench {
         Self { folder }
     }
 
-    fn flash(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_era"))
-            .arg("flash")
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .env("ERA_TOKEN", SECRET)
-            .env("PATH", format!("{}:/usr/bin:/bin", self.folder.path().display()))
-            .stdin(Stdio::null())
-            .output()
-            .unwrap()
+    fn run_era_flash(&self, arguments: &[&str]) -> ProgramOutput {
+        let mut command = build_era_command();
+        command.env("ERA_TOKEN", SECRET).env("PATH", format!("{}:/usr/bin:/bin", self.folder.path().display()));
+        run_command(command.current_dir(self.folder.path()).arg("flash").args(arguments))
     }
 
     fn calls(&self) -> String {
@@ -47,17 +41,13 @@ impl Bench {
     }
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 #[test]
 fn without_a_word_on_the_high_voltage_supply_nothing_is_written() {
     let old = flash_contents(version(1, b"01d01d01"), (1, 1), 5000, 9);
     let bench = Bench::new(&old[HEADER_AT..HEADER_AT + 64]);
-    let output = bench.flash(&["image.elf", "--probe"]);
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    let output = bench.run_era_flash(&["image.elf", "--probe"]);
+    let said = &output.error;
+    assert_eq!(output.code, Some(2), "{said}");
     assert!(
         said.contains("1.1.2 (commit 01d01d01) at the debug probe; to be replaced by 2.1.2 (commit 0123abcd)"),
         "{said}"
@@ -70,9 +60,9 @@ fn without_a_word_on_the_high_voltage_supply_nothing_is_written() {
 fn a_step_back_in_the_protocol_is_refused_before_anything_is_written() {
     let newer = flash_contents(version(1, b"01d01d01"), (1, CURRENT_VERSION + 1), 5000, 9);
     let bench = Bench::new(&newer[HEADER_AT..HEADER_AT + 64]);
-    let output = bench.flash(&["image.elf", "--probe", "--yes"]);
-    assert_eq!(output.status.code(), Some(1));
-    assert!(said(&output).contains("--force"), "{}", said(&output));
+    let output = bench.run_era_flash(&["image.elf", "--probe", "--yes"]);
+    assert_eq!(output.code, Some(1));
+    assert!(output.error.contains("--force"), "{}", output.error);
     assert!(!bench.calls().contains("download"));
 }
 
@@ -87,9 +77,9 @@ fn what_cannot_be_flashed_is_bad_use() {
         (&["image.elf", "--port", "emulated"], "only a board can be flashed"),
         (&["image.elf", "--probe", "--dfu"], "cannot be used with"),
     ] {
-        let output = bench.flash(arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", said(&output));
-        assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
+        let output = bench.run_era_flash(arguments);
+        assert_eq!(output.code, Some(2), "{arguments:?}: {}", output.error);
+        assert!(output.error.contains(expected), "{arguments:?}: {}", output.error);
     }
     assert!(Path::new(&bench.folder.path().join("image.elf")).exists() && bench.calls().is_empty());
 }
@@ -100,8 +90,8 @@ fn what_cannot_be_flashed_is_bad_use() {
 fn a_board_with_firmware_of_version_1_gets_a_new_image() {
     let bench = Bench::new(&SimBoard::ID);
     let port = old_board::behind_a_terminal(old_board::Board::posing_as(BoardKind::Stm32G474, 1, 1));
-    let output = bench.flash(&["image.elf", "--probe", "--yes", "--port", &port]);
-    let said = said(&output);
+    let output = bench.run_era_flash(&["image.elf", "--probe", "--yes", "--port", &port]);
+    let said = &output.error;
     // What is behind the port does not restart: it still tells its own version, which is none of the image's.
     let from = concat!(env!("CARGO_PKG_VERSION"), " (commit 00000000) at ");
     assert!(said.contains(from) && said.contains("to be replaced by 2.1.2 (commit 0123abcd)"), "{said}");

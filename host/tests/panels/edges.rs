@@ -6,8 +6,7 @@ use era::planner::{PlanTable, TableOptions, Target};
 use era::response::{CoordinateSolver, multiply_shape_with_coordinates};
 use era::scene::{Scene, SurfaceKind};
 use proptest::prelude::*;
-use std::path::Path;
-use std::process::{Command, Output};
+use support::program::{make_scratch_path, run_era_json};
 use support::scenes::SceneText;
 
 /// A table of this frequency and the next but one.
@@ -195,13 +194,6 @@ fn edges_are_places_for_plans() {
     assert_eq!(error, "x_mm is 360.1, but must be 0 to 360");
 }
 
-fn era(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    let output = command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
 /// On a panel of 380 mm, whose last column was beyond its edge: what `era sweep` finds where it is most is what
 /// `era response` has there, and `era field --reach` takes every point of its own grid.
 #[test]
@@ -212,17 +204,16 @@ fn commands_agree_at_the_edge_of_a_panel() {
         .era("grounded", 0.2, 0.7, 0.012, 5e3, 0.7)
         .damping("loss_factor", 0.01);
     assert!(is_awkward(380, 48));
-    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("edges-380.toml");
+    let file = make_scratch_path("edges-380.toml");
     std::fs::write(&file, scene.text()).unwrap();
     let file = file.display().to_string();
-    let json = |output: &Output| serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap();
     let sweep =
-        json(&era(&["sweep", "--scene", &file, "--accuracy", "fast", "--from", "100", "--step", "10", "--json"]));
+        run_era_json(&["sweep", "--scene", &file, "--accuracy", "fast", "--from", "100", "--step", "10", "--json"]);
     for actuator in sweep["actuators"].as_array().unwrap() {
         let most = &actuator["most"];
         let at = format!("{},{}", most["x_mm"], most["y_mm"]);
         let hz = most["frequency_hz"].to_string();
-        let curve = era(&[
+        let curve = run_era_json(&[
             "response",
             "--scene",
             &file,
@@ -238,14 +229,13 @@ fn commands_agree_at_the_edge_of_a_panel() {
             "1",
             "--json",
         ]);
-        let text = String::from_utf8_lossy(&curve.stdout).into_owned();
         let name = actuator["id"].as_str().unwrap();
         let value = most["acceleration_m_per_s2_per_n"].as_f64().unwrap();
-        let own = magnitude(&json(&curve), name).unwrap_or_else(|| panic!("{text}"));
+        let own = magnitude(&curve, name).unwrap_or_else(|| panic!("{curve}"));
         // Two meshes, each right to 1e-2.
         assert!(differ(value, own) < 0.02, "{name} at {at}: {value} {own}");
     }
-    let reach = json(&era(&[
+    let reach = run_era_json(&[
         "field",
         "--scene",
         &file,
@@ -257,7 +247,7 @@ fn commands_agree_at_the_edge_of_a_panel() {
         "--to",
         "180",
         "--json",
-    ]));
+    ]);
     let strongest = reach["maps"]["strongest_g"].as_array().unwrap();
     assert!(!strongest.is_empty() && strongest.iter().all(serde_json::Value::is_number));
 }

@@ -4,10 +4,10 @@
 //! `ERA_RECORD=1 cargo test -p era-host --test panels golden_plans` records them again. What a change is meant to change then shows in the
 //! difference of `host/tests/golden`.
 
+use crate::support::program::{build_era_command, run_command};
 use serde_json::{Map, Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// The variable that has the plans recorded instead of compared.
 const RECORD: &str = "ERA_RECORD";
@@ -72,13 +72,10 @@ impl Places {
     /// The answer to one request.
     fn answer(&self, arguments: &[String]) -> Value {
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes").join(self.scene);
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        // Not the cache of whoever runs the tests.
-        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments).arg("--scene").arg(scene);
-        let output = command.output().unwrap();
-        let told = String::from_utf8_lossy(&output.stderr);
+        let mut command = build_era_command();
+        let output = run_command(command.args(arguments).arg("--scene").arg(scene));
         let mut answer: Map<String, Value> =
-            serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{command:?}: {error}: {told}"));
+            serde_json::from_str(&output.out).unwrap_or_else(|error| panic!("{command:?}: {error}: {}", output.error));
         answer.retain(|key, _| !LEFT_OUT.contains(&key.as_str()));
         answer.into()
     }

@@ -6,12 +6,8 @@
 use crate::support;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use support::program::run_era;
 use support::scenes::SceneText;
-
-fn era(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap()
-}
 
 /// The scene's file, and the folder that it is in.
 fn written(scene: &SceneText) -> (tempfile::TempDir, String) {
@@ -45,8 +41,8 @@ impl Exported {
     fn of(scene: &SceneText, more: &[&str]) -> Self {
         let (folder, path) = written(scene);
         let file = folder.path().join("modes.npy");
-        let output = era(&[&["modes", "--scene", &path, "--npy", file.to_str().unwrap()], more].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let output = run_era(&[&["modes", "--scene", &path, "--npy", file.to_str().unwrap()], more].concat());
+        assert!(output.is_success(), "{}", output.error);
         let axis = |name: &str| read_npy(&folder.path().join(format!("modes.{name}.npy"))).1;
         let (sides, shapes) = read_npy(&file);
         Self { sides, shapes, frequencies_hz: axis("frequency_hz"), y_m: axis("y_m"), x_m: axis("x_m") }
@@ -172,7 +168,7 @@ fn a_bar_has_one_row_and_a_cut_out_has_no_value() {
     std::fs::write(&path, scene).unwrap();
     let png = folder.path().join("hole.png");
     let names = [&path, &csv, &png].map(|path| path.to_str().unwrap().to_owned());
-    let output = era(&[
+    let output = run_era(&[
         "modes",
         "--scene",
         &names[0],
@@ -187,7 +183,7 @@ fn a_bar_has_one_row_and_a_cut_out_has_no_value() {
         "--png",
         &names[2],
     ]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.is_success(), "{}", output.error);
     let text = std::fs::read_to_string(&csv).unwrap();
     let mut lines = text.lines();
     assert_eq!(lines.next().unwrap(), "mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg");
@@ -233,11 +229,11 @@ fn names_that_do_not_fit_are_refused_before_anything_is_computed() {
         (["--png", "modes.jpg"], "end in .png"),
         (["--grid", "0,5"], "1 to 10000"),
     ] {
-        let output = era(&[&["modes"], &arguments[..]].concat());
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code() == Some(2) && told.contains(words), "{told}");
+        let output = run_era(&[&["modes"], &arguments[..]].concat());
+        let told = &output.error;
+        assert!(output.code == Some(2) && told.contains(words), "{told}");
     }
-    let output = era(&["modes", "--max-hz", "300", "--accuracy", "fast", "--grid", "9999,9999", "--csv", "-"]);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code() == Some(2) && told.contains("--grid") && told.contains("allowed"), "{told}");
+    let output = run_era(&["modes", "--max-hz", "300", "--accuracy", "fast", "--grid", "9999,9999", "--csv", "-"]);
+    let told = &output.error;
+    assert!(output.code == Some(2) && told.contains("--grid") && told.contains("allowed"), "{told}");
 }

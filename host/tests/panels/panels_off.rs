@@ -4,10 +4,10 @@
 use crate::support;
 use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use serde_json::{Value, json};
-use std::process::Command;
 use std::time::{Duration, Instant};
 use support::Daemon;
 use support::browser::{Browser, browser_or_skip, save};
+use support::program::{build_era_command, run_command};
 
 const PATH: &str = "/v1/tolerances";
 
@@ -16,14 +16,11 @@ fn planned(more: &[&str]) -> String {
     let place = tempfile::tempdir().unwrap();
     let scene = place.path().join("plate.toml");
     std::fs::write(&scene, STARTING_PLATE).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_era"))
-        .args(["plan", "--at", "480,640", "--intensity-g", "0.3", "--accuracy", "fast", "--no-cache", "--scene"])
-        .arg(&scene)
-        .args(more)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    let mut command = build_era_command();
+    command.args(["plan", "--at", "480,640", "--intensity-g", "0.3", "--accuracy", "fast", "--no-cache", "--scene"]);
+    let output = run_command(command.arg(&scene).args(more));
+    assert!(output.is_success(), "{}", output.error);
+    output.out
 }
 
 /// What is known of the newest look once it has ended.

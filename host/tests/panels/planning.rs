@@ -7,6 +7,7 @@ use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Ta
 use era::scene::{EXAMPLE_BAR, STARTING_PLATE};
 use era::verify::{VerifyError, compare_plan_with_simulation, compare_planned_request_with_simulation, spread_points};
 use std::fmt::Write;
+use support::program::{build_era_command, make_scratch_path, run_command, run_era};
 
 #[test]
 fn plans_meet_the_request_or_say_what_limits_them() {
@@ -269,11 +270,9 @@ fn verify_refuses_what_it_cannot_do_by_name() {
     for (option, value, allowed) in
         [("--points", "0", "1 to 100000"), ("--intensity-g", "-1", "0 or more"), ("--limit", "NaN", "0 or more")]
     {
-        // Without the cache of whoever runs the tests.
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
-        let ran = command.args(["verify", "--no-cache", option, value]).output().unwrap();
-        let said = String::from_utf8_lossy(&ran.stderr).into_owned();
-        assert_eq!(ran.status.code(), Some(2), "{said}");
+        let ran = run_era(&["verify", "--no-cache", option, value]);
+        let said = &ran.error;
+        assert_eq!(ran.code, Some(2), "{said}");
         assert!(said.contains(&format!("{option} is {value}, ")) && said.contains(allowed), "{said}");
     }
 }
@@ -334,15 +333,14 @@ fn one_actuator_too_many_is_told() {
     for number in EXAMPLE_BAR.matches("[[actuator]]").count()..count {
         text += &one.replace(id, &format!("id = \"more{number}\""));
     }
-    let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("too-many.toml");
+    let file = make_scratch_path("too-many.toml");
     std::fs::write(&file, &text).unwrap();
     for command in
         [&["plan", "--at", "10,10"][..], &["field", "--at", "10,10"], &["field", "--reach"], &["serve"], &["verify"]]
     {
-        let mut era = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
-        let output = era.args(command).arg("--scene").arg(&file).arg("--no-cache").output().unwrap();
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{command:?}: {told}");
+        let output = run_command(build_era_command().args(command).arg("--scene").arg(&file).arg("--no-cache"));
+        let told = &output.error;
+        assert_eq!(output.code, Some(2), "{command:?}: {told}");
         assert!(told.contains(&format!("{count} actuators")) && told.contains("at most 4"), "{command:?}: {told}");
     }
     let table = support::table(&text);

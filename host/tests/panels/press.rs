@@ -1,8 +1,8 @@
 //! `era press`, and what loading a scene says of a press, as a user sees them.
 
+use crate::support::program::{ProgramOutput, build_era_command, run_command};
 use serde_json::Value;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: [&str; 5] = ["bar", "bezel", "camera", "plate", "stepped_bar"];
 
@@ -10,22 +10,17 @@ fn example(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../examples/scenes/{name}.toml"))
 }
 
-fn era(arguments: &[&str], scene: &PathBuf) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.args(arguments).arg("--scene").arg(scene).args(["--no-cache", "--accuracy", "fast"]);
-    command.output().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+fn run_era_on_scene(arguments: &[&str], scene: &Path) -> ProgramOutput {
+    let mut command = build_era_command();
+    run_command(command.args(arguments).arg("--scene").arg(scene).args(["--no-cache", "--accuracy", "fast"]))
 }
 
 #[test]
 fn the_example_scenes_bear_a_press() {
     for name in EXAMPLES {
-        let output = era(&["press", "--json"], &example(name));
-        assert!(output.status.success() && !said(&output).contains("press of"), "{name}: {}", said(&output));
-        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let output = run_era_on_scene(&["press", "--json"], &example(name));
+        assert!(output.is_success() && !output.error.contains("press of"), "{name}: {}", output.error);
+        let answer: Value = output.parse_json();
         assert_eq!(answer["force_n"], 5.0);
         for actuator in answer["actuators"].as_array().unwrap() {
             assert_eq!(actuator["stop"], "given", "{name}: {actuator}");
@@ -33,8 +28,8 @@ fn the_example_scenes_bear_a_press() {
             // Five newtons are more than their springs hold, and 0.6 N are not.
             assert!((sag - stop).abs() < 1e-9 && (left - (500.0 - stop)).abs() < 1e-9, "{name}: {actuator}");
         }
-        let output = era(&["press", "--json", "--force-n", "0.6"], &example(name));
-        let light: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let output = run_era_on_scene(&["press", "--json", "--force-n", "0.6"], &example(name));
+        let light: Value = output.parse_json();
         for (light, hard) in light["actuators"].as_array().unwrap().iter().zip(answer["actuators"].as_array().unwrap())
         {
             let [part, sag] = [
@@ -56,11 +51,11 @@ fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
     let told = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
-        let output = era(&["plan", "--at", "480,640", "--json", "--intensity-g", "50"], &path);
-        assert!(output.status.success(), "{}", said(&output));
-        let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let output = run_era_on_scene(&["plan", "--at", "480,640", "--json", "--intensity-g", "50"], &path);
+        assert!(output.is_success(), "{}", output.error);
+        let plan: Value = output.parse_json();
         let volts = plan["drives"].as_array().unwrap().iter().map(|drive| drive["voltage_v"].as_f64().unwrap());
-        (said(&output), volts.fold(0.0, f64::max))
+        (output.error, volts.fold(0.0, f64::max))
     };
     let (warned, volts) = told("without.toml", &without);
     assert!(warned.contains("a press of 5 N at 0.0, 100.0 mm moves the mass of \"left\""), "{warned}");
@@ -79,11 +74,11 @@ fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
     ] {
         let path = folder.path().join("wrong.toml");
         std::fs::write(&path, wrong).unwrap();
-        let output = era(&["press"], &path);
-        assert!(output.status.code() == Some(2) && said(&output).contains(key), "{}", said(&output));
+        let output = run_era_on_scene(&["press"], &path);
+        assert!(output.code == Some(2) && output.error.contains(key), "{}", output.error);
     }
-    let output = era(&["press", "--force-n", "2000"], &example("plate"));
-    assert!(output.status.code() == Some(2) && said(&output).contains("0 to 1000 N"), "{}", said(&output));
+    let output = run_era_on_scene(&["press", "--force-n", "2000"], &example("plate"));
+    assert!(output.code == Some(2) && output.error.contains("0 to 1000 N"), "{}", output.error);
 }
 
 /// The mass of a panel has no part in what is steady, and none in where it is looked for.
@@ -99,9 +94,9 @@ fn the_furthest_place_does_not_depend_on_the_mass_of_the_panel() {
             };
             let path = folder.path().join(format!("{name}.toml"));
             std::fs::write(&path, text.lines().map(line).collect::<String>()).unwrap();
-            let output = era(&["press", "--json"], &path);
-            assert!(output.status.success(), "{name} {factor}: {}", said(&output));
-            let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+            let output = run_era_on_scene(&["press", "--json"], &path);
+            assert!(output.is_success(), "{name} {factor}: {}", output.error);
+            let answer: Value = output.parse_json();
             let figures = |own: &Value| [&own["alone_um"], &own["error_bound"]].map(|value| value.as_f64().unwrap());
             answer["actuators"].as_array().unwrap().iter().map(figures).collect()
         };
@@ -134,9 +129,9 @@ fn the_springs_that_are_named_withstand_the_press() {
         };
         let both: String = places.iter().zip(springs_n_per_m).map(actuator).collect();
         std::fs::write(&path, format!("{panel}{both}")).unwrap();
-        let output = era(&["press", "--json"], &path);
-        assert!(output.status.success(), "{}", said(&output));
-        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let output = run_era_on_scene(&["press", "--json"], &path);
+        assert!(output.is_success(), "{}", output.error);
+        let answer: Value = output.parse_json();
         answer["actuators"].as_array().unwrap().clone()
     };
     for i in 0..12 {

@@ -1,25 +1,11 @@
 //! `era field --reach`, `--schemes` and `--effect click` as they are called: the bar's table, what is refused, and the pictures.
 
+use crate::support::program::{make_scratch_path, run_era, run_era_json};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn era(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments).output().unwrap()
-}
-
-fn told(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn scratch(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
-}
 
 /// The example bar's path, written where tests may write.
 fn bar() -> String {
-    let file = scratch("reach-bar.toml");
+    let file = make_scratch_path("reach-bar.toml");
     std::fs::write(&file, era::scene::EXAMPLE_BAR).unwrap();
     file.display().to_string()
 }
@@ -40,12 +26,12 @@ fn bands_zones_and_names_that_make_no_sense_are_refused() {
         (&["--zone", "1,2,3"], &["--zone", "X0,Y0,X1,Y1"]),
         (&["--png", "map.jpg"], &["--png", ".png"]),
     ] {
-        let output = era(&[&["field", "--schemes", "--accuracy", "fast", "--scene", &bar], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", told(&output));
+        let output = run_era(&[&["field", "--schemes", "--accuracy", "fast", "--scene", &bar], arguments].concat());
+        assert_eq!(output.code, Some(2), "{arguments:?}: {}", output.error);
         for word in words {
-            assert!(told(&output).contains(word), "{arguments:?}: {}", told(&output));
+            assert!(output.error.contains(word), "{arguments:?}: {}", output.error);
         }
-        assert!(output.stdout.is_empty());
+        assert!(output.out.is_empty());
     }
 }
 
@@ -55,16 +41,16 @@ fn reach_is_told_and_drawn() {
     let bar = bar();
     let part = ["--zone", "100,0,150,20", "--from", "120", "--to", "180", "--accuracy", "fast", "--scene", &bar];
     for (what, columns, lines) in [
-        ("--reach", "x_mm,y_mm,strongest_g,contrast_db,strongest_left_hz", &["strongest peak", "contrast"][..]),
+        ("--reach", "x_mm,y_mm,strongest_g,contrast_db,strongest_left_hz", &["reach: ", "contrast"][..]),
         ("--schemes", "x_mm,y_mm,one_setting_1_g,per_touch_1_g", &["| distinct frequencies | ", "First mode"]),
     ] {
-        let (png, csv) = (scratch(&format!("{what}.png")), scratch(&format!("{what}.csv")));
+        let (png, csv) = (make_scratch_path(&format!("{what}.png")), make_scratch_path(&format!("{what}.csv")));
         let files = ["--png", &png.display().to_string(), "--csv", &csv.display().to_string()];
-        let output = era(&[&["field", what], &part[..], &files].concat());
-        assert!(output.status.success(), "{}", told(&output));
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let output = run_era(&[&["field", what], &part[..], &files].concat());
+        assert!(output.is_success(), "{}", output.error);
+        let text = &output.out;
         assert!(lines.iter().all(|line| text.contains(line)) && text.contains("100 to 150 mm"), "{text}");
-        assert!(told(&output).contains("wrote") && told(&output).contains("pixels"), "{}", told(&output));
+        assert!(output.error.contains("wrote") && output.error.contains("pixels"), "{}", output.error);
         assert!(std::fs::read_to_string(&csv).unwrap().starts_with(columns));
         let picture = std::fs::read(&png).unwrap();
         assert!(picture.starts_with(b"\x89PNG") && picture.len() < 100_000, "{} bytes", picture.len());
@@ -84,26 +70,27 @@ fn clicks_that_make_no_sense_are_refused() {
         (&["--at", "480,80", "--crisp-ms", "40"], &["--crisp-ms is 40", "--effect click"]),
         (&["--reach", "--prefer", "crispness"], &["--prefer is crispness", "--effect click"]),
     ] {
-        let output = era(&[&["field", "--accuracy", "fast", "--scene", &bar], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", told(&output));
-        assert!(words.iter().all(|word| told(&output).contains(word)), "{arguments:?}: {}", told(&output));
-        assert!(output.stdout.is_empty());
+        let output = run_era(&[&["field", "--accuracy", "fast", "--scene", &bar], arguments].concat());
+        assert_eq!(output.code, Some(2), "{arguments:?}: {}", output.error);
+        assert!(words.iter().all(|word| output.error.contains(word)), "{arguments:?}: {}", output.error);
+        assert!(output.out.is_empty());
     }
 }
 
 /// The map of a click has at every place what `era effect click` predicts there, in all its forms.
 #[test]
 fn clicks_are_mapped() {
-    let file = scratch("clicks-bar.toml");
+    let file = make_scratch_path("clicks-bar.toml");
     let finger = "\n[finger]\nmass_g = 5.0\ndamping_n_s_per_m = 5.0\nstiffness_n_per_m = 3000.0\n";
     std::fs::write(&file, format!("{}{finger}", era::scene::EXAMPLE_BAR)).unwrap();
     let (with_finger, bar) = (file.display().to_string(), bar());
-    let (png, csv) = (scratch("clicks.png").display().to_string(), scratch("clicks.csv").display().to_string());
+    let (png, csv) =
+        (make_scratch_path("clicks.png").display().to_string(), make_scratch_path("clicks.csv").display().to_string());
     let wish = ["--accuracy", "fast", "--intensity-g", "0.4", "--crisp-ms", "40"];
     let map = ["field", "--effect", "click", "--prefer", "strength", "--json", "--png", &png, "--csv", &csv, "--scene"];
-    let output = era(&[&map[..], &[with_finger.as_str()], &wish].concat());
-    assert!(output.status.success() && told(&output).contains("[finger] is not used"), "{}", told(&output));
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let output = run_era(&[&map[..], &[with_finger.as_str()], &wish].concat());
+    assert!(output.is_success() && output.error.contains("[finger] is not used"), "{}", output.error);
+    let found: Value = output.parse_json();
     let places = found["places"].as_array().unwrap();
     assert_eq!(
         (places.len(), &found["intensity_g"], &found["scene"]),
@@ -121,17 +108,21 @@ fn clicks_are_mapped() {
     assert_eq!(number(&found["least_peak_g"]), least_g);
     // The third of twelve cells of 250 mm.
     let at = format!("{},10", 250.0 * 2.5 / 12.0);
-    let one = era(&[&["effect", "click", "--json", "--unit", "mm", "--at", &at, "--scene", &bar], &wish[..]].concat());
-    let one: Value = serde_json::from_slice(&one.stdout).unwrap();
-    for key in ["peak_g", "peak_at_ms", "quiet_ms"] {
+    let one = [&["effect", "click", "--json", "--unit", "mm", "--at", &at, "--scene", &bar], &wish[..]].concat();
+    let one = run_era_json(&one);
+    for key in ["peak_g", "peak_at_ms", "quiet_ms", "contrast_db", "sound_db"] {
         let difference = number(&one["predicted"][key]) - number(&places[2][key]);
         assert!(difference.abs() < 1e-6, "{key}: {} {}", one["predicted"], places[2]);
     }
     let text = std::fs::read_to_string(&csv).unwrap();
-    assert!(text.starts_with("x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp\n") && text.lines().count() == 13, "{text}");
+    assert!(
+        text.starts_with("x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp,contrast_db,sound_db\n")
+            && text.lines().count() == 13,
+        "{text}"
+    );
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
-    let output = era(&["field", "--effect", "click", "--accuracy", "fast", "--scene", &bar]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let output = run_era(&["field", "--effect", "click", "--accuracy", "fast", "--scene", &bar]);
+    let text = &output.out;
     let words =
         ["clicks of 0.5 g", "crisp (peak within 15 ms, quiet within 45 ms)", "lowest peak", "quiet time (median)"];
     assert!(words.iter().all(|word| text.contains(word)) && text.lines().count() <= 15, "{text}");

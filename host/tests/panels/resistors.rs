@@ -4,11 +4,11 @@ use crate::support;
 use era::device::sim::SimPanel;
 use era::model::{Accuracy, PanelModel};
 use era::planner::{Grouping, Plan, PlanTable, Request, TableOptions, Target};
-use era::response::compute_curves_with_error_bounds;
+use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era::scene::{STARTING_PLATE, Scene};
 use era::verify::{compare_plan_with_simulation, compare_planned_request_with_simulation};
 use era_shared::limits::MAX_AVERAGE_MICROAMPS;
-use era_shared::supply::{RAILS, mean_current_of_drives_microamps, rail_index_of_channel};
+use era_shared::supply::{RAILS, mean_current_of_drives_and_bleeders_microamps, rail_index_of_channel};
 
 /// The board's drive stage.
 const STAGE: &str = "charging_resistance_ohm = 1e6\ndischarging_resistance_ohm = 1e5\ndischarging_delay_us = 15\n";
@@ -75,7 +75,9 @@ fn modes_and_responses_know_no_electronics() {
     let [without, with] = [("", [81.0, 81.0]), (STAGE, [200.0, 30.0])].map(|(text, cables)| {
         let scene = Scene::parse("plate", &plate_with_electronics(text, cables)).unwrap();
         let at = (TARGET.x_m, TARGET.y_m);
-        compute_curves_with_error_bounds(&scene, Accuracy::FAST, at, &[60.0, 145.0, 390.0]).unwrap().answer
+        compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::FAST, at, &[60.0, 145.0, 390.0])
+            .unwrap()
+            .answer
     });
     assert_eq!(without, with);
 }
@@ -190,7 +192,7 @@ fn the_board_takes_a_plan_at_the_supplys_limit() {
             *rail = (*rail).max((drive.voltage_v * scale * 1e3).round() as u32);
         }
         let driven = plan.drives.iter().enumerate().filter(|(_, drive)| drive.voltage_v > 0.0);
-        mean_current_of_drives_microamps(
+        mean_current_of_drives_and_bleeders_microamps(
             rails,
             driven.map(|(channel, drive)| (channel, (drive.frequency_hz * 1e9) as u64)),
         )

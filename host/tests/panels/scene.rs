@@ -147,6 +147,8 @@ fn broken_toml_and_all_mistakes_at_once() {
     let twice =
         Scene::parse("panel.toml", &STARTING_PLATE.replace("[[support]]", "[support]")).unwrap_err().to_string();
     assert!(twice.contains("[support] is given twice") && twice.contains("is written [[support]]"), "{twice}");
+    let twice = Scene::parse("panel.toml", &format!("{STARTING_PLATE}\n[surface]\n")).unwrap_err().to_string();
+    assert!(twice.ends_with("[surface] is given twice, but may be given only once"), "{twice}");
     let text = STARTING_PLATE
         .replace("thickness_mm = 2.0", "thickness_mm = 0")
         .replace("air_gap_um = 500.0", "air_gap_um = -5");
@@ -206,9 +208,13 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     };
     let six = with(&["b", "c", "d", "e", "f"]).unwrap();
     assert_eq!(six.actuators.len(), 6);
-    let curves =
-        era::response::compute_curves_with_error_bounds(&six, era::model::Accuracy::FAST, (0.1, 0.1), &[60.0, 90.0])
-            .unwrap();
+    let curves = era::response::compute_acceleration_curves_per_newton_with_error_bounds(
+        &six,
+        era::model::Accuracy::FAST,
+        (0.1, 0.1),
+        &[60.0, 90.0],
+    )
+    .unwrap();
     assert_eq!(curves.answer.len(), 6);
     let options = era::planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
     let model =

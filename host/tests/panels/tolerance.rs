@@ -4,7 +4,7 @@ use crate::support;
 use era::model::levels::ReducedLevels;
 use era::model::{Accuracy, compute_modes_with_error_bounds};
 use era::planner::{PlanTable, TableOptions, Target};
-use era::response::{compute_curves_with_error_bounds, sweep_with_error_bounds};
+use era::response::{compute_acceleration_curves_per_newton_with_error_bounds, sweep_with_error_bounds};
 use era::scene::{STARTING_PLATE, Scene};
 use era::verify::spread_points;
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ use support::scenes::SceneText;
 
 /// The answers for one place and one frequency, and the largest bound.
 fn at_one(scene: &Scene, accuracy: Accuracy, at: (f64, f64), hz: f64) -> (Vec<num_complex::Complex64>, f64) {
-    let found = compute_curves_with_error_bounds(scene, accuracy, at, &[hz]).unwrap();
+    let found = compute_acceleration_curves_per_newton_with_error_bounds(scene, accuracy, at, &[hz]).unwrap();
     let bounds = found.bounds.iter().map(|bound| bound.limit_if_known().unwrap_or(f64::INFINITY));
     (found.answer.iter().map(|curve| curve[0]).collect(), bounds.fold(0.0, f64::max))
 }
@@ -40,9 +40,13 @@ fn bounds_hold_where_two_levels_agree_by_chance() {
     let check = |scene: &Scene, at: (f64, f64), hz: f64| -> Result<(), TestCaseError> {
         let (exact, own) = at_one(scene, Accuracy::from_tolerance(1e-5).unwrap(), at, hz);
         for tolerance in [1e-2, 1e-3] {
-            let found =
-                compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(tolerance).unwrap(), at, &[hz])
-                    .unwrap();
+            let found = compute_acceleration_curves_per_newton_with_error_bounds(
+                scene,
+                Accuracy::from_tolerance(tolerance).unwrap(),
+                at,
+                &[hz],
+            )
+            .unwrap();
             for ((curve, exact), bound) in found.answer.iter().zip(&exact).zip(&found.bounds) {
                 let (error, bound) = ((curve[0] - exact).norm() / exact.norm(), bound.limit_if_known().unwrap());
                 prop_assert!(error <= bound + own, "{}: {at:?}, {hz} Hz: {error:e} of {bound:e}", scene.name);

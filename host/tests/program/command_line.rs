@@ -1,74 +1,53 @@
 //! The program as it is called: what is warned about, refused, and written to files.
 
+use crate::support::program::{build_era_command, make_scratch_path, run_command, run_era, run_era_json};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn era(arguments: &[&str]) -> Output {
-    // Not the cache of whoever runs the tests.
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments).output().unwrap()
-}
-
-fn json(arguments: &[&str]) -> Value {
-    let output = era(arguments);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"))
-}
-
-fn scratch(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
-}
-
-fn told(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 /// Thin-plate theory ends somewhere: the number is said, and the answer given all the same.
 #[test]
 fn a_thick_panel_is_warned_about_with_its_number() {
     let scene = |thickness_mm: &str| {
         let text = era::scene::STARTING_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {thickness_mm}"));
-        let file = scratch(&format!("thick-{thickness_mm}.toml"));
+        let file = make_scratch_path(&format!("thick-{thickness_mm}.toml"));
         std::fs::write(&file, text).unwrap();
         file.display().to_string()
     };
     // Nothing holds an edge, so that the longer side bends: 15 mm of 300 mm is 0.050; 9 mm is 0.030, under 1/30.
-    let (thick, thin) = (era(&["modes", "--scene", &scene("15.0")]), era(&["modes", "--scene", &scene("9.0")]));
-    assert!(thick.status.success() && told(&thick).contains("0.050"), "{}", told(&thick));
-    assert!(thin.status.success() && !told(&thin).contains("thickness"), "{}", told(&thin));
+    let (thick, thin) = (run_era(&["modes", "--scene", &scene("15.0")]), run_era(&["modes", "--scene", &scene("9.0")]));
+    assert!(thick.is_success() && thick.error.contains("0.050"), "{}", thick.error);
+    assert!(thin.is_success() && !thin.error.contains("thickness"), "{}", thin.error);
 }
 
 /// What is refused is not computed, and not warned about; and what is told to a file has no colours in it.
 #[test]
 fn what_is_refused_is_not_warned_about() {
-    let refused = era(&["modes", "--max-hz", "1e9"]);
-    let text = told(&refused);
-    assert!(refused.status.code() == Some(2) && !text.contains("WARN") && text.contains("error:"), "{text}");
-    let thick = era(&["modes", "--max-hz", "20000", "--accuracy", "fast"]);
-    assert!(told(&thick).contains("WARN") && !told(&thick).contains('\x1b'), "{}", told(&thick));
+    let refused = run_era(&["modes", "--max-hz", "1e9"]);
+    let text = &refused.error;
+    assert!(refused.code == Some(2) && !text.contains("WARN") && text.contains("error:"), "{text}");
+    let thick = run_era(&["modes", "--max-hz", "20000", "--accuracy", "fast"]);
+    assert!(thick.error.contains("WARN") && !thick.error.contains('\x1b'), "{}", thick.error);
 }
 
 /// What a newcomer types first, and gets wrong: the daemon's option without its command, a modulus in GPa where Pa is meant.
 #[test]
 fn first_mistakes_are_answered_with_what_would_do() {
-    let output = era(&["--listen", "127.0.0.1:0"]);
-    let text = told(&output);
-    assert!(output.status.code() == Some(2) && text.contains("era serve --listen"), "{text}");
+    let output = run_era(&["--listen", "127.0.0.1:0"]);
+    let text = &output.error;
+    assert!(output.code == Some(2) && text.contains("era serve --listen"), "{text}");
     let soft = era::scene::STARTING_PLATE.replace("youngs_modulus_pa = 69e9", "youngs_modulus_pa = 69");
-    let file = scratch("soft.toml");
+    let file = make_scratch_path("soft.toml");
     std::fs::write(&file, soft).unwrap();
-    let text = told(&era(&["modes", "--scene", &file.display().to_string()]));
+    let text = run_era(&["modes", "--scene", &file.display().to_string()]).error;
     assert!(text.contains("check that youngs_modulus_pa is correct and in Pa"), "{text}");
 }
 
 /// The array's numbers are those of `era response`, and the header is what NumPy reads.
 #[test]
 fn a_sweep_is_written_for_numpy() {
-    let file = scratch("sweep.npy");
+    let file = make_scratch_path("sweep.npy");
     let band = ["--from", "100", "--to", "300", "--step", "10"];
     let name = file.display().to_string();
-    let told = json(&[&["sweep", "--grid", "7,5", "--npy", &name, "--json"], &band[..]].concat());
+    let told = run_era_json(&[&["sweep", "--grid", "7,5", "--npy", &name, "--json"], &band[..]].concat());
     assert_eq!((&told["points"], &told["frequencies"]), (&Value::from(35), &Value::from(21)));
     let bytes = std::fs::read(&file).unwrap();
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
@@ -80,7 +59,7 @@ fn a_sweep_is_written_for_numpy() {
         bytes[10 + length..].chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect();
     assert_eq!(values.len(), 2 * 21 * 2 * 35);
     // Third row, fifth column: 200 mm, 100 mm.
-    let curve = json(&[&["response", "--at", "200,100", "--json"], &band[..]].concat());
+    let curve = run_era_json(&[&["response", "--at", "200,100", "--json"], &band[..]].concat());
     for (actuator, response) in curve["actuators"].as_array().unwrap().iter().enumerate() {
         let part =
             |key: &str| response[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
@@ -97,14 +76,15 @@ fn a_sweep_is_written_for_numpy() {
 /// The sound of a click is a figure of clicks alone.
 #[test]
 fn a_click_has_a_sound() {
-    let effect = |name: &str| json(&["effect", name, "--at", "100,60", "--unit", "mm", "--accuracy", "fast", "--json"]);
+    let effect =
+        |name: &str| run_era_json(&["effect", name, "--at", "100,60", "--unit", "mm", "--accuracy", "fast", "--json"]);
     let click = effect("click");
     let sound_db = click["predicted"]["sound_db"].as_f64().unwrap();
     assert!((-60.0..60.0).contains(&sound_db), "{sound_db}");
     let buzz = effect("buzz");
     assert!(buzz["predicted"]["sound_db"].is_null() && buzz["predicted"]["peak_g"].is_f64(), "{}", buzz["predicted"]);
-    let output = era(&["effect", "click", "--at", "100,60", "--unit", "mm", "--accuracy", "fast"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let output = run_era(&["effect", "click", "--at", "100,60", "--unit", "mm", "--accuracy", "fast"]);
+    let text = &output.out;
     assert!(text.contains(&format!("sound: {sound_db:.1} dB")), "{text}");
     let contrast_db = click["predicted"]["contrast_db"].as_f64().unwrap();
     assert!(text.contains(&format!("contrast of the click: {contrast_db:.1} dB")), "{text}");
@@ -120,12 +100,12 @@ fn a_click_has_a_sound() {
 fn a_click_that_is_not_crisp_says_so() {
     let base = ["effect", "click", "--at", "960,640", "--accuracy", "fast"];
     for (crisp_ms, is_crisp) in [("45", true), ("20", false)] {
-        let click = json(&[&base[..], &["--crisp-ms", crisp_ms, "--json"]].concat());
+        let click = run_era_json(&[&base[..], &["--crisp-ms", crisp_ms, "--json"]].concat());
         let predicted = &click["predicted"];
         assert_eq!(predicted["crisp"], is_crisp, "{predicted}");
         assert_eq!(predicted["quiet_ms"].as_f64().unwrap() <= crisp_ms.parse().unwrap(), is_crisp, "{predicted}");
-        let output = era(&[&base[..], &["--crisp-ms", crisp_ms]].concat());
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let output = run_era(&[&base[..], &["--crisp-ms", crisp_ms]].concat());
+        let text = &output.out;
         let said = format!("below a tenth of the peak within {crisp_ms} ms");
         assert_eq!(text.contains("not crisp: ") && text.contains(&said), !is_crisp, "{text}");
     }
@@ -140,10 +120,10 @@ fn sweeps_that_make_no_sense_are_refused() {
         (&["--to", "10"], &["--to is 10", "40 Hz (--from)"]),
         (&["--npy", "/nowhere/at/all.npy"], &["/nowhere/at/all.npy"]),
     ] {
-        let output = era(&[&["sweep", "--step", "50"], arguments].concat());
-        let told = told(&output);
-        assert!(!output.status.success() && words.iter().all(|word| told.contains(word)), "{arguments:?}: {told}");
-        assert!(output.stdout.is_empty());
+        let output = run_era(&[&["sweep", "--step", "50"], arguments].concat());
+        let told = &output.error;
+        assert!(!output.is_success() && words.iter().all(|word| told.contains(word)), "{arguments:?}: {told}");
+        assert!(output.out.is_empty());
     }
 }
 
@@ -152,9 +132,9 @@ fn sweeps_that_make_no_sense_are_refused() {
 fn help_that_cannot_be_written_is_an_error() {
     for arguments in [&["--help"][..], &["--version"], &["plan", "--help"]] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).stdout(full).output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        assert!(told(&output).contains("cannot write to standard output"), "{arguments:?}");
+        let output = run_command(build_era_command().args(arguments).stdout(full));
+        assert_eq!(output.code, Some(1), "{arguments:?}");
+        assert!(output.error.contains("cannot write to standard output"), "{arguments:?}");
     }
 }
 
@@ -163,13 +143,13 @@ fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
     let cache = tempfile::tempdir().unwrap();
     let bar = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/bar.toml");
     let plan = |more: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.env("ERA_CACHE_DIR", cache.path()).args(["plan", "--at", "480,80", "--accuracy", "fast", "--json"]);
-        let output = command.args(["--scene", bar]).args(more).output().unwrap();
-        let mut plan: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(&output)));
+        let output = run_command(command.args(["--scene", bar]).args(more));
+        let mut plan = output.parse_json();
         // The one figure that is not of the plan.
         plan.as_object_mut().unwrap().remove("elapsed_us");
-        (plan, told(&output))
+        (plan, output.error)
     };
     let files = || std::fs::read_dir(cache.path()).unwrap().map(|file| file.unwrap().path()).collect::<Vec<_>>();
     let (first, _) = plan(&["--no-cache"]);
@@ -191,9 +171,9 @@ fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
 #[test]
 fn a_grouping_that_there_is_not_is_refused_with_those_that_there_are() {
     for command in [&["plan", "--at", "1,1"][..], &["touch", "1", "1"]] {
-        let refused = era(&[command, &["--grouping", "mixed"]].concat());
-        let text = told(&refused);
-        assert_eq!(refused.status.code(), Some(2), "{text}");
+        let refused = run_era(&[command, &["--grouping", "mixed"]].concat());
+        let text = &refused.error;
+        assert_eq!(refused.code, Some(2), "{text}");
         assert!(
             text.contains("'mixed' for '--grouping") && text.contains("[possible values: distinct, shared]"),
             "{text}"
@@ -210,9 +190,9 @@ fn a_touch_that_is_no_number_is_refused() {
         ["touch", "960", "640", "--duration-ms", "nan"],
         ["touch", "nan", "640", "--intensity-g", "0.1"],
     ] {
-        let output = era(&arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", told(&output));
-        assert!(told(&output).contains("is not a finite number"), "{arguments:?}: {}", told(&output));
+        let output = run_era(&arguments);
+        assert_eq!(output.code, Some(2), "{arguments:?}: {}", output.error);
+        assert!(output.error.contains("is not a finite number"), "{arguments:?}: {}", output.error);
     }
 }
 
@@ -222,8 +202,8 @@ const BAR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/bar.t
 #[test]
 fn a_response_has_its_bounds_in_the_table() {
     let arguments = ["response", "--scene", BAR, "--at", "100,10", "--from", "100", "--to", "120", "--step", "5"];
-    let told = json(&[&arguments[..], &["--json"]].concat());
-    let text = String::from_utf8(era(&arguments).stdout).unwrap();
+    let told = run_era_json(&[&arguments[..], &["--json"]].concat());
+    let text = run_era(&arguments).out;
     let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(lines.len(), 6);
     assert!(lines.iter().all(|line| line.len() == 7), "{text}");
@@ -249,24 +229,27 @@ fn a_bound_above_the_tolerance_is_told() {
     for command in [&plan[..], &field, &response, &modes] {
         // Rounding alone is more than the tightest tolerance, but for a bar's frequencies.
         for (tolerance, is_met) in [("0.1", true), ("1e-8", command == modes)] {
-            let output = era(&[command, &["--scene", BAR, "--no-cache", "--json", "--tolerance", tolerance]]
-                .concat()
-                .into_iter()
-                .filter(
-                    // Of those that keep nothing there is nothing to be left.
-                    |argument| *argument != "--no-cache" || ["plan", "field"].contains(&command[0]),
-                )
-                .collect::<Vec<_>>());
-            let answer: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(&output)));
+            let output = run_era(
+                &[command, &["--scene", BAR, "--no-cache", "--json", "--tolerance", tolerance]]
+                    .concat()
+                    .into_iter()
+                    .filter(
+                        // Of those that keep nothing there is nothing to be left.
+                        |argument| *argument != "--no-cache" || ["plan", "field"].contains(&command[0]),
+                    )
+                    .collect::<Vec<_>>(),
+            );
+            let answer = output.parse_json();
             assert_eq!(answer["tolerance"], tolerance.parse::<f64>().unwrap(), "{command:?}");
-            assert_eq!(answer["tolerance_met"], is_met, "{command:?} {tolerance}: {}", told(&output));
-            assert_eq!(told(&output).contains("is above the tolerance"), !is_met, "{command:?}: {}", told(&output));
+            assert_eq!(answer["tolerance_met"], is_met, "{command:?} {tolerance}: {}", output.error);
+            assert_eq!(output.error.contains("is above the tolerance"), !is_met, "{command:?}: {}", output.error);
         }
     }
-    let explained = era(&["plan", "--at", "480,80", "--scene", BAR, "--no-cache", "--tolerance", "0.1", "--explain"]);
+    let explained =
+        run_era(&["plan", "--at", "480,80", "--scene", BAR, "--no-cache", "--tolerance", "0.1", "--explain"]);
     assert!(
-        told(&explained).contains("tolerance 1e-1 met: the relative error of the target's peak is at most"),
+        explained.error.contains("tolerance 1e-1 met: the relative error of the target's peak is at most"),
         "{}",
-        told(&explained)
+        explained.error
     );
 }

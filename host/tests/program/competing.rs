@@ -3,7 +3,7 @@
 use crate::support;
 use era::planner::perception::felt_weight_relative_to_reference_hz;
 use era::planner::table::acceleration_at_point_from_coordinates;
-use era::planner::trade::{TradeOffs, explore_trade_offs_if_wishes_conflict, plan_and_explore_trade_offs};
+use era::planner::trade::{TradeOffs, explore_trade_offs_if_wishes_conflict, plan_and_improve_by_exploring_trade_offs};
 use era::planner::{
     Grouping, Objective, Plan, PlanError, PlanTable, QuietZone, Request, STANDARD_GRAVITY, SearchEffort, Target, Weigh,
 };
@@ -208,7 +208,7 @@ fn a_plan_is_as_good_as_what_it_is_traded_for() {
         (vec![target(0.1, 0.1, 8.0), target(0.25, 0.15, 6.0)], vec![]),
     ] {
         let request = Request { quiet, work: SearchEffort::Study, ..Request::for_touch(&targets) };
-        let (planned, trade) = plan_and_explore_trade_offs(&table, &request).unwrap();
+        let (planned, trade) = plan_and_improve_by_exploring_trade_offs(&table, &request).unwrap();
         let plan = planned.plan;
         let part = |peaks_g: &[f64]| {
             let parts = peaks_g.iter().zip(&plan.targets).map(|(peak, target)| peak / target.wanted_g);

@@ -8,9 +8,9 @@ use era::effect_files::read_effect_bytes;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::{Command, Output};
 use std::time::Duration;
 use support::Daemon;
+use support::program::{ProgramOutput, build_era_command, run_command};
 
 const AHAP: &str = r#"{"Version": 1, "Metadata": {"Project": "two"}, "Pattern": [
     {"Event": {"Time": 0, "EventType": "HapticTransient", "EventParameters": [
@@ -58,10 +58,10 @@ fn the_acceleration_is_what_is_predicted() {
     assert!((0.12..0.25).contains(&second(4)), "{}", second(4));
 }
 
-fn run_era_effect(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.current_dir(folder).env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
-    command.args(["effect", "--accuracy", "fast", "--at", "256,640"]).args(arguments).output().unwrap()
+fn run_era_effect(folder: &Path, arguments: &[&str]) -> ProgramOutput {
+    let mut command = build_era_command();
+    command.current_dir(folder).args(["effect", "--accuracy", "fast", "--at", "256,640"]);
+    run_command(command.args(arguments))
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn the_command_line_reads_prints_and_exports() {
     let path = folder.path();
     std::fs::write(path.join("two.ahap"), AHAP).unwrap();
     let output = run_era_effect(path, &["--file", "two.ahap", "--json", "--export", "two.csv"]);
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+    let told = output.parse_json();
     assert_eq!((&told["name"], &told["format"], &told["event_count"]), (&json!("two"), &json!("ahap"), &json!(2)));
     assert_eq!(
         told["warnings"],
@@ -91,14 +91,14 @@ fn the_command_line_reads_prints_and_exports() {
     );
 
     let output = run_era_effect(path, &["--file", "two.ahap", "--export", "two.wav"]);
-    let text = String::from_utf8(output.stdout).unwrap();
+    let text = &output.out;
     assert!(
         text.contains("two: 2 events in 400 ms, file format AHAP") && text.contains("warning: Pattern[2]"),
         "{text}"
     );
     // What was written is read again, as an intensity over time.
     let output = run_era_effect(path, &["--file", "two.wav", "--export", "two.png"]);
-    assert!(String::from_utf8(output.stdout).unwrap().contains("file format WAV"));
+    assert!(output.out.contains("file format WAV"));
     assert!(std::fs::read(path.join("two.png")).unwrap().starts_with(b"\x89PNG"));
 
     for (arguments, message) in [
@@ -109,12 +109,12 @@ fn the_command_line_reads_prints_and_exports() {
         (&["--export", "two.csv", "click"], "--file"),
     ] {
         let output = run_era_effect(path, arguments);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && told.contains(message), "{arguments:?}: {told}");
+        let told = &output.error;
+        assert!(!output.is_success() && told.contains(message), "{arguments:?}: {told}");
     }
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/effects/confirm.toml");
     let output = run_era_effect(path, &["--file", example.to_str().unwrap()]);
-    let text = String::from_utf8(output.stdout).unwrap();
+    let text = &output.out;
     assert!(text.starts_with("confirm: 4 events") && !text.contains("warning"), "{text}");
 }
 
@@ -160,6 +160,82 @@ fn the_daemon_lists_names_and_plays_files() {
     assert!(peak(&state) < 0.7 * second, "{} of {second}: {state}", peak(&state));
 }
 
+/// A live socket that hears of plans.
+fn open_socket(daemon: &Daemon) -> tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>> {
+    let url = format!("{}/v1/live?send=plan", daemon.url.replace("http", "ws"));
+    tungstenite::connect(url).unwrap().0
+}
+
+/// When the next effect that a socket hears of begins, in ms of the board's time.
+fn next_effect_start_ms(
+    socket: &mut tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>,
+) -> f64 {
+    let begun = std::time::Instant::now();
+    loop {
+        // Questions for a sign of life end a wait for nothing.
+        assert!(begun.elapsed() < Duration::from_secs(30), "no effect has begun");
+        if let tungstenite::Message::Text(text) = socket.read().unwrap() {
+            let message: Value = serde_json::from_str(&text).unwrap();
+            if let Some(start_us) = message["effect"]["start_board_us"].as_f64() {
+                return start_us / 1e3;
+            }
+        }
+    }
+}
+
+/// The board is off, so that the first part waits for its rails; the others come at their distances from it, of the same strength and of others,
+/// for which the rails change.
+#[test]
+fn parts_keep_their_distances_from_the_first_one() {
+    for intensities in [[1.0, 1.0, 1.0], [0.3, 1.0, 0.3]] {
+        let events: Vec<Value> = intensities
+            .iter()
+            .enumerate()
+            .map(|(i, intensity)| {
+                let pause_ms = if i == 0 { 0 } else { 150 };
+                json!({"primitive": "click", "intensity": intensity, "pause_ms": pause_ms})
+            })
+            .collect();
+        let body = json!({"x_px": 256, "y_px": 640, "intensity_g": 0.3, "effect": {"version": 1, "events": events}});
+        let mut off_ms = Vec::new();
+        // Other programs may hold the computer up for longer than parts are sent ahead.
+        for _ in 0..4 {
+            let daemon = Daemon::start(EXAMPLE_PLATE);
+            let mut socket = open_socket(&daemon);
+            let (status, _, told) = daemon.post("/v1/effects", &body.to_string());
+            assert_eq!(status, 200, "{told}");
+            let starts_ms: Vec<f64> = (0..3).map(|_| next_effect_start_ms(&mut socket)).collect();
+            let wanted_ms = |i: usize| {
+                told["parts"][i]["begin_ms"].as_f64().unwrap() - told["parts"][0]["begin_ms"].as_f64().unwrap()
+            };
+            off_ms = (1..3).map(|i| starts_ms[i] - starts_ms[0] - wanted_ms(i)).collect();
+            if off_ms.iter().all(|off_ms| off_ms.abs() < 1.0) {
+                break;
+            }
+        }
+        assert!(off_ms.iter().all(|off_ms| off_ms.abs() < 1.0), "{intensities:?}: {off_ms:?} ms off");
+    }
+}
+
+/// The finger's drive was ended by the first part, and goes on after the last one.
+#[test]
+fn a_resting_finger_does_not_end_an_effect_in_its_pauses() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut finger = open_socket(&daemon);
+    let message = json!({"type": "touch", "touches": [{"id": 1, "x_px": 900, "y_px": 400}], "intensity_g": 0.05});
+    finger.send(tungstenite::Message::text(message.to_string())).unwrap();
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let mut socket = open_socket(&daemon);
+    let body = json!({"x_px": 256, "y_px": 640, "effect": {"version": 1, "events": [
+        {"primitive": "click"}, {"primitive": "click", "pause_ms": 2500}]}});
+    let (status, _, told) = daemon.post("/v1/effects", &body.to_string());
+    assert_eq!(status, 200, "{told}");
+    let first_ms = next_effect_start_ms(&mut socket);
+    let apart_ms = next_effect_start_ms(&mut socket) - first_ms;
+    assert!((apart_ms - 2500.0).abs() < 500.0, "{apart_ms}");
+    daemon.wait_for(|state| state["touches"][0]["id"] == 1 && state["device"]["state"] == "running");
+}
+
 #[test]
 fn what_cannot_be_played_is_refused_with_the_field() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
@@ -201,4 +277,33 @@ fn what_cannot_be_played_is_refused_with_the_field() {
     assert_eq!(daemon.post("/v1/effects", &long(256 * 1024).to_string()).0, 200);
     let (status, _, problem) = daemon.post("/v1/effects", &long(256 * 1024 + 1).to_string());
     assert!(status == 400 && problem["detail"].as_str().unwrap().contains("262145 bytes"), "{problem}");
+}
+
+/// Each format's example has the events, and the warnings, that its author wrote into it; by hand.
+#[test]
+fn the_example_of_each_format_is_read_as_it_was_written() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/effects");
+    for (file, format, events, duration_ms, warnings) in [
+        ("bands.hjif", "hjif", 4, 1400.0, 3),
+        ("confirm.toml", "toml", 4, 550.0, 0),
+        ("engine.wav", "wav", 1, 400.0, 1),
+        ("ramp.haptic", "haptic", 2, 400.0, 1),
+        ("reference.hmpg", "hmpg", 5, 2300.0, 1),
+        ("taps.ahap", "ahap", 3, 900.0, 4),
+    ] {
+        let path = folder.join(file);
+        let output = run_era_effect(&folder, &["--file", path.to_str().unwrap(), "--json"]);
+        let answer: Value = serde_json::from_str(&output.out).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let found = (
+            answer["format"].as_str().unwrap(),
+            answer["event_count"].as_u64().unwrap(),
+            answer["duration_ms"].as_f64().unwrap().round(),
+            answer["warnings"].as_array().unwrap().len(),
+        );
+        assert_eq!(found, (format, events, duration_ms, warnings), "{file}: {answer}");
+        assert!(
+            answer["parts"].as_array().unwrap().iter().all(|part| part["peak_g"].as_f64().unwrap() > 0.01),
+            "{file}"
+        );
+    }
 }

@@ -12,6 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::LazyLock;
 use support::Daemon;
 use support::browser::{Browser, browser_or_skip, serve_page};
+use support::program::{build_era_command, make_scratch_path};
 
 /// Where the page's examples expect a daemon.
 const HERE: &str = "127.0.0.1:7878";
@@ -173,8 +174,8 @@ fn secret() -> String {
 fn with_websockets() -> PathBuf {
     static ENVIRONMENT: LazyLock<PathBuf> = LazyLock::new(|| {
         let requirements = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/examples/requirements.txt");
-        let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("examples-venv");
-        python_environment::ensure_environment(&requirements, &environment).unwrap()
+        let environment = make_scratch_path("examples-venv");
+        python_environment::ensure_environment_and_return_interpreter(&requirements, &environment).unwrap()
     });
     ENVIRONMENT.clone()
 }
@@ -187,11 +188,10 @@ struct Guarded {
 
 impl Guarded {
     fn start(folder: &Path) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.args(["serve", "--listen", "0.0.0.0:0", "--token-file", "tokens", "--tls-dir", "tls"]);
         command.args(["--allow-host", "panel.local", "--socket", "none", "--accuracy", "fast"]);
-        command.current_dir(folder).env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG");
-        let mut process = command.stderr(Stdio::piped()).spawn().unwrap();
+        let mut process = command.current_dir(folder).stderr(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
         let port = lines.find_map(|line| {
             let (_, rest) = line.split_once("https://panel.local:")?;

@@ -6,6 +6,7 @@ use era::scene::STARTING_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
 use support::Daemon;
+use support::program::run_era_json;
 use tungstenite::Message;
 
 #[test]
@@ -40,16 +41,11 @@ fn a_touch_drives_both_eras_and_ends_by_itself() {
 fn the_command_line_has_the_daemons_keys() {
     let daemon = Daemon::start(STARTING_PLATE);
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    let era = |arguments: &[&str]| -> Value {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
-        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments);
-        let output = command.args(["--at", "150,100", "--accuracy", "fast", "--json"]).output().unwrap();
-        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"))
-    };
+    let ask = |command: &str| run_era_json(&[command, "--at", "150,100", "--accuracy", "fast", "--json"]);
     let (status, _, told) = daemon.post("/v1/touch", r#"{"x_px": 960, "y_px": 640, "duration_ms": 2000}"#);
     assert_eq!(status, 200, "{told}");
     let (_, field) = daemon.get("/v1/field");
-    let (plan, map) = (era(&["plan"]), era(&["field"]));
+    let (plan, map) = (ask("plan"), ask("field"));
     let missing =
         |of: &Value, own: &Value| keys(of).into_iter().filter(|key| own.get(key).is_none()).collect::<Vec<_>>();
     assert_eq!(missing(&told, &plan), ["device", "plan_id"]);
@@ -117,11 +113,13 @@ fn an_old_order_is_refused_after_a_stop() {
         seen.wait_for(|snapshot| snapshot.connected).await.unwrap();
         let order = |stops| era::device::DriveOrder {
             id: 1,
-            stops,
-            interruptions: None,
-            drives: Vec::new(),
-            hold: Duration::from_secs(1),
-            from_zero: false,
+            asked_at: era::device::AskedAt { stops, interruptions: None },
+            start: None,
+            content: era::device::DriveContent::Steady {
+                drives: Vec::new(),
+                hold: Duration::from_secs(1),
+                from_zero: false,
+            },
         };
         let before = session.stop_count();
         session.drive(order(before)).await.unwrap();

@@ -2,29 +2,23 @@
 //!
 //! All of it is asked of the program, a process for each question: the commands, their options, and what becomes of each option.
 
+use crate::support::program::{ProgramOutput, build_era_command, run_command};
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
 /// A port on which nobody listens: what asks a daemon fails there at once, after its options have been taken.
 const NOBODY: &str = "http://127.0.0.1:9";
 
-fn run_era(folder: &Path, words: &[String]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.current_dir(folder).env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("XDG_RUNTIME_DIR");
-    command.args(words).stdin(Stdio::null()).output().unwrap()
+fn run_era_in_folder(folder: &Path, words: &[String]) -> ProgramOutput {
+    run_command(build_era_command().current_dir(folder).args(words))
 }
 
 fn words(text: &str) -> Vec<String> {
     text.split_whitespace().map(str::to_owned).collect()
-}
-
-fn told(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// A command's `--help`: its options with whether each takes a value, and its subcommands.
@@ -34,9 +28,9 @@ struct Help {
 }
 
 fn help(folder: &Path, command: &[String]) -> Help {
-    let output = run_era(folder, &[command, &["--help".to_owned()]].concat());
-    assert!(output.status.success(), "{command:?}: {}", told(&output));
-    let text = String::from_utf8(output.stdout).unwrap();
+    let output = run_era_in_folder(folder, &[command, &["--help".to_owned()]].concat());
+    assert!(output.is_success(), "{command:?}: {}", output.error);
+    let text = &output.out;
     let (mut options, mut commands, mut section) = (BTreeMap::new(), Vec::new(), "");
     for line in text.lines().filter(|line| !line.is_empty()) {
         if !line.starts_with(' ') {
@@ -281,15 +275,11 @@ fn every_option_of_the_help_is_taken() {
         .collect();
     assert!(calls.len() > 150, "{}", calls.len());
     each(&calls, |(command, option, takes_value)| {
-        let output = run_era(&path, &[words(command), call(command, option, *takes_value)].concat());
-        let told = told(&output);
-        let is_refused = output.status.code() == Some(2) && told.contains(option.as_str());
-        let has_ended = output.status.code().is_some_and(|code| (0..=2).contains(&code));
-        if has_ended && !is_refused {
-            Ok(())
-        } else {
-            Err(format!("era {command} {option}: {:?} {told}", output.status))
-        }
+        let output = run_era_in_folder(&path, &[words(command), call(command, option, *takes_value)].concat());
+        let told = &output.error;
+        let is_refused = output.code == Some(2) && told.contains(option.as_str());
+        let has_ended = output.code.is_some_and(|code| (0..=2).contains(&code));
+        if has_ended && !is_refused { Ok(()) } else { Err(format!("era {command} {option}: {:?} {told}", output.code)) }
     });
 }
 
@@ -308,10 +298,11 @@ fn options_of_other_commands_are_refused() {
         .collect();
     assert!(calls.len() > 500, "{}", calls.len());
     each(&calls, |(command, option)| {
-        let output = run_era(&path, &[words(command), vec![(*option).clone()], filled(&base(command))].concat());
-        let told = told(&output);
+        let output =
+            run_era_in_folder(&path, &[words(command), vec![(*option).clone()], filled(&base(command))].concat());
+        let told = &output.error;
         let is_refused =
-            output.status.code() == Some(2) && told.contains("unexpected argument") && told.contains(option.as_str());
-        if is_refused { Ok(()) } else { Err(format!("era {command} {option}: {:?} {told}", output.status)) }
+            output.code == Some(2) && told.contains("unexpected argument") && told.contains(option.as_str());
+        if is_refused { Ok(()) } else { Err(format!("era {command} {option}: {:?} {told}", output.code)) }
     });
 }

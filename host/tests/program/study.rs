@@ -6,8 +6,9 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use support::browser::{Browser, browser_or_skip};
+use support::program::{ProgramOutput, build_era_command, run_era, run_era_json};
 
 /// One ERA of the bar moves, the springs change: little work, and two panels.
 const STUDY: &str = "version = 1\nname = \"bar\"\nscene = \"bar.toml\"\n\
@@ -15,14 +16,6 @@ const STUDY: &str = "version = 1\nname = \"bar\"\nscene = \"bar.toml\"\n\
     [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 2\nto = 4\nstep = 2\n\
     [[wish]]\nfigure = \"weakest_g\"\n[[wish]]\nfigure = \"mass_g\"\n";
 const SOBOL: &str = "[method]\nway = \"sobol\"\ndesigns = 12\nchunk = 2\nfinalists = 1\n";
-
-fn era(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap()
-}
-
-fn told(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 /// A folder with a scene and a study of it.
 fn prepared(method: &str) -> (tempfile::TempDir, String) {
@@ -45,18 +38,17 @@ fn results(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn a_study_is_stopped_gone_on_with_and_shared_and_comes_out_the_same() {
     let (place, study) = prepared(SOBOL);
     let out = |name: &str| place.path().join(name).display().to_string();
-    let whole = era(&["study", &study, "--out", &out("whole"), "--json"]);
-    assert!(whole.status.success(), "{}", told(&whole));
+    let whole = run_era(&["study", &study, "--out", &out("whole"), "--json"]);
+    assert!(whole.is_success(), "{}", whole.error);
     let wanted = results(&place.path().join("whole"));
     for file in ["designs.parquet", "report.html", "best-1.toml", "study.key", "base.rows", "designs-0000005.rows"] {
         assert!(wanted.contains_key(file), "{file}: {:?}", wanted.keys());
     }
     // The best design is a scene, and what the other commands say of it is what the study says.
-    let summary: Value = serde_json::from_slice(&whole.stdout).unwrap();
+    let summary: Value = whole.parse_json();
     assert_eq!((&summary["designs"], &summary["failed"]), (&12.into(), &0.into()));
     let best = place.path().join("whole/best-1.toml").display().to_string();
-    let reach: Value =
-        serde_json::from_slice(&era(&["field", "--reach", "--json", "--no-cache", "--scene", &best]).stdout).unwrap();
+    let reach = run_era_json(&["field", "--reach", "--json", "--no-cache", "--scene", &best]);
     let (own, field) = (&summary["best"][0], &reach["strongest_g"]);
     let weakest = own["figures"]["weakest_g"].as_f64().unwrap();
     assert!((weakest / field["least"].as_f64().unwrap() - 1.0).abs() < 1e-12, "{own} {field}");
@@ -64,11 +56,11 @@ fn a_study_is_stopped_gone_on_with_and_shared_and_comes_out_the_same() {
     assert!(own["error_bound"].as_f64().unwrap() <= 1e-3, "{own}");
     // In shares, with other numbers of workers.
     for (shard, workers) in [("2/2", "1"), ("1/2", "4")] {
-        let share = era(&["study", &study, "--out", &out("shared"), "--shard", shard, "--workers", workers]);
-        assert!(share.status.success(), "{}", told(&share));
+        let share = run_era(&["study", &study, "--out", &out("shared"), "--shard", shard, "--workers", workers]);
+        assert!(share.is_success(), "{}", share.error);
     }
-    let gathered = era(&["study", &study, "--out", &out("shared"), "--gather"]);
-    assert!(gathered.status.success(), "{}", told(&gathered));
+    let gathered = run_era(&["study", &study, "--out", &out("shared"), "--gather"]);
+    assert!(gathered.is_success(), "{}", gathered.error);
     assert_eq!(results(&place.path().join("shared")), wanted);
 }
 
@@ -80,7 +72,7 @@ fn a_study_that_is_killed_or_asked_to_stop_goes_on() {
     let out = place.path().join("out");
     let rows = || fs::read_dir(out.join("rows")).map_or(0, Iterator::count);
     let start = || {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.args(["study", &study, "--out", &out.display().to_string()]);
         command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap()
     };
@@ -98,9 +90,9 @@ fn a_study_that_is_killed_or_asked_to_stop_goes_on() {
     }
     let stopped = Command::new("kill").args(["-INT", &asked.id().to_string()]).status().unwrap();
     assert!(stopped.success());
-    let ended = asked.wait_with_output().unwrap();
-    let text = told(&ended);
-    assert_eq!(ended.status.code(), Some(1), "{text}");
+    let ended = ProgramOutput::from(asked.wait_with_output().unwrap());
+    let text = &ended.error;
+    assert_eq!(ended.code, Some(1), "{text}");
     assert!(text.contains("designs are already computed") && text.contains("of 4000 designs are in"), "{text}");
     let left: Vec<String> = results(&out)
         .into_keys()
@@ -114,9 +106,9 @@ fn what_a_study_cannot_be_is_told() {
     let (place, study) = prepared(SOBOL);
     let out = place.path().join("out").display().to_string();
     let refused = |arguments: &[&str], code: i32, wanted: &str| {
-        let output = era(arguments);
-        let text = told(&output);
-        assert!(output.status.code() == Some(code) && text.contains(wanted), "{arguments:?}: {text}");
+        let output = run_era(arguments);
+        let text = &output.error;
+        assert!(output.code == Some(code) && text.contains(wanted), "{arguments:?}: {text}");
     };
     refused(&["study", &place.path().join("none.toml").display().to_string()], 2, "none.toml");
     refused(&["study", &study, "--out", &out, "--shard", "3/2"], 2, "\"3/2\" is not of the form I/N");
@@ -142,9 +134,9 @@ fn the_example_study_finds_better_places_and_tells_the_best_first() {
     let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/studies/placement.toml");
     let place = tempfile::tempdir().unwrap();
     let out = place.path().join("out").display().to_string();
-    let found = era(&["study", study.to_str().unwrap(), "--out", &out, "--json"]);
-    assert!(found.status.success(), "{}", told(&found));
-    let summary: Value = serde_json::from_slice(&found.stdout).unwrap();
+    let found = run_era(&["study", study.to_str().unwrap(), "--out", &out, "--json"]);
+    assert!(found.is_success(), "{}", found.error);
+    let summary: Value = found.parse_json();
     let weakest = |own: &Value| own["figures"]["weakest_g"].as_f64().unwrap();
     let best: Vec<f64> = summary["best"].as_array().unwrap().iter().map(weakest).collect();
     assert!(best.len() == 3 && best.is_sorted_by(|a, b| a >= b), "{best:?}");
@@ -157,9 +149,9 @@ fn stops_that_are_missing_are_told_once() {
     let (place, study) = prepared(SOBOL);
     let bar = place.path().join("bar.toml");
     let warned = |arguments: &[&str]| {
-        let output = era(arguments);
-        assert!(output.status.success(), "{}", told(&output));
-        let text = told(&output);
+        let output = run_era(arguments);
+        assert!(output.is_success(), "{}", output.error);
+        let text = &output.error;
         // The logger's time stands before the words.
         let own = text.lines().filter_map(|line| Some(line[line.find("a press of")?..].to_owned()));
         own.collect::<Vec<String>>()
@@ -194,8 +186,8 @@ fn the_reports_texts_do_not_meet_and_what_breaks_a_limit_is_marked() {
          [[limit]]\nfigure = \"mass_g\"\nleast = 50\n[method]\nway = \"sobol\"\ndesigns = 32\nseed = 3\n",
     );
     let out = place.path().join("out");
-    let done = era(&["study", &study, "--out", &out.display().to_string()]);
-    assert!(done.status.success(), "{}", told(&done));
+    let done = run_era(&["study", &study, "--out", &out.display().to_string()]);
+    assert!(done.is_success(), "{}", done.error);
     let mut browser = Browser::start(program, 1200, 2600);
     browser.open(&format!("file://{}", out.join("report.html").display()));
     browser.wait_for("document.querySelector('#parallel svg')");

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod described;
 pub mod old_board;
+pub mod program;
 #[path = "../../model/tests/numerics/scenes.rs"]
 pub mod scenes;
 pub mod served;

@@ -86,7 +86,7 @@ fn of_version(min: u8, current: u8, answer: &[u8]) -> Vec<u8> {
 
 impl Read for Board {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.device.poll_next_due_us(&mut self.board);
+        self.device.do_due_work_and_tell_next_due_us(&mut self.board);
         if self.answers.is_empty() {
             std::thread::sleep(Duration::from_millis(1));
             return Err(ErrorKind::TimedOut.into());

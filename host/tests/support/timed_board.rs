@@ -87,7 +87,7 @@ impl Inner {
             let next_us = self.due_us.clamp(self.now_us + 1, self.now_us + TICK_US);
             self.now_us = until_us.min(next_us);
             self.board.set_manual_time_us(self.now_us);
-            self.due_us = self.device.poll_next_due_us(&mut self.board);
+            self.due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
         }
         self.has_run |= self.device.state() == SafetyState::Running;
     }

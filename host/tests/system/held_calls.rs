@@ -2,11 +2,11 @@
 
 use crate::preloaded::Preloaded;
 use crate::reader::Reader;
+use crate::support::program::{ERA, build_isolated_command, run_command};
 use crate::{drive, start_still_simulated_device, touches_are_driven, wait_until};
 use era::device::Target;
 use era::device::sim::{SimDevice, SimKnobs};
 use era::flash::board::Board;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Calls by which a port is opened, set and closed. The session looks for its board, and is held.
@@ -100,12 +100,7 @@ fn the_doctor_ends_though_a_call_does_not_return() {
     let board = start_still_simulated_device();
     let preloaded = Preloaded::new();
     for call in ["open", "ioctl", "flock", "read", "write", "close"] {
-        let told = told_while_held(
-            &preloaded,
-            &board,
-            call,
-            &[env!("CARGO_BIN_EXE_era"), "doctor", "--device", board.port_path()],
-        );
+        let told = told_while_held(&preloaded, &board, call, &[ERA, "doctor", "--device", board.port_path()]);
         // It has all its answers when it closes the port.
         assert!(told.contains("PROBLEM") || call == "close", "{call}: {told}");
     }
@@ -128,8 +123,8 @@ fn told_while_held(preloaded: &Preloaded, board: &SimDevice, call: &str, command
     preloaded.hold(call);
     let begun = Instant::now();
     let words = preloaded.words(board);
-    let output = Command::new(&words[0]).args(&words[1..]).args(command).output().unwrap();
-    let told = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let output = run_command(build_isolated_command(&words[0]).args(&words[1..]).args(command));
+    let told = format!("{}{}", output.out, output.error);
     assert!(begun.elapsed() < Duration::from_secs(30), "{call}: {:?}", begun.elapsed());
     assert!(told.contains("has not returned for"), "{call}: {told}");
     preloaded.let_go(call);

@@ -2,6 +2,7 @@
 
 use crate::reader::Reader;
 use crate::serving::Serving;
+use crate::support::program::run_era;
 use crate::{TOUCH, drive, start_still_simulated_device, touches_are_driven, wait_until};
 use era::device::Target;
 use era::device::sim::SimDevice;
@@ -91,8 +92,7 @@ fn a_port_in_use_is_told_as_one() {
     is_told(state["device"]["problem"].as_str().unwrap());
     let (_, _, told) = daemon.post("/v1/touch", TOUCH);
     is_told(told["detail"].as_str().unwrap());
-    let output = Command::new(env!("CARGO_BIN_EXE_era")).args(["doctor", "--device", &path]).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout);
+    let told = run_era(&["doctor", "--device", &path]).out;
     assert!(told.contains(&named), "{told}");
     drop(holder);
     daemon.wait_for(|state| state["device"]["connected"] == true);

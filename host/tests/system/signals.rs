@@ -1,6 +1,7 @@
 //! Signals: whatever ends the daemon, the board is stopped first.
 
 use crate::serving::Serving;
+use crate::support::program::{ERA, build_era_command, build_isolated_command};
 use crate::{LONG_TOUCH, drive, start_still_simulated_device, touches_are_driven, wait_until};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
@@ -91,15 +92,8 @@ fn a_replay_that_is_ended_stops_what_it_has_begun() {
     std::fs::write(&file, later.collect::<String>()).unwrap();
     let serving = Serving::start(&board, &[]);
     for signal in ["INT", "TERM", "HUP", "QUIT"] {
-        let mut command = Command::new(BY[0]);
-        command.args([
-            BY[1],
-            env!("CARGO_BIN_EXE_era"),
-            "replay",
-            file.to_str().unwrap(),
-            "--url",
-            &serving.daemon.url,
-        ]);
+        let mut command = build_isolated_command(BY[0]);
+        command.args([BY[1], ERA, "replay", file.to_str().unwrap(), "--url", &serving.daemon.url]);
         let mut replay = command.spawn().unwrap();
         serving.daemon.wait_for(|state| state["device"]["state"] == "running");
         let before = board.control().last_stop_received_at();
@@ -133,7 +127,7 @@ fn a_replay_that_is_ended_asks_for_nothing_after_its_stop() {
             std::thread::spawn(move || answer_slowly(stream, &told));
         }
     });
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let mut command = build_era_command();
     let mut replay = command.args(["replay", file.to_str().unwrap(), "--url", &url]).spawn().unwrap();
     let next = || asked.recv_timeout(crate::LIMIT).unwrap();
     // By then it listens for signals.

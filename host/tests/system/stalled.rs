@@ -1,6 +1,7 @@
 //! A machine that stands still for a while: the simulated device, which stands still with it, takes that for no silence of its host.
 
 use crate::support::Daemon;
+use crate::support::program::build_era_command;
 use crate::{LONG_TOUCH, drive};
 use serde_json::json;
 use std::process::{Command, Stdio};
@@ -10,10 +11,9 @@ use std::time::Duration;
 #[test]
 fn a_stall_of_the_machine_is_no_silence_of_the_host() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let mut command = build_era_command();
     command.args(["serve", "--listen", &free.to_string(), "--socket", "none", "--accuracy", "fast", "--device", "sim"]);
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).stderr(Stdio::null());
-    let mut process = command.spawn().unwrap();
+    let mut process = command.stderr(Stdio::null()).spawn().unwrap();
     let daemon = Daemon { url: format!("http://{free}"), sim: Default::default(), background: None };
     crate::wait_until("it serves", || Daemon::agent().get(format!("{}/v1/state", daemon.url)).call().is_ok());
     daemon.wait_for(|state| state["device"]["connected"] == true);

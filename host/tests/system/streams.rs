@@ -1,6 +1,7 @@
 //! Standard streams and terminals that are closed, gone or stuck while the daemon drives.
 
 use crate::support::Daemon;
+use crate::support::program::{ERA, build_isolated_command};
 use crate::{drive, start_still_simulated_device, wait_until};
 use era::device::sim::SimDevice;
 use std::process::{Child, Command, Stdio};
@@ -23,13 +24,11 @@ impl Running {
     fn start(board: &SimDevice, script: &str, streams: impl FnOnce(&mut Command)) -> Self {
         let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
         let era = format!(
-            "{} -v serve --listen {free} --socket none --accuracy fast --after-outage touch --device {}",
-            env!("CARGO_BIN_EXE_era"),
+            "{ERA} -v serve --listen {free} --socket none --accuracy fast --after-outage touch --device {}",
             board.port_path()
         );
-        let mut command = Command::new("sh");
+        let mut command = build_isolated_command("sh");
         command.args(["-c", &script.replace("$era", &era)]);
-        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG");
         streams(&mut command);
         let process = command.spawn().unwrap();
         let daemon = Daemon { url: format!("http://{free}"), sim: board.control(), background: None };

@@ -12,7 +12,7 @@ use crate::protocol::{
     TelemetryReply, WelcomeReply,
 };
 use crate::safety::{DriveBudget, LinkId, SafetyEvent};
-use crate::supply::{SensorReadings, charged_rail_fault_detail, mean_current_of_drives_microamps};
+use crate::supply::{SensorReadings, charged_rail_fault_detail, mean_current_of_drives_and_bleeders_microamps};
 use crate::waveform::{ChannelGoal, DriveError, Effect, compute_channel_program};
 use heapless::Vec;
 
@@ -33,7 +33,7 @@ impl Device {
     ) -> Result<Reply, Refusal> {
         // Silence that has lasted too long is acted on before the frame that ends it: a late keep-alive must not
         // revive a drive.
-        self.poll_next_due_us(board);
+        self.do_due_work_and_tell_next_due_us(board);
         let now_us = board.now_us();
         let result = self.carry_out_request(board, link, request, version, now_us);
         if result.is_ok() {
@@ -75,7 +75,7 @@ impl Device {
                 self.queue_effect(board, link, *channel, *start_us, effect, now_us)
             }
             Request::PlayOnce { number, channel, start_us, effect } => {
-                if self.find_played(link, *number) == Some(None) {
+                if self.find_remembered_play_with_sequence_start_us(link, *number) == Some(None) {
                     return Ok(Reply::Playing);
                 }
                 let reply = self.queue_effect(board, link, *channel, *start_us, effect, now_us)?;
@@ -83,7 +83,7 @@ impl Device {
                 Ok(reply)
             }
             Request::PlayWindows(sequence) => {
-                if let Some(Some(start_us)) = self.find_played(link, sequence.number) {
+                if let Some(Some(start_us)) = self.find_remembered_play_with_sequence_start_us(link, sequence.number) {
                     return Ok(Reply::WindowsPlaying { start_us });
                 }
                 let start_us = self.play_windows(board, link, sequence, now_us)?;
@@ -106,7 +106,9 @@ impl Device {
             Request::Status => Ok(Reply::Status(self.build_status_reply(board, now_us))),
             Request::Faults => Ok(Reply::Faults { latched: self.safety.fault() }),
             Request::ClearFaults => self.clear_fault(board),
-            Request::Telemetry => Ok(Reply::Telemetry(self.build_telemetry_of_drive_voltages_and_peak(board, now_us))),
+            Request::Telemetry => {
+                Ok(Reply::Telemetry(self.build_telemetry_of_drive_voltages_and_peak_acceleration(board, now_us)))
+            }
             Request::Clock => Ok(Reply::Clock { now_us: board.now_us() }),
             Request::Details => Ok(Reply::Details(self.build_measurements_reply_latching_trip(board))),
             Request::Log => {
@@ -199,8 +201,10 @@ impl Device {
             let program = &goal.as_ref().filter(|goal| goal.program.voltage_millivolts > 0)?.program;
             Some((channel, program.achieved.frequency_nanohertz))
         });
-        let requested_microamps =
-            mean_current_of_drives_microamps(self.rail_targets_for_goals_keeping_unused(&goals), driven);
+        let requested_microamps = mean_current_of_drives_and_bleeders_microamps(
+            self.rail_target_millivolts_for_goals_keeping_unused(&goals),
+            driven,
+        );
         if requested_microamps > MAX_AVERAGE_MICROAMPS && !drives.is_empty() {
             return Err(Refusal::Current { requested_microamps, max_microamps: MAX_AVERAGE_MICROAMPS });
         }
@@ -254,7 +258,7 @@ impl Device {
         Ok(Reply::Playing)
     }
 
-    fn find_played(&self, link: LinkId, number: u32) -> Option<Option<u64>> {
+    fn find_remembered_play_with_sequence_start_us(&self, link: LinkId, number: u32) -> Option<Option<u64>> {
         let mut newest_first = self.played.iter().rev();
         newest_first.find(|(by, played, _)| (*by, *played) == (link, number)).map(|(_, _, start_us)| *start_us)
     }
@@ -325,7 +329,11 @@ impl Device {
         }
     }
 
-    fn build_telemetry_of_drive_voltages_and_peak(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
+    fn build_telemetry_of_drive_voltages_and_peak_acceleration(
+        &mut self,
+        board: &mut impl Board,
+        uptime_us: u64,
+    ) -> TelemetryReply {
         let millivolts = |drive: &Option<AchievedDrive>| drive.map_or(0, |drive| drive.voltage_millivolts);
         TelemetryReply {
             uptime_us,

@@ -27,18 +27,20 @@ const RAIL_EXCESS_PERCENT: u32 = 2;
 impl Device {
     /// Does what is due by now: time-outs, the checks of every ms, preloads. To be called at least every ms. Returns the board's time in us at which
     /// the next call is due.
-    pub fn poll_next_due_us(&mut self, board: &mut impl Board) -> u64 {
+    pub fn do_due_work_and_tell_next_due_us(&mut self, board: &mut impl Board) -> u64 {
         let now_us = board.now_us();
         if let Some(silence_us) = self.safety.host_silence_us_if_over_deadman(now_us) {
             let silence_ms = u32::try_from(silence_us / 1000).unwrap_or(u32::MAX);
             self.raise_fault(board, FaultCode::HostSilent, silence_ms, now_us);
         }
-        if now_us >= self.next_tick_us {
+        // No tick is ever planned further ahead than one: a time that is has changed by itself, and waiting for it would be the end of all checks.
+        if now_us >= self.next_tick_us || self.next_tick_us - now_us > TICK_US {
             // Not a fixed grid: after a pause there is nothing to catch up with.
             self.next_tick_us = now_us + TICK_US;
             if let Err((code, detail)) = self.run_millisecond_checks(board, now_us) {
                 self.raise_fault(board, code, detail, now_us);
             }
+            self.tick_done = true;
         }
         if let Err((code, detail)) = self.write_due_preloads(board) {
             self.raise_fault(board, code, detail, now_us);
@@ -74,7 +76,7 @@ impl Device {
                 None => Ok(()),
             },
             SafetyState::Discharging | SafetyState::Fault => {
-                self.check_discharge(now_us, &readings)?;
+                self.check_discharge_is_in_time_and_distrust_if_too_fast(now_us, &readings)?;
                 let is_discharged = charged_rail_fault_detail(&readings).is_none();
                 if self.state() == SafetyState::Discharging
                     && is_discharged
@@ -88,19 +90,23 @@ impl Device {
             }
             SafetyState::Arming => {
                 if !self.supply.is_enabled_or_any_discharge_open() {
-                    self.check_discharge(now_us, &readings)?;
+                    self.check_discharge_is_in_time_and_distrust_if_too_fast(now_us, &readings)?;
                 }
                 self.step_self_test(board, now_us, &readings)
             }
             SafetyState::Armed | SafetyState::Running => {
-                self.end_drives_of_channels_that_must_stop(must_stop)?;
+                self.end_drives_that_must_stop_or_fault_if_windows_unfinished(must_stop)?;
                 self.check_while_live_and_advance_rails(board, now_us, &readings)
             }
         }
     }
 
     /// Checks that the rails fall as their discharge switches make them fall: neither more slowly nor faster.
-    fn check_discharge(&mut self, now_us: u64, readings: &SensorReadings) -> Result<(), FaultFinding> {
+    fn check_discharge_is_in_time_and_distrust_if_too_fast(
+        &mut self,
+        now_us: u64,
+        readings: &SensorReadings,
+    ) -> Result<(), FaultFinding> {
         let elapsed_us = now_us.saturating_sub(self.off_since_us);
         for (rail, measured) in readings.rail_millivolts.into_iter().enumerate() {
             let from = self.off_millivolts.get(rail).copied().unwrap_or(0);
@@ -147,11 +153,15 @@ impl Device {
             SelfTestVerdict::TryOverVoltageInputs(charged) => board.test_over_voltage_inputs(charged),
             SelfTestVerdict::TryElectrode { channel, electrode } => {
                 self.command_supply(board, safety::BLEED);
-                let pulses = board.pulse_electrode(channel, electrode)?;
+                let pulses = board.pulse_electrode_and_measure_rail_mv(channel, electrode)?;
                 self.command_supply(board, safety::CHARGE);
                 // The rails get their ms before they are looked at.
                 self.next_tick_us = board.now_us() + TICK_US;
-                self.electrodes.add_finding(channel, electrode, judge_electrode_pulses(channel, &pulses))
+                self.electrodes.add_finding_and_report_faulty_electrode(
+                    channel,
+                    electrode,
+                    judge_electrode_pulses(channel, &pulses),
+                )
             }
             SelfTestVerdict::Failed(finding) => Err(finding),
             SelfTestVerdict::Passed => {
@@ -203,10 +213,13 @@ impl Device {
 
     /// Ends the drives of channels that have driven for as long as they may. A sequence of windows was checked for that beforehand: one that
     /// is not over then would go on without a part of it.
-    fn end_drives_of_channels_that_must_stop(&mut self, must_stop: [bool; MAX_CHANNELS]) -> Result<(), FaultFinding> {
+    fn end_drives_that_must_stop_or_fault_if_windows_unfinished(
+        &mut self,
+        must_stop: [bool; MAX_CHANNELS],
+    ) -> Result<(), FaultFinding> {
         let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
         for ((channel, must_stop), active) in must_stop.into_iter().enumerate().zip(&mut self.active) {
-            if must_stop && sequencer.has_windows(channel) {
+            if must_stop && sequencer.has_unfinished_window_sequence(channel) {
                 return Err((FaultCode::DriveFailed, u32::try_from(channel).unwrap_or(0)));
             }
             if must_stop {
@@ -227,7 +240,7 @@ impl Device {
         if let Some(finding) = self.watch.check_readings(now_us, readings, &self.supply) {
             return Err(finding);
         }
-        board.check_timers()?;
+        board.check_timers_still_count_and_hold_settings()?;
         self.check_no_absent_era_is_driven(readings)?;
         let charges = self.sequencer.as_mut().map(Sequencer::take_electrode_charges).unwrap_or_default();
         // A rail that is not where it was set explains a wrong current: it is a fault of its own soon, and no electrode is to be blamed.
@@ -240,8 +253,8 @@ impl Device {
         self.command_supply(board, supply);
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
         set_strengths_for_higher_rail_voltage(sequencer, self.rails.target_millivolts(), self.measured_millivolts);
-        let wanted =
-            (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some() || sequencer.has_windows(channel));
+        let wanted = (0..MAX_CHANNELS)
+            .any(|channel| sequencer.goal(channel).is_some() || sequencer.has_unfinished_window_sequence(channel));
         if self.state() == SafetyState::Running && !wanted {
             let _ = self.handle_safety_event(board, SafetyEvent::Rest, &Goals::default());
         } else if self.state() == SafetyState::Armed
@@ -249,7 +262,7 @@ impl Device {
             && !self.list_whether_each_channel_drives().contains(&true)
         {
             self.connected = false;
-            board.set_electrodes_connected(false).map_err(|code| (code, 0))?;
+            board.set_timers_connected_to_electrodes(false).map_err(|code| (code, 0))?;
         }
         Ok(())
     }
@@ -278,7 +291,7 @@ impl Device {
                     .map_err(|code| (code, u32::try_from(channel).unwrap_or(0)))?;
             }
         }
-        match sequencer.missed_channel() {
+        match sequencer.first_channel_with_missed_window() {
             // Its windows would come at other times than those that were checked.
             Some(channel) => Err((FaultCode::DriveFailed, u32::try_from(channel).unwrap_or(0))),
             None => Ok(()),
@@ -338,14 +351,14 @@ impl Device {
     }
 
     fn apply_goals(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), FaultFinding> {
-        let aims = self.rail_targets_for_goals_keeping_unused(goals);
+        let aims = self.rail_target_millivolts_for_goals_keeping_unused(goals);
         self.rails.set_targets(aims);
         let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         sequencer.set_or_end_drives_from_next_boundary(goals, now_us);
         // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
         set_strengths_for_higher_rail_voltage(sequencer, aims, self.measured_millivolts);
         if goals.iter().any(Option::is_some) {
-            self.connect_electrodes(board)?;
+            self.connect_timers_to_electrodes_if_not_yet(board)?;
         }
         self.record_active_drives(goals);
         self.write_due_preloads(board)
@@ -353,7 +366,7 @@ impl Device {
 
     /// The rails' targets for these goals: the highest voltage that a rail feeds. A rail that feeds nobody stays charged, so that the next
     /// touch need not wait for its soft start.
-    pub(super) fn rail_targets_for_goals_keeping_unused(&self, goals: &Goals) -> [u32; RAILS] {
+    pub(super) fn rail_target_millivolts_for_goals_keeping_unused(&self, goals: &Goals) -> [u32; RAILS] {
         let mut targets = self.rails.target_millivolts();
         for (rail, target) in targets.iter_mut().enumerate() {
             let fed = goals.iter().enumerate().filter(|(channel, _)| rail_index_of_channel(*channel) == rail);
@@ -364,9 +377,12 @@ impl Device {
     }
 
     /// Lets the timers reach the electrodes, if they do not yet.
-    pub(super) fn connect_electrodes(&mut self, board: &mut impl Board) -> Result<(), FaultFinding> {
+    pub(super) fn connect_timers_to_electrodes_if_not_yet(
+        &mut self,
+        board: &mut impl Board,
+    ) -> Result<(), FaultFinding> {
         if !self.connected {
-            board.set_electrodes_connected(true).map_err(|code| (code, 0))?;
+            board.set_timers_connected_to_electrodes(true).map_err(|code| (code, 0))?;
             self.connected = true;
         }
         Ok(())
@@ -390,16 +406,16 @@ fn set_strengths_for_higher_rail_voltage(
         let (aim, measured) = (of_rail(target_millivolts), of_rail(measured_millivolts));
         let excess = measured > aim.saturating_add(aim / 100 * RAIL_EXCESS_PERCENT);
         let there = if excess { measured } else { aim };
-        sequencer.set_force_fraction_of_drive_windows(
+        sequencer.set_force_fraction_q16_of_drive_windows(
             channel,
-            compute_window_force_fraction(goal.program.voltage_millivolts, there),
+            compute_window_force_fraction_q16(goal.program.voltage_millivolts, there),
         );
     }
 }
 
 /// The fraction of the full force that windows must make so that a rail of `rail_millivolts` acts like one of `wanted_millivolts`, in parts of
 /// [`FULL_STRENGTH`]: the force goes with the square of the voltage.
-fn compute_window_force_fraction(wanted_millivolts: u32, rail_millivolts: u32) -> u32 {
+fn compute_window_force_fraction_q16(wanted_millivolts: u32, rail_millivolts: u32) -> u32 {
     if rail_millivolts <= wanted_millivolts {
         return FULL_STRENGTH;
     }

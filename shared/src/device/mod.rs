@@ -34,6 +34,12 @@ impl LinkReceiver {
         Self { id, decoder: Decoder::new() }
     }
 
+    /// One for each of so many links, in their order; each has a name of its own.
+    #[must_use]
+    pub fn new_for_each_link<const LINKS: usize>() -> [Self; LINKS] {
+        core::array::from_fn(|index| Self::new(LinkId::from_index(index)))
+    }
+
     /// Discards the bytes of an incomplete frame, after a link was closed and opened again.
     pub fn discard_partial_frame(&mut self) {
         self.decoder.discard_partial_frame();
@@ -51,6 +57,8 @@ pub struct Device {
     counters: LinkCounters,
     /// When the readings are checked next, in us.
     next_tick_us: u64,
+    /// Whether the readings have been checked since [`Device::take_tick_done`] was last asked.
+    tick_done: bool,
     /// When the supply was last switched off, in us: the rails must be discharged in time.
     off_since_us: u64,
     /// The most that the rails may have stood at then, in mV.
@@ -99,6 +107,7 @@ impl Device {
             safety: SafetyMachine::new(),
             counters: LinkCounters { good_frames: 0, bad_frames: 0, refused: 0 },
             next_tick_us: 0,
+            tick_done: false,
             off_since_us: 0,
             off_millivolts: [0; RAILS],
             discharges_slowly: false,
@@ -143,6 +152,12 @@ impl Device {
     #[must_use]
     pub const fn state(&self) -> SafetyState {
         self.safety.state()
+    }
+
+    /// Whether the checks of a ms have run since this was last asked. Only then does the task of the device do its work: one that goes round without
+    /// them must not feed the watchdog.
+    pub const fn take_tick_done(&mut self) -> bool {
+        core::mem::replace(&mut self.tick_done, false)
     }
 
     /// Takes bytes that a link has received, and gives every answer to `send_answer` as an encoded frame.

@@ -9,7 +9,9 @@ use crate::limits::{
 };
 use crate::protocol::{ChannelLimits, Refusal, WindowSequence};
 use crate::safety::{CreditCharge, LinkId, PlannedDrive, SafetyEvent};
-use crate::supply::{RAILS, is_rail_above_set_point, rail_index_of_channel, round_down_to_dac_step_millivolts};
+use crate::supply::{
+    RAILS, is_rail_far_enough_above_set_point_to_discharge, rail_index_of_channel, round_down_to_dac_step_millivolts,
+};
 use crate::waveform::{PlacedWindows, SEQUENCE_TICK_CLOCKS, SequenceError};
 
 /// From the time at which a set-point is reached until the rail has followed, in us: twice what the supply takes.
@@ -79,16 +81,18 @@ impl Device {
             return Err(Refusal::Start { start_us: asked_us, now_us });
         }
         self.check_burst_and_credit_of_windows(limits, &placed, rails, start, now_us)?;
-        placed.begin_at(start);
+        placed.set_start_clock(start);
         self.handle_safety_event(board, SafetyEvent::Drive, &Goals::default())?;
         self.rails.set_targets(rails);
         let sequencer = self.sequencer.as_mut().ok_or(Refusal::State { state, event: SafetyEvent::Drive })?;
         sequencer.play_windows_ending_all_drives(&placed, now_us);
         let start_us = sequencer.board_time_of_clock_us(start);
-        self.connect_electrodes(board).and_then(|()| self.write_due_preloads(board)).map_err(|(code, detail)| {
-            self.raise_fault(board, code, detail, now_us);
-            self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
-        })?;
+        self.connect_timers_to_electrodes_if_not_yet(board).and_then(|()| self.write_due_preloads(board)).map_err(
+            |(code, detail)| {
+                self.raise_fault(board, code, detail, now_us);
+                self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
+            },
+        )?;
         Ok(start_us)
     }
 
@@ -116,8 +120,14 @@ impl Device {
             let millivolts = highest_millivolts.get(rail_index_of_channel(index)).copied().unwrap_or(u32::MAX);
             let charge = CreditCharge::at_most_on_rail(millivolts, limit.max_voltage_millivolts);
             let clocks_per_us = u64::from(limit.timer_clock_hz / 1_000_000);
-            let plan = |rest_us| plan_drives(placed.window_times_us(channel, clocks_per_us), rest_us, charge);
-            if let Some(requested_ms) = self.budget.burst_beyond_limit_ms(plan(COUNTED_AHEAD_US)) {
+            let plan = |rest_us| {
+                plan_drives_for_window_times(
+                    placed.window_begin_and_end_times_us(channel, clocks_per_us),
+                    rest_us,
+                    charge,
+                )
+            };
+            if let Some(requested_ms) = self.budget.longest_burst_ms_if_limit_reached(plan(COUNTED_AHEAD_US)) {
                 let max_ms = u32::from(self.budget.burst_limit_ms());
                 return Err(Refusal::Sequence(SequenceError::TooLong { requested_ms, max_ms }));
             }
@@ -164,7 +174,7 @@ impl Device {
     fn rails_settling_us(&self, targets: [u32; RAILS]) -> u64 {
         let one = |((target, now), measured): ((u32, u32), u32)| {
             // One that was set lower a moment ago falls too.
-            if target < now || is_rail_above_set_point(measured, target) {
+            if target < now || is_rail_far_enough_above_set_point_to_discharge(measured, target) {
                 return u64::from(SWITCHED_DISCHARGE_MS) * 1000;
             }
             match target - now {
@@ -183,7 +193,7 @@ impl Device {
 }
 
 /// When a channel drives for windows at these times, in us since the beginning of the sequence, after a rest of `rest_us` before that.
-fn plan_drives(
+fn plan_drives_for_window_times(
     times_us: impl Iterator<Item = (u64, u64)>,
     rest_us: u64,
     charge: CreditCharge,

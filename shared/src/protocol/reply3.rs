@@ -49,7 +49,7 @@ impl CreditReply {
     /// Time in ms for which a channel may go on driving with its present force: its credit divided by what is charged less what is
     /// earned. Limits of bursts and rests are not counted. `None` if the credit never runs out, or if there is no such channel.
     #[must_use]
-    pub fn remaining_drive_time_ms(&self, channel: usize) -> Option<u64> {
+    pub fn drive_time_ms_until_credit_runs_out_if_ever(&self, channel: usize) -> Option<u64> {
         let ChannelCredit { left_ms, charge_ppm } = *self.channels.get(channel)?;
         let net_ppm = u64::from(charge_ppm.saturating_sub(self.earned_ppm));
         (u64::from(left_ms) * 1_000_000).checked_div(net_ppm)

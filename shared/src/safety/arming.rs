@@ -34,7 +34,7 @@ enum SelfTestPhase {
         /// Where they began, in mV.
         from_millivolts: [u32; RAILS],
     },
-    /// The rails fall quickly when their discharge switches close.
+    /// The rails fall quickly when their discharge switches close by their own lines.
     DischargeSwitches,
     /// Both rails are brought up for the next step.
     RechargeForPermit,
@@ -57,7 +57,7 @@ pub enum SelfTestVerdict {
     /// Test the inputs of the over-voltage comparators with these rails charged to [`TEST_MILLIVOLTS`]
     /// ([`crate::board::Board::test_over_voltage_inputs`]), then call again.
     TryOverVoltageInputs([bool; RAILS]),
-    /// With the supply disabled, make the pulses on this electrode ([`crate::board::Board::pulse_electrode`]), recharge the rails, judge the
+    /// With the supply disabled, make the pulses on this electrode ([`crate::board::Board::pulse_electrode_and_measure_rail_mv`]), recharge the rails, judge the
     /// pulses ([`super::judge_electrode_pulses`]), then call again.
     TryElectrode {
         /// From 0.
@@ -178,7 +178,7 @@ impl SelfTest {
                     return SelfTestVerdict::Failed((FaultCode::SelfTest, DETAIL_ENABLE + rail));
                 }
                 self.enter_phase(SelfTestPhase::DischargeSwitches, now_us);
-                SelfTestVerdict::Continue(SupplyCommand::OFF)
+                SelfTestVerdict::Continue(DISCHARGE)
             }
             SelfTestPhase::Enable { .. } => SelfTestVerdict::Continue(BLEED),
             SelfTestPhase::DischargeSwitches if is_absent(first) && is_absent(second) => {
@@ -190,7 +190,7 @@ impl SelfTest {
                 let detail = { rails }.find(|(_, rail)| !is_absent(*rail)).map_or(0, |(n, mv)| n * 10_000 + mv / 1000);
                 SelfTestVerdict::Failed((FaultCode::DischargeSlow, detail))
             }
-            SelfTestPhase::DischargeSwitches => SelfTestVerdict::Continue(SupplyCommand::OFF),
+            SelfTestPhase::DischargeSwitches => SelfTestVerdict::Continue(DISCHARGE),
             SelfTestPhase::Permit if is_absent(first) && is_absent(second) => {
                 self.enter_phase(SelfTestPhase::Recharge { place: 0 }, now_us);
                 SelfTestVerdict::Continue(CHARGE)
@@ -220,5 +220,7 @@ const CHARGE_FIRST: SupplyCommand =
     SupplyCommand { discharge: [false, true], set_point_millivolts: [TEST_MILLIVOLTS, 0], ..CHARGE };
 /// The supply is disabled, and would keep the rails where they are if it were not.
 pub(crate) const BLEED: SupplyCommand = SupplyCommand { enabled: false, ..CHARGE };
+/// The discharge switches close. The permit stays: without it they would close whatever their own lines say, and the next step but one tests that.
+const DISCHARGE: SupplyCommand = SupplyCommand { permitted: true, ..SupplyCommand::OFF };
 /// All lines say that the rails stay up, and the permit that they may not.
 const WITHDRAW_PERMIT: SupplyCommand = SupplyCommand { permitted: false, ..CHARGE };

@@ -66,7 +66,7 @@ const MOST_BLEED_PPM: u64 = {
 
 /// A rail that falls by less over the pulses has charged no electrode, in millionths: half-way between what the bleeders take at most
 /// and what the smallest electrode takes at least from the largest rail.
-const fn least_fall_ppm(picofarads: u32) -> u64 {
+const fn least_rail_fall_with_electrode_ppm(picofarads: u32) -> u64 {
     let (electrode, rail) = (
         subtract_percent(picofarads as u64, TOLERANCE_PERCENT),
         add_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT),
@@ -83,7 +83,7 @@ const fn least_fall_ppm(picofarads: u32) -> u64 {
 
 /// A rail that falls by more has been drawn down, in millionths: half-way between what the largest electrode takes at most from the
 /// smallest rail, and what a path through the electrode's resistor and its lower switch takes at least from the largest.
-const fn most_fall_ppm(picofarads: u32) -> u64 {
+const fn most_rail_fall_with_sound_electrode_ppm(picofarads: u32) -> u64 {
     let (electrode, rail) = (
         add_percent(picofarads as u64, TOLERANCE_PERCENT),
         subtract_percent(RAIL_PICOFARADS as u64, TOLERANCE_PERCENT),
@@ -144,7 +144,7 @@ impl ElectrodeFindings {
     /// # Errors
     /// [`FaultCode::Electrode`] with 10 x the ERA's number, from 1, + 1 for A or 2 for B if it takes no charge although the other one does,
     /// and 100 more if it draws current.
-    pub fn add_finding(
+    pub fn add_finding_and_report_faulty_electrode(
         &mut self,
         channel: usize,
         electrode: Electrode,
@@ -190,7 +190,11 @@ const fn rail_fall_limits_of_channels_ppm(of_most: bool) -> [u64; MAX_CHANNELS] 
     let (mut limits, mut channel) = ([0; MAX_CHANNELS], 0);
     while channel < limits.len() {
         let picofarads = ELECTRODE_PICOFARADS[channel];
-        limits[channel] = if of_most { most_fall_ppm(picofarads) } else { least_fall_ppm(picofarads) };
+        limits[channel] = if of_most {
+            most_rail_fall_with_sound_electrode_ppm(picofarads)
+        } else {
+            least_rail_fall_with_electrode_ppm(picofarads)
+        };
         channel += 1;
     }
     limits

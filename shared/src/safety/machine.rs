@@ -8,6 +8,21 @@ use crate::protocol::{Fault, FaultCode};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkId(pub u8);
 
+impl LinkId {
+    /// The name of the link at this place: every link has a name of its own, or one could keep alive what another has armed. There are at most 256.
+    #[must_use]
+    pub const fn from_index(index: usize) -> Self {
+        Self(index as u8)
+    }
+}
+
+/// Whether a host that has been silent for `silence_us` has exceeded its dead-man time. Never more than [`DEADMAN_MAX_MS`] counts: a time that has
+/// become longer by itself, because a bit of the memory has changed, must not keep a board live.
+#[must_use]
+pub const fn is_silence_over_deadman(silence_us: u64, deadman_us: u64) -> bool {
+    silence_us >= deadman_us || silence_us >= DEADMAN_MAX_MS as u64 * 1000
+}
+
 #[derive(Clone, Copy, Debug)]
 struct ArmedSession {
     link: LinkId,
@@ -112,7 +127,7 @@ impl SafetyMachine {
             None => Some(u64::MAX),
             Some(session) => {
                 let silence = now_us.saturating_sub(session.last_heard_us);
-                (silence >= session.deadman_us).then_some(silence)
+                is_silence_over_deadman(silence, session.deadman_us).then_some(silence)
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::circuit::{ELECTRODE_PICOFARADS, both_bleeders_microamps};
 
 /// Mean current in uA, rounded up, that drives take from rails of these voltages: both electrodes of a channel are charged once in every
 /// period, at most, and each rail has two bleeders. `drives` holds the channel and the frequency in 1e-9 Hz of each.
-pub fn mean_current_of_drives_microamps(
+pub fn mean_current_of_drives_and_bleeders_microamps(
     rail_millivolts: [u32; RAILS],
     drives: impl Iterator<Item = (usize, u64)>,
 ) -> u32 {
@@ -27,13 +27,20 @@ mod tests {
     #[test]
     fn charges_and_bleeders_by_hand() {
         let four = |hz: u64| (0..4).map(move |channel| (channel, hz * 1_000_000_000));
-        assert_eq!(mean_current_of_drives_microamps([2_000_000; RAILS], four(200)), 372 + 80, "371.2 uA and 80 uA");
-        assert_eq!(mean_current_of_drives_microamps([2_000_000, 0], [(0, 100_000_000_000)].into_iter()), 47 + 40);
+        assert_eq!(
+            mean_current_of_drives_and_bleeders_microamps([2_000_000; RAILS], four(200)),
+            372 + 80,
+            "371.2 uA and 80 uA"
+        );
+        assert_eq!(
+            mean_current_of_drives_and_bleeders_microamps([2_000_000, 0], [(0, 100_000_000_000)].into_iter()),
+            47 + 40
+        );
         // The other rail's voltage is what counts for a channel on it.
         assert_eq!(
-            mean_current_of_drives_microamps([2_000_000, 500_000], [(3, 100_000_000_000)].into_iter()),
+            mean_current_of_drives_and_bleeders_microamps([2_000_000, 500_000], [(3, 100_000_000_000)].into_iter()),
             12 + 40 + 10
         );
-        assert_eq!(mean_current_of_drives_microamps([0; RAILS], core::iter::empty()), 0);
+        assert_eq!(mean_current_of_drives_and_bleeders_microamps([0; RAILS], core::iter::empty()), 0);
     }
 }

@@ -184,7 +184,7 @@ impl ElectrodeCurrentMonitor {
             return None;
         }
         self.add_charges(now_us, elapsed_us, readings, supply, charges);
-        let (least, most) = self.expected_charge();
+        let (least, most) = self.least_and_most_expected_charge_fc();
         let measured = self.measured.0;
         let too_little = add_percent(measured, CURRENT_TOLERANCE_PERCENT) < least;
         let too_much = subtract_percent(measured, CURRENT_TOLERANCE_PERCENT) > most;
@@ -241,7 +241,7 @@ impl ElectrodeCurrentMonitor {
     }
 
     /// The least and the most that the measured sum may be, in fC.
-    fn expected_charge(&self) -> (u64, u64) {
+    fn least_and_most_expected_charge_fc(&self) -> (u64, u64) {
         let positive = |value: i64| u64::try_from(value).unwrap_or(0);
         let (mut risen, mut fallen, mut on_its_way) = (0, 0, 0);
         for rail in &self.rails {

@@ -12,9 +12,9 @@ mod watch;
 use crate::limits::DISCHARGED_MILLIVOLTS;
 
 pub use crate::circuit::{RAILS, rail_index_of_channel};
-pub use current::mean_current_of_drives_microamps;
+pub use current::mean_current_of_drives_and_bleeders_microamps;
 pub use electrode_current::ElectrodeCurrentMonitor;
-pub(crate) use rails::is_rail_above_set_point;
+pub(crate) use rails::is_rail_far_enough_above_set_point_to_discharge;
 pub use rails::{RailControl, rail_dac_code, round_down_to_dac_step_millivolts};
 pub use watch::{FaultFinding, ReferenceMonitor, SupplyMonitor};
 

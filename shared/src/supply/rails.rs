@@ -27,7 +27,10 @@ pub fn round_down_to_dac_step_millivolts(millivolts: u32) -> u32 {
 
 /// Whether a rail is so far above its set-point that its discharge switch is to be closed.
 #[must_use]
-pub(crate) fn is_rail_above_set_point(measured_millivolts: u32, set_point_millivolts: u32) -> bool {
+pub(crate) fn is_rail_far_enough_above_set_point_to_discharge(
+    measured_millivolts: u32,
+    set_point_millivolts: u32,
+) -> bool {
     let margin = (set_point_millivolts / 20).max(RAIL_TOLERANCE_MILLIVOLTS / 2);
     measured_millivolts > set_point_millivolts.saturating_add(margin) && measured_millivolts > DISCHARGED_MILLIVOLTS
 }
@@ -87,7 +90,7 @@ impl RailControl {
             *now = wanted.min(now.saturating_add(rise));
             let measured = readings.rail_millivolts.get(rail).copied().unwrap_or(u32::MAX);
             if let Some(switch) = discharge.get_mut(rail) {
-                *switch = is_rail_above_set_point(measured, *now);
+                *switch = is_rail_far_enough_above_set_point_to_discharge(measured, *now);
             }
         }
         SupplyCommand { enabled: true, discharge, set_point_millivolts: self.now, permitted: true }

@@ -101,7 +101,7 @@ impl ElectrodeWindows {
     ///
     /// # Errors
     /// The tick, if both electrodes are on at it.
-    pub fn electrode_on_at(&self, tick: u32) -> Result<Option<Electrode>, u32> {
+    pub fn electrode_on_at_tick_or_err_if_both_on(&self, tick: u32) -> Result<Option<Electrode>, u32> {
         match (self.a.contains_tick(tick, self.period), self.b.contains_tick(tick, self.period)) {
             (true, true) => Err(tick),
             (true, false) => Ok(Some(Electrode::A)),
@@ -121,7 +121,7 @@ impl ElectrodeWindows {
 
     /// The shorter of the two gaps between the windows in ticks; `None` if an electrode is never on.
     #[must_use]
-    pub fn shortest_guard_ticks(&self) -> Option<u32> {
+    pub fn shortest_guard_ticks_if_both_have_windows(&self) -> Option<u32> {
         if self.a.length == 0 || self.b.length == 0 {
             return None;
         }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Level of the full force, in thousandths.
 pub const FULL_LEVEL: i16 = 1000;
-/// The whole of what [`super::Sequencer::set_force_fraction_of_drive_windows`] takes.
+/// The whole of what [`super::Sequencer::set_force_fraction_q16_of_drive_windows`] takes.
 pub const FULL_STRENGTH: u32 = 1 << 16;
 /// Most segments of an effect: two clicks with their brakes and pauses, and the whole still fits a frame.
 pub const SEGMENTS: usize = 8;
@@ -68,8 +68,8 @@ impl Effect {
     #[must_use]
     pub fn new_click(drive_cycles: u16, brake_cycles: u16) -> Self {
         let push = Segment::Cycles { level: FULL_LEVEL, count: drive_cycles };
-        let stop = Segment::Cycles { level: -FULL_LEVEL, count: brake_cycles };
-        Self::from_segments(&[push, stop], 1)
+        let brake = Segment::Cycles { level: -FULL_LEVEL, count: brake_cycles };
+        Self::from_segments(&[push, brake], 1)
     }
 
     /// From no force to full force within `rise_ms`, held for `hold_ms`, and back to no force within `fall_ms`.

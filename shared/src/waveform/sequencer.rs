@@ -131,12 +131,13 @@ impl ChannelTrack {
         }
         // Whatever is played by a rhythm may go on until its next boundary. Of windows that are given one by one, each has its own.
         while let Some((windows, channel)) = windows.filter(|_| self.plays_windows) {
-            let (next, length) = (self.next_boundary(), self.active.length_clocks());
+            let (next, length) = (self.next_boundary_clock(), self.active.length_clocks());
             if next > now {
                 break;
             }
-            let is_prepared = windows.period_from(channel, next).unwrap_or(IDLE) == self.active;
-            if !is_prepared && !windows.can_be_led_to_from(next + length) {
+            let is_prepared =
+                windows.period_from_boundary_unless_windows_over(channel, next).unwrap_or(IDLE) == self.active;
+            if !is_prepared && !windows.is_start_reachable_from_boundary(next + length) {
                 (self.plays_windows, self.missed) = (false, true);
             }
             self.pass_periods(1, clocks_per_us);
@@ -153,13 +154,13 @@ impl ChannelTrack {
     }
 
     /// The boundary after `now`.
-    const fn next_boundary(&self) -> u64 {
+    const fn next_boundary_clock(&self) -> u64 {
         self.boundary + self.active.length_clocks()
     }
 
     /// The first boundary, not before `earliest`, for which something can still be preloaded.
-    const fn next_changeable_boundary(&self, earliest: u64) -> u64 {
-        let next = self.next_boundary();
+    const fn next_changeable_boundary_clock(&self, earliest: u64) -> u64 {
+        let next = self.next_boundary_clock();
         if next >= earliest { next } else { next + self.preloaded_period().length_clocks() }
     }
 
@@ -178,7 +179,7 @@ impl ChannelTrack {
         windows: Option<(&PlacedWindows, u8)>,
     ) -> TimerPeriod {
         if let Some((windows, channel)) = windows.filter(|_| self.plays_windows) {
-            if let Some(period) = windows.period_from(channel, boundary) {
+            if let Some(period) = windows.period_from_boundary_unless_windows_over(channel, boundary) {
                 return period;
             }
             self.plays_windows = false;
@@ -284,7 +285,7 @@ impl Sequencer {
     pub fn set_or_end_drives_from_next_boundary(&mut self, goals: &[Option<ChannelGoal>; MAX_CHANNELS], now_us: u64) {
         let (now, margin) = (self.clocks_since_start(now_us), MARGIN_US * self.clocks_per_us);
         let passed = self.latest_certainly_passed_clock(now);
-        self.advance_running_periods_past_boundaries(passed);
+        self.advance_all_channels_to_clock(passed);
         for track in &mut self.tracks {
             track.queue.clear();
             track.plays_windows = false;
@@ -305,7 +306,7 @@ impl Sequencer {
                 (same(j) && rhythm(&old.program) == rhythm(program)).then(|| lattice + old.program.origin_clocks)
             });
             let given = (0..i).find_map(|j| if same(j) { origins.get(j).copied().flatten() } else { None });
-            let next = self.tracks.get(i).map_or(0, |track| track.next_changeable_boundary(now + margin));
+            let next = self.tracks.get(i).map_or(0, |track| track.next_changeable_boundary_clock(now + margin));
             let origin = kept.or(given).unwrap_or(next + program.origin_clocks);
             let clocks = program.period_clocks();
             // Brought forward by a period where it would be before the start: only its place in a period counts.
@@ -353,11 +354,12 @@ impl Sequencer {
     pub fn earliest_sequence_start_clock(&mut self, channels: [bool; MAX_CHANNELS], now_us: u64) -> u64 {
         let (now, margin) = (self.clocks_since_start(now_us), MARGIN_US * self.clocks_per_us);
         let passed = self.latest_certainly_passed_clock(now);
-        self.advance_running_periods_past_boundaries(passed);
+        self.advance_all_channels_to_clock(passed);
         let mut earliest = now;
         for (track, _) in self.tracks.iter().zip(channels).filter(|(_, used)| *used) {
             // One more period than can be changed, should its boundary pass before the device looks again.
-            let changeable = track.next_changeable_boundary(now + margin) + track.preloaded_period().length_clocks();
+            let changeable =
+                track.next_changeable_boundary_clock(now + margin) + track.preloaded_period().length_clocks();
             earliest = earliest.max(changeable + LEAST_LEAD_CLOCKS);
         }
         earliest
@@ -372,7 +374,7 @@ impl Sequencer {
         self.windows = Some(windows.clone());
     }
 
-    fn advance_running_periods_past_boundaries(&mut self, passed: u64) {
+    fn advance_all_channels_to_clock(&mut self, passed: u64) {
         for (channel, track) in (0..).zip(&mut self.tracks) {
             let windows = self.windows.as_ref().map(|windows| (windows, channel));
             track.advance_to_now_noting_missed_windows(passed, self.clocks_per_us, windows);
@@ -381,19 +383,19 @@ impl Sequencer {
 
     /// Whether a channel has windows that are given one by one and not yet over.
     #[must_use]
-    pub fn has_windows(&self, channel: usize) -> bool {
+    pub fn has_unfinished_window_sequence(&self, channel: usize) -> bool {
         self.tracks.get(channel).is_some_and(|track| track.plays_windows)
     }
 
     /// The first channel of which a window could not be prepared in time; its windows have been dropped.
     #[must_use]
-    pub fn missed_channel(&self) -> Option<usize> {
+    pub fn first_channel_with_missed_window(&self) -> Option<usize> {
         self.tracks.iter().position(|track| track.missed)
     }
 
     /// Sets the fraction of the full force, in parts of [`FULL_STRENGTH`], that the window's width has to make: the square of the wanted voltage
     /// over the rail's.
-    pub fn set_force_fraction_of_drive_windows(&mut self, channel: usize, force_fraction: u32) {
+    pub fn set_force_fraction_q16_of_drive_windows(&mut self, channel: usize, force_fraction: u32) {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.force_fraction = force_fraction;
         }
@@ -448,7 +450,7 @@ impl Sequencer {
         let track = self.tracks.get_mut(channel)?;
         let windows = self.windows.as_ref().zip(u8::try_from(channel).ok());
         track.advance_to_now_noting_missed_windows(passed, clocks_per_us, windows);
-        let at = track.next_boundary();
+        let at = track.next_boundary_clock();
         track.passing = at < now + MARGIN_US * clocks_per_us;
         if track.passing {
             return None;
@@ -477,12 +479,12 @@ impl Sequencer {
     pub fn next_extra_poll_us_if_needed(&self) -> Option<u64> {
         // An envelope that begins only later is none yet.
         let plays = |track: &ChannelTrack| {
-            let soon = track.next_boundary() + track.active.length_clocks();
+            let soon = track.next_boundary_clock() + track.active.length_clocks();
             track.plays_windows
                 || track.goal.is_some() && track.queue.first().is_some_and(|first| first.begun || first.start <= soon)
         };
         let waits = |track: &&ChannelTrack| track.passing || plays(track);
-        let next = self.tracks.iter().filter(waits).map(ChannelTrack::next_boundary).min()?;
+        let next = self.tracks.iter().filter(waits).map(ChannelTrack::next_boundary_clock).min()?;
         Some(self.started_us + next / self.clocks_per_us + CERTAIN_US + 1)
     }
 }

@@ -138,7 +138,7 @@ fn guard_ticks(limits: &ChannelLimits) -> u32 {
 }
 
 impl PlacedWindows {
-    /// Checks a sequence. It begins with the timers' start, until [`Self::begin_at`] says otherwise.
+    /// Checks a sequence. It begins with the timers' start, until [`Self::set_start_clock`] says otherwise.
     ///
     /// # Errors
     /// [`SequenceError`] with the limits for everything out of range; nothing is clamped.
@@ -186,7 +186,7 @@ impl PlacedWindows {
     }
 
     /// Moves the beginning of the sequence to a clock since the timers' start.
-    pub const fn begin_at(&mut self, start: u64) {
+    pub const fn set_start_clock(&mut self, start: u64) {
         self.start = start;
     }
 
@@ -198,7 +198,7 @@ impl PlacedWindows {
 
     /// Whether blank periods can still lead from a boundary to the beginning, wherever the boundary lies.
     #[must_use]
-    pub const fn can_be_led_to_from(&self, boundary: u64) -> bool {
+    pub const fn is_start_reachable_from_boundary(&self, boundary: u64) -> bool {
         boundary + LEAST_LEAD_CLOCKS <= self.start
     }
 
@@ -209,7 +209,7 @@ impl PlacedWindows {
     }
 
     /// Begin and end of each window of a channel, in us since the beginning of the sequence, rounded away from each other.
-    pub fn window_times_us(&self, channel: u8, clocks_per_us: u64) -> impl Iterator<Item = (u64, u64)> {
+    pub fn window_begin_and_end_times_us(&self, channel: u8, clocks_per_us: u64) -> impl Iterator<Item = (u64, u64)> {
         let clocks = |tick: u32| u64::from(tick) * u64::from(SEQUENCE_TICK_CLOCKS);
         let rounded = move |window: &PlacedWindow| {
             (clocks(window.begin) / clocks_per_us.max(1), clocks(window.end).div_ceil(clocks_per_us.max(1)))
@@ -220,7 +220,7 @@ impl PlacedWindows {
     /// The period that a channel's timer has to make from `boundary` on, in clocks since the timers' start; `None` once all of its windows
     /// are over. Before the beginning these are blank periods that lead to it exactly. The same boundary always gives the same period.
     #[must_use]
-    pub fn period_from(&self, channel: u8, boundary: u64) -> Option<TimerPeriod> {
+    pub fn period_from_boundary_unless_windows_over(&self, channel: u8, boundary: u64) -> Option<TimerPeriod> {
         let tick = u64::from(SEQUENCE_TICK_CLOCKS);
         let Some(since_start) = boundary.checked_sub(self.start) else {
             let lead = self.start - boundary;

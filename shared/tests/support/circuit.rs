@@ -113,6 +113,8 @@ pub struct Circuit {
     pub broken: [[ElectrodeState; 2]; 4],
     /// The discharge switches do not close; the supply delivers though it is disabled.
     pub dead_discharge: bool,
+    /// Their own lines say "open" for ever; without the permit they close.
+    pub dead_discharge_lines: bool,
     pub stuck_enable: bool,
     /// The gates outside do not follow the permit.
     pub dead_permit: bool,
@@ -134,6 +136,7 @@ impl Circuit {
             rails: [0.0; RAILS],
             broken: Default::default(),
             dead_discharge: false,
+            dead_discharge_lines: false,
             stuck_enable: false,
             dead_permit: false,
             electrodes: [[0.0; 2]; 4],
@@ -214,7 +217,8 @@ impl Circuit {
     fn feeds_and_discharges(&self, supply: &SupplyCommand, rail: usize) -> (bool, bool) {
         let is_permitted = self.is_permitted(supply);
         let feeds = supply.enabled && is_permitted || self.stuck_enable;
-        (feeds, (supply.discharge[rail] || !is_permitted) && !self.dead_discharge)
+        let line_closes = supply.discharge[rail] && !self.dead_discharge_lines;
+        (feeds, (line_closes || !is_permitted) && !self.dead_discharge)
     }
 
     fn is_settled(&self, on: &[[bool; 2]; 4], supply: &SupplyCommand) -> bool {

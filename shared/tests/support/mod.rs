@@ -10,7 +10,7 @@ use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::{TEST_PAUSE_MICROSECONDS, TEST_PULSE_MICROSECONDS, TEST_PULSES};
 use era_shared::link::{Decoder, FrameKind, MAX_ENCODED, encode_frame};
 use era_shared::protocol::*;
-use era_shared::safety::{ElectrodePulses, LinkId, SafetyState};
+use era_shared::safety::{ElectrodePulses, SafetyState};
 use era_shared::supply::{RAILS, SensorReadings, SupplyCommand};
 use era_shared::waveform::{Electrode, IDLE, TimerPeriod, TimerPreload};
 
@@ -214,7 +214,11 @@ impl Board for FakeBoard {
         let trips = self.circuit.rails.map(|millivolts| millivolts > 25_000.0 && !self.dead_over_voltage);
         if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_000)) }
     }
-    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, (FaultCode, u32)> {
+    fn pulse_electrode_and_measure_rail_mv(
+        &mut self,
+        channel: usize,
+        electrode: Electrode,
+    ) -> Result<ElectrodePulses, (FaultCode, u32)> {
         self.log.push(Did::Pulse(channel, electrode));
         assert!(self.started_us.is_none() && !self.supply.enabled, "an electrode tried with something else live");
         assert!(self.supply.permitted, "an electrode tried without the permit");
@@ -248,7 +252,7 @@ impl Board for FakeBoard {
         self.started_us = Some(self.now_us);
         Ok(())
     }
-    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
         self.log.push(Did::Connect(connected));
         assert!(self.started_us.is_some(), "electrodes connected to timers that do not run");
         self.advance_circuit();
@@ -267,7 +271,7 @@ impl Board for FakeBoard {
         self.preloads.push(*preload);
         Ok(())
     }
-    fn check_timers(&mut self) -> Result<(), (FaultCode, u32)> {
+    fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), (FaultCode, u32)> {
         match self.stopped_timer {
             Some(channel) => Err((FaultCode::TimerStopped, channel)),
             None => Ok(()),
@@ -299,7 +303,7 @@ impl Bench {
         let mut bench = Self {
             device: Device::new(),
             board: FakeBoard::new(),
-            ports: [LinkReceiver::new(LinkId(0)), LinkReceiver::new(LinkId(1))],
+            ports: LinkReceiver::new_for_each_link(),
             sequence: 0,
         };
         bench.device.complete_boot_to_discharging_or_fault(&mut bench.board);
@@ -342,12 +346,12 @@ impl Bench {
             let end_us = self.board.now_us + 1_000;
             // As the firmware does: whenever the device wants, and every ms.
             while self.board.now_us < end_us {
-                let due_us = self.device.poll_next_due_us(&mut self.board);
+                let due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
                 // The self-test holds the device up for some ms.
                 let next_us = self.board.now_us + 1;
                 self.board.now_us = due_us.clamp(next_us, end_us.max(next_us));
             }
-            self.device.poll_next_due_us(&mut self.board);
+            self.device.do_due_work_and_tell_next_due_us(&mut self.board);
         }
     }
 

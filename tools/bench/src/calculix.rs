@@ -38,7 +38,14 @@ pub fn build_table_of_calculix_comparison(
     problem: &Problem,
     problem_file: &Path,
 ) -> Result<Table, Error> {
-    let columns = ["mesh", "unknowns", "frequencies", "time", "median difference", "largest, of a curve's peak"];
+    let columns = [
+        "mesh",
+        "unknowns",
+        "frequencies",
+        "time",
+        "median difference",
+        "largest difference, relative to the curve's peak",
+    ];
     let mut table = Table::new("(c) Side by side: CalculiX", &columns);
     let found = Command::new(CCX).arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
     if !found {

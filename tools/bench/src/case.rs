@@ -6,7 +6,7 @@ use crate::process::run_and_parse_json;
 use clap::{Args, Subcommand};
 use era_model::model::Fineness;
 use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
-use era_model::response::{CoordinateSolver, compute_curves_with_error_bounds};
+use era_model::response::{CoordinateSolver, compute_acceleration_curves_per_newton_with_error_bounds};
 use era_model::scene::{Scene, equidistant_numbers};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -137,8 +137,12 @@ fn compute_and_time_responses_and_bounds(case: &ToleranceCase) -> Result<CaseOut
     let scene = Scene::load(&case.scene)?;
     let frequencies_hz = list_response_frequencies_hz(case.max_hz);
     let started = Instant::now();
-    let found =
-        compute_curves_with_error_bounds(&scene, Accuracy::from_tolerance(case.tolerance)?, POINT_M, &frequencies_hz)?;
+    let found = compute_acceleration_curves_per_newton_with_error_bounds(
+        &scene,
+        Accuracy::from_tolerance(case.tolerance)?,
+        POINT_M,
+        &frequencies_hz,
+    )?;
     let elapsed_s = started.elapsed().as_secs_f64();
     // Before anything else is allocated.
     let peak_bytes = read_peak_memory_bytes()?;

@@ -31,7 +31,10 @@ impl Environment {
         let scripts = folder.join("peers");
         let python = target.join("bench-venv/bin/python");
         if with_peers {
-            python_environment::ensure_environment(&scripts.join("requirements.txt"), &target.join("bench-venv"))?;
+            python_environment::ensure_environment_and_return_interpreter(
+                &scripts.join("requirements.txt"),
+                &target.join("bench-venv"),
+            )?;
         }
         let scratch = target.join("bench");
         std::fs::create_dir_all(&scratch).map_err(Error::file_error(&scratch))?;

@@ -9,7 +9,7 @@ use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE, Scene};
 use era_planner::click::measures::{ClickMeasures, QUIET, measure_click};
 use era_planner::click::places::CellMiddles;
 use era_planner::click::{
-    ClickDesign, ClickOptions, LATEST_PEAK_S, design_click_windows, simulate_felt_motion_of_windows,
+    ClickDesign, ClickOptions, LATEST_PEAK_S, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2,
 };
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use era_planner::effects::{EffectRequest, NamedEffect, design_effect};
@@ -96,9 +96,9 @@ fn design_and_measure_click(
     let begun = Instant::now();
     let click = design_click_windows(table, poles, &shapes, &wishes, ClickOptions::default())?;
     let took_ms = 1e3 * begun.elapsed().as_secs_f64();
-    let compared = ClickOptions { with_figures_for_comparison: true, ..ClickOptions::default() };
-    let ClickDesign { best_possible, surface, .. } = design_click_windows(table, poles, &shapes, &wishes, compared)?;
-    let click = ClickDesign { best_possible, surface, ..click };
+    let compared = ClickOptions { with_best_possible: true, ..ClickOptions::default() };
+    let best_possible = design_click_windows(table, poles, &shapes, &wishes, compared)?.best_possible;
+    let click = ClickDesign { best_possible, ..click };
     let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(ASKED_G) }]).ok()?;
     let before = design_effect(table, poles, &plan, EffectRequest::with_defaults(NamedEffect::Click)).ok()?.predicted;
     let before_is_crisp =
@@ -107,7 +107,7 @@ fn design_and_measure_click(
         .iter()
         .filter_map(|table| {
             let shape = mode_shape_values_at_point_or_on_bar_axis(table, x_m, y_m);
-            simulate_felt_motion_of_windows(table, table.panel_poles()?, &[shape], &click.windows).pop()
+            simulate_felt_acceleration_of_windows_m_per_s2(table, table.panel_poles()?, &[shape], &click.windows).pop()
         })
         .collect();
     let perturbed_measures: Vec<ClickMeasures> = motions.iter().map(|motion| measure_click(motion)).collect();
@@ -136,12 +136,12 @@ pub fn build_click_tables() -> Result<Vec<Table>, Error> {
             "scene",
             "crisp before",
             "crisp",
-            "modulus or springs 5 % off: below a fifth",
+            "modulus or springs 5 % off: places where less than a fifth of the peak is left",
             "peak after (median)",
             "quiet after (median)",
             "least peak",
             "least bound",
-            "least of peak over min(0.5 g, bound)",
+            "least value of peak / min(0.5 g, bound)",
             "pulse to ring (median)",
             "sharpness (median)",
             "contrast (median)",
@@ -187,7 +187,7 @@ fn build_table_of_pairs() -> Result<Table, Error> {
             "crisp at both",
             "0.4 g or more at both",
             "peak of the weaker (median)",
-            "its least",
+            "least peak of the weaker finger",
             "time (median, longest)",
         ],
     );

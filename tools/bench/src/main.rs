@@ -1,5 +1,6 @@
 //! Measurements of the panel model, side by side with its peers, of the planner and of studies' quick look at designs:
-//! `cargo xtask bench model`, `cargo xtask bench planner`, `cargo xtask bench study`, and of clicks: `cargo xtask bench feel`.
+//! `cargo xtask bench model`, `cargo xtask bench planner`, `cargo xtask bench study`, of clicks: `cargo xtask bench feel`, and of effect
+//! files: `cargo xtask bench imports`.
 
 mod arithmetic;
 mod before;
@@ -12,6 +13,7 @@ mod error;
 mod feel;
 mod fit;
 mod growth;
+mod imports;
 mod own;
 mod peers;
 mod planner;
@@ -73,6 +75,12 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         update: Option<PathBuf>,
     },
+    /// Effect files of every format: what is read, what is left out, and what the example plate makes of it
+    Imports {
+        /// Also put the table into a document, where it has `<!-- measured: imports -->` and `<!-- end -->`
+        #[arg(long, value_name = "FILE")]
+        update: Option<PathBuf>,
+    },
     /// One case, as JSON: what the measurements run in processes of their own
     #[command(subcommand, hide = true)]
     Case(Case),
@@ -93,6 +101,8 @@ enum Part {
     Study,
     #[value(hide = true)]
     Feel,
+    #[value(hide = true)]
+    Imports,
 }
 
 #[derive(Args)]
@@ -132,6 +142,9 @@ fn main() -> ExitCode {
         ),
         Command::Feel { update } => {
             print_tables_and_update_document(Part::Feel, feel::build_click_tables, update.as_deref())
+        }
+        Command::Imports { update } => {
+            print_tables_and_update_document(Part::Imports, imports::build_table_of_effect_files, update.as_deref())
         }
         Command::Case(case) => case::run_case(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };

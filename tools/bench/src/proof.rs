@@ -9,7 +9,8 @@ use crate::table::{Table, format_relative_error, format_three_digits, format_tim
 use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::sweep::{AccelerationSweep, SurfaceShapes};
 use era_model::response::{
-    compute_acceleration_curves_per_newton, compute_curves_with_error_bounds, sweep_with_error_bounds,
+    compute_acceleration_curves_per_newton, compute_acceleration_curves_per_newton_with_error_bounds,
+    sweep_with_error_bounds,
 };
 use era_model::scene::random::random_scene_text;
 use era_model::scene::{Scene, SurfaceKind, equidistant_numbers};
@@ -244,8 +245,8 @@ fn add_bounds_and_errors_of_responses(
 ) -> Result<(), Error> {
     let across = if scene.surface.kind == SurfaceKind::Bar { 0.5 } else { 0.47 };
     let point_m = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
-    let found = compute_curves_with_error_bounds(scene, accuracy, point_m, frequencies)?;
-    let exact = compute_curves_with_error_bounds(scene, exact_accuracy, point_m, frequencies)?;
+    let found = compute_acceleration_curves_per_newton_with_error_bounds(scene, accuracy, point_m, frequencies)?;
+    let exact = compute_acceleration_curves_per_newton_with_error_bounds(scene, exact_accuracy, point_m, frequencies)?;
     // What counts as no acceleration, of a force on an edge that does not move.
     let nothing = NOTHING / scene.surface_mass_with_air_kg();
     let difference = |a: &[Complex64], b: &[Complex64]| {

@@ -1,5 +1,5 @@
 """`era effect --effect click`: the windows as printed, played on own modes in gaps that move, with electrodes behind resistors; the rules
-of a board; and the strongest crisp click with free forces, as an own linear programme. With `--elf` the firmware image plays the windows on the
+of a board; contrast and sound; and the strongest crisp click with free forces, as an own linear programme. With `--elf` the firmware image plays the windows on the
 emulated board, and what is integrated are the pulses at its pins, rebuilt from its timers' registers, at the rails as they stood.
 
 What the figures mean is said in docs/src/effects.md: accelerations in the felt band, full to 300 Hz and a raised cosine to nothing at
@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from ..harness import ProgramFailed, Result, change_all, not_comparable
 from ..reference import motion
 
-MOVED = ("click: peak", "click: time of the peak", "click: quiet", "click: travel")
+MOVED = ("click: peak", "click: time of the peak", "click: quiet", "click: travel", "click: contrast", "click: sound")
 QUANTITIES = (*MOVED, "click: rules of the board", "click: best possible")
 WITH_FIRMWARE = ("click: motion by the firmware",)
 PLANTS = {
@@ -25,6 +25,8 @@ PLANTS = {
     "click: time of the peak": "answer",
     "click: quiet": "answer",
     "click: travel": change_all("actuator", "air_gap_um", 0.45),
+    "click: contrast": "answer",
+    "click: sound": "answer",
     "click: rules of the board": "answer",
     "click: best possible": "answer",
     "click: motion by the firmware": "answer",
@@ -41,6 +43,11 @@ COUNTED_F, BLEEDERS_OHM = 116e-12, 50e6
 # Of the peak: gaps move between steps, the steps of both are 25 us. A motion at 500 Hz that has a tenth of the peak
 # moves by 0.03 of the peak in 0.1 ms.
 PEAK, QUIET = 0.025, 0.035
+# Of contrast and sound, in dB: forces off by PEAK are 0.2 dB. What still moves after 1 s by more than this part is left out: figures are those of
+# a record that begins again after 1 s.
+DECIBEL, STILL_MOVING = 0.3, 0.01
+# Columns and rows of the places whose motion is the surface's, and the velocity of 0 dB in m/s.
+GRID, REFERENCE_M_PER_S = (6, 4), 1e-3
 # A place that the strongest click moves by less, in g, may be without one: bounds of the gaps may forbid all voltage.
 MOVABLE_G = 0.02
 # What moves less, in g, is hardly felt, and what modes above the band do counts for much of it.
@@ -55,10 +62,10 @@ def felt_weight(hertz):
     return np.where(hertz <= 0, 0.0, 1.0) * np.where(hertz <= 300, 1.0, np.where(hertz < 500, 0.5 * (1 + np.cos(np.pi * (hertz - 300) / 200)), 0.0))
 
 
-def felt(record, step):
-    """The felt part of a record, which is taken to begin again at its end."""
-    lines = np.fft.rfft(record)
-    return np.fft.irfft(lines * felt_weight(np.fft.rfftfreq(len(record), step)), len(record))
+def felt(records, step):
+    """The felt part of records (one, or one in each column), which are taken to begin again at their end."""
+    lines, weight = np.fft.rfft(records, axis=0), felt_weight(np.fft.rfftfreq(len(records), step))
+    return np.fft.irfft(lines * weight.reshape(-1, *[1] * (records.ndim - 1)), len(records), axis=0)
 
 
 def run(context):
@@ -84,7 +91,7 @@ def run(context):
         return [*none, _best(context, panel, point, windows, predicted, where)]
     results = [_rules(context, windows, where)]
     results.append(_best(context, panel, point, windows, predicted, where))
-    system = motion.System(panel, BAND_HZ, [point])
+    system = motion.System(panel, BAND_HZ, [point, *_middles_of_cells(scene)])
     if system.size > MOST or system.defective:
         return results + [not_comparable(quantity, name, f"{system.size} modes, or poles that coincide") for quantity in MOVED]
     if predicted["peak_g"] < NOTHING:
@@ -169,10 +176,43 @@ def _motion(context, system, windows, predicted, where):
     # From then on it is below a tenth, and just before it was not.
     missed = max(after.max(initial=0.0) / peak - 0.1, 0.1 - before.max(initial=0.0) / peak if predicted["quiet_ms"] else 0.0, 0.0)
     return [
+        *_surface(context, record.acceleration, predicted, where),
         Result("click: peak", name, abs(predicted["peak_g"] * G / peak - 1), PEAK, note=note),
         Result("click: time of the peak", name, 1 - there / peak, PEAK, note=note),
         Result("click: quiet", name, missed, QUIET, note=note),
         Result("click: travel", name, 3 * travel, 1.0, note=where),
+    ]
+
+
+def _middles_of_cells(scene):
+    """Places in m on which the surface's motion is averaged: the middles of 6 x 4 cells, 6 of a bar, none in cut-outs."""
+    columns, rows = GRID[0], 1 if scene.is_bar else GRID[1]
+    middles = [((i + 0.5) / columns * scene.length, (j + 0.5) / rows * scene.width) for j in range(rows) for i in range(columns)]
+    return [place for place in middles if not scene.in_cutout(*place)]
+
+
+def _surface(context, acceleration, predicted, where):
+    """Contrast and sound, from accelerations in m/s^2 over 1 s: of the target, then of the places on the surface."""
+    name, quantities = context.name, ("click: contrast", "click: sound")
+    energy = np.sum(acceleration**2, axis=0)
+    if np.max(np.sqrt(np.mean(acceleration[-2000:] ** 2, axis=0)) / np.abs(acceleration).max(axis=0)) > STILL_MOVING or energy[1:].max() == 0:
+        return [not_comparable(quantity, name, "still moves after 1 s") for quantity in quantities]
+    squares = np.sum(felt(acceleration, STEP_S) ** 2, axis=0)
+    contrast = 10 * np.log10(squares[0] / squares[1:].mean())
+    # Velocities of each frequency up to 1 kHz, weighed as in IEC 61672-1: poles at 20.6 Hz (twice), 107.7, 737.9 and 12194 Hz (twice).
+    hertz = np.fft.rfftfreq(len(acceleration), STEP_S)
+    heard = (hertz > 0) & (hertz <= 1000)
+    jw = 2j * np.pi * hertz[heard]
+    poles = 2 * np.pi * np.array([20.598997, 20.598997, 107.65265, 737.86223, 12194.217, 12194.217])
+    weigh = lambda s: np.abs(s**4 / np.prod([s + pole for pole in poles], axis=0))
+    weight = weigh(jw) / weigh(np.array([2j * np.pi * 1000.0]))
+    lines = np.fft.rfft(acceleration[:, 1:], axis=0)[heard] * STEP_S / jw[:, None] * weight[:, None]
+    sound = 10 * np.log10(2 * np.sum(np.abs(lines) ** 2, axis=0).mean() / REFERENCE_M_PER_S**2)
+    told = [predicted["contrast_db"], predicted["sound_db"]]
+    told = [value + (1.0 if context.planted(quantity) else 0.0) for value, quantity in zip(told, quantities)]
+    return [
+        Result(quantity, name, abs(value - own), DECIBEL, note=f"{value:.3f} dB for {own:.3f} dB, {where}")
+        for quantity, value, own in zip(quantities, told, (contrast, sound))
     ]
 
 

@@ -101,8 +101,13 @@ def run(context):
         # Rises and falls of a swell are rounded to whole ms.
         longest += 0.01 if context.planted("effect: length") else 0.0
         results.append(Result("effect: length", name, longest, 2e-3, note=where))
-    elif context.planted("effect: length"):
-        return []
+    else:
+        # Each drive's second click begins at the boundary of its periods that is nearest to the time asked for.
+        periods_s, every_s = [1 / drive["frequency_hz"] for drive in drives], words[1] * 1e-3
+        begins_s = [np.ceil(length(drive["segments"], 1, period) / period - 1e-6) * period for drive, period in zip(drives, periods_s)]
+        late = max(abs(begin - every_s) - period / 2 for begin, period in zip(begins_s, periods_s))
+        late += 0.02 if context.planted("effect: length") else 0.0
+        results.append(Result("effect: length", name, max(late, 0.0), 1e-6, note=where))
     panel = context.panel(MAX_HZ)
     system = motion.System(panel, BAND_HZ, [point])
     if system.size > MOST:
@@ -182,14 +187,15 @@ def _motion(context, system, half, drives, answer, where):
 
 
 def without_brake(segments, times, period_s, every_s):
-    """A click's segments without its brake: of whole cycles the first, its push, and where clicks are repeated every so often the pause
-    up to the next, to whole ms. None if these are no click's."""
+    """A click's segments without its brake: of whole cycles the first, its push, and where clicks are repeated every so often the pause, in
+    whole ms, up to the boundary of a period that is nearest to the next one. None if these are no click's."""
     push = segments[0]
     if "cycles" not in push or push["level"] != 1.0:
         return None
     if times == 1:
         return [push]
-    return [push, {"level": 0.0, "duration_ms": max(1.0, np.round((every_s - push["cycles"] * period_s) * 1e3))}]
+    nearest_s = np.round(every_s / period_s) * period_s
+    return [push, {"level": 0.0, "duration_ms": max(1.0, np.floor((nearest_s - push["cycles"] * period_s) * 1e3))}]
 
 
 def _peak_at(context, together, printed_ms, error, where):

@@ -10,6 +10,9 @@ from . import frames
 from .board import Board
 
 TOUCH_MS = 500
+TRIES = 8
+REST_S = 0.3
+"""Between two tries: a touch is not driven while the panel moves with all the travel there is."""
 EFFECTS = {
     "click": {},
     "double_click": {"period_ms": 150},
@@ -121,18 +124,21 @@ def session(serve, x_px, y_px, effects=("click", "buzz"), malformed=True, intens
 
         if malformed:
             for name, spoil in _bad_answers().items():
-                # Twice at most: a busy computer may deliver the good answer after its time, and then the host asks a third time.
-                for _ in range(2):
+                # Again where nothing was driven, as the panel still moves with all its travel, or where a busy computer delivered the
+                # good answer after its time, so that the host asked a third time.
+                for _ in range(1 if stubborn else TRIES):
                     board.spoil["SetDrives"] = spoil
                     board.stubborn = stubborn
                     since, status, _ = driven(duration_ms=50)
                     asked = sum(bool(content["drives"]) for *_, content in board.named("SetDrives", since=since))
                     seen.bad_answers[name] = status == 200 and asked == 2
                     # The frame that ends this touch is not to get the next bad answer.
-                    _wait(board, lambda content: not content["drives"], since, 2)
+                    if asked:
+                        _wait(board, lambda content: not content["drives"], since, 2)
                     board.inject(bytes([1 + 13 * k % 255 for k in range(50)]) + b"\0\0")
                     if seen.bad_answers[name]:
                         break
+                    time.sleep(REST_S)
             for name, spoil in _FOREIGN.items():
                 board.spoil["SetDrives"] = spoil
                 driven(duration_ms=50)

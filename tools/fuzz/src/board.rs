@@ -240,7 +240,11 @@ impl Board for WatchedBoard {
         if trips == charged { Ok(()) } else { Err((FaultCode::SelfTest, 3_001)) }
     }
 
-    fn pulse_electrode(&mut self, channel: usize, _electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+    fn pulse_electrode_and_measure_rail_mv(
+        &mut self,
+        channel: usize,
+        _electrode: Electrode,
+    ) -> Result<ElectrodePulses, FaultFinding> {
         assert!(
             !self.can_drive_electrodes() && !self.supply.enabled,
             "an electrode tried while something else was live"
@@ -279,7 +283,7 @@ impl Board for WatchedBoard {
         Ok(())
     }
 
-    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
         self.record_delivered_charge();
         assert!(self.timers.is_some() && self.supply.enabled, "electrodes connected without being armed");
         if self.is_refused(refuses::CONNECT) {
@@ -304,7 +308,7 @@ impl Board for WatchedBoard {
         Ok(())
     }
 
-    fn check_timers(&mut self) -> Result<(), FaultFinding> {
+    fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), FaultFinding> {
         assert!(self.timers.is_some(), "timers looked at that do not run");
         if self.is_refused(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
     }

@@ -56,7 +56,7 @@ impl Bench {
         let mut bench = Self {
             device: Device::new(),
             board: WatchedBoard::default(),
-            ports: std::array::from_fn(|index| LinkReceiver::new(LinkId(index as u8))),
+            ports: LinkReceiver::new_for_each_link(),
             sequence: 0,
             fault: None,
             fault_number: 0,
@@ -269,7 +269,7 @@ impl Bench {
     fn advance_time_us(&mut self, us: u64) {
         let end_us = self.board.now_us + us;
         loop {
-            let due_us = self.device.poll_next_due_us(&mut self.board);
+            let due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
             if self.board.now_us >= end_us {
                 return;
             }

@@ -91,16 +91,18 @@ impl Bench {
     ///
     /// # Errors
     /// [`Error::Scene`] for a place that is not on the surface.
-    pub fn place_accelerometer_at_px(&self, id: u64, x_px: f64, y_px: f64) -> Result<(), Error> {
+    pub fn place_accelerometer_for_touch_at_px(&self, id: u64, x_px: f64, y_px: f64) -> Result<(), Error> {
         let place =
             self.table.scene.surface_point_at_px(x_px, y_px).map_err(|error| Error::Scene(error.to_string()))?;
-        self.device.control().place_accelerometer(id, self.table.model.shape_deflections_at(place.x_m(), place.y_m()));
+        self.device
+            .control()
+            .move_accelerometer_to_touch(id, self.table.model.shape_deflections_at(place.x_m(), place.y_m()));
         Ok(())
     }
 
     /// What the accelerometer has shown of the touch `id`, in g; 0 if it never began, or is not one of the last 256.
     #[must_use]
-    pub fn read_measured_peak_g(&self, id: u64) -> f64 {
+    pub fn measured_peak_of_touch_or_zero_g(&self, id: u64) -> f64 {
         self.device.control().peak_of_touch_if_kept(id).map_or(0.0, |peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 

@@ -198,7 +198,7 @@ pub fn measure_touch_latency(options: &Options) -> Result<(), Error> {
     let mut rows = Vec::new();
     for transport in Transport::ALL {
         for rate in &options.rates {
-            rows.push(repeat_measurement_until_undisturbed(|| {
+            rows.push(repeat_disturbed_measurement_and_keep_last_try(|| {
                 measurement.measure_load_row(transport, *rate, options.seconds.max(FEWEST / rate))
             })?);
         }
@@ -271,7 +271,7 @@ impl Measurement {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
-        self.control.record_drive_frames(most);
+        self.control.start_recording_newest_drive_frames(most);
         let (begun, worked_s) = (Instant::now(), self.daemon.processor_time_s());
         let (touches, echo) = self.measure_touches_and_echo(transport, rate, seconds)?;
         let worked_s = worked_s.zip(self.daemon.processor_time_s()).map(|(before, after)| after - before);
@@ -301,7 +301,7 @@ impl Measurement {
         );
         let busy = worked.map(|worked| format!("the daemon used {:.1} % of a processor", worked * 1e2));
         for what in measured
-            .describe_refused_and_unseen_touches()
+            .describe_refused_touches_and_those_without_frame()
             .into_iter()
             .chain(busy)
             .chain(measured.list_slowest_touches_over_limit(LATE_MS))
@@ -317,13 +317,13 @@ impl Measurement {
         let mut times = Times::default();
         for first in 0..FRESH {
             std::thread::sleep(BETWEEN_FRESH);
-            self.control.record_drive_frames(FRAMES_PER_TOUCH);
+            self.control.start_recording_newest_drive_frames(FRAMES_PER_TOUCH);
             let touches =
                 self.send_touches(transport, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
             let measured =
                 TouchStatistics::from_touches(&touches, &self.control.stop_recording_and_take_recorded_frames())
                     .map_err(Error::Answer)?;
-            for what in measured.describe_refused_and_unseen_touches() {
+            for what in measured.describe_refused_touches_and_those_without_frame() {
                 println!("  {what}");
             }
             times.merge(measured.frame);
@@ -370,7 +370,9 @@ impl Measurement {
 }
 
 /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
-fn repeat_measurement_until_undisturbed(mut measure: impl FnMut() -> Result<LoadRow, Error>) -> Result<LoadRow, Error> {
+fn repeat_disturbed_measurement_and_keep_last_try(
+    mut measure: impl FnMut() -> Result<LoadRow, Error>,
+) -> Result<LoadRow, Error> {
     let mut row = measure()?;
     while let Some(why) = row.describe_disturbance() {
         println!("  {why}");

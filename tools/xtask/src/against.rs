@@ -17,7 +17,7 @@ const FIGURES: [&str; 2] = ["median", "p99"];
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`]: there is no such commit, or it has no such measurement.
-pub fn compare_revisions(revision: &str) -> Result<(), Error> {
+pub fn compare_planner_times_with_revision(revision: &str) -> Result<(), Error> {
     let root = repository_root()?;
     let other = root.join("target/against/checkout");
     let git = |arguments: &[&str]| run_command(Command::new("git").current_dir(&root).args(arguments));
@@ -28,14 +28,15 @@ pub fn compare_revisions(revision: &str) -> Result<(), Error> {
         git(&["worktree", "remove", "--force", &path])?;
     }
     git(&["worktree", "add", "--detach", "--quiet", &path, revision])?;
-    let (before, after) = (measure_checkout(&other)?, measure_checkout(&root)?);
+    let (before, after) =
+        (build_and_run_planner_benchmark_of_checkout(&other)?, build_and_run_planner_benchmark_of_checkout(&root)?);
     git(&["worktree", "remove", "--force", &path])?;
     print!("{}", format_comparison(revision, &parse_rows(&before), &parse_rows(&after)));
     Ok(())
 }
 
 /// What the measuring program of a checkout prints. The build is kept in `target/against` of this one.
-fn measure_checkout(checkout: &Path) -> Result<String, Error> {
+fn build_and_run_planner_benchmark_of_checkout(checkout: &Path) -> Result<String, Error> {
     let target =
         repository_root()?.join("target").join(if checkout == repository_root()? { "." } else { "against/target" });
     let build = ["build", "--release", "--quiet", "-p", "era-bench"];

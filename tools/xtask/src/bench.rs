@@ -18,7 +18,7 @@ pub struct Options {
         trailing_var_arg = true,
         allow_hyphen_values = true,
         required = true,
-        value_name = "model|planner|study|feel|start|daemon|costs|slider ..."
+        value_name = "model|planner|study|feel|imports|start|daemon|costs|slider ..."
     )]
     arguments: Vec<OsString>,
 }
@@ -38,9 +38,12 @@ pub fn run_benchmark(options: &Options) -> Result<(), Error> {
         && what == "planner"
         && option == "--against"
     {
-        return crate::against::compare_revisions(&revision.to_string_lossy());
+        return crate::against::compare_planner_times_with_revision(&revision.to_string_lossy());
     }
     let root = repository_root()?;
-    build_programs(&root, &[("era-bench", "era-bench")])?;
+    // What reads effect files is the program itself.
+    let reads_files = options.arguments.first().is_some_and(|what| what == "imports");
+    let programs = [("era-bench", "era-bench"), ("era-host", "era")];
+    build_programs(&root, if reads_files { &programs } else { &programs[..1] })?;
     run_command(Command::new(root.join("target/release/era-bench")).args(&options.arguments))
 }

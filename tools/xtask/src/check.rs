@@ -36,35 +36,42 @@ pub fn run_tests(options: &TestOptions) -> Result<(), Error> {
 fn run_board_steps() -> Result<(), Error> {
     run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
     run_step("report from the emulated board", emulate::run_emulator_self_test_and_board_report)?;
-    run_step("planted mistakes", || mutate::plant_mistakes(&mutate::Options::some(10)))
+    run_step("planted mistakes", || mutate::run_mutation_tests(&mutate::Options::some(10)))
 }
 
-/// [`run_board_steps`] in a process of their own, beside the build of the tests: they wait for the emulated board half of the time. They write
-/// into a file, which is shown at their end.
-struct BoardStepsBeside {
+/// A developer command in a process of its own beside other steps, which leaves a processor idle for part of its time. It writes into a file, which is
+/// shown at its end.
+struct CommandBeside {
     process: Child,
+    arguments: &'static [&'static str],
     output: PathBuf,
 }
 
-impl BoardStepsBeside {
-    fn start(root: &Path) -> Result<Self, Error> {
-        let output = root.join("target/board-steps.log");
+impl CommandBeside {
+    /// [`run_board_steps`]: they wait for the emulated board half of the time.
+    const BOARD_STEPS: &[&str] = &["test", "--board"];
+    /// The firmware's image with its budget: the last crates and the links need one processor.
+    const FIRMWARE_BUDGET: &[&str] = &["firmware", "--budget"];
+
+    fn start(root: &Path, arguments: &'static [&'static str]) -> Result<Self, Error> {
+        let name = format!("target/beside-{}", arguments.first().copied().unwrap_or_default());
+        let output = root.join(format!("{name}.log"));
         let file = File::create(&output).map_err(file_error("cannot make", &output))?;
         let errors = file.try_clone().map_err(file_error("cannot make", &output))?;
         // The workspace's tests build this program again, and remove the file that runs now.
         let own = std::env::current_exe().map_err(file_error("cannot find", Path::new("this program")))?;
-        let copy = root.join("target/board-steps");
+        let copy = root.join(name);
         std::fs::copy(&own, &copy).map_err(file_error("cannot make", &copy))?;
         let mut command = Command::new(copy);
-        command.current_dir(root).args(["test", "--board"]).stdout(file).stderr(errors);
+        command.current_dir(root).args(arguments).stdout(file).stderr(errors);
         let process = command
             .spawn()
             .map_err(|source| Error::Start { command: crate::process::format_command(&command), source })?;
-        Ok(Self { process, output })
+        Ok(Self { process, arguments, output })
     }
 
     fn await_end_and_show_output(mut self) -> Result<(), Error> {
-        let command = || "cargo xtask test --board".to_owned();
+        let command = || format!("cargo xtask {}", self.arguments.join(" "));
         let status = self.process.wait().map_err(|source| Error::Start { command: command(), source })?;
         let shown = std::fs::read(&self.output).map_err(file_error("cannot read", &self.output))?;
         print!("{}", String::from_utf8_lossy(&shown));
@@ -78,7 +85,7 @@ fn run_test_steps() -> Result<(), Error> {
     run_step("emulator", || {
         run_command(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
     })?;
-    let board = BoardStepsBeside::start(&root)?;
+    let board = CommandBeside::start(&root, CommandBeside::BOARD_STEPS)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.
     let tests = ["test", "--workspace", "--release"];
     let built = run_step("tests: build", || run_command(cargo_command(&root).args(tests).arg("--no-run")));
@@ -86,8 +93,8 @@ fn run_test_steps() -> Result<(), Error> {
     built?;
     run_step("tests", || run_command(cargo_command(&root).args(tests)))?;
     run_step("Python package", python::run_package_tests)?;
-    run_step("advisories", dependencies::check_advisories_if_present)?;
-    run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;
+    run_step("advisories", dependencies::check_advisories_if_database_present)?;
+    run_step("independent reference: its own tests", crosscheck::run_own_tests_of_python_reference)?;
     run_step("independent reference: random scenes", crosscheck::compare_random_scenes)?;
     run_step("independent reference: clicks of the firmware", crosscheck::compare_clicks_on_emulated_board)
 }
@@ -104,8 +111,8 @@ pub fn run_ci_checks() -> Result<(), Error> {
         run_command(cargo_command(&root).args(["fmt", "--all", "--check"]))?;
         run_command(cargo_command(&firmware).args(["fmt", "--check"]))
     })?;
-    run_step("firmware image, budgets", || firmware::build_image_and_report(&firmware::Options::with_budget()))?;
-    run_step("lints", || {
+    let budget = CommandBeside::start(&root, CommandBeside::FIRMWARE_BUDGET)?;
+    let linted = run_step("lints", || {
         run_command(cargo_command(&root).args([
             "clippy",
             "--workspace",
@@ -114,9 +121,11 @@ pub fn run_ci_checks() -> Result<(), Error> {
             "--",
             "-D",
             "warnings",
-        ]))?;
-        image::run_firmware_cargo("clippy", &["--", "-D", "warnings"])
-    })?;
+        ]))
+    });
+    run_step("firmware image, budgets, beside the lints", || budget.await_end_and_show_output())?;
+    linted?;
+    run_step("lints of the firmware", || image::run_firmware_cargo("clippy", &["--", "-D", "warnings"]))?;
     run_step("circles of imports", house::survey_crates_failing_on_import_cycles)?;
     run_step("documentation", || {
         run_command(

@@ -82,7 +82,7 @@ pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
 ///
 /// # Errors
 /// As [`run_crosscheck`].
-pub fn run_reference_tests() -> Result<(), Error> {
+pub fn run_own_tests_of_python_reference() -> Result<(), Error> {
     run_command(ensure_environment_and_get_reference_python_command()?.args(OWN_TESTS))
 }
 
@@ -119,8 +119,11 @@ fn run_scene_comparison(arguments: &[String]) -> Result<(), Error> {
 fn ensure_environment_and_get_reference_python_command() -> Result<Command, Error> {
     let root = repository_root()?;
     let requirements = root.join("tools/crosscheck/requirements.txt");
-    let python = python_environment::ensure_environment(&requirements, &root.join("target/crosscheck-venv"))
-        .map_err(Error::Python)?;
+    let python = python_environment::ensure_environment_and_return_interpreter(
+        &requirements,
+        &root.join("target/crosscheck-venv"),
+    )
+    .map_err(Error::Python)?;
     let mut command = Command::new(python);
     command.current_dir(&root).env("PYTHONPATH", root.join("tools"));
     command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);

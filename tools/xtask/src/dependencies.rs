@@ -44,7 +44,7 @@ pub fn check_advisories_requiring_database(options: &Options) -> Result<(), Erro
 ///
 /// # Errors
 /// As [`check_advisories_requiring_database`], but for a database that is not there.
-pub fn check_advisories_if_present() -> Result<(), Error> {
+pub fn check_advisories_if_database_present() -> Result<(), Error> {
     let root = repository_root()?;
     if let Some(database) = find_advisory_database(&root) {
         return check_advisories_in_database(&root, &database);
@@ -148,5 +148,14 @@ pub fn install_crate_if_probe_command_fails(
     if version.status().is_ok_and(|status| status.success()) {
         return Ok(());
     }
-    run_command(Command::new("cargo").current_dir(root).args(["install", crate_name, "--locked", "--quiet"]))
+    let mut install = Command::new("cargo");
+    install.current_dir(root).args(["install", crate_name, "--locked", "--quiet"]);
+    // These programs run for some seconds, and their own release settings take minutes to build them.
+    install.envs([
+        ("CARGO_PROFILE_RELEASE_OPT_LEVEL", "1"),
+        ("CARGO_PROFILE_RELEASE_LTO", "off"),
+        ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16"),
+        ("CARGO_PROFILE_RELEASE_DEBUG", "false"),
+    ]);
+    run_command(&mut install)
 }

@@ -26,13 +26,6 @@ pub struct Options {
     chains: bool,
 }
 
-impl Options {
-    /// With the comparison.
-    pub fn with_budget() -> Self {
-        Self { budget: true, ..Self::default() }
-    }
-}
-
 /// Builds and reports.
 ///
 /// # Errors
@@ -78,7 +71,7 @@ fn print_and_check_memory_against_budget(
     let unbounded = |source| Error::Stack { path: image.to_path_buf(), source };
     let program = stack::Program::read(&data).map_err(unbounded)?;
     check_that_isb_follows_each_sleep(image, &program)?;
-    let levels = stack::find_worst_case_stack_levels(&program, &rules).map_err(unbounded)?;
+    let levels = stack::find_deepest_call_chain_of_each_nesting_level(&program, &rules).map_err(unbounded)?;
     println!("stack, at most, each level on top of the one before:");
     for level in &levels {
         println!("  {:>7} bytes  {}", level.bytes, level.name);

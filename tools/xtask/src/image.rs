@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::process::{format_command, run_command};
 use crate::repository_root;
-use crate::target::{self, TARGET, TargetSource};
+use crate::target::{self, CompileTargetSource, TARGET};
 use serde::Deserialize;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -16,8 +16,8 @@ const IMAGE: &str = "era-firmware";
 ///
 /// # Errors
 /// What went wrong in getting the target or building.
-pub fn build_image_and_return_target_source(build_std: bool) -> Result<(PathBuf, TargetSource), Error> {
-    let (mut cargo, way) = firmware_cargo_command("build", build_std)?;
+pub fn build_image_and_return_target_source(build_std: bool) -> Result<(PathBuf, CompileTargetSource), Error> {
+    let (mut cargo, way) = ensure_target_and_get_firmware_cargo_command("build", build_std)?;
     cargo.args(["--message-format", "json-render-diagnostics"]).stdout(Stdio::piped());
     let mut child = cargo.spawn().map_err(|source| Error::Start { command: format_command(&cargo), source })?;
     let mut image = None;
@@ -40,11 +40,14 @@ pub fn build_image_and_return_target_source(build_std: bool) -> Result<(PathBuf,
 /// # Errors
 /// What went wrong in getting the target or running.
 pub fn run_firmware_cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Error> {
-    let (mut cargo, _) = firmware_cargo_command(subcommand, false)?;
+    let (mut cargo, _) = ensure_target_and_get_firmware_cargo_command(subcommand, false)?;
     run_command(cargo.args(arguments))
 }
 
-fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command, TargetSource), Error> {
+fn ensure_target_and_get_firmware_cargo_command(
+    subcommand: &str,
+    build_std: bool,
+) -> Result<(Command, CompileTargetSource), Error> {
     let root = repository_root()?;
     let way = target::ensure_compile_target_available(&root.join("target/rust-src"), build_std)?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
@@ -54,7 +57,7 @@ fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command,
         .args([subcommand, "--release", "--locked", "--target", TARGET])
         // Two builds of one image must not depend on where the host's own build goes.
         .env_remove("CARGO_TARGET_DIR");
-    if way == TargetSource::BuildStd {
+    if way == CompileTargetSource::BuildStd {
         cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
     }
     Ok((cargo, way))

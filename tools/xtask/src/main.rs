@@ -84,7 +84,7 @@ fn main() -> ExitCode {
         Command::Soak(options) => load::run_soak(&options),
         Command::Fuzz(options) => fuzz::run_fuzzing(&options),
         Command::Waveforms(options) => waveforms::check_waveforms(&options),
-        Command::Mutate(options) => mutate::plant_mistakes(&options),
+        Command::Mutate(options) => mutate::run_mutation_tests(&options),
         Command::Crosscheck(options) => crosscheck::run_crosscheck(&options),
         Command::Python => python::check_python_package(),
         Command::Dist(options) => dist::make_release(&options),

@@ -8,6 +8,7 @@ use std::process::{Command, Output, Stdio};
 /// # Errors
 /// [`Error::Start`] or [`Error::Failed`].
 pub fn run_command(command: &mut Command) -> Result<(), Error> {
+    remove_variables_of_cargo_run(command);
     let status = command.status().map_err(|source| Error::Start { command: format_command(command), source })?;
     if status.success() { Ok(()) } else { Err(Error::Failed { command: format_command(command), status }) }
 }
@@ -17,6 +18,7 @@ pub fn run_command(command: &mut Command) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Start`] or [`Error::Failed`].
 pub fn capture_output(command: &mut Command) -> Result<String, Error> {
+    remove_variables_of_cargo_run(command);
     let Output { status, stdout, .. } = command
         .stderr(Stdio::inherit())
         .output()
@@ -25,6 +27,18 @@ pub fn capture_output(command: &mut Command) -> Result<String, Error> {
         Ok(String::from_utf8_lossy(&stdout).trim_end().to_owned())
     } else {
         Err(Error::Failed { command: format_command(command), status })
+    }
+}
+
+/// Takes away what `cargo run` tells this program of itself. A build script of a library (ring's) watches these variables: without this, a build by
+/// this program and one by hand would compile TLS and the host's crates again, by turns.
+fn remove_variables_of_cargo_run(command: &mut Command) {
+    for (name, _) in std::env::vars_os() {
+        let is_told =
+            name.to_str().is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"));
+        if is_told && !command.get_envs().any(|(own, _)| own == name) {
+            command.env_remove(&name);
+        }
     }
 }
 

@@ -52,7 +52,8 @@ pub fn run_package_tests() -> Result<(), Error> {
 /// The interpreter of an environment with what the package's build and tests need.
 fn ensure_package_environment_and_find_interpreter(root: &Path) -> Result<PathBuf, Error> {
     let requirements = root.join(PACKAGE).join("requirements.txt");
-    python_environment::ensure_environment(&requirements, &root.join("target/python-venv")).map_err(Error::Python)
+    python_environment::ensure_environment_and_return_interpreter(&requirements, &root.join("target/python-venv"))
+        .map_err(Error::Python)
 }
 
 /// Builds the wheel and returns its file.

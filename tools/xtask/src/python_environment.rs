@@ -38,7 +38,7 @@ pub enum Error {
 ///
 /// # Errors
 /// [`Error`].
-pub fn ensure_environment(requirements: &Path, folder: &Path) -> Result<PathBuf, Error> {
+pub fn ensure_environment_and_return_interpreter(requirements: &Path, folder: &Path) -> Result<PathBuf, Error> {
     let file = |path: &Path| {
         let path = path.to_path_buf();
         move |source| Error::File { path, source }

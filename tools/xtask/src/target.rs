@@ -18,7 +18,7 @@ const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
 /// How the target was had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TargetSource {
+pub enum CompileTargetSource {
     /// It is installed as rustup or the distribution put it there.
     Installed,
     /// rustup has just added it.
@@ -27,13 +27,13 @@ pub enum TargetSource {
     BuildStd,
 }
 
-impl TargetSource {
+impl CompileTargetSource {
     /// For a person.
     pub fn describe(self) -> &'static str {
         match self {
-            TargetSource::Installed => "target installed",
-            TargetSource::Rustup => "target added by rustup",
-            TargetSource::BuildStd => "core and alloc built from Debian's rust-src",
+            CompileTargetSource::Installed => "target installed",
+            CompileTargetSource::Rustup => "target added by rustup",
+            CompileTargetSource::BuildStd => "core and alloc built from Debian's rust-src",
         }
     }
 }
@@ -42,21 +42,21 @@ impl TargetSource {
 ///
 /// # Errors
 /// [`Error::NoTarget`] if both ways fail.
-pub fn ensure_compile_target_available(scratch: &Path, build_std: bool) -> Result<TargetSource, Error> {
+pub fn ensure_compile_target_available(scratch: &Path, build_std: bool) -> Result<CompileTargetSource, Error> {
     if !build_std && is_target_installed()? {
-        return Ok(TargetSource::Installed);
+        return Ok(CompileTargetSource::Installed);
     }
     if build_std {
-        return ensure_std_sources_in_sysroot(scratch).map(|()| TargetSource::BuildStd);
+        return ensure_std_sources_in_sysroot(scratch).map(|()| CompileTargetSource::BuildStd);
     }
     eprintln!("firmware: adding the target {TARGET} with rustup");
     let rustup = match run_command_silently(Command::new("rustup").args(["target", "add", TARGET])) {
-        Ok(()) if is_target_installed()? => return Ok(TargetSource::Rustup),
+        Ok(()) if is_target_installed()? => return Ok(CompileTargetSource::Rustup),
         Ok(()) => "the target was added to a toolchain that is not in use".to_owned(),
         Err(reason) => reason,
     };
     match ensure_std_sources_in_sysroot(scratch) {
-        Ok(()) => Ok(TargetSource::BuildStd),
+        Ok(()) => Ok(CompileTargetSource::BuildStd),
         Err(source) => Err(Error::NoTarget { rustup, source: Box::new(source) }),
     }
 }

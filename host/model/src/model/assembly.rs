@@ -10,7 +10,9 @@
 
 use super::ModelError;
 use super::attached::{PointAttachment, actuator_attachments, supports_and_masses};
-use super::enriched::{EdgeSprings, add_singular_function_matrices, area_integrals_of_singular_functions_by_cell};
+use super::enriched::{
+    EdgeSprings, add_singular_function_matrices, unknowns_and_area_integrals_of_singular_functions_per_cell,
+};
 use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
 use super::mesh::GridLines;
@@ -194,7 +196,7 @@ fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
     }
     if let Some(y) = &grid.y {
         // Exactly: with a mean that is off otherwise on every mesh, spaces that hold each other would not make levels that do.
-        area_integrals_of_singular_functions_by_cell(grid, y)
+        unknowns_and_area_integrals_of_singular_functions_per_cell(grid, y)
             .into_iter()
             .for_each(|(number, integral)| sums[number] += integral);
     }
@@ -204,8 +206,10 @@ fn build_sealed_air_spring(grid: &Grid, stiffness_n_per_m: f64) -> Attachment {
 
 /// Each cell's length along lines, and the integrals of its functions over it: exactly, as they are polynomials.
 fn cell_lengths_and_integrals_of_their_functions(grid: &Grid, lines: &GridLines) -> Vec<(f64, Vec<f64>)> {
-    let (rule, element) =
-        (gauss_legendre_rule_on_unit_interval(grid.element.element_order()), grid.element_for_lines(lines));
+    let (rule, element) = (
+        gauss_legendre_rule_on_unit_interval(grid.element.element_order()),
+        grid.choose_rigid_element_for_strip_else_ordinary(lines),
+    );
     let cells = lines.at.windows(2).zip(lines.scale.windows(2)).map(|(at, scale)| {
         let length = at[1] - at[0];
         let mut sums = vec![0.0; element.element_order() + 1];
@@ -238,7 +242,11 @@ fn assemble_elastic_edges_by_loss_factor(scene: &Scene, grid: &Grid) -> Vec<(Mat
 /// The one-dimensional matrices of each cell between these lines.
 fn compute_cell_matrices(grid: &Grid, lines: &GridLines) -> Vec<CellMatrices> {
     let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
-    pairs.map(|(at, scale)| grid.element_for_lines(lines).cell_matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
+    pairs
+        .map(|(at, scale)| {
+            grid.choose_rigid_element_for_strip_else_ordinary(lines).cell_matrices(at[1] - at[0], [scale[0], scale[1]])
+        })
+        .collect()
 }
 
 /// Stiffness and mass of the surface over the functions of its mesh, without what is attached.
@@ -377,7 +385,7 @@ fn add_elastic_edge_stiffness(grid: &Grid, side: Side, stiffness: f64, rotationa
             rotational,
             slope_unit: 1.0 / scale,
         };
-        springs.add_stiffness_of_cells(
+        springs.add_stiffness_of_singular_functions_along_edge(
             |k, along| number(here + k, along),
             |cell| grid.is_edge_cell_present(side, cell),
             entries,

@@ -32,7 +32,7 @@ impl Bound {
 
     /// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
     #[must_use]
-    pub fn all_meet_tolerance_if_decidable(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
+    pub fn all_meet_tolerance_if_given_and_decidable(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
         let tolerance = accuracy.tolerance_unless_time_limit_given()?;
         if bounds.iter().filter_map(|bound| bound.limit_if_known()).any(|bound| bound > tolerance) {
             return Some(false);

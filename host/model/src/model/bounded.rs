@@ -161,7 +161,7 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
     };
     ladder.solve_and_bound_first_levels_of_new_mesh(MeshRefinement { order: first, part: 1.0 })?;
     let mut rung = MeshRefinement { order: first, part: 1.0 };
-    while let Some(next) = ladder.choose_next_refinement_unless_done(rung) {
+    while let Some(next) = ladder.choose_next_refinement_if_needed_and_affordable(rung) {
         // Part of a rung may have failed for want of memory or time; what was found before stands.
         let climbed = if next.part < rung.part {
             ladder.solve_and_bound_first_levels_of_new_mesh(next)
@@ -169,7 +169,7 @@ pub fn answer_with_error_bounds<Q: RefinableQuestion>(
             ladder.solve_and_bound_next_level_on_same_mesh(next.order, next.part, true)
         };
         if let Err(error) = climbed {
-            if StopRequest::current_request_of_thread().is_stop_requested() {
+            if StopRequest::current_request_of_thread().is_stop_requested_or_deadline_over() {
                 return Err(error);
             }
             tracing::warn!(
@@ -243,7 +243,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
         }
         self.solve_and_record_level(refinement.order - 2, refinement.part, false)?;
         self.solve_and_record_level(refinement.order, refinement.part, true)?;
-        self.bound_error_of_last_level(first);
+        self.bound_error_of_last_level_and_update_best(first);
         Ok(())
     }
 
@@ -256,13 +256,13 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     ) -> Result<(), Q::Error> {
         let first = self.steps.len().saturating_sub(2);
         self.solve_and_record_level(order, cell_fraction, is_finest)?;
-        self.bound_error_of_last_level(first);
+        self.bound_error_of_last_level_and_update_best(first);
         Ok(())
     }
 
     /// Meshes, factors and solves a level, and records what it took.
     fn solve_and_record_level(&mut self, order: usize, cell_fraction: f64, is_finest: bool) -> Result<(), Q::Error> {
-        if StopRequest::current_request_of_thread().is_stop_requested() {
+        if StopRequest::current_request_of_thread().is_stop_requested_or_deadline_over() {
             return Err(ModelError::Stopped.into());
         }
         let started = Instant::now();
@@ -294,7 +294,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// The bounds of the last level from those before it, of which `first_level_of_mesh` is the first on its mesh.
-    fn bound_error_of_last_level(&mut self, first_level_of_mesh: usize) {
+    fn bound_error_of_last_level_and_update_best(&mut self, first_level_of_mesh: usize) {
         let mut before = self.levels.iter().rev().filter(|level| level.step >= first_level_of_mesh);
         let (Some(fine), Some(middle)) = (before.next(), before.next()) else { return };
         let last = self.question.relative_difference_of_each_part(&middle.answer, &fine.answer);
@@ -321,9 +321,9 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
             ComparedValues::Curves => {
                 responses(&|before, last| estimator.estimate_curve_error_bound_without_safety_factor(before, last))
             }
-            ComparedValues::FewResponses => {
-                responses(&|before, last| estimator.estimate_few_responses_error_bound(before, last))
-            }
+            ComparedValues::FewResponses => responses(&|before, last| {
+                estimator.estimate_few_responses_error_bound_without_safety_factor(before, last)
+            }),
         };
         let bounds: Vec<f64> = estimates.iter().zip(&floors).map(|(estimate, floor)| estimate + floor).collect();
         let (step, found) = (fine.step, largest_bound_or_zero(&bounds[..deciding]));
@@ -342,7 +342,7 @@ impl<Q: RefinableQuestion> Ladder<'_, Q> {
     }
 
     /// The next rung; `None` where the answer is good enough, or nothing better can be had.
-    fn choose_next_refinement_unless_done(&self, current: MeshRefinement) -> Option<MeshRefinement> {
+    fn choose_next_refinement_if_needed_and_affordable(&self, current: MeshRefinement) -> Option<MeshRefinement> {
         let best = self.best.as_ref()?;
         let last = self.steps.last()?.bound;
         // Nothing to gain where rounding is all that is left, or has begun to grow.

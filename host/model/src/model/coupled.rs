@@ -120,7 +120,7 @@ impl BarePanel {
         let lower = PanelModel::build_with_fineness(&bare, Fineness { order, ..fineness })?;
         let modes = model.compute_modes_for_reduction(max_hz)?;
         let mass_modes = model.shift_invert_operator().mass.multiply_columns(&modes.vectors);
-        let along_edges = model.find_loads_left_unbalanced_by_damping(&modes, max_hz);
+        let along_edges = model.find_load_vectors_of_damping_forces_that_couple_modes(&modes, max_hz);
         Ok(Self {
             scene: bare,
             model,
@@ -200,7 +200,7 @@ impl BarePanel {
             let shape = along(&attachment.vector);
             let most = RIGID
                 / self
-                    .static_flexibility_at_surface_load_or_zero(&attachment.vector, free, &basis)
+                    .total_static_flexibility_at_surface_load_or_zero(&attachment.vector, free, &basis)
                     .max(f64::MIN_POSITIVE);
             // For its losses too, which are a part of the energy in it.
             attachment.stiffness = attachment.stiffness.min(most);
@@ -265,7 +265,7 @@ impl BarePanel {
         loads: &[Arc<LoadShapes>],
     ) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(loads.len(), 0);
-        let Some(missing) = self.estimate_flexibility_missed_by_mesh_unless_bar(attached, scene, loads) else {
+        let Some(missing) = self.estimate_plate_flexibility_missed_by_mesh_if_comparable(attached, scene, loads) else {
             return nothing;
         };
         let Some(eigen) =
@@ -285,7 +285,7 @@ impl BarePanel {
     /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
     /// the elements; `None` on a bar, whose elements miss too little to be told in a
     /// response.
-    fn estimate_flexibility_missed_by_mesh_unless_bar(
+    fn estimate_plate_flexibility_missed_by_mesh_if_comparable(
         &self,
         attached: &AttachedVectors,
         scene: &Scene,
@@ -339,7 +339,7 @@ impl BarePanel {
     }
 
     /// Static deflection per newton of the bare, shifted panel at a load; 0 for a vector that is not on the surface.
-    fn static_flexibility_at_surface_load_or_zero(
+    fn total_static_flexibility_at_surface_load_or_zero(
         &self,
         vector: &SparseVector,
         free: usize,

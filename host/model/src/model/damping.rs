@@ -22,7 +22,7 @@ const HELD: f64 = 1e-10;
 /// With eta K_s + K_springs in place of a loss of everything, and with springs of another loss than the surface's, modes are coupled through the springs' forces (and with a loss of
 /// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
 /// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
-pub(super) fn find_loads_left_unbalanced_by_damping(
+pub(super) fn find_load_vectors_of_damping_forces_that_couple_modes(
     scene: &Scene,
     assembled: &PanelMatrices,
     modes: &Modes,

@@ -69,7 +69,7 @@ impl EdgeStiffnessScale {
 }
 
 /// The scene with pinned and clamped edges in place of elastic edges that are as good as rigid.
-pub fn replace_rigid_edge_springs_with_supports(scene: &Scene) -> Scene {
+pub fn replace_rigid_edge_springs_with_supports_or_limit_them(scene: &Scene) -> Scene {
     let scale = EdgeStiffnessScale::from_scene(scene);
     let (rigid, rigid_slope) =
         (scale.stiffness_above_which_edge_is_rigid(), scale.rotational_stiffness_above_which_edge_is_rigid());

@@ -67,7 +67,7 @@ pub fn extend_known_modes_up_to(
     let mut next_check = 4 * BLOCK;
     let stop = StopRequest::current_request_of_thread();
     loop {
-        if stop.is_stop_requested() {
+        if stop.is_stop_requested_or_deadline_over() {
             return Err(ModelError::Stopped);
         }
         let next = space.add_block_and_compute_next(&block);
@@ -329,7 +329,7 @@ mod tests {
         let mut shifted = k.clone();
         shifted.add_scaled_entries(&m, shift);
         let (mass, factor) =
-            (m.build_matrix(2).unwrap(), shifted.build_matrix(2).unwrap().factorise_and_check().unwrap());
+            (m.build_matrix(2).unwrap(), shifted.build_matrix(2).unwrap().factorise_and_check_residual().unwrap());
         let none = Modes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
         let found = extend_known_modes_up_to(ShiftInvertOperator { factor: &factor, mass: &mass, shift }, &none, 100.0)
             .unwrap();

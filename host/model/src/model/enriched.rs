@@ -68,7 +68,10 @@ fn cells_reached_by_singular_functions_cut_for_integration<'a>(
 }
 
 /// The integral of every singular function of `grid` over the surface that is there in m^2 (functions have no unit), with its number.
-pub(super) fn area_integrals_of_singular_functions_by_cell(grid: &Grid, y: &GridLines) -> Vec<(usize, f64)> {
+pub(super) fn unknowns_and_area_integrals_of_singular_functions_per_cell(
+    grid: &Grid,
+    y: &GridLines,
+) -> Vec<(usize, f64)> {
     let rules = GaussRules::new(grid.element.element_order() + 1 + EXTRA_POINTS);
     let mut integrals = Vec::new();
     for EnrichedCell { bounds, active, parts, .. } in cells_reached_by_singular_functions_cut_for_integration(grid, y) {
@@ -206,7 +209,7 @@ impl DirectionQuadrature {
     fn new(grid: &Grid, lines: &GridLines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
         let (from, width) = (lines.at[cell], lines.at[cell + 1] - lines.at[cell]);
         let scale = [lines.scale[cell], lines.scale[cell + 1]];
-        let (length, element) = (part[1] - part[0], grid.element_for_lines(lines));
+        let (length, element) = (part[1] - part[0], grid.choose_rigid_element_for_strip_else_ordinary(lines));
         let at: Vec<f64> = rule.iter().map(|(t, _)| part[0] + t * length).collect();
         Self {
             functions: at
@@ -260,8 +263,9 @@ impl EnrichedCellIntegrals {
                 for (e, (_, f)) in active.iter().enumerate() {
                     let FunctionJet { value: own, xx, yy, xy, .. } = f.evaluate_jet_at(*x_m, *y_m);
                     (jets.value[e], jets.xx[e], jets.yy[e], jets.xy[e]) = (own, xx, yy, xy);
-                    let [bend_x, bend_y, twist] =
-                        bending.relative_bending_moments(xx, yy, xy).map(|moment| weight * moment);
+                    let [bend_x, bend_y, twist] = bending
+                        .relative_bending_moments_and_twice_twisting_moment(xx, yy, xy)
+                        .map(|moment| weight * moment);
                     let inertia = weight * own;
                     for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
                         sum[0] += second[a] * bend_x;
@@ -296,7 +300,7 @@ fn add_pair_integrals_at_point(
 ) {
     let count = jets.value.len();
     for e in 0..count {
-        let moments = bending.relative_bending_moments(jets.xx[e], jets.yy[e], jets.xy[e]);
+        let moments = bending.relative_bending_moments_and_twice_twisting_moment(jets.xx[e], jets.yy[e], jets.xy[e]);
         let [along_x, along_y, twist] = moments.map(|moment| weight * moment);
         let own = weight * jets.value[e];
         let (row, others) = (e * count..e * count + e + 1, ..=e);
@@ -442,7 +446,7 @@ pub(super) struct EdgeSprings<'a> {
 
 impl EdgeSprings<'_> {
     /// Adds the edge springs' stiffness for the cells along the edge that exist.
-    pub(super) fn add_stiffness_of_cells(
+    pub(super) fn add_stiffness_of_singular_functions_along_edge(
         &self,
         number: impl Fn(usize, usize) -> Option<usize>,
         is_there: impl Fn(usize) -> bool,
@@ -453,7 +457,7 @@ impl EdgeSprings<'_> {
         let rule = gauss_legendre_rule_on_unit_interval(n + EXTRA_POINTS);
         for cell in (0..self.lines.count_cells()).filter(|cell| is_there(*cell)) {
             let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
-            let [x, y] = self.bounds_of_edge_stretch([from, to]);
+            let [x, y] = self.x_and_y_ranges_around_edge_section([from, to]);
             let active: Vec<(usize, &SingularFunction)> =
                 grid.unknowns_and_singular_functions_reaching_into_rectangle([x[0], x[1], y[0], y[1]]).collect();
             if active.is_empty() {
@@ -468,7 +472,7 @@ impl EdgeSprings<'_> {
                 let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
                 let along = DirectionQuadrature::new(grid, self.lines, cell, stretch, &rule);
                 for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
-                    self.add_stiffness_at_quadrature_point(
+                    self.add_singular_function_stiffness_at_edge_point(
                         *at,
                         *weight,
                         &functions[0],
@@ -483,7 +487,7 @@ impl EdgeSprings<'_> {
     }
 
     /// x and y ranges of a stretch of the edge, with a hair of width across so that functions reaching it are found.
-    fn bounds_of_edge_stretch(&self, stretch: [f64; 2]) -> [[f64; 2]; 2] {
+    fn x_and_y_ranges_around_edge_section(&self, stretch: [f64; 2]) -> [[f64; 2]; 2] {
         let hair = 1e-9 * (stretch[1] - stretch[0]);
         let across = [self.position - hair, self.position + hair];
         if self.along_y { [across, stretch] } else { [stretch, across] }
@@ -491,7 +495,7 @@ impl EdgeSprings<'_> {
 
     /// Adds what one quadrature point of the edge contributes.
     #[expect(clippy::too_many_arguments, reason = "a loop's body")]
-    fn add_stiffness_at_quadrature_point(
+    fn add_singular_function_stiffness_at_edge_point(
         &self,
         at: f64,
         weight: f64,

@@ -108,7 +108,7 @@ impl FrequencyRounding {
             if model.count_mesh_parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
         Self {
             regular: ROUNDING,
-            thin: per_aspect * model.longer_side_over_least_cell().powi(3),
+            thin: per_aspect * model.effective_mesh_aspect_for_rounding().powi(3),
             bending_hz,
             unresolved: model.relative_frequency_error_independent_of_mesh(),
         }
@@ -185,7 +185,7 @@ impl ErrorEstimator {
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
     pub(super) fn estimate_frequency_error_bound(&self, previous_difference: Option<f64>, last_difference: f64) -> f64 {
-        self.estimate_bound_for_power(
+        self.estimate_error_bound_for_convergence_power(
             self.power,
             previous_difference,
             raise_last_difference_to_least_plausible(
@@ -212,7 +212,7 @@ impl ErrorEstimator {
         previous_difference: Option<f64>,
         last_difference: f64,
     ) -> f64 {
-        self.estimate_bound_for_power(
+        self.estimate_error_bound_for_convergence_power(
             self.response_power,
             previous_difference,
             raise_last_difference_to_least_plausible(self.least_ratio_of_curves, previous_difference, last_difference),
@@ -220,12 +220,12 @@ impl ErrorEstimator {
     }
 
     /// Error bound of a few responses, on which two levels may agree by chance.
-    pub(super) fn estimate_few_responses_error_bound(
+    pub(super) fn estimate_few_responses_error_bound_without_safety_factor(
         &self,
         previous_difference: Option<f64>,
         last_difference: f64,
     ) -> f64 {
-        self.estimate_bound_for_power(
+        self.estimate_error_bound_for_convergence_power(
             self.response_power,
             previous_difference,
             raise_last_difference_to_least_plausible(self.least_ratio_of_few, previous_difference, last_difference),
@@ -233,7 +233,12 @@ impl ErrorEstimator {
     }
 
     /// Error bound if errors fall with this power of the element order; infinite where differences do not shrink.
-    fn estimate_bound_for_power(&self, power: f64, previous_difference: Option<f64>, last_difference: f64) -> f64 {
+    fn estimate_error_bound_for_convergence_power(
+        &self,
+        power: f64,
+        previous_difference: Option<f64>,
+        last_difference: f64,
+    ) -> f64 {
         if last_difference == 0.0 {
             return 0.0;
         }
@@ -269,7 +274,8 @@ impl ErrorEstimator {
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
     pub fn response_bound_from_relative_differences(&self, previous_difference: f64, last_difference: f64) -> Bound {
-        match RESPONSE_SAFETY * self.estimate_few_responses_error_bound(Some(previous_difference), last_difference)
+        match RESPONSE_SAFETY
+            * self.estimate_few_responses_error_bound_without_safety_factor(Some(previous_difference), last_difference)
             + SHARPEST * self.rounding
         {
             _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
@@ -358,12 +364,12 @@ mod tests {
     /// Of 1e-2 and 1e-5 in succession the second is taken for chance where errors fall in steps, and for a fact elsewhere.
     #[test]
     fn what_shrinks_at_once_is_not_believed_where_errors_fall_in_steps() {
-        let regular = of(9, false).estimate_few_responses_error_bound(Some(1e-2), 1e-5);
+        let regular = of(9, false).estimate_few_responses_error_bound_without_safety_factor(Some(1e-2), 1e-5);
         let in_steps =
             ErrorEstimator { modes_in_steps: true, least_ratio_of_few: LEAST_RATIO_IN_STEPS, ..of(9, false) };
-        assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert!(in_steps.estimate_few_responses_error_bound_without_safety_factor(Some(1e-2), 1e-5) > 10.0 * regular);
         assert!(in_steps.estimate_frequency_error_bound(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate_few_responses_error_bound(Some(1e-2), f64::NAN).is_infinite());
+        assert!(in_steps.estimate_few_responses_error_bound_without_safety_factor(Some(1e-2), f64::NAN).is_infinite());
     }
 
     /// A rigid motion, one that is all but settled and the worst one.

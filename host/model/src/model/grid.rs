@@ -83,8 +83,10 @@ impl Grid {
             y.is_strip = y.count_cells() == 1 && !has_supported_edge_on_any_side(scene, [Side::Top, Side::Bottom]);
         }
         let y = (scene.surface.kind == SurfaceKind::Plate).then_some(y);
-        let (element, straight) =
-            (CellElement::new(fineness.order), CellElement::new_straight_for_single_cell(fineness.order));
+        let (element, straight) = (
+            CellElement::new(fineness.order),
+            CellElement::new_with_two_rigid_functions_for_single_free_cell(fineness.order),
+        );
         let sections = CellSections::new(scene.surface.kind, &layout, &x, y.as_ref());
         let singular =
             if y.is_some() { build_singular_functions_of_attachments(scene, &layout, fineness) } else { Vec::new() };
@@ -122,7 +124,7 @@ impl Grid {
     }
 
     /// The element of the cells along these lines.
-    pub(super) fn element_for_lines(&self, lines: &GridLines) -> &CellElement {
+    pub(super) fn choose_rigid_element_for_strip_else_ordinary(&self, lines: &GridLines) -> &CellElement {
         if lines.is_strip { &self.straight } else { &self.element }
     }
 
@@ -364,11 +366,9 @@ impl Grid {
         let along = |lines: &GridLines, at: f64, slope: bool| {
             let (cell, place) = lines.find_cell_index_and_fraction_within(at);
             let width = lines.at[cell + 1] - lines.at[cell];
-            let [values, slopes, _] = self.element_for_lines(lines).values_and_derivatives_at(
-                place,
-                width,
-                [lines.scale[cell], lines.scale[cell + 1]],
-            );
+            let [values, slopes, _] = self
+                .choose_rigid_element_for_strip_else_ordinary(lines)
+                .values_and_derivatives_at(place, width, [lines.scale[cell], lines.scale[cell + 1]]);
             (cell, if slope { slopes } else { values })
         };
         let (cell_x, in_x) = along(&self.x, x_m, derivative == DeflectionDerivative::SlopeX);

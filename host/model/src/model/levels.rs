@@ -40,7 +40,7 @@ pub struct ReducedLevels {
 }
 
 /// Whether an actuator is inside a cell of a plate whose cells are all alike, at most `cell_m` long, and none is heavier than the panel.
-fn has_actuator_inside_cell_of_regular_mesh(scene: &Scene, cell_m: f64) -> bool {
+fn has_only_light_actuators_and_one_inside_regular_cell(scene: &Scene, cell_m: f64) -> bool {
     /// Part of a cell that counts as none.
     const ON_LINE: f64 = 1e-6;
     let is_inside = |at_m: f64, side_m: f64| {
@@ -110,7 +110,10 @@ impl ReducedLevels {
         let more = if scene.surface.kind == SurfaceKind::Bar {
             MORE_ON_BARS
         } else if accuracy.relative_tolerance_or_tightest() < Accuracy::FAST.relative_tolerance_or_tightest()
-            && has_actuator_inside_cell_of_regular_mesh(scene, choose_fineness(scene, order, part, max_hz)?.cell_m)
+            && has_only_light_actuators_and_one_inside_regular_cell(
+                scene,
+                choose_fineness(scene, order, part, max_hz)?.cell_m,
+            )
         {
             MORE_INSIDE_CELLS
         } else {
@@ -156,7 +159,7 @@ impl ReducedLevels {
     fn build_on_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
         let mut level = |fineness: Fineness| -> Result<_, ModelError> {
-            if StopRequest::current_request_of_thread().is_stop_requested() {
+            if StopRequest::current_request_of_thread().is_stop_requested_or_deadline_over() {
                 return Err(ModelError::Stopped);
             }
             let started = Instant::now();

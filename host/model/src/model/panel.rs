@@ -7,7 +7,7 @@ use super::fineness::Fineness;
 use super::grid::{DeflectionDerivative, Grid};
 use super::poles::{Pole, compute_poles_of_modes};
 use super::reduced::ReducedModel;
-use super::rigid::{RigidModes, find_rigid_and_slow_modes};
+use super::rigid::{RigidModes, find_rigid_modes_and_eigenvalue_bounds_of_slow_motions};
 use super::sections::{WaveRigidities, choose_spectral_shift_rad2_per_s2};
 use super::sparse::{CholeskyFactor, MatrixEntries, SparseVector};
 use super::{Accuracy, Bound, ModelError};
@@ -149,11 +149,11 @@ impl PanelModel {
     /// As [`PanelModel::build`].
     pub fn build_with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
         let unresolved = super::edges::relative_frequency_error_of_replaced_edge_springs(scene);
-        let scene = super::edges::replace_rigid_edge_springs_with_supports(scene);
+        let scene = super::edges::replace_rigid_edge_springs_with_supports_or_limit_them(scene);
         let assembled = assemble_panel_matrices(&scene, fineness)?;
         let shift = choose_spectral_shift_rad2_per_s2(&scene);
         let factor = factor_shifted_stiffness(&assembled, shift)?;
-        let (slow, straight) = compute_slow_modes_and_largest_rigid_eigenvalue(&scene, &assembled, shift)?;
+        let (slow, straight) = compute_rigid_and_slow_modes_and_largest_rigid_eigenvalue(&scene, &assembled, shift)?;
         Ok(Self { unresolved, scene, assembled, factor, shift, slow, straight, fineness })
     }
 
@@ -197,7 +197,7 @@ impl PanelModel {
 
     /// The panel's longer side over the mesh's least cell; a strip's width does not count, whose functions are made for it.
     #[must_use]
-    pub fn longer_side_over_least_cell(&self) -> f64 {
+    pub fn effective_mesh_aspect_for_rounding(&self) -> f64 {
         let grid = &self.assembled.grid;
         let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
         let lengths = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0]).enumerate());
@@ -260,7 +260,7 @@ impl PanelModel {
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(self.find_loads_left_unbalanced_by_damping(&found, max_hz))
+            .chain(self.find_load_vectors_of_damping_forces_that_couple_modes(&found, max_hz))
             .chain(self.actuator_loads_if_damping_is_modal())
             .chain(
                 points
@@ -291,7 +291,7 @@ impl PanelModel {
     fn compute_poles_of_modes(&self, modes: &Modes, max_hz: f64) -> Result<Vec<Pole>, ModelError> {
         let failed = || ModelError::Factorisation { reason: "poles of the damped modes".to_owned() };
         let loads: Vec<_> = self
-            .find_loads_left_unbalanced_by_damping(modes, max_hz)
+            .find_load_vectors_of_damping_forces_that_couple_modes(modes, max_hz)
             .into_iter()
             .chain(self.actuator_loads_if_damping_is_modal())
             .collect();
@@ -327,8 +327,17 @@ impl PanelModel {
     }
 
     /// Loads that dashpots and the surface's losses leave unbalanced.
-    pub(super) fn find_loads_left_unbalanced_by_damping(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
-        super::damping::find_loads_left_unbalanced_by_damping(&self.scene, &self.assembled, modes, max_hz)
+    pub(super) fn find_load_vectors_of_damping_forces_that_couple_modes(
+        &self,
+        modes: &Modes,
+        max_hz: f64,
+    ) -> Vec<SparseVector> {
+        super::damping::find_load_vectors_of_damping_forces_that_couple_modes(
+            &self.scene,
+            &self.assembled,
+            modes,
+            max_hz,
+        )
     }
 
     /// The mesh.
@@ -378,7 +387,7 @@ fn factor_shifted_stiffness(assembled: &PanelMatrices, shift: f64) -> Result<Cho
     let mut entries = MatrixEntries::default();
     entries.add_scaled_entries(&assembled.stiffness.to_entries(), 1.0);
     entries.add_scaled_entries(&assembled.mass.to_entries(), shift);
-    let factor = entries.build_matrix(assembled.count_unknowns())?.factorise_and_check()?;
+    let factor = entries.build_matrix(assembled.count_unknowns())?.factorise_and_check_residual()?;
     Ok(match &assembled.air {
         None => factor,
         Some(air) => factor.add_rank_one_spring(assembled.count_unknowns(), &air.vector, air.stiffness),
@@ -387,12 +396,12 @@ fn factor_shifted_stiffness(assembled: &PanelMatrices, shift: f64) -> Result<Cho
 
 /// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
 /// masses or on soft springs, by a second factorisation with a shift of their own size.
-fn compute_slow_modes_and_largest_rigid_eigenvalue(
+fn compute_rigid_and_slow_modes_and_largest_rigid_eigenvalue(
     scene: &Scene,
     assembled: &PanelMatrices,
     shift: f64,
 ) -> Result<(Modes, f64), ModelError> {
-    let RigidModes { known, slow } = find_rigid_and_slow_modes(scene, assembled, shift);
+    let RigidModes { known, slow } = find_rigid_modes_and_eigenvalue_bounds_of_slow_motions(scene, assembled, shift);
     let straight = known.lambda.iter().copied().fold(-1.0, f64::max);
     let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok((known, straight)) };
     // Below a billionth of the usual shift K + s M would be indefinite by rounding.

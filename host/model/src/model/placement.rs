@@ -147,7 +147,7 @@ fn distance_to_other_material_if_too_near_m(
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let wanted =
         [(at.0 - reach).max(0.0), (at.0 + reach).min(length), (at.1 - reach).max(0.0), (at.1 + reach).min(width)];
-    let clear = ClearRectangle::find_rectangle_farthest_from_other_material(scene, layout, at, wanted)
+    let clear = ClearRectangle::find_rectangle_with_most_clearance_unless_at_material_border(scene, layout, at, wanted)
         .map_or(0.0, |around| around.distance_from_point_to_other_material_or_infinity_m());
     (clear < NEAR_BORDER * fineness.cell_m).then_some(clear)
 }
@@ -238,8 +238,8 @@ fn relative_frequency_error_of_close_places_or_narrow_strip(scene: &Scene, finen
         for other in &places[k + 1..] {
             let distance = distance_between_points(place.at, other.at);
             if distance <= near
-                && (spaces.find_clear_rectangle_if_place_has_function(place.at).is_none()
-                    || spaces.find_clear_rectangle_if_place_has_function(other.at).is_none())
+                && (spaces.find_clear_rectangle_if_singular_function_is_possible_at(place.at).is_none()
+                    || spaces.find_clear_rectangle_if_singular_function_is_possible_at(other.at).is_none())
             {
                 let part = other.held * distance * distance / rigidity;
                 worst = worst.max(part / (1.0 + part));
@@ -275,7 +275,7 @@ impl<'a> ClearSpaces<'a> {
     }
 
     /// The clear rectangle around a place; `None` where it has no function.
-    fn find_clear_rectangle_if_place_has_function(&self, at: (f64, f64)) -> Option<ClearRectangle> {
+    fn find_clear_rectangle_if_singular_function_is_possible_at(&self, at: (f64, f64)) -> Option<ClearRectangle> {
         if self.is_bar_like {
             return None;
         }
@@ -284,7 +284,7 @@ impl<'a> ClearSpaces<'a> {
             range_from_line_below_to_line_above_m(&self.lines[0], at.0, least),
             range_from_line_below_to_line_above_m(&self.lines[1], at.1, least),
         ];
-        let around = ClearRectangle::find_rectangle_farthest_from_other_material(
+        let around = ClearRectangle::find_rectangle_with_most_clearance_unless_at_material_border(
             self.scene,
             self.layout,
             at,
@@ -293,7 +293,8 @@ impl<'a> ClearSpaces<'a> {
         if around.distance_from_point_to_other_material_or_infinity_m() < NARROWEST * self.cell_m {
             return None;
         }
-        let touched: Vec<Side> = SIDES.into_iter().filter(|side| around.distance_to_side_m(*side) == 0.0).collect();
+        let touched: Vec<Side> =
+            SIDES.into_iter().filter(|side| around.distance_from_point_to_side_m(*side) == 0.0).collect();
         match touched.as_slice() {
             [] => Some(around),
             [side] if around.border_kind_at_side(*side) == BorderKind::Free => Some(around),
@@ -317,11 +318,12 @@ pub(super) fn build_singular_functions_of_attachments(
     // Of each function: the space around its place, and the sources of a force there.
     let mut alone: Vec<(ClearRectangle, Vec<SingularSource>)> = Vec::new();
     for place in merge_attachments_into_places(scene) {
-        let Some(own) = spaces.find_clear_rectangle_if_place_has_function(place.at) else { continue };
+        let Some(own) = spaces.find_clear_rectangle_if_singular_function_is_possible_at(place.at) else { continue };
         let function = match clusters.add_place_and_find_nearest_earlier_in_cluster(place.at) {
             None => {
                 let near = MirroredSides::choose_sides_to_mirror(&own, NEAR_BORDER * cell_m);
-                let [x, y] = own.choose_function_reach(|side| near.is_satisfied_by_images(side));
+                let [x, y] =
+                    own.choose_reach_of_point_force_function_in_x_and_y(|side| near.is_satisfied_by_images(side));
                 let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
                 let sources = near.build_force_and_image_sources(&own, scale);
                 alone.push((own, sources.clone()));
@@ -363,8 +365,10 @@ struct MirroredSides {
 impl MirroredSides {
     fn choose_sides_to_mirror(around: &ClearRectangle, near_m: f64) -> Self {
         let mut close = SIDES.to_vec();
-        close.retain(|side| around.distance_to_side_m(*side) < near_m);
-        close.sort_by(|a, b| around.distance_to_side_m(*a).total_cmp(&around.distance_to_side_m(*b)));
+        close.retain(|side| around.distance_from_point_to_side_m(*side) < near_m);
+        close.sort_by(|a, b| {
+            around.distance_from_point_to_side_m(*a).total_cmp(&around.distance_from_point_to_side_m(*b))
+        });
         // Mirror images about a clamped edge answer to no other edge.
         let clamped = close.iter().copied().find(|side| around.border_kind_at_side(*side) == BorderKind::Clamped);
         let others = |border: BorderKind| -> Vec<Side> {
@@ -392,7 +396,7 @@ impl MirroredSides {
         let image = |side: Side| {
             (
                 inside.mirror_across_pinned_edge(side, around.side_position_m(side)).centre,
-                around.distance_to_side_m(side) / scale,
+                around.distance_from_point_to_side_m(side) / scale,
             )
         };
         let mut sources = medium.sources_of_inner_point_force(around.at, self.clamped.unwrap_or(Side::Left));

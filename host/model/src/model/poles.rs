@@ -112,7 +112,7 @@ impl Pole {
 
     /// The pole without its faster eigenvalue, which was not found: the slower one is left.
     #[must_use]
-    pub const fn without_faster_eigenvalue(self) -> Self {
+    pub const fn keep_slower_eigenvalue_and_mark_rest_unknown(self) -> Self {
         Self { slower: self.slower, ..Self::UNKNOWN }
     }
 
@@ -329,13 +329,14 @@ impl PoleTracker {
             state.unscale_mut(length.max(f64::MIN_POSITIVE));
         }
         let s: Vec<Complex64> = wanted.into_iter().map(|k| s[k]).collect();
-        let is_slower = s.iter().enumerate().map(|(k, s)| self.is_slower_of_real_pair(*s, &states, k)).collect();
+        let is_slower =
+            s.iter().enumerate().map(|(k, s)| self.is_slower_of_real_pair_or_below_real_axis(*s, &states, k)).collect();
         Some(PoleStates { s, states, is_slower })
     }
 
     /// Whether an eigenvalue is the slower one of its shape's two, m s^2 + c s + k = 0 with the product k / m. With a loss factor that is the one below
     /// the real axis.
-    fn is_slower_of_real_pair(&self, s: Complex64, states: &DMatrix<Complex64>, k: usize) -> bool {
+    fn is_slower_of_real_pair_or_below_real_axis(&self, s: Complex64, states: &DMatrix<Complex64>, k: usize) -> bool {
         // Nearer to the axis the sign is rounding: a shape that has no part in the losses, or hardly any.
         if s.im.abs() > REAL * s.norm() {
             return s.im < 0.0;
@@ -422,7 +423,7 @@ impl PoleTracker {
         let (mut t, mut next) = (0.0, 1.0);
         for _ in 0..MOST_STEPS {
             let all = self.solve_eigenvalues_with_damping_fraction(next)?;
-            let (chosen, is_clear) = self.match_states_to_previous(&known, &all);
+            let (chosen, is_clear) = self.match_states_to_previous_and_tell_if_overlaps_are_large(&known, &all);
             let is_short = next <= LEAST || t > 0.0 && next <= GROWTH.0 * t;
             if !is_clear && !is_short {
                 next = if t > 0.0 { t * (next / t).sqrt() } else { next * FIRST };
@@ -447,7 +448,11 @@ impl PoleTracker {
     }
 
     /// Which of the states continue those that are known, and whether that is clear; `None` for motions that nothing holds, which stay at s = 0.
-    fn match_states_to_previous(&self, known: &PoleStates, all: &PoleStates) -> (Vec<Option<usize>>, bool) {
+    fn match_states_to_previous_and_tell_if_overlaps_are_large(
+        &self,
+        known: &PoleStates,
+        all: &PoleStates,
+    ) -> (Vec<Option<usize>>, bool) {
         let overlap = (known.states.adjoint() * &all.states).map(|own| own.norm_sqr());
         let count = known.s.len();
         let mut chosen = vec![None; count];

@@ -97,7 +97,7 @@ impl RefinableQuestion for ModesUpTo {
 
 /// All modes up to `max_hz`, with a bound for each: relative to its frequency, for a rigid motion absolute in Hz (and 0). What is asked for is an accuracy of
 /// frequencies; the poles are told with what bound comes of it, without those of which a finer mesh would say anything else
-/// ([`Pole::without_faster_eigenvalue`]).
+/// ([`Pole::keep_slower_eigenvalue_and_mark_rest_unknown`]).
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored.
@@ -113,7 +113,7 @@ pub fn compute_modes_with_error_bounds(
     for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
         mode.pole_bound = bound;
         if question.is_pole_mesh_dependent(mode, *frequency) {
-            mode.pole = mode.pole.without_faster_eigenvalue();
+            mode.pole = mode.pole.keep_slower_eigenvalue_and_mark_rest_unknown();
             mode.damping_ratio = mode.pole.damping_ratio;
         }
     }

@@ -48,7 +48,11 @@ struct HoldingSpring {
 
 /// The slowest motions of `assembled`, whose shift is `shift` (> 0).
 #[must_use]
-pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift: f64) -> RigidModes {
+pub fn find_rigid_modes_and_eigenvalue_bounds_of_slow_motions(
+    scene: &Scene,
+    assembled: &PanelMatrices,
+    shift: f64,
+) -> RigidModes {
     let dimensions = match scene.surface.kind {
         SurfaceKind::Plate => 3,
         SurfaceKind::Bar => 2,
@@ -98,7 +102,7 @@ pub fn find_rigid_and_slow_modes(scene: &Scene, assembled: &PanelMatrices, shift
     let straight = STAYS_STRAIGHT * shift * scene.surface_mass_with_air_kg();
     let mut known = nothing();
     let mut slow = Vec::new();
-    for (lambda, motion) in compute_eigenpairs_of_squared_roots_in_stages(&(roots * &to_orthonormal), free) {
+    for (lambda, motion) in compute_eigenpairs_of_gram_matrix_in_stages(&(roots * &to_orthonormal), free) {
         let motion = &to_orthonormal * motion;
         if lambda <= straight * motion.norm_squared()
             && energy_weighted_mean_stiffness_against_motion(&held_by, &motion) <= straight
@@ -132,7 +136,7 @@ fn energy_weighted_mean_stiffness_against_motion(held_by: &[(DVector<f64>, f64)]
 
 /// Eigenvalues and vectors of roots' roots, ascending, of which `zero_count` are known to be zero. Stage by stage from the
 /// stiffest down, each on the space that the stiffer ones leave: every eigenvalue keeps its own digits.
-fn compute_eigenpairs_of_squared_roots_in_stages(roots: &DMatrix<f64>, zero_count: usize) -> Vec<(f64, DVector<f64>)> {
+fn compute_eigenpairs_of_gram_matrix_in_stages(roots: &DMatrix<f64>, zero_count: usize) -> Vec<(f64, DVector<f64>)> {
     let mut rest = DMatrix::identity(roots.ncols(), roots.ncols());
     let mut pairs = Vec::with_capacity(roots.ncols());
     while rest.ncols() > zero_count {

@@ -50,7 +50,12 @@ impl RelativeBending {
 
     /// Bending moments of curvatures: about one axis, about the other, and twice the twisting moment.
     #[inline(always)]
-    pub fn relative_bending_moments(&self, curvature_x: f64, curvature_y: f64, twist_curvature: f64) -> [f64; 3] {
+    pub fn relative_bending_moments_and_twice_twisting_moment(
+        &self,
+        curvature_x: f64,
+        curvature_y: f64,
+        twist_curvature: f64,
+    ) -> [f64; 3] {
         [
             self.x * curvature_x + self.poisson * curvature_y,
             self.y * curvature_y + self.poisson * curvature_x,
@@ -103,7 +108,7 @@ impl CellSection {
         if self.bending.is_isotropic() {
             return [self.rigidity; 3];
         }
-        let [least, largest] = self.bending.to_relative_rigidities().least_and_largest_rigidity();
+        let [least, largest] = self.bending.to_relative_rigidities().least_and_largest_rigidity_over_directions();
         [least, self.bending.relative_rigidity_of_isotropic_plate_with_as_many_modes(), largest]
             .map(|part| part * self.rigidity)
     }

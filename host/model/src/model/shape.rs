@@ -59,7 +59,7 @@ impl CellElement {
     /// The same functions of a cell that has no neighbours and whose ends are free: 1 and 2 t - 1 in place of value and slope at
     /// the left end, and two that vanish at both ends in place of those at the right one.
     #[must_use]
-    pub fn new_straight_for_single_cell(order: usize) -> Self {
+    pub fn new_with_two_rigid_functions_for_single_free_cell(order: usize) -> Self {
         Self::from_order_and_cubics(order, CubicForm::Straight)
     }
 
@@ -98,7 +98,7 @@ impl CellElement {
     #[must_use]
     pub fn cell_matrices(&self, cell_length: f64, scale: [f64; 2]) -> CellMatrices {
         let to_unit: Vec<f64> =
-            (0..=self.order).map(|i| self.coefficient_in_unit_cell(i, cell_length, scale)).collect();
+            (0..=self.order).map(|i| self.factor_from_cell_to_unit_cell_coefficient(i, cell_length, scale)).collect();
         let make = |table: &DMatrix<f64>, factor: f64| {
             DMatrix::from_fn(table.nrows(), table.ncols(), |i, j| table[(i, j)] * factor * to_unit[i] * to_unit[j])
         };
@@ -116,17 +116,16 @@ impl CellElement {
         let mut all = evaluate_shape_functions(self.order, self.cubics, t);
         let mut per_length = 1.0;
         for derivative in &mut all {
-            derivative
-                .iter_mut()
-                .enumerate()
-                .for_each(|(i, value)| *value *= per_length * self.coefficient_in_unit_cell(i, cell_length, scale));
+            derivative.iter_mut().enumerate().for_each(|(i, value)| {
+                *value *= per_length * self.factor_from_cell_to_unit_cell_coefficient(i, cell_length, scale)
+            });
             per_length /= cell_length;
         }
         all
     }
 
     /// A function's coefficient in the unit cell for one of the real cell: slopes are stored times `scale`, there times h.
-    fn coefficient_in_unit_cell(&self, function: usize, cell_length: f64, scale: [f64; 2]) -> f64 {
+    fn factor_from_cell_to_unit_cell_coefficient(&self, function: usize, cell_length: f64, scale: [f64; 2]) -> f64 {
         match (self.cubics, function) {
             (CubicForm::Ends, 1) => cell_length / scale[0],
             (CubicForm::Ends, 3) => cell_length / scale[1],

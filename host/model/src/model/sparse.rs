@@ -124,7 +124,7 @@ impl SparseSymmetricMatrix {
     ///
     /// # Errors
     /// [`ModelError::Factorisation`].
-    pub fn factorise_and_check(&self) -> Result<CholeskyFactor, ModelError> {
+    pub fn factorise_and_check_residual(&self) -> Result<CholeskyFactor, ModelError> {
         let failed = |reason: String| ModelError::Factorisation { reason };
         let llt = self.matrix.sp_cholesky(Side::Lower).map_err(|error| failed(format!("{error:?}")))?;
         let factor = CholeskyFactor { llt, spring: None };
@@ -133,7 +133,7 @@ impl SparseSymmetricMatrix {
         let trial = DMatrix::from_fn(n, 1, |i, _| if i % 3 == 0 { -1.0 } else { 1.0 + 1e-3 * (i % 7) as f64 });
         let solution = factor.solve_for_columns(&trial);
         let back = self.multiply_columns(&solution);
-        let scale = self.multiply_magnitudes_with_vector(&solution);
+        let scale = self.multiply_magnitudes_of_matrix_and_vector(&solution);
         let worst = (0..n).map(|i| (back[i] - trial[i]).abs() / (scale[i] + 1.0)).fold(0.0, f64::max);
         if worst.is_finite() && worst < RESIDUAL_LIMIT {
             return Ok(factor);
@@ -142,7 +142,7 @@ impl SparseSymmetricMatrix {
     }
 
     /// What each row's product is summed from: |A| |x|.
-    fn multiply_magnitudes_with_vector(&self, vector: &DMatrix<f64>) -> Vec<f64> {
+    fn multiply_magnitudes_of_matrix_and_vector(&self, vector: &DMatrix<f64>) -> Vec<f64> {
         let mut sums = vec![0.0; self.dimension()];
         let (starts, rows, values) = (self.matrix.col_ptr(), self.matrix.row_idx(), self.matrix.val());
         for (column, x) in vector.iter().enumerate() {

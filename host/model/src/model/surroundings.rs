@@ -52,7 +52,7 @@ fn side_index(side: Side) -> usize {
 impl ClearRectangle {
     /// The rectangle within `wanted` (left, right, top, bottom) whose nearest [`BorderKind::Other`] is farthest; `None` for a
     /// point on such a border or on a corner.
-    pub fn find_rectangle_farthest_from_other_material(
+    pub fn find_rectangle_with_most_clearance_unless_at_material_border(
         scene: &Scene,
         layout: &SurfaceLayout,
         at: (f64, f64),
@@ -74,7 +74,8 @@ impl ClearRectangle {
                 for top in &ends[2] {
                     for bottom in ends[3].iter().filter(|bottom| *bottom > top) {
                         let ends = [*left, *right, *top, *bottom];
-                        let Some(found) = Self::from_ends_if_function_can_end_there(scene, layout, at, ends, wanted)
+                        let Some(found) =
+                            Self::from_ends_if_one_layer_and_point_off_material_border(scene, layout, at, ends, wanted)
                         else {
                             continue;
                         };
@@ -94,14 +95,14 @@ impl ClearRectangle {
 
     /// The rectangle with these ends, if it has one layer and a function can end there.
     #[expect(clippy::float_cmp, reason = "ends are the very numbers that were wanted")]
-    fn from_ends_if_function_can_end_there(
+    fn from_ends_if_one_layer_and_point_off_material_border(
         scene: &Scene,
         layout: &SurfaceLayout,
         at: (f64, f64),
         ends: [f64; 4],
         wanted: [f64; 4],
     ) -> Option<Self> {
-        let mut inside = layout.layers_inside_rectangle(ends);
+        let mut inside = layout.layers_overlapping_rectangle(ends);
         let layer = inside.next()??;
         if inside.any(|part| part != Some(layer)) {
             return None;
@@ -127,11 +128,11 @@ impl ClearRectangle {
                     Side::Left | Side::Top => (beyond[k + 1], beyond[k]) = (ends[k], ends[k] - hair),
                     Side::Right | Side::Bottom => (beyond[k - 1], beyond[k]) = (ends[k], ends[k] + hair),
                 }
-                if layout.layers_inside_rectangle(beyond).all(|part| part.is_none()) {
+                if layout.layers_overlapping_rectangle(beyond).all(|part| part.is_none()) {
                     BorderKind::Free
                 } else if ends[k] == wanted[k] {
                     BorderKind::None
-                } else if found.distance_to_side_m(side) == 0.0 {
+                } else if found.distance_from_point_to_side_m(side) == 0.0 {
                     return None;
                 } else {
                     BorderKind::Other
@@ -142,7 +143,7 @@ impl ClearRectangle {
     }
 
     /// Distance in m of the point from a side.
-    pub fn distance_to_side_m(&self, side: Side) -> f64 {
+    pub fn distance_from_point_to_side_m(&self, side: Side) -> f64 {
         let k = side_index(side);
         (if k < 2 { self.at.0 } else { self.at.1 } - self.ends[k]).abs()
     }
@@ -160,11 +161,14 @@ impl ClearRectangle {
     /// Distance of the nearest border of another part, infinite if there is none.
     pub fn distance_from_point_to_other_material_or_infinity_m(&self) -> f64 {
         let others = SIDES.into_iter().filter(|side| self.border_kind_at_side(*side) == BorderKind::Other);
-        others.map(|side| self.distance_to_side_m(side)).fold(f64::INFINITY, f64::min)
+        others.map(|side| self.distance_from_point_to_side_m(side)).fold(f64::INFINITY, f64::min)
     }
 
     /// Where a function lives that ends as the borders ask for, other than at the borders that it answers to by itself.
-    pub fn choose_function_reach(&self, is_satisfied_by_images: impl Fn(Side) -> bool) -> [FunctionReach; 2] {
+    pub fn choose_reach_of_point_force_function_in_x_and_y(
+        &self,
+        is_satisfied_by_images: impl Fn(Side) -> bool,
+    ) -> [FunctionReach; 2] {
         let end = |side: Side| match self.border_kind_at_side(side) {
             _ if is_satisfied_by_images(side) => FunctionEnd::Open,
             BorderKind::Free => FunctionEnd::Open,

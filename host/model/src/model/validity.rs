@@ -20,7 +20,7 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
              thin-plate theory is accurate only up to 0.033: the computed panel is a few percent too stiff"
         ));
     }
-    let too_high = relative_frequency_excess_of_thin_theory(scene, max_hz);
+    let too_high = relative_overestimate_of_frequency_by_thin_theory(scene, max_hz);
     if too_high > SHEAR {
         doubts.push(format!(
             "at {max_hz} Hz the bending waves are so short compared with the thickness that computed frequencies are \
@@ -33,7 +33,7 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
 
 /// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
 /// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
-/// those there is [`relative_frequency_excess_of_thin_theory`]; it is a bar, however it is called.
+/// those there is [`relative_overestimate_of_frequency_by_thin_theory`]; it is a bar, however it is called.
 fn length_of_shortest_side_that_bends_m(scene: &Scene) -> f64 {
     let surface = &scene.surface;
     let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
@@ -51,7 +51,7 @@ fn length_of_shortest_side_that_bends_m(scene: &Scene) -> f64 {
 /// About how much too high thin-plate theory has a frequency, relative: (k h)^2 (1/12 + S) / 2 for the wavenumber k, S =
 /// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order). What layers have
 /// in place of h^2 / 12 and S h^2 follows from how shear is handed from one to the next; the softest of them counts most.
-fn relative_frequency_excess_of_thin_theory(scene: &Scene, max_hz: f64) -> f64 {
+fn relative_overestimate_of_frequency_by_thin_theory(scene: &Scene, max_hz: f64) -> f64 {
     let (surface, material) = (&scene.surface, &scene.surface.material);
     let (h, nu) = (surface.thickness_m, material.poisson_ratio);
     let shear = match surface.kind {
@@ -62,7 +62,7 @@ fn relative_frequency_excess_of_thin_theory(scene: &Scene, max_hz: f64) -> f64 {
     let omega = std::f64::consts::TAU * max_hz;
     if let Some(laminate) = surface.laminate_if_layered() {
         let least = match surface.kind {
-            SurfaceKind::Plate => laminate.rigidities.least_and_largest_rigidity()[0],
+            SurfaceKind::Plate => laminate.rigidities.least_and_largest_rigidity_over_directions()[0],
             SurfaceKind::Bar => laminate.rigidities.d11,
         };
         let square = omega * (laminate.per_area_kg_m2 / least).sqrt();

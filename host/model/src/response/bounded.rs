@@ -259,7 +259,7 @@ fn negligible_acceleration_m_per_s2(scene: &Scene) -> f64 {
 ///
 /// # Errors
 /// [`CurveError`].
-pub fn compute_curves_with_error_bounds(
+pub fn compute_acceleration_curves_per_newton_with_error_bounds(
     scene: &Scene,
     accuracy: Accuracy,
     at: (f64, f64),

@@ -71,7 +71,7 @@ impl<'a> CoordinateSolver<'a> {
     ) -> Result<(), ResponseError> {
         let omega = std::f64::consts::TAU * frequency_hz;
         if let Some(low_rank) = &self.low_rank
-            && low_rank.solve_by_woodbury_into_if_possible(self.model, omega, re, im).is_some()
+            && low_rank.write_coordinates_per_newton_by_woodbury_if_possible(self.model, omega, re, im).is_some()
         {
             return Ok(());
         }
@@ -107,7 +107,7 @@ impl<'a> LowRankSolver<'a> {
     }
 
     /// Solves by Woodbury's formula; `None` where the full matrix has to be used.
-    fn solve_by_woodbury_into_if_possible(
+    fn write_coordinates_per_newton_by_woodbury_if_possible(
         &self,
         model: &ReducedModel,
         omega: f64,
@@ -143,11 +143,11 @@ impl<'a> LowRankSolver<'a> {
             for l in 0..r {
                 let (high, low) = (k.max(l), k.min(l));
                 let entry = impedance * sum(high * (high + 1) / 2 + low) * scale;
-                equations.set_coefficient(k, l, entry.re + if k == l { scale } else { 0.0 }, entry.im);
+                equations.set_coefficient_or_right_side(k, l, entry.re + if k == l { scale } else { 0.0 }, entry.im);
             }
             for j in 0..p {
                 let entry = impedance * sum(r * (r + 1) / 2 + j * r + k) * scale;
-                equations.set_coefficient(k, r + j, entry.re, entry.im);
+                equations.set_coefficient_or_right_side(k, r + j, entry.re, entry.im);
             }
         }
         equations.solve_and_return_least_pivot_unless_singular().filter(|pivot| *pivot >= TOO_SMALL)?;
@@ -204,10 +204,10 @@ fn solve_with_full_matrix(model: &ReducedModel, frequency_hz: f64) -> Result<DMa
     } else {
         let mut equations = ComplexEquations::new(n, force.ncols());
         for (at, entry) in matrix.iter().enumerate() {
-            equations.set_coefficient(at % n, at / n, entry.re, entry.im);
+            equations.set_coefficient_or_right_side(at % n, at / n, entry.re, entry.im);
         }
         for (at, entry) in force.iter().enumerate() {
-            equations.set_coefficient(at % n, n + at / n, entry.re, entry.im);
+            equations.set_coefficient_or_right_side(at % n, n + at / n, entry.re, entry.im);
         }
         let least = equations.solve_and_return_least_pivot_unless_singular();
         let (solved, pivot) = (least.is_some(), least.unwrap_or(0.0));

@@ -21,7 +21,7 @@ impl ComplexEquations {
     }
 
     /// Sets a coefficient; columns from n on are right sides.
-    pub(super) fn set_coefficient(&mut self, row: usize, column: usize, re: f64, im: f64) {
+    pub(super) fn set_coefficient_or_right_side(&mut self, row: usize, column: usize, re: f64, im: f64) {
         let at = row * self.width + column;
         (self.re[at], self.im[at]) = (re, im);
     }
@@ -117,8 +117,11 @@ mod tests {
             let right = DMatrix::from_fn(n, p, |i, j| entry(i + 1, j + 2));
             let mut equations = ComplexEquations::new(n, p);
             for i in 0..n {
-                (0..n).for_each(|j| equations.set_coefficient(i, j, matrix[(i, j)].re, matrix[(i, j)].im));
-                (0..p).for_each(|j| equations.set_coefficient(i, n + j, right[(i, j)].re, right[(i, j)].im));
+                (0..n)
+                    .for_each(|j| equations.set_coefficient_or_right_side(i, j, matrix[(i, j)].re, matrix[(i, j)].im));
+                (0..p).for_each(|j| {
+                    equations.set_coefficient_or_right_side(i, n + j, right[(i, j)].re, right[(i, j)].im)
+                });
             }
             let lu = matrix.lu();
             let expected = lu.solve(&right).unwrap();
@@ -137,7 +140,10 @@ mod tests {
             }
         }
         let mut diagonal = ComplexEquations::new(3, 1);
-        [3.0, 0.25, 2.0].into_iter().enumerate().for_each(|(i, value)| diagonal.set_coefficient(i, i, 0.0, value));
+        [3.0, 0.25, 2.0]
+            .into_iter()
+            .enumerate()
+            .for_each(|(i, value)| diagonal.set_coefficient_or_right_side(i, i, 0.0, value));
         assert_eq!(diagonal.solve_and_return_least_pivot_unless_singular(), Some(0.25));
         assert!(ComplexEquations::new(3, 1).solve_and_return_least_pivot_unless_singular().is_none());
     }

@@ -121,7 +121,9 @@ impl<T: Arithmetic> SurfaceShapes<T> {
         for odd in [[false, false], [false, true], [true, false], [true, true]] {
             let is_of = |i: &usize| [folds[0].is_coordinate_odd(*i), folds[1].is_coordinate_odd(*i)] == odd;
             // What no actuator moves stays at rest.
-            if !(0..2).any(|axis| odd[axis] && (folds[axis].is_driven_only_evenly() || !folds[axis].is_symmetric())) {
+            if !(0..2).any(|axis| {
+                odd[axis] && (folds[axis].is_driven_only_evenly() || !folds[axis].is_symmetric_about_this_line())
+            }) {
                 let from = excited.len();
                 excited.extend((0..model.count_coordinates()).filter(is_of));
                 parities.push((odd, from..excited.len()));
@@ -252,7 +254,7 @@ impl<T: Arithmetic> SweepBuffers<T> {
             let rows = [row(even), row(odd_y), row(odd_x), row(odd_both)];
             unfold_row_from_parities(rows, |a, b| a + b, &mut out[j * nx..(j + 1) * nx]);
             let mirrored = ny - 1 - j;
-            if shapes.folds[1].is_symmetric() && mirrored != j {
+            if shapes.folds[1].is_symmetric_about_this_line() && mirrored != j {
                 unfold_row_from_parities(rows, |a, b| a - b, &mut out[mirrored * nx..(mirrored + 1) * nx]);
             }
         }

@@ -33,14 +33,19 @@ impl<'r, 't> Electronics<'r, 't> {
     }
 
     /// The times of an actuator's electrodes of `capacitance_f` in F; reports those that are too long.
-    pub(super) fn charging_times(&self, actuator: &TomlSection<'_, '_>, id: &str, capacitance_f: f64) -> ChargingTimes {
+    pub(super) fn compute_charging_times_and_report_too_long_ones(
+        &self,
+        actuator: &TomlSection<'_, '_>,
+        id: &str,
+        capacitance_f: f64,
+    ) -> ChargingTimes {
         let times = ChargingTimes {
             rise_s: self.charging_ohm * capacitance_f,
             hold_s: self.delay_s,
             fall_s: self.discharging_ohm * capacitance_f,
         };
         // The cable's key is to be mended if it is there, otherwise the table.
-        let at = if actuator.has_key("cable_capacitance_pf") {
+        let at = if actuator.has_key_marking_known("cable_capacitance_pf") {
             actuator.byte_range_of_value_or_section("cable_capacitance_pf")
         } else {
             self.section.byte_range_of_value_or_section("charging_resistance_ohm")

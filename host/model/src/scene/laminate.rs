@@ -101,7 +101,7 @@ impl PlateRigidities {
 
     /// The least and the largest [`PlateRigidities::rigidity_in_direction`] of all directions.
     #[must_use]
-    pub fn least_and_largest_rigidity(&self) -> [f64; 2] {
+    pub fn least_and_largest_rigidity_over_directions(&self) -> [f64; 2] {
         let (x, y, both) = (self.d11, self.d22, self.d12 + 2.0 * self.d66);
         let (low, high, turn) = (x.min(y), x.max(y), x + y - 2.0 * both);
         // The parabola turns between the axes where it rises, or falls, from both of them.
@@ -114,7 +114,7 @@ impl PlateRigidities {
 
     /// The mean of [`PlateRigidities::rigidity_in_direction`] over all directions: cos^4 has the mean 3/8, cos^2 sin^2 1/8.
     #[must_use]
-    pub fn mean_rigidity(&self) -> f64 {
+    pub fn mean_rigidity_over_directions(&self) -> f64 {
         0.375 * (self.d11 + self.d22) + 0.25 * (self.d12 + 2.0 * self.d66)
     }
 
@@ -172,9 +172,10 @@ impl Laminate {
         }
         let along = [rigidities.d11, rigidities.d22];
         let (loss_factor, shear_m2) = match kind {
-            SurfaceKind::Plate => {
-                (lost.mean_rigidity() / rigidities.mean_rigidity(), (shear[0] / along[0]).max(shear[1] / along[1]))
-            }
+            SurfaceKind::Plate => (
+                lost.mean_rigidity_over_directions() / rigidities.mean_rigidity_over_directions(),
+                (shear[0] / along[0]).max(shear[1] / along[1]),
+            ),
             SurfaceKind::Bar => (lost.d11 / rigidities.d11, shear[0] / along[0]),
         };
         Self { thickness_m, per_area_kg_m2, rigidities, loss_factor, shear_m2, turning_m2: turning / per_area_kg_m2 }

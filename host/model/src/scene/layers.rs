@@ -29,7 +29,7 @@ pub(super) fn read_layers(sections: Vec<TomlSection<'_, '_>>, kind: SurfaceKind)
         );
         let elastic = if read_is_turned(&section) { elastic.turn_by_90_degrees() } else { elastic };
         let loss_factor = section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR);
-        let has_bond = section.has_key("bond");
+        let has_bond = section.has_key_marking_known("bond");
         let slips =
             has_bond && section.read_required_word("bond", &[("bonded", false), ("slips", true)]).unwrap_or(false);
         if slips && plies.is_empty() {
@@ -73,13 +73,13 @@ fn read_ply_elasticity(table: &TomlSection<'_, '_>, kind: SurfaceKind) -> PlyEla
         SurfaceKind::Plate => table.read_required_number_or_nan("poisson_ratio", allowed),
         SurfaceKind::Bar => table.read_optional_number_or_nan("poisson_ratio", 0.0, allowed),
     };
-    if !WITH_AXES.iter().any(|key| table.has_key(key)) {
+    if !WITH_AXES.iter().any(|key| table.has_key_marking_known(key)) {
         return PlyElasticity::from_isotropic_moduli(
             table.read_required_number_or_nan("youngs_modulus_pa", YOUNGS_MODULUS_PA),
             poisson(POISSON_RATIO),
         );
     }
-    if table.has_key("youngs_modulus_pa") {
+    if table.has_key_marking_known("youngs_modulus_pa") {
         let text = format!(
             "{} is given together with moduli of the axes ({}), but only one kind is allowed: give youngs_modulus_pa \
              if the material is the same in all directions, otherwise the moduli of the axes",
@@ -97,17 +97,17 @@ fn read_ply_elasticity(table: &TomlSection<'_, '_>, kind: SurfaceKind) -> PlyEla
 }
 
 /// The thickness of a surface that has layers, in m. It need not be given again, and neither must another material be.
-pub(super) fn read_layered_thickness_m(surface: &TomlSection<'_, '_>, plies: &[Ply]) -> f64 {
+pub(super) fn report_conflicting_keys_and_sum_layer_thickness_m(surface: &TomlSection<'_, '_>, plies: &[Ply]) -> f64 {
     let thickness_m: f64 = plies.iter().map(|ply| ply.thickness_m).sum();
     let own_mm = surface.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
     if (own_mm / 1e3 - thickness_m).abs() > SAME_THICKNESS * thickness_m {
         let allowed = format!(
             "{} (the sum of the thicknesses of all [[layer]] tables), or left out",
-            super::place::metres_to_rounded_mm(thickness_m)
+            super::place::metres_to_mm_rounded_to_9_decimals(thickness_m)
         );
         surface.report_wrong_value("thickness_mm", own_mm.to_string(), &allowed);
     }
-    if surface.has_key("material") {
+    if surface.has_key_marking_known("material") {
         surface.report_wrong_value(
             "material",
             String::from("given"),

@@ -247,7 +247,7 @@ impl SurfaceLayout {
     }
 
     /// The layers that a rectangle (x from, x to, y from, y to) has in its inside.
-    pub fn layers_inside_rectangle(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<SurfaceLayer>> {
+    pub fn layers_overlapping_rectangle(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<SurfaceLayer>> {
         let [from_x, to_x, from_y, to_y] = rectangle;
         let columns = self.x_m.len() - 1;
         self.parts.iter().enumerate().filter_map(move |(k, part)| {

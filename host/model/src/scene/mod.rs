@@ -64,9 +64,9 @@ pub struct Scene {
     pub cutouts: Vec<Cutout>,
     /// Which pixels lie where on it.
     pub screen: Screen,
-    /// Point spring-dampers to ground, in the file's order: messages and previews name them by it. What one does is read in
-    /// `model/assembly.rs` (matrices), `rigid.rs` (what holds the surface), `neighbours.rs` and `placement.rs` (functions of point forces,
-    /// mesh lines) and `estimator.rs` (moments at points).
+    /// Point spring-dampers to ground, in the file's order: messages and previews name them by it. What one does is in
+    /// `model/attached.rs`, which is read by `assembly.rs` (matrices), `rigid.rs` (what holds the surface), `neighbours.rs` and `placement.rs`
+    /// (functions of point forces, mesh lines) and `estimator.rs` (moments at points).
     pub supports: Vec<Support>,
     /// Line supports.
     pub edges: Vec<Edge>,

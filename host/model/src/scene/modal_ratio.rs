@@ -22,7 +22,7 @@ impl ModalRatio {
 
     /// A table of frequencies in Hz and ratios; `None` unless there are 1 to 10 of them, frequencies ascending.
     #[must_use]
-    pub fn from_table_if_ascending(frequencies_and_ratios: &[(f64, f64)]) -> Option<Self> {
+    pub fn from_table_if_ascending_with_1_to_10_pairs(frequencies_and_ratios: &[(f64, f64)]) -> Option<Self> {
         let last = *frequencies_and_ratios.last()?;
         if frequencies_and_ratios.len() > MOST_POINTS
             || !frequencies_and_ratios.windows(2).all(|pair| pair[0].0 < pair[1].0)
@@ -61,16 +61,21 @@ mod tests {
 
     #[test]
     fn ratios_are_straight_between_points_and_constant_beyond() {
-        let table = ModalRatio::from_table_if_ascending(&[(50.0, 0.02), (150.0, 0.01), (400.0, 0.04)]).unwrap();
+        let table =
+            ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[(50.0, 0.02), (150.0, 0.01), (400.0, 0.04)])
+                .unwrap();
         for (hz, ratio) in [(0.0, 0.02), (50.0, 0.02), (75.0, 0.0175), (150.0, 0.01), (275.0, 0.025), (1e9, 0.04)] {
             assert!((table.ratio_at_frequency(hz) - ratio).abs() < 1e-15, "{hz}: {}", table.ratio_at_frequency(hz));
         }
         assert!(!table.is_same_for_all_modes() && ModalRatio::from_single_ratio(0.3).is_same_for_all_modes());
         assert_eq!(ModalRatio::from_single_ratio(0.3).ratio_at_frequency(123.0), 0.3);
         assert_eq!(
-            [ModalRatio::from_table_if_ascending(&[]), ModalRatio::from_table_if_ascending(&[(2.0, 0.1), (2.0, 0.2)])],
+            [
+                ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[]),
+                ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[(2.0, 0.1), (2.0, 0.2)])
+            ],
             [None, None]
         );
-        assert_eq!(ModalRatio::from_table_if_ascending(&[(1.0, 0.1); MOST_POINTS + 1]), None);
+        assert_eq!(ModalRatio::from_table_if_ascending_with_1_to_10_pairs(&[(1.0, 0.1); MOST_POINTS + 1]), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::electronics::Electronics;
 use super::laminate::{Laminate, Ply};
-use super::layers::{read_layered_thickness_m, read_layers};
+use super::layers::{read_layers, report_conflicting_keys_and_sum_layer_thickness_m};
 use super::layout::SurfaceLayout;
 use super::modal_ratio::{MOST_POINTS, ModalRatio};
 use super::place::ROUNDING;
@@ -64,11 +64,11 @@ pub(super) fn parse_scene_text(source: &str, text: &str) -> Result<Scene, SceneE
 /// Reads all tables; `None` if the surface is missing, which has been reported then.
 fn read_all_tables_unless_surface_missing(file: &TomlSection<'_, '_>) -> Option<Scene> {
     file.read_required_number_or_nan("version", AllowedNumbers::Within(VERSION, VERSION));
-    let name = file.read_required_text("name");
+    let name = file.read_required_text_or_empty("name");
     let plies = file.read_tables("layer");
     let mut surface = file.read_required_table("surface").map(|section| read_surface(section, plies));
     let (sealed_depth_m, added_mass) =
-        file.read_table_if_given("air").map_or((None, 0.0), read_sealed_depth_and_added_mass);
+        file.read_table_if_given_and_a_table("air").map_or((None, 0.0), read_sealed_depth_m_and_added_mass_kg_per_m2);
     if let Some(surface) = &mut surface {
         surface.added_mass_kg_per_m2 = added_mass;
     }
@@ -79,17 +79,17 @@ fn read_all_tables_unless_surface_missing(file: &TomlSection<'_, '_>) -> Option<
     let cutouts = read_cutouts(file.read_tables("cutout"), surface.as_ref(), &size);
     size.left =
         surface.as_ref().filter(|_| !cutouts.is_empty()).map(|surface| SurfaceLayout::new(surface, &[], &cutouts));
-    let screen = read_screen(file.read_table_if_given("screen"), &size);
+    let screen = read_screen(file.read_table_if_given_and_a_table("screen"), &size);
     let supports = file.read_tables("support").into_iter().map(|section| read_support(section, &size)).collect();
     let edges = read_edges(file.read_tables("edge"), &size);
     let masses = file.read_tables("mass").into_iter().map(|section| read_mass(section, &size)).collect();
-    let electronics = file.read_table_if_given("electronics").map(Electronics::read);
+    let electronics = file.read_table_if_given_and_a_table("electronics").map(Electronics::read);
     let actuators = read_actuators(file.read_tables("actuator"), &size, electronics.as_ref());
     if let Some(electronics) = electronics {
         electronics.report_unknown_keys();
     }
-    let press_n = file.read_table_if_given("press").map_or(DEFAULT_PRESS_N, read_press_force_n);
-    let finger = file.read_table_if_given("finger").map(read_finger);
+    let press_n = file.read_table_if_given_and_a_table("press").map_or(DEFAULT_PRESS_N, read_press_force_n);
+    let finger = file.read_table_if_given_and_a_table("finger").map(read_finger);
     let surface = surface?;
     Some(Scene {
         name,
@@ -114,7 +114,8 @@ fn read_surface(section: TomlSection<'_, '_>, plies: Vec<TomlSection<'_, '_>>) -
     let side = |key| section.read_required_number_or_nan(key, AllowedNumbers::Within(1.0, MAX_SIDE_MM)) / 1e3;
     let (length_m, width_m) = (side("length_mm"), side("width_mm"));
     let layers = read_layers(plies, kind);
-    let own_damping = section.read_table_if_given("damping").map_or(SurfaceDamping::None, read_surface_damping);
+    let own_damping =
+        section.read_table_if_given_and_a_table("damping").map_or(SurfaceDamping::None, read_surface_damping);
     let (thickness_m, material, damping) = if layers.is_empty() {
         (
             section.read_required_number_or_nan("thickness_mm", THICKNESS_MM) / 1e3,
@@ -124,7 +125,11 @@ fn read_surface(section: TomlSection<'_, '_>, plies: Vec<TomlSection<'_, '_>>) -
     } else {
         let laminate = Laminate::from_plies(kind, &layers);
         let damping = choose_layered_surface_damping(&section, &layers, laminate.loss_factor, own_damping);
-        (read_layered_thickness_m(&section, &layers), laminate.to_uniform_material(kind), damping)
+        (
+            report_conflicting_keys_and_sum_layer_thickness_m(&section, &layers),
+            laminate.to_uniform_material(kind),
+            damping,
+        )
     };
     section.report_unknown_keys();
     Surface { kind, length_m, width_m, thickness_m, material, layers, damping, added_mass_kg_per_m2: 0.0 }
@@ -168,9 +173,9 @@ fn choose_layered_surface_damping(
 
 fn read_surface_damping(section: TomlSection<'_, '_>) -> SurfaceDamping {
     let has = [
-        section.has_key("loss_factor"),
-        section.has_key("modal_ratio"),
-        section.has_key("rayleigh_alpha") | section.has_key("rayleigh_beta"),
+        section.has_key_marking_known("loss_factor"),
+        section.has_key_marking_known("modal_ratio"),
+        section.has_key_marking_known("rayleigh_alpha") | section.has_key_marking_known("rayleigh_beta"),
     ];
     let loss_factor = section.read_optional_number_or_nan("loss_factor", 0.0, LOSS_FACTOR);
     let modal_ratio = read_modal_ratio(&section);
@@ -207,7 +212,7 @@ fn read_modal_ratio(section: &TomlSection<'_, '_>) -> ModalRatio {
         return ModalRatio::from_single_ratio(section.read_optional_number_or_nan(KEY, 0.0, MODAL_RATIO));
     }
     let pairs = section.number_pairs_if_all_allowed_without_report(KEY, MODE_HZ, MODAL_RATIO);
-    pairs.as_deref().and_then(ModalRatio::from_table_if_ascending).unwrap_or_else(|| {
+    pairs.as_deref().and_then(ModalRatio::from_table_if_ascending_with_1_to_10_pairs).unwrap_or_else(|| {
         let wanted = format!(
             "a number {MODAL_RATIO}, or a list of 1 to {MOST_POINTS} pairs [frequency in Hz, damping ratio] with \
              rising frequencies: each frequency {MODE_HZ}, each ratio {MODAL_RATIO}"
@@ -233,8 +238,12 @@ fn read_screen(section: Option<TomlSection<'_, '_>>, size: &SurfaceSize) -> Scre
         height_px: section.read_required_positive_count_or_1("height_px", MAX_PIXELS),
         ..whole
     };
-    let area =
-        [section.has_key("x_mm"), section.has_key("y_mm"), section.has_key("width_mm"), section.has_key("height_mm")];
+    let area = [
+        section.has_key_marking_known("x_mm"),
+        section.has_key_marking_known("y_mm"),
+        section.has_key_marking_known("width_mm"),
+        section.has_key_marking_known("height_mm"),
+    ];
     if area.contains(&true) {
         let part = |key, side_m: f64, default_m: f64, allowed| {
             section.read_optional_number_or_nan(key, default_m * 1e3, allowed) / 1e3 + 0.0 * side_m
@@ -375,9 +384,9 @@ fn read_press_force_n(section: TomlSection<'_, '_>) -> f64 {
 }
 
 /// Depth of the sealed cavity in m, if there is one, and mass that moves with the surface in kg/m^2.
-fn read_sealed_depth_and_added_mass(section: TomlSection<'_, '_>) -> (Option<f64>, f64) {
+fn read_sealed_depth_m_and_added_mass_kg_per_m2(section: TomlSection<'_, '_>) -> (Option<f64>, f64) {
     let depth_m = section
-        .has_key("sealed_depth_mm")
+        .has_key_marking_known("sealed_depth_mm")
         .then(|| section.read_required_number_or_nan("sealed_depth_mm", SEALED_DEPTH_MM) / 1e3);
     let added_mass = section.read_optional_number_or_nan("added_mass_kg_per_m2", 0.0, ADDED_MASS);
     section.report_unknown_keys();
@@ -406,12 +415,13 @@ fn read_actuators(
         // A grounded ERA without a mass is a spring with a force; an inertial one has nothing to push off from.
         let moving_mass =
             if mount == Some(Mount::Inertial) { AllowedNumbers::Within(1e-9, MOST_MASS_G) } else { MASS_G };
-        let id = section.read_required_text("id");
+        let id = section.read_required_text_or_empty("id");
         let (x_m, y_m) = size.read_position_m(&section);
         let max_voltage_v = section.read_required_number_or_nan("max_voltage_v", AllowedNumbers::Within(1.0, 10_000.0));
         let air_gap_um = section.read_required_number_or_nan("air_gap_um", AllowedNumbers::Within(1.0, 1e5));
         let stop = AllowedNumbers::Within(LEAST_STOP_UM, if air_gap_um.is_nan() { f64::MAX } else { air_gap_um });
-        let stop_um = section.has_key("stop_um").then(|| section.read_required_number_or_nan("stop_um", stop));
+        let stop_um =
+            section.has_key_marking_known("stop_um").then(|| section.read_required_number_or_nan("stop_um", stop));
         let bias = AllowedNumbers::Within(0.0, if max_voltage_v.is_nan() { f64::MAX } else { max_voltage_v });
         let mut actuator = Actuator {
             id,
@@ -436,7 +446,8 @@ fn read_actuators(
         };
         if let Some(electronics) = electronics {
             let capacitance_f = actuator.capacitance_of_electrode_with_cable_f();
-            actuator.charging = electronics.charging_times(&section, &actuator.id, capacitance_f);
+            actuator.charging =
+                electronics.compute_charging_times_and_report_too_long_ones(&section, &actuator.id, capacitance_f);
         }
         if actuator.bias_voltage_v > 0.0 && actuator.effective_stiffness_n_per_m() <= 0.0 {
             let text = format!(

@@ -65,7 +65,7 @@ pub enum PlaceError {
 }
 
 /// A length in mm, without the rounding of the conversion to metres and back.
-pub(super) fn metres_to_rounded_mm(length_m: f64) -> f64 {
+pub(super) fn metres_to_mm_rounded_to_9_decimals(length_m: f64) -> f64 {
     // Beyond a kilometre the digits do not matter, and the product may overflow.
     if length_m.abs() < 1e3 { (length_m * 1e12).round() / 1e9 } else { length_m * 1e3 }
 }
@@ -83,7 +83,11 @@ pub fn check_and_snap_coordinate_along_side(field: &'static str, at_m: f64, side
     } else if (0.0..=side_m).contains(&at_m) {
         Ok(at_m)
     } else {
-        Err(PlaceError::Outside { field, value: metres_to_rounded_mm(at_m), max: metres_to_rounded_mm(side_m) })
+        Err(PlaceError::Outside {
+            field,
+            value: metres_to_mm_rounded_to_9_decimals(at_m),
+            max: metres_to_mm_rounded_to_9_decimals(side_m),
+        })
     }
 }
 
@@ -136,8 +140,8 @@ impl Scene {
         match self.cutout_number_counted_from_1_at(place.x_m, place.y_m) {
             None => Ok(place),
             Some(cutout) => Err(PlaceError::Cutout {
-                x_mm: metres_to_rounded_mm(place.x_m),
-                y_mm: metres_to_rounded_mm(place.y_m),
+                x_mm: metres_to_mm_rounded_to_9_decimals(place.x_m),
+                y_mm: metres_to_mm_rounded_to_9_decimals(place.y_m),
                 cutout,
             }),
         }

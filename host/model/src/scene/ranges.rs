@@ -1,7 +1,7 @@
 //! What numbers in a scene file may be where several parts of it share a range, and places on the surface.
 
 use super::layout::SurfaceLayout;
-use super::place::{check_and_snap_coordinate_along_side, metres_to_rounded_mm};
+use super::place::{check_and_snap_coordinate_along_side, metres_to_mm_rounded_to_9_decimals};
 use super::read::{AllowedNumbers, TomlSection};
 use super::{Side, SurfaceKind};
 
@@ -35,8 +35,8 @@ impl SurfaceSize {
             let text = format!(
                 "{} and y_mm: the point ({}, {}) lies in a [[cutout]], but must be on the surface",
                 section.key_with_path("x_mm"),
-                metres_to_rounded_mm(x_m),
-                metres_to_rounded_mm(y_m)
+                metres_to_mm_rounded_to_9_decimals(x_m),
+                metres_to_mm_rounded_to_9_decimals(y_m)
             );
             section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section("x_mm"), text);
         }
@@ -77,5 +77,9 @@ fn snap_mm_to_side_m(at_mm: f64, side_m: f64) -> f64 {
 }
 
 pub(super) fn allowed_mm_along_side(side_m: f64) -> AllowedNumbers {
-    if side_m.is_nan() { AllowedNumbers::NotNegative } else { AllowedNumbers::Along(0.0, metres_to_rounded_mm(side_m)) }
+    if side_m.is_nan() {
+        AllowedNumbers::NotNegative
+    } else {
+        AllowedNumbers::Along(0.0, metres_to_mm_rounded_to_9_decimals(side_m))
+    }
 }

@@ -8,6 +8,11 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
+/// Tables that a scene file may contain several times, in double brackets.
+const REPEATED_IN_SCENES: &[&str] = &["support", "mass", "actuator", "edge", "patch", "cutout", "layer"];
+/// The same of a study file.
+const REPEATED_IN_STUDIES: &[&str] = &["variable", "apart", "wish", "limit", "uncertain"];
+
 /// One mistake in a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FileMistake {
@@ -71,15 +76,18 @@ pub fn parse_toml_document<'t>(source: &str, text: &'t str) -> Result<Spanned<De
         let told = error.message().trim();
         // "duplicate key" does not say which.
         let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
-        let text = match own {
-            Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
+        let table = own.and_then(|own| own.strip_prefix('[')).and_then(|own| own.split(']').next()).map(str::trim);
+        let table = table.filter(|name| !name.starts_with('['));
+        let text = match (table, own) {
+            (Some(name), _) if REPEATED_IN_SCENES.contains(&name) || REPEATED_IN_STUDIES.contains(&name) => {
                 format!(
-                    "not valid TOML: {own} is given twice, but a table in single brackets may be given only once; a \
-                     table that the file may contain several times is written [{own}]"
+                    "not valid TOML: [{name}] is given twice, but a table in single brackets may be given only once; a \
+                     table that the file may contain several times is written [[{name}]]"
                 )
             }
-            Some(own) => format!("not valid TOML: {told}: {own}"),
-            None => format!("not valid TOML: {told}"),
+            (Some(name), _) => format!("not valid TOML: [{name}] is given twice, but may be given only once"),
+            (None, Some(own)) => format!("not valid TOML: {told}: {own}"),
+            (None, None) => format!("not valid TOML: {told}"),
         };
         SceneError::from_single_mistake(source, line, text)
     })
@@ -231,7 +239,7 @@ impl<'r, 't> TomlSection<'r, 't> {
 
     /// Whether a key is there; from then on the key is known.
     #[must_use]
-    pub fn has_key(&self, key: &'static str) -> bool {
+    pub fn has_key_marking_known(&self, key: &'static str) -> bool {
         self.mark_key_known(key);
         self.table.contains_key(key)
     }
@@ -303,7 +311,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Reads a text that has to be there.
-    pub fn read_required_text(&self, key: &'static str) -> String {
+    pub fn read_required_text_or_empty(&self, key: &'static str) -> String {
         match self.value_of_key_marking_known(key) {
             Some(DeValue::String(text)) if !text.trim().is_empty() => text.to_string(),
             Some(value) => {
@@ -318,7 +326,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Numbers in a list, as many as one of `counts` says; `None` if the key is not there, or wrong.
-    pub fn read_numbers_if_given(
+    pub fn read_numbers_if_given_and_allowed(
         &self,
         key: &'static str,
         counts: &[usize],
@@ -372,7 +380,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// A text, or a list of texts; `None` if the key is not there, or wrong.
-    pub fn read_text_or_texts_if_given(&self, key: &'static str) -> Option<Vec<String>> {
+    pub fn read_text_or_texts_if_given_and_valid(&self, key: &'static str) -> Option<Vec<String>> {
         let value = self.value_of_key_marking_known(key)?;
         let texts: Option<Vec<String>> = match value {
             DeValue::Array(list) => list.iter().map(|entry| entry.get_ref().as_str().map(str::to_owned)).collect(),
@@ -400,7 +408,7 @@ impl<'r, 't> TomlSection<'r, 't> {
     }
 
     /// Reads a table within this one; `None` if it is not there.
-    pub fn read_table_if_given(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
+    pub fn read_table_if_given_and_a_table(&self, key: &'static str) -> Option<TomlSection<'r, 't>> {
         match self.value_of_key_marking_known(key)? {
             DeValue::Table(table) => Some(TomlSection::new(
                 self.report,
@@ -420,7 +428,7 @@ impl<'r, 't> TomlSection<'r, 't> {
         if !self.table.contains_key(key) {
             self.report_missing_key(key, &format!("a table [{}]", self.key_with_path(key)));
         }
-        self.read_table_if_given(key)
+        self.read_table_if_given_and_a_table(key)
     }
 
     /// A list of tables, `[[key]]`; empty if there is none.

@@ -2,7 +2,7 @@
 
 use super::layout::SurfaceLayout;
 use super::patch::{Cutout, Patch};
-use super::place::{ROUNDING, metres_to_rounded_mm};
+use super::place::{ROUNDING, metres_to_mm_rounded_to_9_decimals};
 use super::ranges::{
     DENSITY_KG_M3, POISSON_RATIO, SurfaceSize, THICKNESS_MM, YOUNGS_MODULUS_PA, allowed_mm_along_side,
 };
@@ -18,15 +18,15 @@ fn read_start_and_extent_m(section: &TomlSection<'_, '_>, keys: [&'static str; 2
     let longest = if side_m.is_nan() {
         AllowedNumbers::Positive
     } else {
-        AllowedNumbers::Along(LEAST_SIDE_MM, metres_to_rounded_mm(side_m))
+        AllowedNumbers::Along(LEAST_SIDE_MM, metres_to_mm_rounded_to_9_decimals(side_m))
     };
     let extent = section.read_required_number_or_nan(keys[1], longest) / 1e3;
     if start + extent > side_m * (1.0 + ROUNDING) {
         let text = format!(
             "{} makes the rectangle end at {} mm, but the surface ends at {} mm",
             section.key_with_path(keys[1]),
-            metres_to_rounded_mm(start + extent),
-            metres_to_rounded_mm(side_m)
+            metres_to_mm_rounded_to_9_decimals(start + extent),
+            metres_to_mm_rounded_to_9_decimals(side_m)
         );
         section.mistake_report().add_mistake_at(&section.byte_range_of_value_or_section(keys[1]), text);
     }
@@ -66,9 +66,9 @@ fn read_patch(section: TomlSection<'_, '_>, surface: Option<&Surface>, size: &Su
     };
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
     let (thickness_m, base) = surface.map_or((f64::NAN, nothing), |surface| (surface.thickness_m, surface.material));
-    let own_thickness = section.has_key("thickness_mm");
+    let own_thickness = section.has_key_marking_known("thickness_mm");
     let thickness_mm = section.read_optional_number_or_nan("thickness_mm", thickness_m * 1e3, THICKNESS_MM);
-    let table = section.read_table_if_given("material");
+    let table = section.read_table_if_given_and_a_table("material");
     let material = table.map_or(base, |table| {
         let material = Material {
             youngs_modulus_pa: table.read_optional_number_or_nan(
@@ -136,8 +136,8 @@ fn describe_cutout_problem_if_any(remaining_layout: &SurfaceLayout) -> Option<St
         return Some(format!(
             "leaves parts of the surface that touch only at the point ({}, {}) mm, but these parts must be connected \
              along a line: let the cut-outs overlap, or move the cut-outs apart",
-            metres_to_rounded_mm(x),
-            metres_to_rounded_mm(y)
+            metres_to_mm_rounded_to_9_decimals(x),
+            metres_to_mm_rounded_to_9_decimals(y)
         ));
     }
     match remaining_layout.count_connected_pieces() {

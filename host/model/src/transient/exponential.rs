@@ -14,7 +14,7 @@ const MOST_SQUARINGS: i32 = 60;
 
 /// The exponential of a square matrix.
 pub fn matrix_exponential(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let norm = largest_column_sum(matrix);
+    let norm = largest_column_sum_of_magnitudes(matrix);
     if norm <= NORM_9 {
         return evaluate_exponential_taylor(matrix, 9, 3);
     }
@@ -38,7 +38,7 @@ fn count_squarings(norm: f64) -> i32 {
 }
 
 /// The largest sum of magnitudes in a column (the 1-norm).
-pub fn largest_column_sum(matrix: &DMatrix<f64>) -> f64 {
+pub fn largest_column_sum_of_magnitudes(matrix: &DMatrix<f64>) -> f64 {
     matrix.column_iter().map(|column| column.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max)
 }
 

@@ -102,7 +102,7 @@ impl SwitchedForce {
 
 /// The highest frequency of drives in Hz; 1 without any.
 #[must_use]
-pub fn highest_drive_frequency_or_1_hz(drives: &[SwitchedForce]) -> f64 {
+pub fn highest_drive_frequency_but_at_least_1_hz(drives: &[SwitchedForce]) -> f64 {
     drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max)
 }
 
@@ -117,7 +117,7 @@ pub fn compute_motion_after_switch_on(
     drives: &[SwitchedForce],
     grid: TimeGrid,
 ) -> Result<PointMotion, MotionError> {
-    let modelled_hz = SWITCHED_ON * highest_drive_frequency_or_1_hz(drives);
+    let modelled_hz = SWITCHED_ON * highest_drive_frequency_but_at_least_1_hz(drives);
     let model = PanelModel::build(scene, accuracy, modelled_hz)?.reduce(modelled_hz, &[at])?;
     Ok(compute_point_motion(&model, &model.shape_deflections_at(at.0, at.1), drives, grid)?)
 }
@@ -139,7 +139,7 @@ impl PointMotion {
     /// When it has settled, in s, to a tenth of its steady peak; `None` if it does not in this time, or if there are several
     /// drives: they beat, and a beat's peaks say nothing about settling.
     #[must_use]
-    pub fn settling_time_unless_several_drives_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
+    pub fn settling_time_if_single_drive_settles_s(&self, drives: &[SwitchedForce]) -> Option<f64> {
         match drives {
             [drive] => self.settling_time_within_tolerance_s(drive.frequency_hz, SETTLED),
             _ => None,

@@ -1,7 +1,7 @@
 //! The public solver: one system, one grid of times, any forces and initial states.
 
 use super::blocks::{self, HarmonicOutput};
-use super::exponential::{count_exponential_products, largest_column_sum, matrix_exponential};
+use super::exponential::{count_exponential_products, largest_column_sum_of_magnitudes, matrix_exponential};
 use super::state::StateSpace;
 use super::system::{
     DecoupledModes, MassCoordinates, check_harmonic_force, check_initial_state, check_shape_and_finiteness,
@@ -47,8 +47,8 @@ impl Propagator {
             // Per step the 2 x 2 propagator's entries (a few units each) and its product; once, n terms per output.
             (PropagatorKind::Modal(modes), 16.0)
         } else {
-            let state = StateSpace::new(&coordinates, last_time_s(grid))?;
-            let rounds = 1.0 + count_exponential_products(largest_column_sum(&state.a) * grid.step_s);
+            let state = StateSpace::new(&coordinates, last_time_but_at_least_one_step_s(grid))?;
+            let rounds = 1.0 + count_exponential_products(largest_column_sum_of_magnitudes(&state.a) * grid.step_s);
             (PropagatorKind::Coupled { coordinates, state }, rounds * size.powf(1.5))
         };
         Ok(Self { grid, kind, system: system.clone(), units_per_step })
@@ -95,7 +95,7 @@ impl Propagator {
     pub fn solve_steady_amplitudes(&self, drive: &HarmonicForce) -> Result<DVector<Complex64>, TransientError> {
         check_harmonic_force(drive, self.count_unknowns())?;
         let PropagatorKind::Modal(modes) = &self.kind else {
-            return steady::solve_checked_steady_state(&self.system, drive);
+            return steady::solve_steady_state_of_already_checked_system(&self.system, drive);
         };
         let force = modes.shapes.tr_mul(&drive.force_n);
         let (omega, square) = (drive.omega_rad_s, drive.omega_rad_s * drive.omega_rad_s);
@@ -203,7 +203,7 @@ impl Propagator {
         let coordinates = MassCoordinates::new(&self.system)?;
         let force = |drive: &HarmonicForce| (drive.omega_rad_s, coordinates.back.tr_mul(&drive.force_n));
         let forces: Vec<_> = drives.iter().map(force).collect();
-        let (state, amplitudes) = StateSpace::new(&coordinates, last_time_s(self.grid))?
+        let (state, amplitudes) = StateSpace::new(&coordinates, last_time_but_at_least_one_step_s(self.grid))?
             .append_phasor_states_and_get_start_amplitudes(&forces);
         let to = |vector: &DVector<f64>| &coordinates.to * vector;
         let mut z = state.build_state(&to(&initial.displacement), &to(&initial.velocity));
@@ -234,7 +234,7 @@ impl Propagator {
 }
 
 /// Time of the last step in s.
-fn last_time_s(grid: TimeGrid) -> f64 {
+fn last_time_but_at_least_one_step_s(grid: TimeGrid) -> f64 {
     grid.time_at_index_s(grid.count.max(2) - 1)
 }
 

@@ -51,8 +51,9 @@ pub fn with_viscous_damping_if_hysteretic(model: &ReducedModel) -> Option<Reduce
 /// The model with the damping and the modes that it has in time (those up to 200 kHz), for the frequency
 /// domain; `None` if all of its modes are stepped. Those left out have no force and no coupling, and stay at rest.
 #[must_use]
-pub fn make_viscous_and_silence_unstepped_modes(model: &ReducedModel) -> Option<ReducedModel> {
-    let left_out: Vec<usize> = (0..model.count_coordinates()).filter(|i| !is_mode_stepped(model.lambda[*i])).collect();
+pub fn make_viscous_and_silence_modes_too_fast_to_step_if_any(model: &ReducedModel) -> Option<ReducedModel> {
+    let left_out: Vec<usize> =
+        (0..model.count_coordinates()).filter(|i| !is_mode_slow_enough_to_step(model.lambda[*i])).collect();
     if left_out.is_empty() {
         return None;
     }
@@ -68,7 +69,7 @@ pub fn make_viscous_and_silence_unstepped_modes(model: &ReducedModel) -> Option<
 
 /// Whether a mode with the squared angular frequency `lambda` (rad^2/s^2) is stepped in time.
 #[must_use]
-pub fn is_mode_stepped(lambda: f64) -> bool {
+pub fn is_mode_slow_enough_to_step(lambda: f64) -> bool {
     lambda < (std::f64::consts::TAU * HIGHEST_MODE_HZ).powi(2)
 }
 

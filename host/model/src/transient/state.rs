@@ -72,7 +72,7 @@ impl StateSpace {
     pub fn append_phasor_states_and_get_start_amplitudes(mut self, drives: &[(f64, DVector<f64>)]) -> (Self, Vec<f64>) {
         let n = self.count_unknowns();
         let size = 2 * n + 2 * drives.len();
-        let norm = super::exponential::largest_column_sum(&self.a).max(f64::MIN_POSITIVE);
+        let norm = super::exponential::largest_column_sum_of_magnitudes(&self.a).max(f64::MIN_POSITIVE);
         self.a = self.a.resize(size, size, 0.0);
         let mut amplitudes = Vec::with_capacity(drives.len());
         for (i, (omega, force)) in drives.iter().enumerate() {

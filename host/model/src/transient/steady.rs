@@ -20,10 +20,10 @@ pub fn solve_steady_state(
 ) -> Result<DVector<Complex64>, TransientError> {
     system.check_sizes_numbers_and_symmetry()?;
     super::system::check_harmonic_force(drive, system.count_unknowns())?;
-    solve_checked_steady_state(system, drive)
+    solve_steady_state_of_already_checked_system(system, drive)
 }
 
-pub(super) fn solve_checked_steady_state(
+pub(super) fn solve_steady_state_of_already_checked_system(
     system: &SecondOrderSystem,
     drive: &HarmonicForce,
 ) -> Result<DVector<Complex64>, TransientError> {

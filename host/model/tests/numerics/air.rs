@@ -3,7 +3,8 @@
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, Bound, PanelModel, compute_modes_with_error_bounds};
 use era_model::response::{
-    compute_curves_with_error_bounds, multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency,
+    compute_acceleration_curves_per_newton_with_error_bounds, multiply_shape_with_coordinates,
+    solve_coordinates_per_newton_at_frequency,
 };
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -174,7 +175,9 @@ fn responses_of_pinned_panels_on_air() {
         let wanted: Vec<_> =
             hz.iter().map(|hz| -(TAU * hz).powi(2) * series.compliance(stiffness, eta, TAU * hz)).collect();
         let accuracy = Accuracy::from_tolerance(1e-4).unwrap();
-        let found = compute_curves_with_error_bounds(&sealed(scene, 20.0).scene(), accuracy, at, &hz).unwrap();
+        let found =
+            compute_acceleration_curves_per_newton_with_error_bounds(&sealed(scene, 20.0).scene(), accuracy, at, &hz)
+                .unwrap();
         let peak = wanted.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let off = found.answer[0].iter().zip(&wanted).map(|(a, b)| (a - b).norm() / peak).fold(0.0, f64::max);
         let bound = found.bounds[0].limit_if_known().unwrap();

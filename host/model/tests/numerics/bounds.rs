@@ -2,7 +2,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, compute_modes_with_error_bounds};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
@@ -151,14 +151,19 @@ fn bounds_of_responses_hold() {
         let nothing = 1e-6 / scene.surface_mass();
         let frequencies: Vec<f64> = (1..=100).map(|i| 2.0 * f64::from(i)).collect();
         let answer = |tolerance: f64| {
-            compute_curves_with_error_bounds(&parsed, Accuracy::from_tolerance(tolerance).unwrap(), at, &frequencies)
-                .map_err(|error| {
-                    TestCaseError::fail(format!(
-                        "{error}
+            compute_acceleration_curves_per_newton_with_error_bounds(
+                &parsed,
+                Accuracy::from_tolerance(tolerance).unwrap(),
+                at,
+                &frequencies,
+            )
+            .map_err(|error| {
+                TestCaseError::fail(format!(
+                    "{error}
 {}",
-                        scene.text()
-                    ))
-                })
+                    scene.text()
+                ))
+            })
         };
         let (found, exact) = (answer(tolerance)?, answer(0.01 * tolerance)?);
         for (k, (curve, bound)) in found.answer.iter().zip(&found.bounds).enumerate() {

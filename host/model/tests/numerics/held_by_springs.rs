@@ -3,7 +3,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, Bound};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
@@ -50,7 +50,9 @@ fn check(name: &str, scene: &SceneText, (x, y): (f64, f64), frequencies_hz: &[f6
     let peak = expected.iter().map(|z| z.norm()).fold(0.0, f64::max);
     for tolerance in [1e-3, 1e-5] {
         let accuracy = Accuracy::from_tolerance(tolerance).unwrap();
-        let found = compute_curves_with_error_bounds(&scene.scene(), accuracy, (x, y), frequencies_hz).unwrap();
+        let found =
+            compute_acceleration_curves_per_newton_with_error_bounds(&scene.scene(), accuracy, (x, y), frequencies_hz)
+                .unwrap();
         let differences = found.answer[0].iter().zip(&expected).map(|(a, b)| (a - b).norm() / peak);
         let error = differences.fold(0.0, f64::max);
         let Bound::AtMost(bound) = found.bounds[0] else { panic!("{name}: no bound") };

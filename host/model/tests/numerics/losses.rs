@@ -4,6 +4,7 @@
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, PanelModel, ReducedModel};
 use era_model::response::{multiply_shape_with_coordinates, solve_coordinates_per_newton_at_frequency};
+use era_model::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping};
 use era_model::transient::reduced::ModalSystem;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -50,6 +51,22 @@ fn a_rigid_panel_on_rubber_has_half_its_loss_factor() {
             }
         }
     }
+}
+
+/// What the example plate promises: a light metal's loss factor, springs of about 5 % of critical damping, and no mode below 400 Hz beyond 8 %.
+#[test]
+fn the_example_plate_is_damped_as_little_as_a_real_one() {
+    let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    assert!(
+        matches!(scene.surface.damping, SurfaceDamping::LossFactor(factor) if factor <= 0.01),
+        "{:?}",
+        scene.surface.damping
+    );
+    let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0).unwrap();
+    let modes = model.compute_mode_frequencies_and_poles(400.0).unwrap();
+    assert!(modes.len() > 5);
+    let most = modes.iter().map(|mode| mode.damping_ratio).fold(0.0, f64::max);
+    assert!((0.03..0.08).contains(&most), "{most}");
 }
 
 /// In time such a mode loses as much at its own resonance: a viscous ratio of half the loss factor.
@@ -128,9 +145,13 @@ fn at_one_frequency_dashpots_lose_as_much() {
     let dashpots = places.iter().fold(plate(), |scene, (x, y)| scene.spring_damper(*x, *y, k, c));
     let curve = |scene: &SceneText, at| {
         let accuracy = Accuracy::from_tolerance(1e-5).unwrap();
-        let found =
-            era_model::response::compute_curves_with_error_bounds(&scene.scene(), accuracy, at, &[hz, 2.0 * hz])
-                .unwrap();
+        let found = era_model::response::compute_acceleration_curves_per_newton_with_error_bounds(
+            &scene.scene(),
+            accuracy,
+            at,
+            &[hz, 2.0 * hz],
+        )
+        .unwrap();
         (DVector::from_vec(found.answer[0].clone()), found.bounds[0].limit_if_known().unwrap())
     };
     let end = (bar().lossy_edge("left", k, eta), bar().spring_damper(0.0, 0.5, k, c));

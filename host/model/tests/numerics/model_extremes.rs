@@ -412,7 +412,7 @@ fn a_hundred_kilohertz_against_the_series() {
     let scene = SceneText::bar(0.25).edge("left", "pinned").edge("right", "pinned");
     let scene = scene.force(0.3, 0.5).damping("loss_factor", eta);
     let frequencies: Vec<f64> = (0..100).map(|step| 90e3 + 100.0 * f64::from(step)).collect();
-    let found = response::compute_curves_with_error_bounds(
+    let found = response::compute_acceleration_curves_per_newton_with_error_bounds(
         &scene.scene(),
         Accuracy::BALANCED,
         (0.71 * 0.25, 0.01),
@@ -515,7 +515,7 @@ fn no_mode_is_listed_where_all_are_faster() {
                             era_model::model::compute_modes_with_error_bounds(&scene, Accuracy::FAST, hz).unwrap();
                         assert!(found.answer.is_empty(), "{text}");
                     }
-                    let found = era_model::response::compute_curves_with_error_bounds(
+                    let found = era_model::response::compute_acceleration_curves_per_newton_with_error_bounds(
                         &scene,
                         Accuracy::FAST,
                         (0.1, 0.01),

@@ -1,7 +1,7 @@
 //! Attachments that are next to each other: 1 nm to 1 mm. What they are together is known in closed form, to their distance over a wave.
 
 use era_model::model::{Accuracy, compute_modes_with_error_bounds};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::Scene;
 use num_complex::Complex64;
 
@@ -161,8 +161,13 @@ fn a_force_next_to_a_held_end_does_what_its_distance_says() {
     for (end, power) in [("pinned", 1), ("clamped", 2)] {
         let of = |place_m: f64| {
             let scene = held_bar(end, era, place_m);
-            let found =
-                compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (0.26, 0.0), &frequencies).unwrap();
+            let found = compute_acceleration_curves_per_newton_with_error_bounds(
+                &scene,
+                Accuracy::BALANCED,
+                (0.26, 0.0),
+                &frequencies,
+            )
+            .unwrap();
             (found.answer[0].clone(), found.bounds[0].limit_if_known().unwrap())
         };
         let (known, own) = of(2e-3);
@@ -276,7 +281,13 @@ fn responses_of_what_is_beside_a_firm_support_have_bounds_that_hold() {
             let scene = Scene::parse("firm", &text).unwrap();
             for tolerance in [1e-3, 1e-6] {
                 let accuracy = Accuracy::from_tolerance(tolerance).unwrap();
-                let found = compute_curves_with_error_bounds(&scene, accuracy, (0.15, 0.0), &frequencies).unwrap();
+                let found = compute_acceleration_curves_per_newton_with_error_bounds(
+                    &scene,
+                    accuracy,
+                    (0.15, 0.0),
+                    &frequencies,
+                )
+                .unwrap();
                 let exact: Vec<Complex64> = frequencies
                     .iter()
                     .map(|hz| find_acceleration(bar, &supports, (0.1 + apart_m, 1e5, 30.0, 5e-3), 0.15, *hz))

@@ -4,7 +4,9 @@
 use crate::scenes::SceneText;
 use era_model::model::Fineness;
 use era_model::model::{Accuracy, PanelModel, compute_modes_with_error_bounds};
-use era_model::response::{compute_acceleration_curves_per_newton, compute_curves_with_error_bounds};
+use era_model::response::{
+    compute_acceleration_curves_per_newton, compute_acceleration_curves_per_newton_with_error_bounds,
+};
 use era_model::scene::Scene;
 use nalgebra::{Matrix4, Vector4};
 use proptest::prelude::*;
@@ -220,7 +222,7 @@ fn plate_cut_short_is_a_shorter_plate() {
     }
     let frequencies: Vec<f64> = (1..=60).map(|i| 10.0 * f64::from(i)).collect();
     let answer = |scene: &Scene, tolerance: f64| {
-        let found = compute_curves_with_error_bounds(
+        let found = compute_acceleration_curves_per_newton_with_error_bounds(
             scene,
             Accuracy::from_tolerance(tolerance).unwrap(),
             (0.2, 0.15),
@@ -334,7 +336,7 @@ fn attachments_on_borders_have_bounds_that_hold() {
             let tolerance = Accuracy::from_tolerance(1e-1).unwrap();
             let (found, curves) = (
                 compute_modes_with_error_bounds(&scene, tolerance, 400.0).unwrap(),
-                compute_curves_with_error_bounds(&scene, tolerance, at, &frequencies).unwrap(),
+                compute_acceleration_curves_per_newton_with_error_bounds(&scene, tolerance, at, &frequencies).unwrap(),
             );
             let fine = Fineness { order: 11, ..found.model.fineness() };
             let model = PanelModel::build_with_fineness(&scene, fine).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::scenes::SceneText;
 use era_model::model::{Accuracy, compute_modes_with_error_bounds};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 
 fn plate() -> SceneText {
     SceneText::plate(0.317, 0.203, 0.33).damping("loss_factor", 0.01).force(0.47, 0.44)
@@ -14,7 +14,9 @@ fn held(stiffness: f64) -> SceneText {
 
 /// Magnitude beside the third mode's resonance, and its bound, both in m/s^2.
 fn response(scene: &SceneText, accuracy: Accuracy) -> (f64, f64) {
-    let found = compute_curves_with_error_bounds(&scene.scene(), accuracy, (0.1, 0.05), &[170.0]).unwrap();
+    let found =
+        compute_acceleration_curves_per_newton_with_error_bounds(&scene.scene(), accuracy, (0.1, 0.05), &[170.0])
+            .unwrap();
     let value = found.answer[0][0].norm();
     (value, found.bounds[0].limit_if_known().unwrap() * value)
 }

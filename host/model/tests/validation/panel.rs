@@ -5,7 +5,7 @@
 
 use super::table::percent;
 use era_model::model::Accuracy;
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::Scene;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -26,7 +26,9 @@ fn peaks_to(scene: &str, to_hz: u32) -> Vec<f64> {
     let scene = Scene::parse("plate.toml", scene).unwrap();
     let frequencies: Vec<f64> = (0..=4 * (to_hz - 30)).map(|i| 30.0 + STEP_HZ * f64::from(i)).collect();
     let middle = (scene.surface.length_m / 2.0, scene.surface.width_m / 2.0);
-    let curves = compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, middle, &frequencies).unwrap();
+    let curves =
+        compute_acceleration_curves_per_newton_with_error_bounds(&scene, Accuracy::BALANCED, middle, &frequencies)
+            .unwrap();
     assert!(curves.bounds[0].limit_if_known().unwrap() < 1e-3);
     let resistance: Vec<f64> = curves.answer[0]
         .iter()

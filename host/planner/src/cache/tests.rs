@@ -182,7 +182,7 @@ fn all_limits(table: &PlanTable) -> Vec<String> {
         table.pressed,
         table.transducers,
         table.static_receptance,
-        table.standby_voltage_of_each_actuator_v(),
+        table.max_standby_voltage_of_each_actuator_v(),
         table.model
     );
     entries.chain([whole]).collect()

@@ -136,7 +136,7 @@ impl Assignment {
     /// frequencies in descending order; `frequencies_below` frequencies lie at least the spacing below that one, `frequencies_above` at least
     /// the spacing above it.
     #[must_use]
-    pub fn best_sum_with_actuator_at_frequency(
+    pub fn best_spaced_sum_with_actuator_at_frequency(
         &self,
         table_in_descending_order: &Self,
         actuator: usize,
@@ -247,7 +247,7 @@ mod tests {
             let turned_value = (0..p).flat_map(|i| (0..f).rev().map(move |k| (i, k))).map(|(i, k)| value[i * f + k]).collect();
             mirrored.fill_best_sums_of_actuator_sets(p, turned_value, &mirrored_lags);
             for i in 0..p {
-                let through = |k: usize| assignment.best_sum_with_actuator_at_frequency(&mirrored, i, k, lags[k], mirrored_lags[f - 1 - k]);
+                let through = |k: usize| assignment.best_spaced_sum_with_actuator_at_frequency(&mirrored, i, k, lags[k], mirrored_lags[f - 1 - k]);
                 prop_assert_eq!((0..f).map(through).fold(f64::NEG_INFINITY, f64::max), expected);
             }
             match assignment.best_frequency_of_each_actuator_if_spacing_can_be_kept(&lags) {

@@ -102,7 +102,7 @@ impl<'a> Formulation<'a> {
         frequency_hz: f64,
     ) {
         let near = self.zone.mean_square_over_zone(&entry.acceleration);
-        self.add_candidate_per_pulse_width_with_near_square(
+        self.add_candidate_per_pulse_width_with_mean_square_near_target(
             choices,
             [actuator, frequency_index, caller_tag],
             entry,
@@ -113,7 +113,7 @@ impl<'a> Formulation<'a> {
 
     /// Adds the same candidates with a known or assumed mean square near the targets. `[actuator, node, tag]` as
     /// above.
-    fn add_candidate_per_pulse_width_with_near_square(
+    fn add_candidate_per_pulse_width_with_mean_square_near_target(
         &self,
         choices: &mut CandidateSet,
         [actuator, node, tag]: [usize; 3],
@@ -133,7 +133,7 @@ impl<'a> Formulation<'a> {
         // A wider pulse makes more force of a voltage, which is what counts for power, even where another limit binds.
         let is_wanted = match self.objective {
             Objective::Power => true,
-            Objective::Contrast | Objective::Reach => entry.widest_pulse_if_noticeably_stronger() == widest,
+            Objective::Contrast | Objective::Reach => entry.widest_pulse_if_noticeably_stronger_else_quiet() == widest,
         };
         for (w, width) in [quiet, widest].into_iter().enumerate() {
             // The limits of quiet zones are about fundamentals: no drive buys strength with harmonics there.
@@ -230,7 +230,8 @@ impl<'a> Formulation<'a> {
             let near = table
                 .acceleration_coordinates()
                 .mean_squared_accelerations_over_points(&self.zone.quadrature_shapes_and_weights(), &likely);
-            let efficiencies = rough.sharpen_efficiency_bounds(&squares, &near, self.zone.part, &likely);
+            let efficiencies =
+                rough.sharper_efficiency_bounds_of_likely_candidates_or_zero(&squares, &near, self.zone.part, &likely);
             let (earns, _) = earnings(&known, &efficiencies);
             let trial = self.allocate_best_combination_of_band_maxima_if_allowed(&earns, wanted, is_allowed_pair);
             let known = trial.filter(|trial| meets_more_or_as_much_at_less_cost(trial, &known)).unwrap_or(known);
@@ -252,7 +253,7 @@ impl<'a> Formulation<'a> {
             let hz = |i: usize| table.frequencies_hz[picks[i]];
             let fit = (0..p).all(|i| (0..i).all(|j| is_allowed_pair(hz(i), hz(j))));
             let trial = self
-                .allocate_quiet_else_strongest_pulses(picks, wanted)
+                .allocate_quiet_else_strongest_pulses_if_frequencies_usable(picks, wanted)
                 .filter(|trial| fit && meets_more_or_as_much_at_less_cost(trial, &known))?;
             let more = if known.met >= 1.0 { needed + known.cost - trial.cost } else { trial.met.min(1.0) * wanted };
             Some(more - SINGLE_PRECISION_ERROR * more.abs())
@@ -274,7 +275,7 @@ impl<'a> Formulation<'a> {
             let (node, frequency_hz) = (choices.frequencies_hz.len() - 1, table.frequencies_hz[k]);
             if known.met < 1.0 {
                 choices.is_estimated = true;
-                self.add_candidate_per_pulse_width_with_near_square(
+                self.add_candidate_per_pulse_width_with_mean_square_near_target(
                     &mut choices,
                     [actuator, node, k],
                     entry,
@@ -355,7 +356,7 @@ impl<'a> Formulation<'a> {
             }
             picks.push(best?.0);
         }
-        let mut known = self.allocate_quiet_else_strongest_pulses(&picks, wanted)?;
+        let mut known = self.allocate_quiet_else_strongest_pulses_if_frequencies_usable(&picks, wanted)?;
         if known.met >= 1.0 {
             return Some(known);
         }
@@ -375,7 +376,7 @@ impl<'a> Formulation<'a> {
             let picks = sums.best_frequency_of_each_actuator_if_spacing_can_be_kept(&lags)?;
             let fit = (0..p).all(|i| (0..i).all(|j| is_allowed_pair(hz(picks[i]), hz(picks[j]))));
             let trial = self
-                .allocate_quiet_else_strongest_pulses(&picks[..p], wanted)
+                .allocate_quiet_else_strongest_pulses_if_frequencies_usable(&picks[..p], wanted)
                 .filter(|trial| fit && meets_more_or_as_much_at_less_cost(trial, &known));
             let Some(trial) = trial else { break };
             known = trial;
@@ -423,11 +424,15 @@ impl<'a> Formulation<'a> {
         let places = sums.best_frequency_of_each_actuator_if_spacing_can_be_kept(&lags)?;
         let picks: Vec<usize> = places[..p].iter().map(|place| nodes[*place]).collect();
         let fit = (0..p).all(|i| (0..i).all(|j| is_allowed_pair(hz[picks[i]], hz[picks[j]])));
-        if fit { self.allocate_quiet_else_strongest_pulses(&picks, wanted) } else { None }
+        if fit { self.allocate_quiet_else_strongest_pulses_if_frequencies_usable(&picks, wanted) } else { None }
     }
 
     /// The forces of one combination: with the quiet pulses if they reach the wish, otherwise with the strong ones.
-    fn allocate_quiet_else_strongest_pulses(&self, frequency_indices: &[usize], wanted: f64) -> Option<Allocation> {
+    fn allocate_quiet_else_strongest_pulses_if_frequencies_usable(
+        &self,
+        frequency_indices: &[usize],
+        wanted: f64,
+    ) -> Option<Allocation> {
         let mut choices = self.build_candidate_set_without_candidates(&[wanted]);
         for (actuator, k) in frequency_indices.iter().enumerate() {
             choices.frequencies_hz.push(self.table.frequencies_hz[*k]);
@@ -496,7 +501,7 @@ fn mark_possible_candidates_by_band(
     let mut out = Vec::with_capacity(lagrangian_terms.len());
     for (i, own) in by_actuator() {
         let others = |band: usize| {
-            up.best_sum_with_actuator_at_frequency(&down, i, band, lags[band], lags[count - 1 - band])
+            up.best_spaced_sum_with_actuator_at_frequency(&down, i, band, lags[band], lags[count - 1 - band])
                 - up.contribution_at(i, band)
         };
         let others: Vec<f64> = (0..count).map(others).collect();
@@ -550,8 +555,13 @@ fn list_possible_frequency_actuator_pairs(
     let mut kept = Vec::new();
     for (place, k) in nodes.iter().enumerate() {
         for i in 0..actuators {
-            if up.best_sum_with_actuator_at_frequency(&down, i, place, below[place], above[nodes.len() - 1 - place])
-                >= needed_sum
+            if up.best_spaced_sum_with_actuator_at_frequency(
+                &down,
+                i,
+                place,
+                below[place],
+                above[nodes.len() - 1 - place],
+            ) >= needed_sum
             {
                 kept.push((*k, i));
             }

@@ -10,7 +10,7 @@ use era_shared::supply::rail_index_of_channel;
 /// Highest voltage in V of an actuator's windows, and what sets it: the scene's, the board's, what the gap holds that press and travel have closed,
 /// and what leaves the mass enough of its stiffness, windows following each other.
 #[must_use]
-pub fn find_highest_window_voltage_v(table: &PlanTable, actuator: usize) -> (f64, Limit) {
+pub fn find_highest_allowed_window_voltage_v_and_limit(table: &PlanTable, actuator: usize) -> (f64, Limit) {
     let Some(electrodes) = table.electrodes.get(actuator) else { return (0.0, Limit::Voltage) };
     let own = electrodes.max_voltage_v.min(f64::from(MAX_RAIL_MILLIVOLTS) / 1e3);
     let held = electrodes.max_voltage_of_remaining_gap_v(electrodes.max_travel_m());
@@ -46,7 +46,7 @@ impl ClickActuator {
     pub fn new(table: &PlanTable, actuator: usize, electrodes: &Electrodes) -> Self {
         let rail = rail_index_of_channel(actuator);
         let on_rail = (0..table.electrodes.len()).filter(|other| rail_index_of_channel(*other) == rail);
-        let each = on_rail.map(|other| (find_highest_window_voltage_v(table, other), other));
+        let each = on_rail.map(|other| (find_highest_allowed_window_voltage_v_and_limit(table, other), other));
         let lowest = each.min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let ((highest_v, limit), limited_by) = lowest.unwrap_or(((0.0, Limit::Voltage), actuator));
         let highest_v = highest_v.max(0.0);

@@ -22,7 +22,11 @@ const ANYTHING: f64 = f64::INFINITY;
 
 /// That peak in m/s^2, for forces of at most `forces_n` N; quiet from `crisp_s` on. `None` if a programme does not end.
 #[must_use]
-pub fn find_best_possible_peak(residues: &PointResidues, forces_n: &[f64], crisp_s: f64) -> Option<f64> {
+pub fn bound_crisp_click_peak_if_solved_m_per_s2(
+    residues: &PointResidues,
+    forces_n: &[f64],
+    crisp_s: f64,
+) -> Option<f64> {
     let panels = [compute_slot_responses(residues, PIECE_SAMPLES)];
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
     let quiet_sample = (crisp_s / SAMPLE_S).round() as usize;

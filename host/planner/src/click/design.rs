@@ -1,15 +1,15 @@
 //! A click's windows for one place or several.
 
 use super::actuator::ClickActuator;
-use super::bound::find_best_possible_peak;
+use super::bound::bound_crisp_click_peak_if_solved_m_per_s2;
 use super::designer::{ClickDesigner, SLOT_SAMPLES};
-use super::felt::{FINE_RECORD, felt_motion_from_means, shown_motion_from_means};
+use super::felt::{FINE_RECORD, felt_motion_from_means, motion_below_1_khz_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::simulate_windows;
 use super::options::ClickOptions;
 use super::program::TargetResponses;
-use super::slots::{SlotResponses, compute_slot_responses_of_five_panels};
-use super::sound::{SurfaceFigures, compute_surface_figures_if_anything_moves};
+use super::slots::{SlotResponses, compute_slot_responses_of_nominal_and_four_detuned_panels};
+use super::sound::{SurfaceFigures, compute_click_sound_and_contrast_db_if_anything_moves};
 use super::window::{ClickWindow, LEAD_S};
 use crate::PlanTable;
 use crate::physics::limits::Limit;
@@ -46,7 +46,7 @@ pub struct ClickDesign {
     pub amplitudes: Vec<(Complex64, f64, f64)>,
     /// Of a click for one place, the strongest crisp click that these actuators can make there in m/s^2, if it was asked for ([`super::bound`]).
     pub best_possible: Option<f64>,
-    /// What it does to the surface, if it was asked for and anything moves.
+    /// What it does to the surface relative to the first place, if anything moves.
     pub surface: Option<SurfaceFigures>,
     /// Whether every place is quiet at the time asked for, and its peak in time.
     pub is_crisp: bool,
@@ -77,8 +77,10 @@ pub fn design_click_windows(
         return None;
     }
     let residues: Vec<PointResidues> = shapes.iter().map(|shape| poles.residues_at_shape(shape)).collect();
-    let panels: Vec<Vec<SlotResponses>> =
-        residues.iter().map(|own| compute_slot_responses_of_five_panels(own, SLOT_SAMPLES)).collect();
+    let panels: Vec<Vec<SlotResponses>> = residues
+        .iter()
+        .map(|own| compute_slot_responses_of_nominal_and_four_detuned_panels(own, SLOT_SAMPLES))
+        .collect();
     let actuators: Vec<ClickActuator> =
         table.electrodes.iter().enumerate().map(|(i, own)| ClickActuator::new(table, i, own)).collect();
     let factors = wishes.iter().map(|wish| if has_several { asked / wish } else { 1.0 });
@@ -86,32 +88,35 @@ pub fn design_click_windows(
         panels.iter().zip(factors).map(|(panels, factor)| TargetResponses { panels, factor, besides: &[] }).collect();
     let mut designer = ClickDesigner { table, poles, shapes, targets, actuators: &actuators, options };
     if has_several {
-        choose_directions_of_peaks(&mut designer);
+        choose_peak_signs_for_largest_common_crisp_peak(&mut designer);
     }
     let mut part = 1.0;
     let mut travel_limit = None;
-    let mut built = designer.design_for_peak(asked)?;
+    let mut built = designer.design_click_for_peak_or_best_weaker_if_solved(asked)?;
     for _ in 0..WEAKENED {
-        let Some((actuator, excess)) = designer.find_largest_travel_excess(&built.motion) else { break };
+        let Some((actuator, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion)
+        else {
+            break;
+        };
         travel_limit = Some(actuator);
         part *= (0.97 / excess).min(0.97);
-        built = designer.design_for_peak(asked * part)?;
+        built = designer.design_click_for_peak_or_best_weaker_if_solved(asked * part)?;
     }
-    if let Some((_, excess)) = designer.find_largest_travel_excess(&built.motion) {
-        built = designer.weaken(&built, 0.9 / excess);
+    if let Some((_, excess)) = designer.find_actuator_and_ratio_of_largest_travel_beyond_limit(&built.motion) {
+        built = designer.scale_force_of_built_click(&built, 0.9 / excess);
     }
     if options.force_fraction < 1.0 {
-        built = designer.weaken(&built, options.force_fraction);
+        built = designer.scale_force_of_built_click(&built, options.force_fraction);
     }
     if has_several && built.windows.is_empty() {
         return None;
     }
     let means = built.motion.mean_acceleration.first().map_or(&[][..], Vec::as_slice);
     let felt = felt_motion_from_means(means);
-    let shown_peak = shown_motion_from_means(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let shown_peak = motion_below_1_khz_from_means(means).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let all: Vec<ClickMeasures> = std::iter::once(measure_click(&felt))
         .chain(built.motion.mean_acceleration.iter().skip(1).map(|means| measure_click(&felt_motion_from_means(means))))
-        .map(ClickMeasures::count_times_from_burst)
+        .map(ClickMeasures::shift_times_to_count_from_burst_start)
         .collect();
     let measures = *all.first()?;
     let is_short = all.iter().zip(wishes).any(|(own, wish)| own.peak < REACHED * wish);
@@ -141,17 +146,17 @@ pub fn design_click_windows(
     if let Some(actuator) = travel_limit.filter(|_| is_short) {
         add_limitation_if_new(&mut limits, Limitation::for_actuator(table, Limit::Travel, actuator));
     }
-    let alone = residues.first().filter(|_| options.with_figures_for_comparison && !has_several);
+    let alone = residues.first().filter(|_| options.with_best_possible && !has_several);
     let best_possible = alone.and_then(|residues| {
         let forces: Vec<f64> = actuators.iter().map(|own| own.plateau_n).collect();
-        find_best_possible_peak(residues, &forces, options.crisp_s)
+        bound_crisp_click_peak_if_solved_m_per_s2(residues, &forces, options.crisp_s)
     });
     let mut windows = built.windows;
     windows.iter_mut().for_each(|window| window.begin_s += LEAD_S);
     windows.sort_by(|a, b| a.begin_s.total_cmp(&b.begin_s));
-    let surface = options
-        .with_figures_for_comparison
-        .then(|| compute_surface_figures_if_anything_moves(table, poles, &windows, &felt));
+    let surface = residues.first().and_then(|target| {
+        compute_click_sound_and_contrast_db_if_anything_moves(table, poles, target, &built.motion.forces_n)
+    });
     Some(ClickDesign {
         windows,
         measures,
@@ -163,13 +168,13 @@ pub fn design_click_windows(
         travel_m: built.motion.travel_m,
         amplitudes: built.motion.amplitudes,
         best_possible,
-        surface: surface.flatten(),
+        surface,
         is_crisp: all.iter().all(|own| options.is_motion_crisp(own)),
     })
 }
 
 /// Chooses the directions of the peaks at all targets but the first, of which a finger feels nothing: those of the largest crisp peak.
-fn choose_directions_of_peaks(designer: &mut ClickDesigner) {
+fn choose_peak_signs_for_largest_common_crisp_peak(designer: &mut ClickDesigner) {
     let sizes: Vec<f64> = designer.targets.iter().map(|target| target.factor.abs()).collect();
     let others = sizes.len().saturating_sub(1);
     let mut best = (0.0, sizes.clone());
@@ -178,7 +183,7 @@ fn choose_directions_of_peaks(designer: &mut ClickDesigner) {
         let direct = |(target, size): (usize, &f64)| if is_reversed(target) { -size } else { *size };
         let factors: Vec<f64> = sizes.iter().enumerate().map(direct).collect();
         designer.set_factors_of_targets(&factors);
-        let peak = designer.find_largest_crisp_peak();
+        let peak = designer.find_largest_crisp_peak_or_0_m_per_s2();
         if peak > best.0 {
             best = (peak, factors);
         }
@@ -189,7 +194,7 @@ fn choose_directions_of_peaks(designer: &mut ClickDesigner) {
 /// Felt acceleration in m/s^2 at the places whose mode shapes are `shapes`, as [`FINE_RECORD`] samples in 1 s from the burst's start on:
 /// what windows do on a panel, which may be another than they were designed for.
 #[must_use]
-pub fn simulate_felt_motion_of_windows(
+pub fn simulate_felt_acceleration_of_windows_m_per_s2(
     table: &PlanTable,
     poles: &PanelPoles,
     shapes: &[DVector<f64>],

@@ -91,15 +91,17 @@ impl DualSimplex {
     /// Exchanges variables until all rows hold at the least cost; whether there is such a solution, and it was found.
     pub fn minimise(&mut self) -> bool {
         for _ in 0..MOST_EXCHANGES {
-            let Some((row, target)) = self.find_most_broken_row() else { return true };
-            let Some(column) = self.pass_bounds_and_choose_column(row, target) else { return false };
+            let Some((row, target)) = self.find_most_broken_row_and_its_violated_bound() else { return true };
+            let Some(column) = self.choose_entering_column_flipping_passed_bounds_if_feasible(row, target) else {
+                return false;
+            };
             self.exchange_variables_of_row_and_column(row, column, target);
         }
         false
     }
 
     /// The row whose variable is furthest beyond a bound, measured in its columns' variables, and that bound.
-    fn find_most_broken_row(&self) -> Option<(usize, f64)> {
+    fn find_most_broken_row_and_its_violated_bound(&self) -> Option<(usize, f64)> {
         let mut most = (0.0, None);
         for (row, (variable, coefficients)) in
             self.rows.iter().zip(self.tableau.chunks_exact(self.columns.len().max(1))).enumerate()
@@ -119,7 +121,7 @@ impl DualSimplex {
     }
 
     /// The column whose variable takes the row's place when that goes to `target`; those whose other bound is passed on the way go there.
-    fn pass_bounds_and_choose_column(&mut self, row: usize, target: f64) -> Option<usize> {
+    fn choose_entering_column_flipping_passed_bounds_if_feasible(&mut self, row: usize, target: f64) -> Option<usize> {
         let width = self.columns.len();
         let variable = self.rows[row];
         let own = &self.tableau[row * width..(row + 1) * width];

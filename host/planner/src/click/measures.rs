@@ -11,8 +11,8 @@ use super::window::LEAD_S;
 pub const QUIET: f64 = 0.1;
 /// Part of the peak at which a ring ends.
 const RING_ENDS: f64 = 0.01;
-/// Samples for which it has to be quiet at least, 50 ms: between two crests anything is.
-const QUIET_FOR: usize = FINE_RECORD / 20;
+/// Time in s for which it has to be quiet at least: between two crests anything is.
+const QUIET_FOR_S: f64 = 0.05;
 /// Last sample of a record that counts: what comes before its beginning is at its end.
 const COUNTED: usize = FINE_RECORD * 9 / 10;
 
@@ -34,7 +34,7 @@ pub struct ClickMeasures {
 impl ClickMeasures {
     /// The times of a motion that begins [`LEAD_S`] after its burst, from the burst's start.
     #[must_use]
-    pub fn count_times_from_burst(self) -> Self {
+    pub fn shift_times_to_count_from_burst_start(self) -> Self {
         let quiet_s = self.quiet_s.map(|quiet_s| if self.peak > 0.0 { quiet_s + LEAD_S } else { quiet_s });
         Self { peak_s: self.peak_s + LEAD_S, quiet_s, ..self }
     }
@@ -48,10 +48,16 @@ impl ClickMeasures {
 
 /// Measures a felt motion of [`FINE_RECORD`] samples in 1 s.
 #[must_use]
-#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
+#[expect(clippy::cast_precision_loss, reason = "a constant")]
 pub fn measure_click(motion: &[f64]) -> ClickMeasures {
-    let motion = motion.get(..COUNTED).unwrap_or(motion);
-    let second = |sample: usize| sample as f64 / FINE_RECORD as f64;
+    measure_motion(motion.get(..COUNTED).unwrap_or(motion), 1.0 / FINE_RECORD as f64)
+}
+
+/// Measures a motion with a sample every `step_s`.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
+pub fn measure_motion(motion: &[f64], step_s: f64) -> ClickMeasures {
+    let second = |sample: usize| sample as f64 * step_s;
     let (at, peak) =
         motion.iter().map(|x| x.abs()).enumerate().fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
     let first_above = |part: f64| motion.iter().position(|x| x.abs() > part * peak).unwrap_or(0);
@@ -62,7 +68,7 @@ pub fn measure_click(motion: &[f64]) -> ClickMeasures {
         (part.iter().map(|x| x * x).sum::<f64>() / part.len().max(1) as f64).sqrt()
     };
     let ring = rms(end, ring_end);
-    let is_quiet = end + QUIET_FOR <= motion.len();
+    let is_quiet = second(end) + QUIET_FOR_S <= second(motion.len());
     ClickMeasures {
         peak,
         peak_s: second(at),

@@ -4,7 +4,7 @@
 //! place does under forces that are constant over slots of 1 ms is linear in them (`slots`); the forces of least effort that make the
 //! peak, and leave no more than allowed on the panel and on panels whose stiffness is off, are a linear programme (`program`). Its
 //! solutions are sparse: most slots have no force, and most others nearly the full one. Each force becomes one window of an electrode
-//! (`realise`), whose motion is then computed with the electrodes' charging and the moving gaps (`motion`); what that differs by is
+//! (`realise`) at the voltage of its rail (`rails`), whose motion is then computed with the electrodes' charging and the moving gaps (`motion`); what that differs by is
 //! given back to the programme. [`measures`] has the figures of a click, [`bound`] the strongest crisp click that no drive of these
 //! actuators can exceed, [`sound`] how loud a click is, and [`design`] the whole.
 //!
@@ -22,11 +22,13 @@ mod motion;
 mod options;
 pub mod places;
 mod program;
+mod pushes;
+mod rails;
 mod realise;
 mod slots;
 pub mod sound;
 mod window;
 
-pub use design::{ClickDesign, design_click_windows, simulate_felt_motion_of_windows};
-pub use options::{CRISP_RANGE_S, ClickOptions, LATEST_PEAK_S, Preference};
+pub use design::{ClickDesign, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2};
+pub use options::{CRISP_RANGE_S, ClickOptions, LATEST_PEAK_S, MOST_STANDING, Preference};
 pub use window::{ClickWindow, LEAD_S};

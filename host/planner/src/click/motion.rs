@@ -1,6 +1,6 @@
 //! The motion that windows make: electrodes that charge, gaps that move, step by step; and the free motion after them.
 
-use super::felt::{RECORD, SAMPLE_S};
+use super::felt::{RECORD, SAMPLE_S, STEPS};
 use super::program::LOOKED_AT;
 use super::window::ClickWindow;
 use crate::PlanTable;
@@ -12,10 +12,10 @@ use era_shared::waveform::Electrode;
 use nalgebra::DVector;
 use num_complex::Complex64;
 
-/// Step in s: a tenth of the least time constant of a board's electrodes, and an eightieth of a period of 500 Hz.
-const STEP_S: f64 = 25e-6;
+/// Step in s, 25 us: a tenth of the least time constant of a board's electrodes, and an eightieth of a period of 500 Hz.
+const STEP_S: f64 = 1.0 / STEPS as f64;
 /// Steps of a sample.
-const STEPS_OF_SAMPLE: usize = 10;
+const STEPS_OF_SAMPLE: usize = STEPS / RECORD;
 /// After the last window's end, in s: electrodes have discharged (35 time constants of the board's).
 const DISCHARGED_S: f64 = 2e-3;
 /// Least part of the gap that is left at a mass beyond its limits, where the force would grow without end.
@@ -26,6 +26,8 @@ const LEAST_GAP: f64 = 0.5;
 pub struct WindowMotion {
     /// Mean acceleration over each [`SAMPLE_S`] at every target in m/s^2, for 1 s.
     pub mean_acceleration: Vec<Vec<f64>>,
+    /// Force of every actuator over each [`STEP_S`] in N, as long as there is one.
+    pub forces_n: Vec<Vec<f64>>,
     /// Largest travel of every actuator's mass in m.
     pub travel_m: Vec<f64>,
     /// For each pole that vibrates: its pole, the largest amplitude while windows are on, and that after them.
@@ -48,6 +50,7 @@ pub fn simulate_windows(
     let mut electrodes = [[ChargingElectrode::default(); 2]; MAX_ACTUATORS];
     let (mut forces, mut motion) = (vec![0.0; transducers.len()], vec![0.0; rows.len() + shapes.len()]);
     let mut travel_m = vec![0.0_f64; rows.len()];
+    let mut forces_n = vec![Vec::new(); transducers.len()];
     let mut velocity = vec![vec![0.0]; shapes.len()];
     // Mean displacement over each sample by what follows the forces at once.
     let mut followed = vec![vec![0.0]; shapes.len()];
@@ -88,16 +91,18 @@ pub fn simulate_windows(
         if step % STEPS_OF_SAMPLE == 0 {
             followed.iter_mut().for_each(|own| own.push(0.0));
         }
+        forces_n.iter_mut().zip(&forces).for_each(|(own, force_n)| own.push(*force_n));
         for (target, own) in followed.iter_mut().enumerate() {
             if let Some(mean) = own.last_mut() {
-                *mean += stepper.displacement_at_once_m(rows.len() + target, &forces) / STEPS_OF_SAMPLE as f64;
+                *mean += stepper.displacement_of_row_by_instantly_following_poles_m(rows.len() + target, &forces)
+                    / STEPS_OF_SAMPLE as f64;
             }
         }
         if (step + 1) % STEPS_OF_SAMPLE == 0 {
             for (kept, now) in velocity.iter_mut().zip(motion.iter().skip(rows.len())) {
                 kept.push(*now);
             }
-            let amplitudes = stepper.list_amplitude_of_each_pole();
+            let amplitudes = stepper.list_vibrating_poles_with_their_amplitudes();
             largest.resize(amplitudes.len(), 0.0);
             largest.iter_mut().zip(&amplitudes).for_each(|(most, (_, now))| *most = most.max(*now));
         }
@@ -117,10 +122,10 @@ pub fn simulate_windows(
         })
         .collect();
     let amplitudes = stepper
-        .list_amplitude_of_each_pole()
+        .list_vibrating_poles_with_their_amplitudes()
         .into_iter()
         .zip(largest)
         .map(|((pole, left), most)| (pole, most, left))
         .collect();
-    WindowMotion { mean_acceleration, travel_m, amplitudes }
+    WindowMotion { mean_acceleration, forces_n, travel_m, amplitudes }
 }

@@ -1,6 +1,7 @@
 //! How a click is to be.
 
 use super::measures::ClickMeasures;
+use era_shared::supply::RAILS;
 
 /// What a click is to be where it cannot be both strong and crisp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -8,10 +9,10 @@ use super::measures::ClickMeasures;
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Preference {
-    /// As strong as was asked for, even if it rings longer
+    /// The click is as strong as requested if possible, even if it then takes longer than `crisp_ms` until it is quiet
     #[default]
     Strength,
-    /// Quiet at the time asked for, even if it is weaker
+    /// The click is quiet after `crisp_ms` if possible, even if it is then weaker than requested
     Crispness,
 }
 
@@ -33,10 +34,13 @@ pub struct ClickOptions {
     pub crisp_s: f64,
     /// What counts more.
     pub preference: Preference,
-    /// Whether to compute the figures that clicks are compared by: the strongest click that is possible, and the sound.
-    pub with_figures_for_comparison: bool,
+    /// Whether to compute the strongest crisp click that is possible ([`super::bound`]), which takes as long as the click.
+    pub with_best_possible: bool,
     /// The part of its forces that the click gets in the end, 0 to 1: for what is left of earlier touches.
     pub force_fraction: f64,
+    /// The voltages in V at which the rails stand, 0 where that is not known. Where a click needs not much less, it is designed for these voltages:
+    /// a board that changes its rails begins some 13 ms later.
+    pub standing_rails_v: [f64; RAILS],
 }
 
 impl ClickOptions {
@@ -49,6 +53,9 @@ impl ClickOptions {
     }
 }
 
+/// How many times the voltage that a click needs a rail may have that is left where it stands: forces are up to 2.25 times as large as needed, and
+/// windows narrower.
+pub const MOST_STANDING: f64 = 1.5;
 /// Latest peak of a crisp click, in s after the start of the burst: a later one is felt as late.
 pub const LATEST_PEAK_S: f64 = 0.015;
 /// Least and most of [`ClickOptions::crisp_s`] in s.
@@ -59,8 +66,9 @@ impl Default for ClickOptions {
         Self {
             crisp_s: 0.045,
             preference: Preference::Strength,
-            with_figures_for_comparison: false,
+            with_best_possible: false,
             force_fraction: 1.0,
+            standing_rails_v: [0.0; RAILS],
         }
     }
 }

@@ -94,12 +94,12 @@ pub struct TargetResponses<'a> {
 
 impl TargetResponses<'_> {
     /// The same without the panels that are off.
-    pub fn without_panels_off(&self) -> Self {
+    pub fn with_nominal_panel_only(&self) -> Self {
         Self { panels: self.panels.get(..1).unwrap_or(&[]), ..*self }
     }
 
     /// What is there besides at a sample, in m/s^2.
-    fn besides_at(&self, sample: usize) -> f64 {
+    fn added_acceleration_at_sample_m_per_s2(&self, sample: usize) -> f64 {
         self.besides.get(sample).copied().unwrap_or(0.0)
     }
 }
@@ -122,7 +122,7 @@ pub struct ForceProgram<'a> {
 impl ForceProgram<'_> {
     /// The forces of least cost that make the peak, or the largest part of it that they can make.
     #[must_use]
-    pub fn find_least_forces_for_peak(&self) -> Option<SolvedForces> {
+    pub fn find_least_forces_for_peak_or_largest_reachable_part(&self) -> Option<SolvedForces> {
         /// A thousandth of the peak is worth one slot at full force.
         const WORTH: f64 = 1000.0;
         self.solve(Goal::Peak { cost: -WORTH, largest: 1.0 })
@@ -142,12 +142,18 @@ impl ForceProgram<'_> {
 
     /// Felt acceleration of a target on a panel, as a part of what is asked for, sample by sample.
     #[must_use]
-    pub fn motion_of_target(&self, target: &TargetResponses, panel: usize, values: &[f64]) -> Vec<f64> {
+    pub fn acceleration_of_target_over_asked_peak(
+        &self,
+        target: &TargetResponses,
+        panel: usize,
+        values: &[f64],
+    ) -> Vec<f64> {
         let Some(responses) = target.panels.get(panel) else { return Vec::new() };
-        let mut motion: Vec<f64> = (0..LOOKED_AT).map(|sample| target.besides_at(sample) / self.asked).collect();
+        let mut motion: Vec<f64> =
+            (0..LOOKED_AT).map(|sample| target.added_acceleration_at_sample_m_per_s2(sample) / self.asked).collect();
         for (force, value) in self.forces.iter().zip(values).filter(|(_, value)| **value != 0.0) {
             let part = target.factor * force.force_n * value / self.asked;
-            let per_n = responses.acceleration_per_n(force.actuator, force.slot);
+            let per_n = responses.acceleration_record_per_n_over_slot(force.actuator, force.slot);
             motion.iter_mut().zip(per_n).for_each(|(motion, per_n)| *motion += part * per_n);
         }
         motion
@@ -157,7 +163,7 @@ impl ForceProgram<'_> {
         let peak_sample = self.bounds.peak_sample;
         let (first, others) = self.targets.split_first()?;
         let of_peak = self.list_coefficients(first, 0, peak_sample, 1.0);
-        let besides = first.besides_at(peak_sample) / self.asked;
+        let besides = first.added_acceleration_at_sample_m_per_s2(peak_sample) / self.asked;
         // No forces within their bounds make more.
         let reachable: f64 = self
             .forces
@@ -198,7 +204,7 @@ impl ForceProgram<'_> {
             };
             let row: Vec<f64> =
                 self.list_coefficients(other, 0, peak_sample, -1.0).into_iter().chain([of_goal]).collect();
-            simplex.add_row(&row, limit + other.besides_at(peak_sample) / self.asked, false);
+            simplex.add_row(&row, limit + other.added_acceleration_at_sample_m_per_s2(peak_sample) / self.asked, false);
         }
         let mut added = self.first.to_vec();
         added.iter().for_each(|bound| self.add_bound(&mut simplex, *bound, goal));
@@ -230,7 +236,7 @@ impl ForceProgram<'_> {
     fn list_coefficients(&self, target: &TargetResponses, panel: usize, sample: usize, sign: f64) -> Vec<f64> {
         let Some(responses) = target.panels.get(panel) else { return Vec::new() };
         let add = |force: &SlotForce| {
-            let per_n = responses.acceleration_per_n(force.actuator, force.slot).get(sample);
+            let per_n = responses.acceleration_record_per_n_over_slot(force.actuator, force.slot).get(sample);
             sign * target.factor * force.force_n * per_n.copied().unwrap_or(0.0) / self.asked
         };
         self.forces.iter().map(add).collect()
@@ -246,7 +252,7 @@ impl ForceProgram<'_> {
             Goal::Excess { peak } => (-allowed * peak, allowed * peak),
         };
         let row: Vec<f64> = self.list_coefficients(target, panel, sample, sign).into_iter().chain([of_goal]).collect();
-        simplex.add_row(&row, limit - sign * target.besides_at(sample) / self.asked, false);
+        simplex.add_row(&row, limit - sign * target.added_acceleration_at_sample_m_per_s2(sample) / self.asked, false);
     }
 
     /// The bounds that are broken most in their neighbourhood, if the peak is `scale`, and by how much.
@@ -256,7 +262,7 @@ impl ForceProgram<'_> {
         for (target, own, panel) in
             numbered.flat_map(|(i, own)| (0..own.panels.len()).map(move |panel| (i, own, panel)))
         {
-            let motion = self.motion_of_target(own, panel, values);
+            let motion = self.acceleration_of_target_over_asked_peak(own, panel, values);
             let excess = |sample: usize| {
                 let allowed = self.bounds.allowed_fraction(panel, sample);
                 motion.get(sample).map_or(f64::NEG_INFINITY, |motion| motion.abs() / allowed - scale)

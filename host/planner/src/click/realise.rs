@@ -31,7 +31,7 @@ pub fn integrate_squared_voltage_of_window_s(times: ChargingTimes, width_s: f64)
 
 /// Width in s, up to [`WIDEST_S`], of the window whose integral is this part of that of the widest.
 #[must_use]
-pub fn find_window_width_s(times: ChargingTimes, part_of_widest: f64) -> f64 {
+pub fn find_window_width_for_force_fraction_s(times: ChargingTimes, part_of_widest: f64) -> f64 {
     let wanted_s = part_of_widest * integrate_squared_voltage_of_window_s(times, WIDEST_S);
     let (mut low, mut high) = (0.0, WIDEST_S);
     for _ in 0..WIDTH_HALVINGS {
@@ -72,7 +72,7 @@ mod tests {
                 assert!((found_s - sum_s).abs() < 1e-9, "{times:?} {width_s}: {found_s} {sum_s}");
             }
             for part in [0.05, 0.4, 1.0] {
-                let width_s = find_window_width_s(times, part);
+                let width_s = find_window_width_for_force_fraction_s(times, part);
                 let found = integrate_squared_voltage_of_window_s(times, width_s)
                     / integrate_squared_voltage_of_window_s(times, WIDEST_S);
                 assert!((found - part).abs() < 1e-4 && width_s <= WIDEST_S, "{times:?} {part}: {found}");

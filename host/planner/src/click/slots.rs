@@ -1,6 +1,6 @@
 //! What a place does for a force of 1 N over one slot of time.
 
-use super::felt::{LAST_LINE, RECORD, SAMPLE_S, record_from_spectrum};
+use super::felt::{LAST_LINE, RECORD, SAMPLE_S, weigh_spectrum_and_transform_to_felt_record};
 use crate::physics::rise::PointResidues;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -20,7 +20,7 @@ pub struct SlotResponses {
 }
 
 impl SlotResponses {
-    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n`].
+    /// Of slots with so many samples; `pole_factor` as in [`PointResidues::accelerations_per_n_at_each_hz_with_poles_scaled_by`].
     fn new(residues: &PointResidues, slot_samples: usize, pole_factor: impl Fn(f64) -> f64) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "some samples")]
         let slot_s = slot_samples as f64 * SAMPLE_S;
@@ -30,15 +30,19 @@ impl SlotResponses {
                 let jw = Complex64::new(0.0, TAU * f64::from(hz));
                 acceleration * (1.0 - (-jw * slot_s).exp()) / jw
             });
-            record_from_spectrum(spectrum).repeat(2)
+            weigh_spectrum_and_transform_to_felt_record(spectrum).repeat(2)
         };
-        let records = residues.accelerations_per_n(last_hz, pole_factor).into_iter().map(record).collect();
+        let records = residues
+            .accelerations_per_n_at_each_hz_with_poles_scaled_by(last_hz, pole_factor)
+            .into_iter()
+            .map(record)
+            .collect();
         Self { slot_samples, records }
     }
 
     /// Acceleration in m/s^2, sample by sample, for 1 N of an actuator over the slot with this number, from 0.
     #[must_use]
-    pub fn acceleration_per_n(&self, actuator: usize, slot: usize) -> &[f64] {
+    pub fn acceleration_record_per_n_over_slot(&self, actuator: usize, slot: usize) -> &[f64] {
         let first = RECORD - slot * self.slot_samples % RECORD;
         self.records.get(actuator).and_then(|record| record.get(first..first + RECORD)).unwrap_or(&[])
     }
@@ -53,7 +57,10 @@ pub fn compute_slot_responses(residues: &PointResidues, slot_samples: usize) -> 
 /// The panel of the scene, and four panels off it: all frequencies higher or lower, and those of the panel on its springs one way with
 /// those of its bending the other way.
 #[must_use]
-pub fn compute_slot_responses_of_five_panels(residues: &PointResidues, slot_samples: usize) -> Vec<SlotResponses> {
+pub fn compute_slot_responses_of_nominal_and_four_detuned_panels(
+    residues: &PointResidues,
+    slot_samples: usize,
+) -> Vec<SlotResponses> {
     let slowest: Vec<f64> = residues.pole_frequencies_hz().take(ON_SPRINGS).collect();
     let step = |pair: &[f64]| pair.first().zip(pair.last()).map_or(0.0, |(low, high)| high / low);
     let widest = slowest.windows(2).max_by(|a, b| step(a).total_cmp(&step(b)));

@@ -21,20 +21,23 @@ const LOOK_S: f64 = 0.3;
 /// Rounds of the least squares between bounds; each brings a factor, and levels are rounded to 1/1000.
 const LEAST_SQUARES_ROUNDS: usize = 60;
 
-/// The segments of a click on one drive: `push_cycles` and the brake. `responses_and_quiet_levels` holds its fundamental's motion at every
+/// The segments of a click on one drive: `push_cycles` and the brake, `most_cycles` together. `responses_and_quiet_levels` holds its fundamental's motion at every
 /// target, with the size below which that is quiet.
 #[must_use]
 pub fn design_push_and_brake_segments(
     responses_and_quiet_levels: &[(TransientResponse, f64)],
     channel: Channel,
     push_cycles: u16,
+    most_cycles: u16,
 ) -> Vec<Segment> {
     let period_s = channel.period_s();
     let alone = vec![Segment::Cycles { level: FULL_LEVEL, count: push_cycles }];
     let (mut best, mut best_s) =
         (alone.clone(), last_time_any_target_is_not_quiet_s(responses_and_quiet_levels, channel, &alone));
     let worth_s = SOONER * f64::from(push_cycles) * period_s;
-    for (count, cycles) in BRAKES {
+    let fits =
+        |(count, cycles): &(usize, u16)| *count * usize::from(*cycles) + usize::from(push_cycles) <= most_cycles.into();
+    for (count, cycles) in BRAKES.into_iter().filter(fits) {
         // A brake that takes as long as the decay without it brakes nothing.
         #[expect(clippy::cast_precision_loss, reason = "at most three")]
         let length_s = (f64::from(push_cycles) + count as f64 * f64::from(cycles)) * period_s;
@@ -187,7 +190,7 @@ mod tests {
             let quiet = 0.1 * samples.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let targets = [(ringing, quiet)];
             let ideal = make_channel_with_charging_times(ChargingTimes::default());
-            let found = design_push_and_brake_segments(&targets, ideal, 3);
+            let found = design_push_and_brake_segments(&targets, ideal, 3, u16::MAX);
             assert!(found.len() > 1, "{hz} {ratio}: {found:?}");
             let (braked_s, alone_s) = (
                 last_time_any_target_is_not_quiet_s(&targets, ideal, &found),
@@ -198,7 +201,7 @@ mod tests {
             // Behind resistors the levels are others, and their forces the same.
             let resistors =
                 make_channel_with_charging_times(ChargingTimes { rise_s: 300e-6, hold_s: 0.0, fall_s: 30e-6 });
-            let behind = design_push_and_brake_segments(&targets, resistors, 3);
+            let behind = design_push_and_brake_segments(&targets, resistors, 3, u16::MAX);
             assert_eq!(behind.len(), found.len());
             for (behind, ideal) in behind.iter().zip(&found).skip(1) {
                 let [behind, ideal] = [behind, ideal].map(|it| list_level_of_each_cycle_or_none_if_ramp_or_hold(it)[0]);
@@ -213,8 +216,12 @@ mod tests {
     #[test]
     fn what_stops_by_itself_is_not_braked() {
         let targets = [(mode(150.0, 0.7, 150.0), 0.07)];
-        let found =
-            design_push_and_brake_segments(&targets, make_channel_with_charging_times(ChargingTimes::default()), 3);
+        let found = design_push_and_brake_segments(
+            &targets,
+            make_channel_with_charging_times(ChargingTimes::default()),
+            3,
+            u16::MAX,
+        );
         assert!(found.len() <= 2, "{found:?}");
     }
 }

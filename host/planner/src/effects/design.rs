@@ -20,16 +20,18 @@ use super::named::{EffectRequest, NamedEffect, Shape};
 use super::quiet::{QUIET_FOR_S, quiet_start_index_unless_always_or_never_quiet};
 use super::supply::{derate_drives_to_supply_current_if_exceeded, highest_voltage_needed_on_rail_of_actuator_v};
 use super::travel::{TravelOutcome, derate_drives_to_travel_limits};
+use crate::click::measures::measure_motion;
 use crate::drive::{Drive, SiDrive, assign_channels};
 use crate::motion::plan_motion::{EffectForce, PlanMotion};
 use crate::motion::plan_motion::{
-    predict_free_motion_after_effect_if_poles_known, predict_free_motion_after_windows_if_poles_known,
+    build_motion_of_effect_with_known_travel_if_poles_known, build_motion_of_windows_with_known_travel_if_poles_known,
 };
 use crate::physics::limits::Electrodes;
 use crate::physics::rise::PanelPoles;
 use crate::plan::limitation::{self, Limitation, add_limitation_if_new};
 use crate::scene::MAX_ACTUATORS;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+use era_shared::supply::{RAILS, rail_index_of_channel};
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 
 /// Most cycles of a push, of the drive of the highest frequency.
@@ -55,7 +57,7 @@ pub struct DesignedDrive {
     pub effect: Effect,
 }
 
-/// What an effect should do at the first target.
+/// What an effect should do at the first target; a click of single windows at the first one that is to feel something.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct EffectPrediction {
@@ -81,17 +83,17 @@ pub struct EffectPrediction {
     pub quiet_unbraked_ms: Option<f64>,
     /// Of a click of single windows, the strongest crisp one that no drive of these actuators exceeds, in g, if it was asked for.
     pub best_possible_g: Option<f64>,
-    /// Of a click of single windows, for how long it is above a tenth of its peak, in ms.
+    /// Of a single click, for how long it is above a tenth of its peak, in ms; of a push, all drives beginning together, as `peak_at_ms`.
     pub pulse_ms: Option<f64>,
-    /// Of a click of single windows, root mean square of that pulse over that of what rings after it down to a hundredth of the peak, in dB.
+    /// Of a single click, root mean square of that pulse over that of what rings after it down to a hundredth of the peak, in dB.
     pub pulse_to_ring_db: Option<f64>,
     /// That ratio over the pulse's length, in dB/ms: the figure of merit for sharpness.
     pub sharpness_db_per_ms: Option<f64>,
-    /// Of a click of single windows, its contrast, if it was asked for: the mean square of the felt acceleration at the target over the mean of
+    /// Of a click of single windows, its contrast: the mean square of the felt acceleration at the target over the mean of
     /// that over the surface, in dB.
     pub contrast_db: Option<f64>,
-    /// Of a click of single windows, its sound, if it was asked for: the mean-square velocity of the surface up to 1 kHz, A-weighted, over 1 s and
-    /// all of the surface, in dB relative to 1 mm/s.
+    /// Of a click of single windows, its sound: the mean-square velocity of the surface up to 1 kHz, A-weighted, over 1 s and all of the surface, in
+    /// dB relative to 1 mm/s.
     pub sound_db: Option<f64>,
 }
 
@@ -121,6 +123,20 @@ pub struct EffectDesign {
 }
 
 impl EffectDesign {
+    /// The voltage in V that each rail needs, 0 for one that feeds nothing of it.
+    #[must_use]
+    pub fn find_rail_voltages_v(&self) -> [f64; RAILS] {
+        let of_windows = self.windows.iter().map(|window| (window.channel, window.voltage_v));
+        let of_drives = self.drives.iter().enumerate().map(|(channel, designed)| (channel, designed.drive.voltage_v));
+        let mut rails_v = [0.0_f64; RAILS];
+        for (channel, voltage_v) in of_windows.chain(of_drives) {
+            if let Some(rail_v) = rails_v.get_mut(rail_index_of_channel(channel)) {
+                *rail_v = rail_v.max(voltage_v);
+            }
+        }
+        rails_v
+    }
+
     /// How far it takes the masses and what it leaves; `None` where that cannot be told.
     #[must_use]
     pub fn predict_travel_and_free_motion_of_effect_if_poles_known(&self, table: &PlanTable) -> Option<PlanMotion> {
@@ -128,18 +144,23 @@ impl EffectDesign {
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
         if !self.windows.is_empty() {
             let windows = self.windows.iter().map(|window| (window.channel, window.voltage_v));
-            return predict_free_motion_after_windows_if_poles_known(table, windows, &self.pole_amplitudes, &travel_m);
+            return build_motion_of_windows_with_known_travel_if_poles_known(
+                table,
+                windows,
+                &self.pole_amplitudes,
+                &travel_m,
+            );
         }
         let push = |(channel, DesignedDrive { drive, effect }): (usize, &DesignedDrive)| {
             let mut levels = level_in_each_period(effect, 1.0 / drive.frequency_hz);
             if let Some(electrodes) = table.electrodes.get(channel) {
-                let own = channel_of_drive(channel, drive, electrodes);
+                let own = build_full_level_channel_for_drive(channel, drive, electrodes);
                 levels.iter_mut().for_each(|level| *level = own.force_fraction_of_level(*level));
             }
             EffectForce { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
         };
         let pushes: Vec<EffectForce> = self.drives.iter().enumerate().map(push).collect();
-        predict_free_motion_after_effect_if_poles_known(table, &pushes, &travel_m)
+        build_motion_of_effect_with_known_travel_if_poles_known(table, &pushes, &travel_m)
     }
 
     /// Adds a reason why it is weaker than was asked for.
@@ -166,7 +187,7 @@ pub fn design_effect(
     request: EffectRequest,
 ) -> Result<EffectDesign, DesignError> {
     let (shape, fixed) = (request.check_and_choose_shape()?, request.build_envelope()?);
-    design_shape(table, rise, plan, (request.effect, shape, fixed))
+    design_effect_of_clicks_or_fixed_envelope(table, rise, plan, (request.effect, shape, fixed))
 }
 
 /// Designs an envelope of its own for `plan`. Its design has the name [`NamedEffect::Buzz`]: a drive that is held, at levels of its own.
@@ -179,10 +200,10 @@ pub fn design_envelope(
     plan: &Plan,
     envelope: Effect,
 ) -> Result<EffectDesign, DesignError> {
-    design_shape(table, rise, plan, (NamedEffect::Buzz, Shape::Fixed, envelope))
+    design_effect_of_clicks_or_fixed_envelope(table, rise, plan, (NamedEffect::Buzz, Shape::Fixed, envelope))
 }
 
-fn design_shape(
+fn design_effect_of_clicks_or_fixed_envelope(
     table: &PlanTable,
     rise: &PanelPoles,
     plan: &Plan,
@@ -194,7 +215,13 @@ fn design_shape(
     let (effects, unbraked) = match shape {
         Shape::Fixed => (vec![fixed; effect_drives.len()], None),
         Shape::Clicks { count, period_ms } => {
-            let (pushes, reaches) = raise_drives_and_get_push_cycles_and_are_wishes_met(&mut effect_drives, &wanted);
+            // Of a drive, in one click of several: the next one begins in time.
+            let most_cycles = |frequency_hz: f64| match count {
+                1 => u16::MAX,
+                _ => count_periods_of_repetition(period_ms, frequency_hz).saturating_sub(1).max(1),
+            };
+            let (pushes, reaches) =
+                raise_drives_and_get_push_cycles_and_are_wishes_met(&mut effect_drives, &wanted, most_cycles);
             // A click may reach what the steady plan could not, and the other way round.
             limits.clear();
             let all = |segments: &[Vec<Segment>]| -> Vec<Effect> {
@@ -211,13 +238,14 @@ fn design_shape(
                 .zip(&pushes)
                 .map(|(part, push)| {
                     click::design_push_and_brake_segments(
-                        &part.fundamental_response_and_quiet_share_at_each_target_per_n(
+                        &part.fundamental_response_and_quiet_level_at_each_target_per_n(
                             QUIET,
                             &wanted,
                             effect_drives.len(),
                         ),
                         part.channel,
                         *push,
+                        most_cycles(part.channel.frequency_hz),
                     )
                 })
                 .collect();
@@ -298,7 +326,7 @@ fn design_shape(
 }
 
 /// A drive as its effect plays it.
-pub(super) fn channel_of_drive(actuator: usize, drive: &Drive, electrodes: &Electrodes) -> Channel {
+pub(super) fn build_full_level_channel_for_drive(actuator: usize, drive: &Drive, electrodes: &Electrodes) -> Channel {
     let Drive { frequency_hz, pulse_width, .. } = *drive;
     Channel { actuator, frequency_hz, pulse_width, charging: electrodes.charging_at(frequency_hz) }
 }
@@ -315,7 +343,7 @@ fn narrow_windows_for_rail(
     let force_fraction = (drive.voltage_v / rail_v).powi(2);
     drive.pulse_width = wide.charging.find_pulse_width_for_force_fraction(wide.pulse_width, force_fraction);
     drive.voltage_v = rail_v;
-    let narrow = channel_of_drive(wide.actuator, &drive, electrodes);
+    let narrow = build_full_level_channel_for_drive(wide.actuator, &drive, electrodes);
     let map = |level: i16| {
         let force_fraction = wide.force_fraction_of_level(f64::from(level) / f64::from(FULL_LEVEL));
         level_in_thousandths(narrow.level_for_force_fraction(force_fraction))
@@ -335,11 +363,12 @@ fn limitation_if_drive_at_max_force(table: &PlanTable, drive: &EffectDrive) -> O
     is.then(|| Limitation::for_actuator(table, drive.limit, drive.drive.actuator))
 }
 
-/// Raises the drives in proportion until every target reaches its wish, with the shortest push that does. Returns the
-/// number of cycles of each drive's push, and whether the wishes are reached.
+/// Raises the drives in proportion until every target reaches its wish, with the shortest push that does, of at most `most_cycles` of each drive's
+/// frequency. Returns the number of cycles of each drive's push, and whether the wishes are reached.
 fn raise_drives_and_get_push_cycles_and_are_wishes_met(
     effect_drives: &mut [EffectDrive],
     wanted_m_per_s2: &[f64],
+    most_cycles: impl Fn(f64) -> u16,
 ) -> (Vec<u16>, bool) {
     let highest_hz = effect_drives.iter().map(|part| part.channel.frequency_hz).fold(1.0, f64::max);
     let (mut best, mut best_share) = ((vec![1; effect_drives.len()], 1.0), -1.0);
@@ -349,7 +378,7 @@ fn raise_drives_and_get_push_cycles_and_are_wishes_met(
             .map(|part| {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to MOST_PUSH")]
                 let push = (f64::from(cycles) * part.channel.frequency_hz / highest_hz).round().max(1.0) as u16;
-                push
+                push.min(most_cycles(part.channel.frequency_hz))
             })
             .collect();
         let effects: Vec<Effect> = pushes.iter().map(|push| Effect::new_click(*push, 0)).collect();
@@ -422,18 +451,27 @@ fn scale_drives_to_wanted_and_are_limited_below_it(
     1.0 / reached > room * (1.0 + 1e-2)
 }
 
-/// `count` times the segments, `period_ms` from one to the next on a drive's own clock.
+/// `count` times the segments, `period_ms` from one to the next: as many whole periods of the drive as are nearest to that, because it begins at
+/// the boundaries of its periods.
 fn repeat_segments(segments: &[Segment], count: u16, period_ms: u16, drive: &EffectDrive) -> Effect {
     let mut effect = Effect { segments: segments.iter().copied().collect(), times: count };
     if count > 1 {
-        let once = Effect { times: 1, ..effect.clone() };
-        let pause_ms = f64::from(period_ms) - effect_duration_s(&once, drive.channel.period_s()) * 1e3;
+        let (once, period_s) = (Effect { times: 1, ..effect.clone() }, drive.channel.period_s());
+        let every_s = f64::from(count_periods_of_repetition(period_ms, drive.channel.frequency_hz)) * period_s;
+        // The pause ends within the last period, whose end is the next boundary: a period is longer than 1 ms.
+        let pause_ms = (every_s - effect_duration_s(&once, period_s)) * 1e3;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 500")]
-        let milliseconds = pause_ms.round().max(1.0) as u16;
+        let milliseconds = pause_ms.floor().max(1.0) as u16;
         // There is room: a click has at most four segments.
         let _ = effect.segments.push(Segment::Hold { level: 0, milliseconds });
     }
     effect
+}
+
+/// From one of several clicks to the next, in periods of a drive.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred; `as` saturates")]
+fn count_periods_of_repetition(period_ms: u16, frequency_hz: f64) -> u16 {
+    (f64::from(period_ms) * 1e-3 * frequency_hz).round() as u16
 }
 
 /// How long the drive that is at it for longest is, in s.
@@ -487,6 +525,9 @@ fn predict_peak_and_quiet_time_at_first_target(
     let after = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
     let residual = if mean > 0.0 { after.fold(0.0, f64::max) / mean } else { 0.0 };
     let quiet = |motion: &[f64]| quiet_start_index_unless_always_or_never_quiet(motion, QUIET * mean, STEP_S).map(ms);
+    // Of a click alone: a double click has two pulses.
+    let is_one_push = unbraked.is_some() && effects.iter().all(|effect| effect.times == 1);
+    let measures = is_one_push.then(|| measure_motion(&motion, STEP_S)).filter(|own| own.peak > 0.0);
     EffectPrediction {
         peak_g: mean / STANDARD_GRAVITY,
         peak_least_g: if least.is_finite() { least / STANDARD_GRAVITY } else { 0.0 },
@@ -500,9 +541,9 @@ fn predict_peak_and_quiet_time_at_first_target(
         }),
         crisp: None,
         best_possible_g: None,
-        pulse_ms: None,
-        pulse_to_ring_db: None,
-        sharpness_db_per_ms: None,
+        pulse_ms: measures.map(|own| 1e3 * own.pulse_s),
+        pulse_to_ring_db: measures.and_then(|own| own.pulse_to_ring_db),
+        sharpness_db_per_ms: measures.and_then(|own| own.sharpness_db_per_ms()),
         contrast_db: None,
         sound_db: None,
     }

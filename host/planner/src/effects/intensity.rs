@@ -58,7 +58,7 @@ pub fn list_switched_forces_of_plan(table: &PlanTable, plan: &Plan) -> Vec<Switc
 /// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves. Drives of one
 /// frequency add as phasors before they are compared with its threshold.
 #[must_use]
-pub fn plan_level_above_threshold_if_any_motion_db(
+pub fn level_above_threshold_at_point_if_any_motion_db(
     rise: &PanelPoles,
     shape: &DVector<f64>,
     drives: &[SwitchedForce],
@@ -116,7 +116,7 @@ pub fn plan_request_with_intensity_for_targets_without_one<'a>(
         let all = request.targets.iter_mut().zip(&shapes).zip(&plan.targets).zip(&is_open);
         for ((target, shape), result) in all.filter(|(_, is_open)| **is_open).map(|(all, _)| all) {
             // A target that nothing moves has no level, and keeps its wish.
-            let Some(db) = plan_level_above_threshold_if_any_motion_db(rise, shape, &drives) else { continue };
+            let Some(db) = level_above_threshold_at_point_if_any_motion_db(rise, shape, &drives) else { continue };
             furthest_db = furthest_db.max((wanted_db - db).abs());
             let g = result.peak_g * 10_f64.powf((wanted_db - db) / 20.0);
             target.intensity_g = Some(g.min(1e6 / STANDARD_GRAVITY));
@@ -178,7 +178,7 @@ mod tests {
             .unwrap();
             assert_eq!(plan.limited_by, None, "at {x_m}");
             let shape = mode_shape_values_at_point_or_on_bar_axis(&table, x_m, y_m);
-            let found = plan_level_above_threshold_if_any_motion_db(
+            let found = level_above_threshold_at_point_if_any_motion_db(
                 rise.as_ref().unwrap(),
                 &shape,
                 &list_switched_forces_of_plan(&table, &plan),
@@ -200,7 +200,7 @@ mod tests {
         let shape = mode_shape_values_at_point_or_on_bar_axis(&table, 0.1, 0.1);
         let drive = |frequency_hz, phase_rad| SwitchedForce { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
         let level = |drives: &[SwitchedForce]| {
-            plan_level_above_threshold_if_any_motion_db(rise.as_ref().unwrap(), &shape, drives).unwrap()
+            level_above_threshold_at_point_if_any_motion_db(rise.as_ref().unwrap(), &shape, drives).unwrap()
         };
         let alone = level(&[drive(150.0, 0.0)]);
         let apart = level(&[drive(150.0, 0.3), drive(150.0, 0.3 + std::f64::consts::TAU / 3.0)]);

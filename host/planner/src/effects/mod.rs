@@ -29,5 +29,5 @@ pub use intensity::{
     Intensity, plan_request_with_intensity_for_targets_without_one, set_missing_target_peaks_from_level_if_given,
 };
 pub use named::{EffectError, EffectRequest, NamedEffect};
-pub use sampled::sample_acceleration_of_design;
-pub use windows::{design_effect_with_windows, is_click_of_windows};
+pub use sampled::sample_acceleration_of_design_unless_undamped_m_per_s2;
+pub use windows::{design_effect_of_windows_if_click_else_of_drives, is_click_of_windows};

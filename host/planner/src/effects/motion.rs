@@ -46,7 +46,11 @@ impl Channel {
     /// Phase of that harmonic at full level relative to its windows in rad; 0 where electrodes charge at once, and the sign is the
     /// amplitude's.
     fn full_level_harmonic_phase_rad(&self, harmonic: f64) -> f64 {
-        if self.charging.is_instant() { 0.0 } else { self.charging.harmonic_phasor(harmonic, self.pulse_width).arg() }
+        if self.charging.is_instant() {
+            0.0
+        } else {
+            self.charging.force_harmonic_phasor_per_n_at_rail_voltage(harmonic, self.pulse_width).arg()
+        }
     }
 
     /// Pulse width with which the board makes a level: sin(pi w'/2) = level sin(pi w/2).
@@ -61,7 +65,8 @@ impl Channel {
         if self.charging.is_instant() {
             return level;
         }
-        let force = |pulse_width: f64| self.charging.harmonic_phasor(1.0, pulse_width).norm();
+        let force =
+            |pulse_width: f64| self.charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm();
         level.signum() * force(self.pulse_width_of_level(level)) / force(self.pulse_width)
     }
 
@@ -82,9 +87,11 @@ impl Channel {
     fn harmonic_phasor_relative_to_full_fundamental(&self, harmonic: u32, level: f64) -> Complex64 {
         if !self.charging.is_instant() {
             let n = f64::from(harmonic);
-            let own = self.charging.harmonic_phasor(n, self.pulse_width_of_level(level));
+            let own = self.charging.force_harmonic_phasor_per_n_at_rail_voltage(n, self.pulse_width_of_level(level));
             let turned = own * Complex64::cis(-self.full_level_harmonic_phase_rad(n));
-            return turned * (level.signum() / self.charging.harmonic_phasor(1.0, self.pulse_width).norm());
+            return turned
+                * (level.signum()
+                    / self.charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, self.pulse_width).norm());
         }
         let full = (FRAC_PI_2 * self.pulse_width).sin();
         let half = (level.abs().min(1.0) * full).asin();

@@ -26,17 +26,17 @@ pub const PERIODS_MS: (f64, f64) = (10.0, 1000.0);
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "clap", value(rename_all = "snake_case"))]
 pub enum NamedEffect {
-    /// Single windows that push and brake, designed from the panel's response
+    /// A short push that is braked at once, designed from the response of the panel
     Click,
     /// Two clicks, `period_ms` apart
     DoubleClick,
-    /// Full strength for `duration_ms`
+    /// A vibration of full strength for `duration_ms`
     Buzz,
-    /// Rises, holds and falls within `duration_ms`
+    /// A vibration whose strength rises, stays constant and falls within `duration_ms`
     Swell,
-    /// `count` pulses, one every `period_ms`, each as long as its pause
+    /// `count` pulses, one every `period_ms`; each pulse lasts half of this time
     PulseTrain,
-    /// Strength that swings every `period_ms` for `duration_ms`: ridges under a finger
+    /// A vibration whose strength rises and falls once every `period_ms`, for `duration_ms`: feels like ridges under a finger
     Texture,
 }
 
@@ -153,7 +153,7 @@ impl NamedEffect {
     }
 
     /// Least, most and default of the time until quiet in ms.
-    fn crisp_limits_ms(self) -> Limits {
+    fn least_most_and_default_time_until_quiet_ms_if_click(self) -> Limits {
         let (least_s, most_s) = CRISP_RANGE_S;
         (self == Self::Click).then_some((1e3 * least_s, 1e3 * most_s, 1e3 * ClickOptions::default().crisp_s))
     }
@@ -179,7 +179,7 @@ impl EffectRequest {
         let duration_ms = one("duration_ms", self.duration_ms, duration)?;
         let count = one("count", self.count.map(f64::from), count)?;
         let period_ms = one("period_ms", self.period_ms, period)?;
-        one("crisp_ms", self.crisp_ms, self.effect.crisp_limits_ms())?;
+        one("crisp_ms", self.crisp_ms, self.effect.least_most_and_default_time_until_quiet_ms_if_click())?;
         if let Some(prefer) = self.prefer.filter(|_| self.effect != NamedEffect::Click) {
             return Err(EffectError::PreferNotTaken { prefer, effect: name });
         }

@@ -1,11 +1,11 @@
 //! The acceleration of a place over time while a designed effect plays.
 
-use super::design::{EffectDesign, channel_of_drive};
+use super::design::{EffectDesign, build_full_level_channel_for_drive};
 use super::envelope::{effect_duration_s, level_in_each_period};
 use super::motion::ChannelResponse;
 use crate::PlanTable;
 use crate::click::felt::FINE_RECORD;
-use crate::click::{ClickWindow, simulate_felt_motion_of_windows};
+use crate::click::{ClickWindow, simulate_felt_acceleration_of_windows_m_per_s2};
 use crate::physics::rise::PanelPoles;
 use nalgebra::DVector;
 
@@ -22,7 +22,7 @@ const AFTER_S: f64 = 0.5;
     clippy::cast_precision_loss,
     reason = "some seconds"
 )]
-pub fn sample_acceleration_of_design(
+pub fn sample_acceleration_of_design_unless_undamped_m_per_s2(
     table: &PlanTable,
     rise: &PanelPoles,
     design: &EffectDesign,
@@ -41,7 +41,8 @@ pub fn sample_acceleration_of_design(
                 voltage_v: window.voltage_v,
             })
             .collect();
-        let felt = simulate_felt_motion_of_windows(table, rise, std::slice::from_ref(shape), &windows).pop()?;
+        let felt =
+            simulate_felt_acceleration_of_windows_m_per_s2(table, rise, std::slice::from_ref(shape), &windows).pop()?;
         // What precedes the beginning is at the record's end: nine tenths of it follow the click.
         let count = (0.9 / step_s) as usize;
         let sample = |i: usize| felt.get((i as f64 * step_s * FINE_RECORD as f64).round() as usize).copied();
@@ -52,7 +53,7 @@ pub fn sample_acceleration_of_design(
     let count = ((ends_s.fold(0.0, f64::max) + AFTER_S) / step_s).ceil() as usize;
     let mut sum = vec![0.0; count];
     for (actuator, designed) in design.drives.iter().enumerate() {
-        let channel = channel_of_drive(actuator, &designed.drive, table.electrodes.get(actuator)?);
+        let channel = build_full_level_channel_for_drive(actuator, &designed.drive, table.electrodes.get(actuator)?);
         let levels = level_in_each_period(&designed.effect, channel.period_s());
         let alone = ChannelResponse::new(rise, shape, channel)?.sample_acceleration_per_n(&levels, step_s, count);
         sum.iter_mut().zip(alone).for_each(|(sum, one)| *sum += designed.drive.force_n * one);

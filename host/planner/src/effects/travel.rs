@@ -316,7 +316,7 @@ fn simulate_largest_travel_of_each_actuator_m(
         forces.fill(0.0);
         for (((part, levels), delay_s), charged) in effect_drives.iter().zip(levels).zip(&delays_s).zip(&mut charged) {
             let actuator = part.drive.actuator;
-            let on = on_stretch_of_each_electrode_periods(part, levels, time_s - delay_s);
+            let on = step_start_and_on_interval_of_each_electrode_in_periods(part, levels, time_s - delay_s);
             let (width, charging) = (part.channel.pulse_width, part.channel.charging);
             let step = TRAVEL_STEP_S * part.channel.frequency_hz;
             let [mut a, mut b] = on.map(|on| on.map_or(0.0, |[_, begin, end]| (end - begin) / step));
@@ -330,7 +330,8 @@ fn simulate_largest_travel_of_each_actuator_m(
                     on.map(|on| on.map(|[from, begin, end]| ((begin - from) * period_s, (end - from) * period_s)));
                 a = on_a.advance_step_and_get_mean_square_v2(times, 1.0, on_s[0], TRAVEL_STEP_S);
                 b = on_b.advance_step_and_get_mean_square_v2(times, 1.0, on_s[1], TRAVEL_STEP_S);
-                part.drive.force_n * force_scale / charging.harmonic_phasor(1.0, width).norm()
+                part.drive.force_n * force_scale
+                    / charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm()
             };
             let u = (travel[actuator] / electrodes[actuator].gap_m).clamp(-0.5, 0.5);
             forces[actuator] += plateau_n * (a / ((1.0 - u) * (1.0 - u)) - b / ((1.0 + u) * (1.0 + u)));
@@ -347,7 +348,7 @@ fn simulate_largest_travel_of_each_actuator_m(
 /// The stretches of the step from `step_start_s` on, counted from the drive's start, in which its electrodes A and B are on: the step's beginning and
 /// the stretch's begin and end, in periods.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-fn on_stretch_of_each_electrode_periods(
+fn step_start_and_on_interval_of_each_electrode_in_periods(
     drive: &EffectDrive,
     levels: &[f64],
     step_start_s: f64,

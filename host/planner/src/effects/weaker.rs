@@ -19,6 +19,8 @@ impl EffectDesign {
         for peak_g in [&mut predicted.peak_g, &mut predicted.peak_least_g, &mut predicted.peak_most_g] {
             *peak_g *= part;
         }
+        // Of a square.
+        predicted.sound_db = predicted.sound_db.filter(|_| part > 0.0).map(|db| db + 20.0 * part.log10());
         weaker.peaks_g.iter_mut().chain(&mut weaker.travel_m).for_each(|value| *value *= part);
         for (most, left) in &mut weaker.pole_amplitudes {
             (*most, *left) = (*most * part, *left * part);

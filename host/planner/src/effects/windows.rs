@@ -7,7 +7,7 @@ use super::effect_window::EffectWindow;
 use super::error::DesignError;
 use super::intensity::mode_shape_values_at_point_or_on_bar_axis;
 use super::named::{EffectRequest, NamedEffect};
-use crate::click::{ClickDesign, ClickOptions, design_click_windows};
+use crate::click::{ClickDesign, ClickOptions, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2};
 use crate::physics::rise::PanelPoles;
 use crate::plan::limitation::join_limitations_as_text_if_any;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY, TargetResult};
@@ -21,7 +21,7 @@ const MOST_FINGERS: usize = 3;
 ///
 /// # Errors
 /// [`DesignError`].
-pub fn design_effect_with_windows(
+pub fn design_effect_of_windows_if_click_else_of_drives(
     table: &PlanTable,
     rise: &PanelPoles,
     plan: &Plan,
@@ -32,19 +32,37 @@ pub fn design_effect_with_windows(
         return design_effect(table, rise, plan, request);
     }
     request.check_and_choose_shape()?;
-    let shape = |own: &TargetResult| mode_shape_values_at_point_or_on_bar_axis(table, own.x_m, own.y_m);
-    let shapes: Vec<DVector<f64>> = plan.targets.iter().map(shape).collect();
-    let wishes: Vec<f64> = plan.targets.iter().map(|own| own.wanted_g * STANDARD_GRAVITY).collect();
-    match design_click_windows(table, rise, &shapes, &wishes, options) {
-        Some(click) => Ok(effect_from_click(table, request, click)),
-        None => design_effect(table, rise, plan, request),
-    }
+    let shape = |own: &&TargetResult| mode_shape_values_at_point_or_on_bar_axis(table, own.x_m, own.y_m);
+    let clicking = list_clicking_targets(plan);
+    let shapes: Vec<DVector<f64>> = clicking.iter().map(shape).collect();
+    let wishes: Vec<f64> = clicking.iter().map(|own| own.wanted_g * STANDARD_GRAVITY).collect();
+    let Some(click) = design_click_windows(table, rise, &shapes, &wishes, options) else {
+        return design_effect(table, rise, plan, request);
+    };
+    let mut peaks = click.peaks.clone().into_iter();
+    let find_peak = |own: &TargetResult| {
+        if clicking.iter().any(|clicking| std::ptr::eq(*clicking, own)) {
+            return peaks.next().unwrap_or_default();
+        }
+        let shapes = [shape(&own)];
+        let felt = simulate_felt_acceleration_of_windows_m_per_s2(table, rise, &shapes, &click.windows);
+        felt.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()))
+    };
+    let peaks_g = plan.targets.iter().map(find_peak).map(|peak| peak / STANDARD_GRAVITY).collect();
+    Ok(EffectDesign { peaks_g, ..effect_from_click(table, request, click) })
+}
+
+/// The targets that are to feel something: a finger that rests with 0 g takes nothing from the click of another one. All, if none is.
+fn list_clicking_targets(plan: &Plan) -> Vec<&TargetResult> {
+    let clicking: Vec<&TargetResult> = plan.targets.iter().filter(|own| own.wanted_g > 0.0).collect();
+    if clicking.is_empty() { plan.targets.iter().collect() } else { clicking }
 }
 
 /// Whether an effect for a plan is a click of single windows on boards that play them.
 #[must_use]
 pub fn is_click_of_windows(plan: &Plan, request: EffectRequest) -> bool {
-    request.effect == NamedEffect::Click && (1..=MOST_FINGERS).contains(&plan.targets.len()) && plan.quiet.is_empty()
+    let fingers = list_clicking_targets(plan).len();
+    request.effect == NamedEffect::Click && (1..=MOST_FINGERS).contains(&fingers) && plan.quiet.is_empty()
 }
 
 fn effect_from_click(table: &PlanTable, request: EffectRequest, click: ClickDesign) -> EffectDesign {

@@ -3,7 +3,7 @@
 use super::{PeakField, PictureError, write_map_png};
 use crate::click::ClickOptions;
 use crate::click::places::CellMiddles;
-use crate::effects::{DesignError, EffectRequest, design_effect_with_windows};
+use crate::effects::{DesignError, EffectRequest, design_effect_of_windows_if_click_else_of_drives};
 use crate::scene::Scene;
 use crate::{DEFAULT_INTENSITY_G, PlanError, PlanTable, Target};
 use rayon::prelude::*;
@@ -48,6 +48,10 @@ pub struct PlaceClick {
     pub quiet_ms: Option<f64>,
     /// Whether the peak comes within 15 ms, and it is quiet in time.
     pub crisp: bool,
+    /// Its contrast in dB; `None` of a push, or where nothing moves.
+    pub contrast_db: Option<f64>,
+    /// Its sound in dB; `None` of a push, or where nothing moves.
+    pub sound_db: Option<f64>,
 }
 
 /// Clicks of one strength at the middles of 12 x 8 cells of a plate, or 12 of a bar.
@@ -82,7 +86,8 @@ impl ClickMap {
         let design = |place: &Option<(f64, f64)>| -> Result<Option<PlaceClick>, ClickMapError> {
             let Some((x_m, y_m)) = *place else { return Ok(None) };
             let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
-            let predicted = design_effect_with_windows(table, poles, &plan, request, options)?.predicted;
+            let predicted =
+                design_effect_of_windows_if_click_else_of_drives(table, poles, &plan, request, options)?.predicted;
             Ok(Some(PlaceClick {
                 x_mm: 1e3 * x_m,
                 y_mm: 1e3 * y_m,
@@ -90,6 +95,8 @@ impl ClickMap {
                 peak_at_ms: predicted.peak_at_ms,
                 quiet_ms: predicted.quiet_ms,
                 crisp: predicted.crisp == Some(true),
+                contrast_db: predicted.contrast_db,
+                sound_db: predicted.sound_db,
             }))
         };
         let clicks = grid.places_m.par_iter().map(design).collect::<Result<_, _>>()?;
@@ -124,7 +131,7 @@ impl ClickMap {
 
     /// Half of the places are quiet at this time in ms; `None` if they never are.
     #[must_use]
-    pub fn compute_median_quiet_time_ms(&self) -> Option<f64> {
+    pub fn median_time_until_quiet_ms_unless_half_never_quiet(&self) -> Option<f64> {
         let mut times: Vec<f64> = self.places().map(|place| place.quiet_ms.unwrap_or(f64::INFINITY)).collect();
         times.sort_by(f64::total_cmp);
         let middle = |index: usize| times.get(index).copied();
@@ -132,13 +139,28 @@ impl ClickMap {
         Some(0.5 * (low + high)).filter(|median| median.is_finite())
     }
 
-    /// Lines of `x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp`, the time empty where it is never quiet.
+    /// The sound in dB of all places' clicks: of the mean of their mean-square velocities; `None` if none of them has a sound.
+    #[must_use]
+    pub fn mean_sound_db_if_any(&self) -> Option<f64> {
+        let squares: Vec<f64> =
+            self.places().filter_map(|place| place.sound_db).map(|db| 10.0_f64.powf(db / 10.0)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "some places")]
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        (!squares.is_empty()).then(|| 10.0 * mean.log10())
+    }
+
+    /// Lines of `x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp,contrast_db,sound_db`; the time is empty where it is never quiet, contrast and sound are
+    /// empty where there are none.
     #[must_use]
     pub fn to_csv(&self) -> String {
-        let mut text = String::from("x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp\n");
-        for PlaceClick { x_mm, y_mm, peak_g, peak_at_ms, quiet_ms, crisp } in self.places() {
-            let quiet_ms = quiet_ms.map_or_else(String::new, |quiet_ms| format!("{quiet_ms:.3}"));
-            let _ = writeln!(text, "{x_mm:.3},{y_mm:.3},{peak_g:.6},{peak_at_ms:.3},{quiet_ms},{crisp}");
+        let mut text = String::from("x_mm,y_mm,peak_g,peak_at_ms,quiet_ms,crisp,contrast_db,sound_db\n");
+        for PlaceClick { x_mm, y_mm, peak_g, peak_at_ms, quiet_ms, crisp, contrast_db, sound_db } in self.places() {
+            let [quiet_ms, contrast_db, sound_db] = [quiet_ms, contrast_db, sound_db]
+                .map(|value| value.map_or_else(String::new, |value| format!("{value:.3}")));
+            let _ = writeln!(
+                text,
+                "{x_mm:.3},{y_mm:.3},{peak_g:.6},{peak_at_ms:.3},{quiet_ms},{crisp},{contrast_db},{sound_db}"
+            );
         }
         text
     }
@@ -154,7 +176,7 @@ impl ClickMap {
         let times = self.clicks.iter().map(draw).collect();
         let field = PeakField { x_mm: self.x_mm.clone(), y_mm: self.y_mm.clone(), peak_g: times };
         let title = format!(
-            "{}: time until a click of {} g is quiet ({end_ms:.0} ms: at this time, later or never)",
+            "{}: time until a click of {} g is quiet (the colour of {end_ms:.0} ms also means later, or never)",
             scene.name, self.intensity_g
         );
         write_map_png(path, scene, &field, &title, ((0.0, end_ms), "time in ms"), &[])
@@ -169,7 +191,16 @@ mod tests {
         let make = |(k, quiet_ms): (u32, &Option<f64>)| {
             let crisp = quiet_ms.is_some_and(|quiet_ms| quiet_ms <= 45.0);
             let peak_g = 0.5 - 0.1 * f64::from(k);
-            Some(PlaceClick { x_mm: f64::from(k), y_mm: 10.0, peak_g, peak_at_ms: 12.1, quiet_ms: *quiet_ms, crisp })
+            Some(PlaceClick {
+                x_mm: f64::from(k),
+                y_mm: 10.0,
+                peak_g,
+                peak_at_ms: 12.1,
+                quiet_ms: *quiet_ms,
+                crisp,
+                contrast_db: quiet_ms.map(|_| 1.5),
+                sound_db: quiet_ms.map(|quiet_ms| if quiet_ms < 35.0 { -20.0 } else { -30.0 }),
+            })
         };
         let clicks: Vec<_> = (0..).zip(quiet_ms).map(make).chain([None]).collect();
         ClickMap { intensity_g: 0.5, crisp_ms: 45.0, x_mm: Vec::new(), y_mm: Vec::new(), clicks }
@@ -179,10 +210,14 @@ mod tests {
     fn figures_count_places_outside_cutouts_only() {
         let map = make_map(&[Some(30.0), None, Some(40.0), Some(50.0)]);
         assert_eq!((map.places().count(), map.crisp_share()), (4, 0.5));
-        assert_eq!(map.compute_median_quiet_time_ms(), Some(45.0));
+        assert_eq!(map.median_time_until_quiet_ms_unless_half_never_quiet(), Some(45.0));
         assert!((map.find_weakest_place().unwrap().x_mm - 3.0).abs() < 1e-9);
-        assert_eq!(map.to_csv().lines().nth(2), Some("1.000,10.000,0.400000,12.100,,false"));
-        assert_eq!(make_map(&[None, Some(30.0), None]).compute_median_quiet_time_ms(), None);
+        assert_eq!(map.to_csv().lines().nth(2), Some("1.000,10.000,0.400000,12.100,,false,,"));
+        assert_eq!(map.to_csv().lines().nth(1), Some("0.000,10.000,0.500000,12.100,30.000,true,1.500,-20.000"));
+        // 0.01, 0.001 and 0.001, of three places that have a sound.
+        assert!((map.mean_sound_db_if_any().unwrap() - 10.0 * 0.004_f64.log10()).abs() < 1e-9);
+        assert_eq!(make_map(&[None]).mean_sound_db_if_any(), None);
+        assert_eq!(make_map(&[None, Some(30.0), None]).median_time_until_quiet_ms_unless_half_never_quiet(), None);
         assert_eq!(make_map(&[]).find_weakest_place(), None);
     }
 }

@@ -154,11 +154,11 @@ impl SchemeComparison<'_> {
     fn compute_fields_and_spreads_of_scheme(&self, scheme: Scheme, found: SchemeResult) -> Option<SchemeReach> {
         let SchemeResult { setting, scale, at_most, per_touch } = found;
         let (table, view) = (self.table, &self.view);
-        let one_setting_field = view.place_values_on_grid(
+        let one_setting_field = view.spread_view_values_over_table_grid(
             table,
             compute_peak_of_setting_at_each_point(table, &view.shapes, &setting, self.measure),
         );
-        let per_touch_field = view.place_values_on_grid(table, per_touch);
+        let per_touch_field = view.spread_view_values_over_table_grid(table, per_touch);
         let mut one_setting = Spread::compute(&table.grid, &one_setting_field)?;
         let finer = compute_peak_of_setting_at_each_point(table, &view.finer, &setting, self.measure);
         let (least, (x_m, y_m)) = finer.iter().zip(&view.places_m).min_by(|a, b| a.0.total_cmp(b.0))?;

@@ -171,7 +171,7 @@ impl<'a> FrequencyModel<'a> {
         let rows = 0..entries.len();
         let travel = rows.clone().map(|actuator| entries.iter().map(|entry| entry.travel[actuator]).collect());
         let widths: Vec<_> =
-            entries.iter().map(|entry| (*entry, entry.widest_pulse_if_noticeably_stronger())).collect();
+            entries.iter().map(|entry| (*entry, entry.widest_pulse_if_noticeably_stronger_else_quiet())).collect();
         let added = rows.map(|actuator| {
             let own =
                 widths.iter().map(|(entry, width)| width.travel_m_per_n[actuator] - entry.travel[actuator].norm());

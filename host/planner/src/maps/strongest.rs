@@ -34,10 +34,10 @@ pub fn strongest_drive_at_each_point_unless_stopped(
         .map(|run| {
             let mut hint: Option<Vec<usize>> = None;
             let each = run.iter().map(|point| {
-                if stop.is_stop_requested() {
+                if stop.is_stop_requested_or_deadline_over() {
                     return None;
                 }
-                let best = search::max_min_combination_if_spacing_can_be_kept(
+                let best = search::find_frequencies_with_largest_least_gain_if_spacing_possible(
                     space,
                     &[*point],
                     SearchEffort::Study,

@@ -52,7 +52,7 @@ impl ReachMaps {
         let space = ReachSpace::from_table(table, &view.shapes, |hz| Measure::G.weight_per_m_per_s2(hz));
         let stop = StopRequest::current_request_of_thread();
         let found = strongest_drive_at_each_point_unless_stopped(table, &space);
-        if stop.is_stop_requested() {
+        if stop.is_stop_requested_or_deadline_over() {
             return Err(PlanError::Stopped);
         }
         let found: Vec<StrongestDrive> = found.into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
@@ -61,7 +61,7 @@ impl ReachMaps {
             .par_iter()
             .zip(&found)
             .map(|(point, strongest)| {
-                if stop.is_stop_requested() {
+                if stop.is_stop_requested_or_deadline_over() {
                     return Err(PlanError::Stopped);
                 }
                 let (x_m, y_m) = grid.point_position_m(*point);
@@ -71,7 +71,7 @@ impl ReachMaps {
             })
             .collect::<Result<_, PlanError>>()?;
         let settings = view.points.iter().zip(&found).map(|(point, strongest)| (*point, strongest.setting.as_slice()));
-        let bounds = view.place_values_on_grid(
+        let bounds = view.spread_view_values_over_table_grid(
             table,
             bound_relative_peak_error_of_each_setting_at_its_point(table, settings)
                 .into_iter()
@@ -79,8 +79,9 @@ impl ReachMaps {
         );
         Ok(Self {
             error_bound: bounds.into_iter().map(Option::flatten).collect(),
-            contrast_db: view.place_values_on_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
-            contrast_hz: view.place_values_on_grid(table, contrasts.into_iter().map(|(_, hz)| hz)),
+            contrast_db: view
+                .spread_view_values_over_table_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
+            contrast_hz: view.spread_view_values_over_table_grid(table, contrasts.into_iter().map(|(_, hz)| hz)),
             ..Self::without_contrasts(table, &view, &found)
         })
     }
@@ -98,8 +99,8 @@ impl ReachMaps {
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<Self, QuickError> {
-        let reach =
-            TouchedReach::compute_at_each_point(table, touched, region, Measure::G)?.ok_or(PlanError::NoFrequencies)?;
+        let reach = TouchedReach::compute_at_each_point_if_frequencies_usable(table, touched, region, Measure::G)?
+            .ok_or(PlanError::NoFrequencies)?;
         Self::from_touched_reach_bounding_error_of_weakest_point(table, &reach, touched, accuracy, options)
     }
 
@@ -147,7 +148,7 @@ impl ReachMaps {
             .pop();
             found[weakest] = own;
         }
-        let bounds = view.place_values_on_grid(table, bounds);
+        let bounds = view.spread_view_values_over_table_grid(table, bounds);
         Ok(Self {
             error_bound: bounds.into_iter().map(|bound| bound.flatten().and_then(Bound::limit_if_known)).collect(),
             ..Self::without_contrasts(table, view, &found)
@@ -162,8 +163,8 @@ impl ReachMaps {
             x_mm: mm(&grid.x_m),
             y_mm: mm(&grid.y_m),
             actuators: table.scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),
-            strongest_g: view.place_values_on_grid(table, found.iter().map(|strongest| strongest.peak)),
-            strongest_hz: view.place_values_on_grid(table, found.iter().map(hz)),
+            strongest_g: view.spread_view_values_over_table_grid(table, found.iter().map(|strongest| strongest.peak)),
+            strongest_hz: view.spread_view_values_over_table_grid(table, found.iter().map(hz)),
             error_bound: vec![None; grid.there.len()],
             contrast_db: vec![None; grid.there.len()],
             contrast_hz: vec![None; grid.there.len()],

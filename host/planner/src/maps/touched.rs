@@ -20,7 +20,7 @@ impl TouchedReach {
     ///
     /// # Errors
     /// [`TouchedError`].
-    pub fn compute_at_each_point(
+    pub fn compute_at_each_point_if_frequencies_usable(
         table: &PlanTable,
         touched: TouchedPanel<'_>,
         region: Option<Region>,

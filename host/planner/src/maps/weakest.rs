@@ -136,7 +136,7 @@ pub fn strongest_peak_at_each_grid_point_if_frequencies_usable_g(table: &PlanTab
     let space = ReachSpace::from_table(table, &view.shapes, |hz| Measure::G.weight_per_m_per_s2(hz));
     let touches: Vec<_> =
         strongest_drive_at_each_point_unless_stopped(table, &space).into_iter().collect::<Option<_>>()?;
-    Some(view.place_values_on_grid(table, touches.iter().map(|touch| touch.peak)))
+    Some(view.spread_view_values_over_table_grid(table, touches.iter().map(|touch| touch.peak)))
 }
 
 /// With one setting for the whole surface, that with the largest minimum. `None` where no frequencies are usable.

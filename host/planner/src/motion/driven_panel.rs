@@ -4,7 +4,7 @@ use crate::chosen_drive::{ChosenDrive, VoltageAndPulseWidth, window_phase_of_eac
 use crate::physics::limits::Limit;
 use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, MotionError, Transducer, solve_steady_motion};
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{HARMONICS, PlanTable, bound_travel_of_first_harmonics_of_each_actuator_m_per_n};
+use crate::table::{HARMONICS, PlanTable, bound_travel_by_harmonics_above_fundamental_m_per_n};
 use era_shared::supply::rail_index_of_channel;
 use num_complex::Complex64;
 
@@ -66,11 +66,8 @@ pub(crate) fn bound_harmonic_travel_of_each_mass_in_gaps_at_rest_m(
     let mut sums = [0.0; MAX_ACTUATORS];
     for (j, (drive, applied)) in drives.iter().zip(applied).enumerate() {
         let Some(entry) = drive.row.get(j) else { continue };
-        let own = bound_travel_of_first_harmonics_of_each_actuator_m_per_n(
-            entry,
-            applied.pulse_width,
-            harmonic_numbers.len(),
-        );
+        let own =
+            bound_travel_by_harmonics_above_fundamental_m_per_n(entry, applied.pulse_width, harmonic_numbers.len());
         sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * force_scale);
     }
     sums

@@ -41,7 +41,8 @@ pub(super) fn compute_harmonics_on_model(
             if let (true, Some(own), Some(phase_rad)) = (i < coordinates.len(), drive.row.get(i), window_phases.get(i))
             {
                 // Where windows are late by an angle, their n-th harmonic is by n times that (acceleration is -w^2 q).
-                let part = own.charging.harmonic_phasor_over_fundamental_amplitude(n, settled.applied[i].pulse_width);
+                let part =
+                    own.charging.force_harmonic_phasor_over_fundamental_amplitude(n, settled.applied[i].pulse_width);
                 let omega = TAU * hz;
                 let force = Complex64::from_polar(omega * omega * drive.force_n, n * phase_rad) * -part;
                 found.push((hz, coordinates.swap_remove(i) * force));

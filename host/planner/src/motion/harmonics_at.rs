@@ -47,7 +47,7 @@ impl HarmonicsAt {
 
 /// What the harmonics of drives that have been made safe do at a place in m, where the fundamentals' peak is
 /// `fundamental_peak_for_negligibility_m_per_s2`.
-pub(crate) fn compute_harmonics_bounding_error_unless_negligible(
+pub(crate) fn compute_harmonics_at_place_refining_model_until_accurate(
     table: &PlanTable,
     drives: &[ChosenDrive],
     settled: &SettledMotion,

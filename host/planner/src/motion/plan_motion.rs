@@ -145,12 +145,12 @@ pub(crate) fn bound_travel_and_free_motion_of_drives_if_poles_known(
         }
     }
     soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
-    let growth = compute_motion_growth_by_softening(table, &motion.softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_motion(table, &motion.softening_n_per_m);
     Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
 }
 
 /// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
-fn compute_motion_growth_by_softening(table: &PlanTable, softening_n_per_m: &PerActuator) -> PerActuator {
+fn compute_factor_by_which_softening_grows_motion(table: &PlanTable, softening_n_per_m: &PerActuator) -> PerActuator {
     table.static_receptance.map(|row| {
         let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
         (1.0 - taken.min(MAX_SOFTENING_FRACTION)).powf(-0.5)
@@ -159,7 +159,7 @@ fn compute_motion_growth_by_softening(table: &PlanTable, softening_n_per_m: &Per
 
 /// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
 #[must_use]
-pub fn predict_free_motion_after_effect_if_poles_known(
+pub fn build_motion_of_effect_with_known_travel_if_poles_known(
     table: &PlanTable,
     pushes: &[EffectForce],
     travel_m: &PerActuator,
@@ -190,14 +190,14 @@ pub fn predict_free_motion_after_effect_if_poles_known(
             *s = push.force_n * own.mean_softening_n_per_m_per_n(push.frequency_hz, 1.0) / (1.0 - closed).powi(3);
         }
     }
-    let growth = compute_motion_growth_by_softening(table, &softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
     Some(PlanMotion { limit_m: travel_limit_of_each_actuator_m(table), steady_m, at_once_m, soft_m, growth, lines })
 }
 
 /// How far a burst of single windows takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles. `windows` has the
 /// channel and the voltage in V of each, `pole_amplitudes` the largest amplitude of each pole while they are on, and that after them.
 #[must_use]
-pub fn predict_free_motion_after_windows_if_poles_known(
+pub fn build_motion_of_windows_with_known_travel_if_poles_known(
     table: &PlanTable,
     windows: impl Iterator<Item = (usize, f64)>,
     pole_amplitudes: &[(f64, f64)],
@@ -235,7 +235,7 @@ pub fn predict_free_motion_after_windows_if_poles_known(
         participations: pole_amplitudes.iter().zip(&gains_per_s).map(participation).collect(),
     };
     let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
-    let growth = compute_motion_growth_by_softening(table, &softening_n_per_m);
+    let growth = compute_factor_by_which_softening_grows_motion(table, &softening_n_per_m);
     let limit_m = travel_limit_of_each_actuator_m(table);
     Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines: vec![line] })
 }
@@ -316,7 +316,8 @@ fn build_odd_harmonic_force_lines(
         let Some(own) = drive.row.get(j) else { continue };
         for (n, harmonic) in HARMONICS.into_iter().zip((3..).step_by(2)) {
             let mut force_n = [Complex64::ZERO; MAX_ACTUATORS];
-            let part = own.charging.harmonic_phasor_over_fundamental_amplitude(n, applied.pulse_width) * drive.force_n;
+            let part =
+                own.charging.force_harmonic_phasor_over_fundamental_amplitude(n, applied.pulse_width) * drive.force_n;
             force_n[j] = Complex64::cis(n * window_phases[j]) * part;
             let rise_s = rail_rise_time_s(applied);
             let participations =

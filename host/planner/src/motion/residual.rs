@@ -533,7 +533,7 @@ pub fn find_fraction_and_plan_within_headroom<T, E>(
 ///
 /// # Errors
 /// Those of `plan_at_fraction`.
-pub fn find_larger_fraction_and_plan_if_worth_it<T, E>(
+pub fn find_larger_fraction_and_plan_within_headroom_if_any<T, E>(
     driven_fraction: f64,
     plan_at_fraction: impl Fn(f64) -> Result<T, E>,
     headroom_of: impl Fn(&T) -> f64,

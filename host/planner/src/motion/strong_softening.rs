@@ -138,7 +138,7 @@ fn build_fundamental_and_harmonic_lines(
 /// Frequencies in Hz and peak accelerations in m/s^2, at the point with mode shapes `shape`, of the third and fifth
 /// harmonics in moving gaps: the pulsation of a spring at twice the drive's frequency turns its motion into force at
 /// three times that frequency. `None` if no such motion is found.
-pub(crate) fn hz_and_peaks_of_third_and_fifth_harmonics_if_found(
+pub(crate) fn hz_and_m_per_s2_of_third_and_fifth_harmonics_if_solved(
     table: &PlanTable,
     drives: &[ChosenDrive],
     settled: &SettledMotion,
@@ -176,7 +176,7 @@ pub(crate) fn solve_motion_with_harmonics_if_pulses_are_narrow(
     let is_narrow = |(i, (applied, drive)): (usize, (&VoltageAndPulseWidth, &ChosenDrive))| {
         let charging = drive.row.get(i).map(|own| own.charging).filter(|charging| !charging.is_instant());
         let is_strong = charging.map_or(applied.pulse_width < NARROW, |charging| {
-            charging.harmonic_phasor_over_fundamental_amplitude(3.0, applied.pulse_width).norm() > STRONG_THIRD
+            charging.force_harmonic_phasor_over_fundamental_amplitude(3.0, applied.pulse_width).norm() > STRONG_THIRD
         });
         applied.voltage_v > 0.0 && is_strong
     };

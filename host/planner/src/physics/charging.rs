@@ -82,7 +82,7 @@ impl PeriodicCharging {
     /// Phasor of the force's `harmonic`-th harmonic per N of one electrode's steady force at the rail's voltage, time counted from the
     /// middle of A's window; `harmonic` is odd. Without resistors 4/(n pi) sin(n pi w/2).
     #[must_use]
-    pub fn harmonic_phasor(&self, harmonic: f64, pulse_width: f64) -> Complex64 {
+    pub fn force_harmonic_phasor_per_n_at_rail_voltage(&self, harmonic: f64, pulse_width: f64) -> Complex64 {
         if self.is_instant() {
             return Complex64::from((harmonic * FRAC_PI_2 * pulse_width).sin() * 2.0 / (harmonic * FRAC_PI_2));
         }
@@ -105,28 +105,33 @@ impl PeriodicCharging {
         if self.is_instant() {
             return rest_force_n * (harmonic * FRAC_PI_2 * pulse_width).sin().abs() * 2.0 / (harmonic * FRAC_PI_2);
         }
-        rest_force_n * self.harmonic_phasor(harmonic, pulse_width).norm()
+        rest_force_n * self.force_harmonic_phasor_per_n_at_rail_voltage(harmonic, pulse_width).norm()
     }
 
     /// That harmonic over the amplitude of the fundamental: sin(n pi w/2) / (n sin(pi w/2)) without resistors.
     #[must_use]
-    pub fn harmonic_phasor_over_fundamental_amplitude(&self, harmonic: f64, pulse_width: f64) -> Complex64 {
+    pub fn force_harmonic_phasor_over_fundamental_amplitude(&self, harmonic: f64, pulse_width: f64) -> Complex64 {
         if self.is_instant() {
             let ratio = (harmonic * FRAC_PI_2 * pulse_width).sin() / (harmonic * (FRAC_PI_2 * pulse_width).sin());
             return Complex64::from(ratio);
         }
-        self.harmonic_phasor(harmonic, pulse_width) / self.harmonic_phasor(1.0, pulse_width).norm()
+        self.force_harmonic_phasor_per_n_at_rail_voltage(harmonic, pulse_width)
+            / self.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm()
     }
 
     /// Phase in rad of the force's fundamental relative to its windows': 0 or negative.
     #[must_use]
-    pub fn force_phase_behind_windows_rad(&self, pulse_width: f64) -> f64 {
-        if self.is_instant() || pulse_width <= 0.0 { 0.0 } else { self.harmonic_phasor(1.0, pulse_width).arg() }
+    pub fn force_phase_relative_to_windows_rad(&self, pulse_width: f64) -> f64 {
+        if self.is_instant() || pulse_width <= 0.0 {
+            0.0
+        } else {
+            self.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).arg()
+        }
     }
 
     /// Mean over time of both electrodes' squared voltages, as a part of the rail's; without resistors the pulse width.
     #[must_use]
-    pub fn summed_mean_square_voltage_fraction(&self, pulse_width: f64) -> f64 {
+    pub fn mean_square_voltage_of_both_electrodes_as_fraction(&self, pulse_width: f64) -> f64 {
         if self.is_instant() {
             return pulse_width;
         }
@@ -149,8 +154,9 @@ impl PeriodicCharging {
         if force_fraction >= 1.0 || full_width <= 0.0 {
             return full_width;
         }
-        let wanted = force_fraction * self.harmonic_phasor(1.0, full_width).norm();
-        let beyond = |pulse_width: f64| self.harmonic_phasor(1.0, pulse_width).norm() - wanted;
+        let wanted = force_fraction * self.force_harmonic_phasor_per_n_at_rail_voltage(1.0, full_width).norm();
+        let beyond =
+            |pulse_width: f64| self.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm() - wanted;
         let near = approximate_zero_of_increasing_function_by_secants(&beyond, full_width);
         if beyond(near).abs() <= SAME_FORCE * wanted {
             return near;
@@ -181,7 +187,7 @@ impl VoltageCourse {
     /// Begin and length in s of the stretches that matter: the rise, the time for which the voltage hardly changes, and the fall to
     /// where v^2 is 1e-7.
     #[must_use]
-    pub fn begin_and_length_of_pieces_s(&self) -> [(f64, f64); 3] {
+    pub fn begin_and_length_of_rise_plateau_and_fall_s(&self) -> [(f64, f64); 3] {
         let WindowShape { window_s, rest_s, .. } = self.shape;
         let risen_s = window_s.min(RISEN * self.times.rise_s);
         let held_s = window_s + self.times.hold_s;
@@ -232,7 +238,7 @@ impl ChargingElectrode {
         let (from_s, to_s) = on_s.unwrap_or((step_s, step_s));
         let mut integral = self.hold_then_fall_and_integrate_squared_volts(times, from_s);
         if to_s > from_s {
-            integral += self.go_towards(rail_v, times.rise_s, to_s - from_s);
+            integral += self.charge_towards_and_integrate_squared_volts(rail_v, times.rise_s, to_s - from_s);
             self.waited_s = 0.0;
             integral += self.hold_then_fall_and_integrate_squared_volts(times, step_s - to_s);
         }
@@ -248,11 +254,17 @@ impl ChargingElectrode {
         let length_s = length_s.max(0.0);
         let wait_s = (times.hold_s - self.waited_s).clamp(0.0, length_s);
         self.waited_s += wait_s;
-        self.volts * self.volts * wait_s + self.go_towards(0.0, times.fall_s, length_s - wait_s)
+        self.volts * self.volts * wait_s
+            + self.charge_towards_and_integrate_squared_volts(0.0, times.fall_s, length_s - wait_s)
     }
 
     /// Goes to `target_v` for `length_s`; returns the integral of the squared voltage in V^2 s.
-    fn go_towards(&mut self, target_v: f64, time_constant_s: f64, length_s: f64) -> f64 {
+    fn charge_towards_and_integrate_squared_volts(
+        &mut self,
+        target_v: f64,
+        time_constant_s: f64,
+        length_s: f64,
+    ) -> f64 {
         if length_s <= 0.0 {
             return 0.0;
         }

@@ -181,8 +181,8 @@ impl Electrodes {
             let angle = std::f64::consts::FRAC_PI_2 * pulse_width;
             return angle / (self.gap_m * angle.sin());
         }
-        let fundamental = charging.harmonic_phasor(1.0, pulse_width).norm();
-        2.0 * charging.summed_mean_square_voltage_fraction(pulse_width) / (self.gap_m * fundamental)
+        let fundamental = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm();
+        2.0 * charging.mean_square_voltage_of_both_electrodes_as_fraction(pulse_width) / (self.gap_m * fundamental)
     }
 
     /// Stiffness in N/m that an electrode at a voltage takes away at most, its mass a part of the gap off: F' = 2 F / (g - x), F

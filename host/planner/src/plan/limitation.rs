@@ -93,9 +93,9 @@ impl utoipa::PartialSchema for Limitation {
             .schema_type(Type::String)
             .description(Some("Code of the limit, for programs. Codes do not change between versions."))
             .enum_values(Some(Self::list_limitation_codes()));
-        let actuator = ObjectBuilder::new()
-            .schema_type(SchemaType::Array(vec![Type::String, Type::Null]))
-            .description(Some("The `id` of the actuator that has the limit; null for all other limits."));
+        let actuator = ObjectBuilder::new().schema_type(SchemaType::Array(vec![Type::String, Type::Null])).description(
+            Some("The `id` of the actuator whose limit this is; null for limits that belong to no single actuator."),
+        );
         ObjectBuilder::new()
             .description(Some("A limit that keeps a plan or an effect below the wanted peak."))
             .property("code", code)

@@ -12,7 +12,7 @@ use crate::choose::refine::refine_frequencies_between_grid;
 use crate::choose::search::PairFilter;
 use crate::choose::shared_frequency::drives::choose_drives_at_one_shared_frequency;
 use crate::chosen_drive::{
-    ChosenDrive, PlanDrives, force_phase_behind_windows_rad, fundamental_acceleration_peak_at_point_m_per_s2,
+    ChosenDrive, PlanDrives, force_phase_relative_to_windows_rad, fundamental_acceleration_peak_at_point_m_per_s2,
     group_drive_indices_by_frequency, is_one_nearly_odd_harmonic_of_other, window_phase_of_each_drive_rad,
 };
 use crate::drive::Drive;
@@ -29,9 +29,7 @@ use crate::plan::reached_limits::find_limits_nearly_reached_before_derating;
 use crate::reach::selection::select_max_min_drives_scaled_to_first_target;
 use crate::request::quiet_zones::QuietResult;
 use crate::request::{Grouping, Objective, PlanError, Request, SearchEffort, Target, Weigh};
-use crate::request::{
-    move_targets_and_quiet_zones_onto_surface, validate_request_and_return_wanted_g, y_or_bar_axis_y_m,
-};
+use crate::request::{check_request_and_move_onto_surface, y_or_bar_axis_y_m};
 use crate::table::{PlanTable, acceleration_at_point_from_coordinates};
 pub use bound::bound_field_error_relative_to_largest_peak;
 pub use derating::derate_plan;
@@ -159,8 +157,8 @@ impl PlanTable {
     /// [`PlanError`].
     pub fn plan_with_details(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
-        let wanted_g = validate_request_and_return_wanted_g(self, request)?;
-        let request = &move_targets_and_quiet_zones_onto_surface(self, request)?;
+        let (request, wanted_g) = check_request_and_move_onto_surface(self, request)?;
+        let request = &request;
         let mut formulation = Formulation::new(self, request);
         let wanted: Vec<f64> = wanted_g
             .iter()
@@ -254,19 +252,19 @@ fn choose_drives_at_distinct_frequencies(
     request: &Request,
     wanted: &[f64],
 ) -> Result<Selection, PlanError> {
-    let mut selection = choose_drives_within_current_quiet_rows(table, formulation, request, wanted)?;
+    let mut selection = choose_drives_within_present_quiet_zone_limits(table, formulation, request, wanted)?;
     let [touch, study] = QUIET_ROUNDS;
     for _ in 1..if request.work == SearchEffort::Touch { touch } else { study } {
-        if !formulation.quiet.add_row_per_violated_zone(&selection.drives) {
+        if !formulation.quiet.add_limit_at_worst_point_of_each_violated_zone(&selection.drives) {
             break;
         }
-        selection = choose_drives_within_current_quiet_rows(table, formulation, request, wanted)?;
+        selection = choose_drives_within_present_quiet_zone_limits(table, formulation, request, wanted)?;
     }
     Ok(selection)
 }
 
 /// The best combination with the present rows of the quiet zones.
-fn choose_drives_within_current_quiet_rows(
+fn choose_drives_within_present_quiet_zone_limits(
     table: &PlanTable,
     formulation: &Formulation<'_>,
     request: &Request,
@@ -307,7 +305,7 @@ pub(super) fn build_drives_with_settled_voltages(
             voltage_v: applied.voltage_v,
             pulse_width: applied.pulse_width,
             phase_rad,
-            force_phase_rad: phase_rad + force_phase_behind_windows_rad(chosen, i, applied.pulse_width),
+            force_phase_rad: phase_rad + force_phase_relative_to_windows_rad(chosen, i, applied.pulse_width),
             force_n: chosen.force_n,
         })
         .collect()

@@ -260,7 +260,7 @@ impl PointSearch {
             if self.known[point].least * least_part >= least {
                 break;
             }
-            let best = search::max_min_combination_if_spacing_can_be_kept(
+            let best = search::find_frequencies_with_largest_least_gain_if_spacing_possible(
                 &self.space,
                 &[point],
                 SearchEffort::Study,

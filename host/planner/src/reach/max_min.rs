@@ -36,15 +36,15 @@ pub fn max_min_setting_and_relative_gap_if_spacing_can_be_kept(
 }
 
 /// The setting of [`max_min_setting_and_relative_gap_if_spacing_can_be_kept`] for the whole surface, computed at the first call and kept in the table.
-pub(crate) fn get_or_compute_whole_surface_setting_and_relative_gap(
+pub(crate) fn get_or_compute_surface_max_min_setting_and_relative_gap(
     table: &PlanTable,
 ) -> Option<&(Vec<ActuatorSetting>, f64)> {
     table.evened.get_or_init(|| max_min_setting_and_relative_gap_if_spacing_can_be_kept(table, None)).as_ref()
 }
 
 /// Computes that setting in advance, so that the first request does not have to wait.
-pub fn compute_and_keep_whole_surface_setting(table: &PlanTable) {
-    let _ = get_or_compute_whole_surface_setting_and_relative_gap(table);
+pub fn compute_and_cache_max_min_setting_of_whole_surface(table: &PlanTable) {
+    let _ = get_or_compute_surface_max_min_setting_and_relative_gap(table);
 }
 
 /// The setting with the largest minimum on a view's finer grid, and an upper bound on that minimum. The search begins
@@ -66,7 +66,12 @@ pub(crate) fn max_min_setting_and_upper_bound_if_spacing_can_be_kept(
     let mut effort = SearchEffort::Touch;
     for _ in 0..REFINEMENTS {
         let all: Vec<usize> = (0..space.points).collect();
-        let best = search::max_min_combination_if_spacing_can_be_kept(&space, &all, effort, hint.as_deref())?;
+        let best = search::find_frequencies_with_largest_least_gain_if_spacing_possible(
+            &space,
+            &all,
+            effort,
+            hint.as_deref(),
+        )?;
         upper = upper.min(best.upper);
         steps += best.steps;
         let setting = best.to_setting(table, &space);

@@ -14,7 +14,9 @@ pub mod space;
 #[cfg(test)]
 mod tests;
 
-pub use max_min::{compute_and_keep_whole_surface_setting, max_min_setting_and_relative_gap_if_spacing_can_be_kept};
+pub use max_min::{
+    compute_and_cache_max_min_setting_of_whole_surface, max_min_setting_and_relative_gap_if_spacing_can_be_kept,
+};
 pub use measure::Measure;
 pub use search::MaxMinCombination;
 pub use space::{ReachCandidate, ReachSpace};

@@ -37,7 +37,7 @@ pub struct MaxMinCombination {
 /// The combination with the largest minimum gain over `points`. `first_guess` is a good combination, if one is known. `None`
 /// if no frequencies keep their spacing, or without points.
 #[must_use]
-pub fn max_min_combination_if_spacing_can_be_kept(
+pub fn find_frequencies_with_largest_least_gain_if_spacing_possible(
     space: &ReachSpace,
     points: &[usize],
     allowed_effort: SearchEffort,
@@ -55,7 +55,7 @@ pub fn max_min_combination_if_spacing_can_be_kept(
     // With little work as long as points join.
     let mut effort = SearchEffort::Touch;
     for _ in 0..MOST_ADDED {
-        let (choices, unit) = build_candidate_set_and_common_wish(space, &active, effort);
+        let (choices, unit) = build_candidate_set_and_unreachable_common_target_peak(space, &active, effort);
         let known = first_guess.as_ref().and_then(|first_guess| find_candidate_of_each_actuator(&choices, first_guess));
         let found = choices.find_best_combination_from_guess_if_spacing_can_be_kept(&|_, _| true, known)?;
         upper = upper.min(found.most * unit);
@@ -90,7 +90,7 @@ pub fn max_min_combination_if_spacing_can_be_kept(
 }
 
 /// The candidates at these points, with forces as fractions of full force, and the wish that all points have.
-fn build_candidate_set_and_common_wish(
+fn build_candidate_set_and_unreachable_common_target_peak(
     space: &ReachSpace,
     points: &[usize],
     allowed_effort: SearchEffort,

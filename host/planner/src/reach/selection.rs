@@ -5,7 +5,7 @@ use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen_drive::ChosenDrive;
 use crate::reach::max_min;
-use crate::reach::max_min::get_or_compute_whole_surface_setting_and_relative_gap;
+use crate::reach::max_min::get_or_compute_surface_max_min_setting_and_relative_gap;
 use crate::request::PlanError;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, Region, acceleration_at_point_from_coordinates};
@@ -20,7 +20,7 @@ pub(crate) fn select_max_min_drives_scaled_to_first_target(
     let within =
         region.map(|region| max_min::max_min_setting_and_relative_gap_if_spacing_can_be_kept(table, Some(region)));
     let found =
-        within.as_ref().map_or_else(|| get_or_compute_whole_surface_setting_and_relative_gap(table), Option::as_ref);
+        within.as_ref().map_or_else(|| get_or_compute_surface_max_min_setting_and_relative_gap(table), Option::as_ref);
     let (setting, gap) = found.ok_or(PlanError::NoFrequencies)?;
     let mut drives = Vec::with_capacity(setting.len());
     let mut peak = 0.0;

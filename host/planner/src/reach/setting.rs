@@ -1,7 +1,7 @@
 //! The setting that is commanded: derated like a plan until it is safe, and the peaks that it makes.
 
 use super::measure::Measure;
-use crate::chosen_drive::{ChosenDrive, force_phase_behind_windows_rad, window_phase_of_each_drive_rad};
+use crate::chosen_drive::{ChosenDrive, force_phase_relative_to_windows_rad, window_phase_of_each_drive_rad};
 use crate::drive::Drive;
 use crate::motion::settle::derate_drives_until_safe_and_settle_if_possible;
 use crate::table::{ActuatorSetting, PlanTable, PulseOption};
@@ -42,7 +42,7 @@ pub fn build_setting_with_strongest_pulse(
 fn strongest_pulse_or_default(table: &PlanTable, actuator: usize, frequency_index: usize) -> PulseOption {
     table
         .entry(actuator, frequency_index)
-        .map_or_else(PulseOption::default, |entry| *entry.widest_pulse_if_noticeably_stronger())
+        .map_or_else(PulseOption::default, |entry| *entry.widest_pulse_if_noticeably_stronger_else_quiet())
 }
 
 /// Scales the forces down until the nonlinear motion keeps all limits, like that of every plan, and sets the voltages
@@ -70,7 +70,7 @@ pub fn derate_setting_to_safe_fraction_if_any(table: &PlanTable, setting: &mut [
         part.drive.voltage_v = applied.voltage_v;
         part.drive.pulse_width = applied.pulse_width;
         part.drive.phase_rad = phase_rad;
-        part.drive.force_phase_rad = phase_rad + force_phase_behind_windows_rad(drive, i, applied.pulse_width);
+        part.drive.force_phase_rad = phase_rad + force_phase_relative_to_windows_rad(drive, i, applied.pulse_width);
     }
     Some(settled.scale)
 }

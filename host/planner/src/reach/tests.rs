@@ -87,7 +87,7 @@ proptest! {
     ) {
         let space = random_space(actuators, frequencies, points, seed);
         let zone: Vec<usize> = (0..points).filter(|x| points < 5 || x % 5 != 3).collect();
-        let found = search::max_min_combination_if_spacing_can_be_kept(&space, &zone, SearchEffort::Study, None);
+        let found = search::find_frequencies_with_largest_least_gain_if_spacing_possible(&space, &zone, SearchEffort::Study, None);
         let wanted = find_strongest_of_all_choices(&space, &zone, 20.0);
         prop_assert_eq!(found.is_some(), wanted.is_some());
         if let (Some(found), Some(wanted)) = (found, wanted) {
@@ -110,7 +110,9 @@ proptest! {
 fn long_lists_are_split() {
     let space = random_space(3, 130, 12, 7);
     let zone: Vec<usize> = (0..12).collect();
-    let found = search::max_min_combination_if_spacing_can_be_kept(&space, &zone, SearchEffort::Study, None).unwrap();
+    let found =
+        search::find_frequencies_with_largest_least_gain_if_spacing_possible(&space, &zone, SearchEffort::Study, None)
+            .unwrap();
     let mut wanted = 0.0_f64;
     let full = [1.0; 3];
     for (a, b, c) in (0..130).flat_map(|a| (0..130).flat_map(move |b| (0..130).map(move |c| (a, b, c)))) {
@@ -134,8 +136,12 @@ fn long_lists_are_split() {
 fn little_work_leaves_a_gap() {
     let space = random_space(4, 130, 12, 7);
     let zone: Vec<usize> = (0..12).collect();
-    let all = search::max_min_combination_if_spacing_can_be_kept(&space, &zone, SearchEffort::Study, None).unwrap();
-    let cut = search::max_min_combination_if_spacing_can_be_kept(&space, &zone, SearchEffort::Touch, None).unwrap();
+    let all =
+        search::find_frequencies_with_largest_least_gain_if_spacing_possible(&space, &zone, SearchEffort::Study, None)
+            .unwrap();
+    let cut =
+        search::find_frequencies_with_largest_least_gain_if_spacing_possible(&space, &zone, SearchEffort::Touch, None)
+            .unwrap();
     let rounded = 1.0 + 1e-9;
     assert!(cut.least <= all.least * rounded && cut.upper * rounded >= all.least, "{cut:?} {all:?}");
     assert!(cut.upper > cut.least * rounded, "{cut:?}");

@@ -64,7 +64,7 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
         let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
             format!(
                 ", or use springs of {} N/m (stiffness_n_per_m is {})",
-                round_up_to_two_digits(stiffness),
+                round_up_to_two_significant_digits(stiffness),
                 actuator.stiffness_n_per_m
             )
         });
@@ -84,7 +84,7 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
 }
 
 /// The next higher number with two digits.
-fn round_up_to_two_digits(value: f64) -> f64 {
+fn round_up_to_two_significant_digits(value: f64) -> f64 {
     let digit = 10_f64.powf(value.log10().floor() - 1.0);
     (value / digit).ceil() * digit
 }

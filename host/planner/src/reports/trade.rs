@@ -80,7 +80,7 @@ pub struct QuietPoint {
 ///
 /// # Errors
 /// [`PlanError`].
-pub fn plan_and_explore_trade_offs(
+pub fn plan_and_improve_by_exploring_trade_offs(
     table: &PlanTable,
     request: &Request,
 ) -> Result<(Planned, Option<TradeOffs>), PlanError> {
@@ -248,10 +248,10 @@ impl TradeFrontier<'_> {
         let mut most = 1.0;
         let parts: Vec<f64> = (0..=STEPS).map(|step| f64::from(step) / f64::from(STEPS)).collect();
         for part in &parts {
-            most = self.upper_bound_of_others_fraction(target, *part, most)?;
+            most = self.search_others_fraction_and_return_upper_bound(target, *part, most)?;
         }
         let points = parts.into_iter().filter_map(|part| {
-            let (others_part, peaks_g) = self.find_best_others_fraction_of_alone_peaks_so_far(target, part)?;
+            let (others_part, peaks_g) = self.find_best_others_fraction_and_peaks_g_of_tried_plans(target, part)?;
             Some(Point { part, others_part, peaks_g: peaks_g.clone() })
         });
         Ok(Curve { target, points: points.collect() })
@@ -259,7 +259,7 @@ impl TradeFrontier<'_> {
 
     /// Searches for the largest fraction up to `upper` that all others can have while `target` has `target_fraction_of_alone`;
     /// returns an upper bound on it.
-    fn upper_bound_of_others_fraction(
+    fn search_others_fraction_and_return_upper_bound(
         &mut self,
         target: usize,
         target_fraction_of_alone: f64,
@@ -269,7 +269,7 @@ impl TradeFrontier<'_> {
         let mut next = high;
         for _ in 0..MOST_ROUNDS {
             let low = self
-                .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+                .find_best_others_fraction_and_peaks_g_of_tried_plans(target, target_fraction_of_alone)
                 .map_or(0.0, |(others_part, _)| others_part);
             if high - low <= CLOSE {
                 break;
@@ -278,7 +278,7 @@ impl TradeFrontier<'_> {
                 high = next;
             }
             let low = self
-                .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+                .find_best_others_fraction_and_peaks_g_of_tried_plans(target, target_fraction_of_alone)
                 .map_or(0.0, |(others_part, _)| others_part);
             next = 0.5 * (low + high);
         }
@@ -301,13 +301,13 @@ impl TradeFrontier<'_> {
         let peaks_g = peak_at_each_target_g(&self.table.plan_request(&trial)?);
         self.seen.push(TriedPlan { asked_g, peaks_g });
         Ok(self
-            .find_best_others_fraction_of_alone_peaks_so_far(target, target_fraction_of_alone)
+            .find_best_others_fraction_and_peaks_g_of_tried_plans(target, target_fraction_of_alone)
             .is_some_and(|(had, _)| had >= others_fraction_of_alone * (1.0 - ON_BORDER)))
     }
 
     /// Of all tried plans that give `target` its fraction, the fraction and the peaks of the one that gives the
     /// others most.
-    fn find_best_others_fraction_of_alone_peaks_so_far(
+    fn find_best_others_fraction_and_peaks_g_of_tried_plans(
         &self,
         target: usize,
         target_fraction_of_alone: f64,
@@ -331,7 +331,11 @@ impl TradeFrontier<'_> {
 
 /// Returns an error if nobody waits for the answer any more; called between two plans.
 fn fail_if_stop_requested() -> Result<(), PlanError> {
-    if StopRequest::current_request_of_thread().is_stop_requested() { Err(PlanError::Stopped) } else { Ok(()) }
+    if StopRequest::current_request_of_thread().is_stop_requested_or_deadline_over() {
+        Err(PlanError::Stopped)
+    } else {
+        Ok(())
+    }
 }
 
 /// The peaks at the targets in g.

@@ -45,12 +45,13 @@ pub struct QuietZone {
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
-    /// Least mean-square acceleration elsewhere for what is wanted at the targets.
+    /// The least mean-square acceleration away from the targets, while the targets get their requested peaks.
     #[default]
     Contrast,
-    /// The greatest least acceleration over the surface: no dead zones. Scaled down to what the first target wants.
+    /// The largest possible peak at the weakest place of the surface, so that no place is dead; all drives are then weakened together until the
+    /// target has its requested peak.
     Reach,
-    /// Least electrical power for what is wanted at the targets.
+    /// The least electrical power with which the targets get their requested peaks.
     Power,
 }
 
@@ -75,10 +76,10 @@ impl Objective {
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Grouping {
-    /// None: each has its own, and phases are of no account.
+    /// Each actuator has its own frequency; the phases of the drives do not matter.
     #[default]
     Distinct,
-    /// All: one frequency, with a phase for each actuator.
+    /// All actuators have one common frequency; each has its own phase.
     Shared,
 }
 
@@ -88,11 +89,12 @@ pub enum Grouping {
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Weigh {
-    /// All the same.
+    /// Accelerations of all frequencies have the same weight.
     #[default]
     Equal,
     // Also the text of `--help`, where a link of rustdoc is none: the weights are those of `crate::perception::felt_weight_relative_to_reference_hz`.
-    /// As they are felt: by the skin's sensitivity at their frequency, at targets and elsewhere. Quiet zones keep their limits in g.
+    /// Each acceleration is weighted by the sensitivity of the skin at its frequency, at the targets and elsewhere; the limits of quiet zones
+    /// remain in g.
     Felt,
 }
 
@@ -231,11 +233,12 @@ fn describe_range(min: f64, max: f64) -> String {
     if max.is_finite() { format!("{min} to {max}") } else { format!("a finite number of at least {min}") }
 }
 
-/// Checks everything about a request; returns the wanted intensity of each target in g.
-pub(crate) fn validate_request_and_return_wanted_g(
+/// Checks everything about a request; returns it with its targets and quiet zones moved onto the surface, and the wanted intensity of each target
+/// in g.
+pub(crate) fn check_request_and_move_onto_surface(
     table: &PlanTable,
     request: &Request,
-) -> Result<Vec<f64>, PlanError> {
+) -> Result<(Request, Vec<f64>), PlanError> {
     let targets = &request.targets;
     if table.scene.actuators.is_empty() {
         return Err(PlanError::NoActuators);
@@ -276,35 +279,20 @@ pub(crate) fn validate_request_and_return_wanted_g(
         let allowed = "distinct frequencies and the objective contrast or power";
         return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
     }
-    for quiet in &request.quiet {
-        table.scene.surface_point_at(quiet.x_m, quiet.y_m)?;
+    let mut request = request.clone();
+    for quiet in &mut request.quiet {
+        (quiet.x_m, quiet.y_m) = table.scene.surface_point_at(quiet.x_m, quiet.y_m)?.coordinates_m();
         check_range("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
         check_range("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
     }
-    targets
-        .iter()
-        .map(|target| {
-            table.scene.surface_point_at(target.x_m, target.y_m)?;
-            let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
-            check_range("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
-            Ok(intensity_g)
-        })
-        .collect()
-}
-
-/// The request with its targets and quiet zones moved onto the surface; to be called after [`validate_request_and_return_wanted_g`].
-pub(crate) fn move_targets_and_quiet_zones_onto_surface(
-    table: &PlanTable,
-    request: &Request,
-) -> Result<Request, PlanError> {
-    let mut request = request.clone();
+    let mut wanted_g = Vec::with_capacity(request.targets.len());
     for target in &mut request.targets {
         (target.x_m, target.y_m) = table.scene.surface_point_at(target.x_m, target.y_m)?.coordinates_m();
+        let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
+        check_range("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
+        wanted_g.push(intensity_g);
     }
-    for quiet in &mut request.quiet {
-        (quiet.x_m, quiet.y_m) = table.scene.surface_point_at(quiet.x_m, quiet.y_m)?.coordinates_m();
-    }
-    Ok(request)
+    Ok((request, wanted_g))
 }
 
 /// The y coordinate of a point in m: on a bar that of its axis.

@@ -110,7 +110,7 @@ impl QuietZones {
 
     /// For each zone where these drives exceed the limit, adds a row for the point with the largest peak; returns
     /// whether any row was added.
-    pub fn add_row_per_violated_zone(&mut self, drives: &[ChosenDrive]) -> bool {
+    pub fn add_limit_at_worst_point_of_each_violated_zone(&mut self, drives: &[ChosenDrive]) -> bool {
         let before = self.rows.len();
         for area in &self.areas {
             let allowed = area.quiet.at_most_g * STANDARD_GRAVITY;

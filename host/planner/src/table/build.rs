@@ -75,14 +75,14 @@ pub(super) fn build_table(
     options: TableOptions,
     known_press_effects: Option<&[PressEffect]>,
 ) -> Result<PlanTable, ResponseError> {
-    let mut computed = compute_table_without_mean_max_slope(scene, model, options, known_press_effects)?;
-    fill_surface_figures_of_each_entry(scene, &mut computed)?;
+    let mut computed = compute_table_without_surface_mean_max_and_slope(scene, model, options, known_press_effects)?;
+    fill_surface_mean_max_and_slope_of_each_entry(scene, &mut computed)?;
     Ok(PlanTable::from_computed(scene, computed))
 }
 
 /// Computes the parts of a table except the figures that need every point of the surface: `mean_magnitude_over_surface`,
 /// `max_square` and `max_slope` of every entry are 0. All limits of voltage, force and travel are included.
-pub(super) fn compute_table_without_mean_max_slope(
+pub(super) fn compute_table_without_surface_mean_max_and_slope(
     scene: &Scene,
     model: ReducedModel,
     options: TableOptions,
@@ -269,7 +269,7 @@ fn compute_entries_of_all_actuators_unless_unbounded(
         let charging = driver.electrodes.charging_at(frequency_hz);
         let width = |pulse_width: f64| {
             let square = |harmonic: &HarmonicResponse| {
-                charging.harmonic_phasor_over_fundamental_amplitude(harmonic.number, pulse_width).norm_sqr()
+                charging.force_harmonic_phasor_over_fundamental_amplitude(harmonic.number, pulse_width).norm_sqr()
                     * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
             };
             let surface = harmonics.iter().map(square).sum();
@@ -404,7 +404,10 @@ fn compute_response_at_each_odd_harmonic(
 }
 
 /// Fills in the mean and the largest magnitude and the largest slope of every entry over the surface.
-fn fill_surface_figures_of_each_entry(scene: &Scene, computed: &mut ComputedTable) -> Result<(), ResponseError> {
+fn fill_surface_mean_max_and_slope_of_each_entry(
+    scene: &Scene,
+    computed: &mut ComputedTable,
+) -> Result<(), ResponseError> {
     let ComputedTable { model, grid, frequencies_hz, entries, .. } = computed;
     let known: Vec<usize> =
         (0..frequencies_hz.len()).filter(|k| entries.iter().all(|list| list[*k].is_some())).collect();

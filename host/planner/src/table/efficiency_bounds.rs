@@ -37,8 +37,9 @@ impl EfficiencyBounds {
         };
         let part = (disc / scene.surface_area_m2()).min(0.9);
         let rest = 1.0 - part;
-        let quiet =
-            |entry: &Entry| entry.widths[0].harmonics.min(entry.widest_pulse_if_noticeably_stronger().harmonics);
+        let quiet = |entry: &Entry| {
+            entry.widths[0].harmonics.min(entry.widest_pulse_if_noticeably_stronger_else_quiet().harmonics)
+        };
         let all = |of: &dyn Fn(&Entry) -> f64| -> Vec<f64> {
             entries.iter().flatten().map(|entry| entry.as_ref().map_or(0.0, of)).collect()
         };
@@ -70,7 +71,7 @@ impl EfficiencyBounds {
     /// Tighter bounds where the mean squares `near_mean_squares` the target are known in single precision, over a zone that covers
     /// the fraction `zone_fraction` of the surface: for the candidates marked in `likely`; 0 for all others.
     #[must_use]
-    pub fn sharpen_efficiency_bounds(
+    pub fn sharper_efficiency_bounds_of_likely_candidates_or_zero(
         &self,
         squared_accelerations: &[f64],
         near_mean_squares: &[f64],

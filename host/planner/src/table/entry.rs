@@ -91,14 +91,14 @@ pub struct Entry {
 impl Entry {
     /// The widest pulse if it gives noticeably more force, otherwise the quiet one.
     #[must_use]
-    pub fn widest_pulse_if_noticeably_stronger(&self) -> &PulseOption {
+    pub fn widest_pulse_if_noticeably_stronger_else_quiet(&self) -> &PulseOption {
         choose_widest_pulse_if_noticeably_stronger(&self.widths)
     }
 
     /// The strongest pulse if `wants_strongest`, otherwise the quiet one.
     #[must_use]
     pub fn select_pulse(&self, wants_strongest: bool) -> &PulseOption {
-        if wants_strongest { self.widest_pulse_if_noticeably_stronger() } else { &self.widths[0] }
+        if wants_strongest { self.widest_pulse_if_noticeably_stronger_else_quiet() } else { &self.widths[0] }
     }
 }
 

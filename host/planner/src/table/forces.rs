@@ -58,7 +58,7 @@ pub(crate) fn bound_travel_with_harmonics_and_overshoot_m_per_n(
 }
 
 /// Largest travel in m that the `harmonic_count` odd harmonics add to every actuator, per N of the fundamental.
-pub(crate) fn bound_travel_of_first_harmonics_of_each_actuator_m_per_n(
+pub(crate) fn bound_travel_by_harmonics_above_fundamental_m_per_n(
     entry: &Entry,
     pulse_width: f64,
     harmonic_count: usize,
@@ -79,7 +79,7 @@ fn sum_weighted_harmonic_travel_of_each_actuator(
 ) -> [f64; MAX_ACTUATORS] {
     let mut out = [0.0; MAX_ACTUATORS];
     for (n, row) in HARMONICS.iter().zip(harmonics) {
-        let part = charging.harmonic_phasor_over_fundamental_amplitude(*n, pulse_width).norm();
+        let part = charging.force_harmonic_phasor_over_fundamental_amplitude(*n, pulse_width).norm();
         out.iter_mut().zip(row).for_each(|(out, travel)| *out += part * travel);
     }
     out

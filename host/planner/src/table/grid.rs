@@ -151,7 +151,9 @@ pub(super) fn shortest_bending_wavelength_m(scene: &Scene, frequency_hz: f64) ->
         let material = &layer.material;
         let uniform = material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * material.density_kg_m3);
         let weight = material.density_kg_m3 * layer.thickness_m;
-        layer.orthotropic.map_or(uniform, |rigidities| rigidities.least_and_largest_rigidity()[0] / weight)
+        layer
+            .orthotropic
+            .map_or(uniform, |rigidities| rigidities.least_and_largest_rigidity_over_directions()[0] / weight)
     };
     let ratio =
         scene.layout().areas_or_bar_lengths_with_layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);

@@ -21,7 +21,7 @@ pub use efficiency_bounds::EfficiencyBounds;
 pub use entry::{Entry, HARMONICS, PulseOption, acceleration_at_point_from_coordinates};
 pub use forces::WIDEST_PULSE;
 pub(super) use forces::{
-    SOFTENING_GROWTH, bound_travel_of_first_harmonics_of_each_actuator_m_per_n,
+    SOFTENING_GROWTH, bound_travel_by_harmonics_above_fundamental_m_per_n,
     bound_travel_with_harmonics_and_overshoot_m_per_n, compute_travel_of_each_actuator,
 };
 pub use gains::{AccelerationCoordinates, SINGLE_PRECISION_ERROR};
@@ -134,6 +134,8 @@ pub struct PlanTable {
     pub(super) rough: EfficiencyBounds,
     /// Made when it is first asked for.
     over_surface: OnceLock<Vec<PerPair>>,
+    /// What [`crate::click::sound`] needs of the panel; of whoever computes it first.
+    pub(crate) products_of_cells: OnceLock<Vec<PerPair>>,
     /// The panel's free motion; `None` for a model without poles to tell it by, which no scene is known to have.
     free: Option<(PanelPoles, SwitchOnModel)>,
     /// The setting with the largest minimum over the surface and by which part another could have a larger one; of whoever finds
@@ -184,7 +186,7 @@ impl PlanTable {
     /// than every gap on that rail withstands under a press with its mass at rest. Plans have lower limits, because
     /// their masses move.
     #[must_use]
-    pub fn standby_voltage_of_each_actuator_v(&self) -> Vec<f64> {
+    pub fn max_standby_voltage_of_each_actuator_v(&self) -> Vec<f64> {
         let holds_v = |electrodes: &Electrodes| {
             electrodes.max_voltage_v.min(electrodes.max_voltage_of_remaining_gap_v(0.0)).max(0.0)
         };
@@ -222,6 +224,7 @@ impl PlanTable {
             grid,
             products,
             over_surface: OnceLock::new(),
+            products_of_cells: OnceLock::new(),
             free,
             evened: OnceLock::new(),
         }

@@ -113,7 +113,7 @@ pub fn compute_press_effect_on_each_actuator(
     let springs = steady.into_iter().collect::<Option<Vec<_>>>().filter(|_| !loose.is_empty()).and_then(|steady| {
         let places: Vec<(f64, f64)> =
             list_actuator_places_m(scene).into_iter().chain(alone.iter().map(|(at_m, _)| *at_m)).collect();
-        find_added_stiffness_to_withstand_press_if_any_n_per_m(
+        find_stiffness_to_add_against_press_if_possible_n_per_m(
             (scene, model, grid),
             (electrodes, &taken),
             &loose,
@@ -143,7 +143,7 @@ pub fn compute_press_effect_on_each_actuator(
 
 /// Stiffness in N/m to add to the springs of each of the actuators `loose` so that they withstand the press; `None` if no springs suffice. With
 /// stiffer springs the furthest place is another one, which may be between the points of the grid: it is looked for again with the springs found.
-fn find_added_stiffness_to_withstand_press_if_any_n_per_m(
+fn find_stiffness_to_add_against_press_if_possible_n_per_m(
     (scene, model, grid): (&Scene, &ReducedModel, &SurfaceGrid),
     (electrodes, softening_n_per_m): (&[Electrodes], &[f64]),
     loose: &[usize],
@@ -170,7 +170,7 @@ fn find_added_stiffness_to_withstand_press_if_any_n_per_m(
             pulls_n: &pulls_n,
             most_m: &most_m,
         };
-        let found = masses.added_stiffness_to_withstand_press_if_any_n_per_m()?;
+        let found = masses.added_stiffness_to_withstand_press_if_possible_n_per_m()?;
         let inverse = masses.invert_stiffened_system_if_regular(&found)?;
         let furthest = loose.iter().map(|i| {
             let zero = DVector::zeros(model.count_coordinates());

@@ -6,8 +6,8 @@
 //! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
 use super::build::{
-    acceleration_coordinates_per_newton_of_each_actuator_by_frequency, compute_table_without_mean_max_slope,
-    mean_magnitude_and_bounds_of_square_and_slope,
+    acceleration_coordinates_per_newton_of_each_actuator_by_frequency,
+    compute_table_without_surface_mean_max_and_slope, mean_magnitude_and_bounds_of_square_and_slope,
 };
 use super::{Entry, PlanTable, TableOptions};
 use crate::model::bounded::RefinementLevel;
@@ -40,7 +40,7 @@ type StoredRow = Option<Vec<Vec<[f64; 2]>>>;
 type StoredFigures = [f64; 3];
 
 /// Gives an entry the figures that were kept; `rounding_level` is the acceleration in (m/s^2)/N up to which they are rounding.
-fn restore_surface_figures_of_entry(
+fn restore_surface_mean_max_and_slope_of_entry(
     entry: &mut Entry,
     kept: StoredFigures,
     rounding_level: f64,
@@ -94,7 +94,7 @@ impl StoredTable {
     ) -> Result<(PlanTable, Vec<RefinementLevel>), ImplausibleStore> {
         let ReducedLevels { fine, coarser, estimator, steps } =
             self.levels.restore_coarser_and_build_finest_levels(scene, accuracy, options.to_hz)?;
-        let mut computed = compute_table_without_mean_max_slope(scene, fine, options, None)
+        let mut computed = compute_table_without_surface_mean_max_and_slope(scene, fine, options, None)
             .map_err(|_| ImplausibleStore::Differs("model"))?;
         check_stored_size("actuators", self.figures.len(), computed.entries.len())?;
         let nothing = HARDLY_MOVING / scene.surface_mass_with_air_kg();
@@ -102,7 +102,7 @@ impl StoredTable {
             check_stored_size("frequencies", kept.len(), list.len())?;
             for (entry, kept) in list.iter_mut().zip(kept) {
                 match (entry, kept) {
-                    (Some(entry), Some(kept)) => restore_surface_figures_of_entry(entry, kept, nothing)?,
+                    (Some(entry), Some(kept)) => restore_surface_mean_max_and_slope_of_entry(entry, kept, nothing)?,
                     (None, None) => {}
                     _ => return Err(ImplausibleStore::Differs("the frequencies without a response")),
                 }
@@ -111,8 +111,8 @@ impl StoredTable {
         let mut table = PlanTable::from_computed(scene, computed);
         let [middle, coarse] = self.coarser_rows;
         table.coarser_rows = [
-            restore_accelerations_of_coarser_level(middle, &coarser[0], table.frequencies_hz.len())?,
-            restore_accelerations_of_coarser_level(coarse, &coarser[1], table.frequencies_hz.len())?,
+            restore_coarser_level_accelerations_none_where_unbounded(middle, &coarser[0], table.frequencies_hz.len())?,
+            restore_coarser_level_accelerations_none_where_unbounded(coarse, &coarser[1], table.frequencies_hz.len())?,
         ];
         table.coarser = Some((coarser, estimator));
         recompute_and_compare_samples(&table)?;
@@ -120,7 +120,7 @@ impl StoredTable {
     }
 }
 
-fn restore_accelerations_of_coarser_level(
+fn restore_coarser_level_accelerations_none_where_unbounded(
     stored: Vec<StoredRow>,
     model: &ReducedModel,
     frequencies: usize,
@@ -138,7 +138,7 @@ fn restore_accelerations_of_coarser_level(
 const HARDLY_MOVING: f64 = 1e-6;
 
 /// Whether the stored figures of an entry agree with figures that are computed again from its acceleration.
-fn are_surface_figures_as_recomputed(table: &PlanTable, kept: &Entry) -> bool {
+fn are_surface_mean_max_and_slope_as_recomputed(table: &PlanTable, kept: &Entry) -> bool {
     let anew = mean_magnitude_and_bounds_of_square_and_slope(
         table.grid.evaluate_at_each_grid_point(&kept.acceleration).into_iter(),
         &table.grid,
@@ -164,7 +164,7 @@ fn recompute_and_compare_samples(table: &PlanTable) -> Result<(), ImplausibleSto
             .entries
             .iter()
             .filter_map(|list| list[k].as_ref())
-            .all(|kept| are_surface_figures_as_recomputed(table, kept))
+            .all(|kept| are_surface_mean_max_and_slope_as_recomputed(table, kept))
         {
             return Err(ImplausibleStore::Differs("the values over the surface"));
         }

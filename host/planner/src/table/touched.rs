@@ -82,7 +82,7 @@ impl<'a> TouchedPanel<'a> {
     ) -> Result<Vec<T>, TouchedError> {
         let stop = StopRequest::current_request_of_thread();
         let at = |place: &(f64, f64)| {
-            if stop.is_stop_requested() {
+            if stop.is_stop_requested_or_deadline_over() {
                 return Err(ModelError::Stopped.into());
             }
             stop.run_stoppable(|| {

@@ -111,7 +111,7 @@ impl PointView {
 
     /// Places values at [`PointView::points`] into a list over all points of the grid; `None` elsewhere.
     #[must_use]
-    pub fn place_values_on_grid<T: Clone>(
+    pub fn spread_view_values_over_table_grid<T: Clone>(
         &self,
         table: &PlanTable,
         values: impl IntoIterator<Item = T>,

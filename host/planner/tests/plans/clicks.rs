@@ -3,8 +3,13 @@
 use super::build_table;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, STARTING_PLATE};
 use era_planner::STANDARD_GRAVITY;
+use era_planner::Target;
 use era_planner::click::{ClickDesign, ClickOptions, Preference, design_click_windows};
 use era_planner::effects::intensity::mode_shape_values_at_point_or_on_bar_axis;
+use era_planner::effects::{
+    EffectRequest, NamedEffect, design_effect, design_effect_of_windows_if_click_else_of_drives,
+};
+use era_shared::waveform::Segment;
 
 const WISHES_G: [f64; 9] = [0.1, 0.3, 0.45, 0.5, 0.6, 0.7, 1.0, 2.0, 50.0];
 
@@ -58,4 +63,122 @@ fn more_is_not_less() {
             }
         }
     }
+}
+
+/// A finger that rests and feels nothing takes nothing from the click of another one.
+#[test]
+fn a_finger_without_intensity_does_not_change_a_click() {
+    let table = build_table(EXAMPLE_PLATE);
+    let poles = table.panel_poles().unwrap();
+    let design = |targets: &[Target]| {
+        let plan = table.plan(targets).unwrap();
+        let request = EffectRequest::with_defaults(NamedEffect::Click);
+        design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, ClickOptions::default())
+            .unwrap()
+    };
+    let clicking = Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.3) };
+    let resting = Target { x_m: 0.24, y_m: 0.15, intensity_g: Some(0.0) };
+    let alone = design(&[clicking]);
+    for (targets, place) in [([clicking, resting], 0), ([resting, clicking], 1)] {
+        let both = design(&targets);
+        assert!(!both.windows.is_empty() && both.windows == alone.windows, "{:?}", both.windows);
+        assert_eq!(both.peaks_g[place], alone.peaks_g[0]);
+        // The panel moves there, too.
+        let other_g = both.peaks_g[1 - place];
+        assert!(other_g > 0.01 && other_g < 1.0, "{other_g} g");
+    }
+}
+
+/// Half the force is 6 dB less sound, also of a click that is made weaker after its design.
+#[test]
+fn a_weakened_click_is_quieter() {
+    let table = build_table(EXAMPLE_PLATE);
+    let poles = table.panel_poles().unwrap();
+    let plan = table.plan(&[Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.3) }]).unwrap();
+    let request = EffectRequest::with_defaults(NamedEffect::Click);
+    let design = |force_fraction: f64| {
+        let options = ClickOptions { force_fraction, ..ClickOptions::default() };
+        design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
+    };
+    let (whole, half) = (design(1.0), design(0.5));
+    let [weakened_db, half_db] = [whole.weaken(0.5), half].map(|design| design.predicted.sound_db.unwrap());
+    assert!((weakened_db - half_db).abs() < 0.3, "{weakened_db} {half_db}");
+    assert_eq!(whole.weaken(0.0).predicted.sound_db, None);
+}
+
+/// The second push of each drive begins at the boundary of its periods that is nearest to the time asked for, however long a push wants to be.
+#[test]
+fn a_double_click_keeps_its_period() {
+    for (text, places) in
+        [(EXAMPLE_PLATE, [(0.06, 0.05), (0.15, 0.10)]), (STARTING_PLATE, [(0.213, 0.038), (0.031, 0.171)])]
+    {
+        let table = build_table(text);
+        for (x_m, y_m) in places {
+            for (period_ms, intensity_g) in [(50.0, 2.0), (50.0, 0.1), (73.0, 0.5), (120.0, 1.0), (500.0, 0.5)] {
+                let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(intensity_g) }]).unwrap();
+                let request = EffectRequest {
+                    period_ms: Some(period_ms),
+                    ..EffectRequest::with_defaults(NamedEffect::DoubleClick)
+                };
+                let design = design_effect(&table, table.panel_poles().unwrap(), &plan, request).unwrap();
+                for drive in &design.drives {
+                    let period = 1e3 / drive.drive.frequency_hz;
+                    let length_ms = |segment: &Segment| match segment {
+                        Segment::Cycles { count, .. } => f64::from(*count) * period,
+                        Segment::Hold { milliseconds, .. } | Segment::Ramp { milliseconds, .. } => {
+                            f64::from(*milliseconds)
+                        }
+                    };
+                    let once_ms: f64 = drive.effect.segments.iter().map(length_ms).sum();
+                    let second_ms = (once_ms / period - 1e-6).ceil() * period;
+                    assert!(
+                        (second_ms - period_ms).abs() <= 0.5 * period + 1e-6,
+                        "{x_m}, {y_m}, {period_ms} ms, {intensity_g} g: {second_ms} ms, {:?} at {} Hz",
+                        drive.effect,
+                        drive.drive.frequency_hz
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A click that finds its rails higher than it needs is as crisp, and hardly weaker, and leaves them there at most places.
+#[test]
+fn rails_that_stand_higher_change_a_click_little() {
+    let (mut kept, mut tried) = (0, 0);
+    for text in [EXAMPLE_PLATE, STARTING_PLATE, EXAMPLE_BAR] {
+        let table = build_table(text);
+        let poles = table.panel_poles().unwrap();
+        for place in 0..6_u32 {
+            let at = |step: f64| (0.5 + step * f64::from(place + 1)).fract();
+            let (x_m, y_m) =
+                (at(0.754_877_666) * table.scene.surface.length_m, at(0.569_840_291) * table.scene.surface.width_m);
+            let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(0.3) }]).unwrap();
+            let request = EffectRequest::with_defaults(NamedEffect::Click);
+            let design = |standing_rails_v: [f64; 2]| {
+                let options = ClickOptions { standing_rails_v, ..ClickOptions::default() };
+                design_effect_of_windows_if_click_else_of_drives(&table, poles, &plan, request, options).unwrap()
+            };
+            let own = design([0.0; 2]);
+            let needed_v = own.find_rail_voltages_v();
+            for factor in [1.05, 1.2, 1.35, 1.45] {
+                let standing_v = needed_v.map(|volts| (factor * volts).floor());
+                let found = design(standing_v);
+                let name = format!("{} at {x_m:.3}, {y_m:.3}, rails {factor} times as high", table.scene.name);
+                assert!(
+                    found.predicted.crisp >= own.predicted.crisp,
+                    "{name}: {:?} {:?}",
+                    found.predicted,
+                    own.predicted
+                );
+                assert!(found.predicted.peak_g >= 0.94 * own.predicted.peak_g, "{name}: {} g", found.predicted.peak_g);
+                kept += u32::from(found.find_rail_voltages_v() == standing_v);
+                tried += 1;
+            }
+        }
+    }
+    // Where all of an actuator's force is needed, its rail is as high as it may be, and cannot stand higher.
+    println!("{kept} of {tried} keep their rails");
+    assert!(3 * kept > tried, "{kept} of {tried}");
 }

@@ -5,7 +5,7 @@
 use super::scenes::SceneText;
 use era_model::model::levels::ReducedLevels;
 use era_model::model::{Accuracy, BarePanel, PanelModel};
-use era_model::response::compute_curves_with_error_bounds;
+use era_model::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use era_model::scene::{EXAMPLE_BAR, STARTING_PLATE, Scene};
 use era_planner::maps::ReachMaps;
 use era_planner::table::touched::TouchedPanel;
@@ -40,8 +40,13 @@ fn scene(text: &str) -> Scene {
 
 /// Curves at a point, the first actuator's first, and the largest of their bounds.
 fn curves(scene: &Scene, at: (f64, f64)) -> (Vec<Vec<Complex64>>, f64) {
-    let found = compute_curves_with_error_bounds(scene, Accuracy::from_tolerance(1e-5).unwrap(), at, &frequencies_hz())
-        .unwrap();
+    let found = compute_acceleration_curves_per_newton_with_error_bounds(
+        scene,
+        Accuracy::from_tolerance(1e-5).unwrap(),
+        at,
+        &frequencies_hz(),
+    )
+    .unwrap();
     (found.answer, found.bounds.iter().map(|bound| bound.limit_if_known().unwrap()).fold(0.0, f64::max))
 }
 

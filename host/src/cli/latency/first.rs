@@ -1,4 +1,4 @@
-//! First clicks of an idle board: how long until one is answered, with its rails down and after it was armed ahead.
+//! First clicks of an idle board: how long until one begins, with its rails down and after it was armed ahead.
 
 use super::{LatencyFigures, await_device_state};
 use crate::cli::args::Latency;
@@ -33,7 +33,7 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
             post_json_or_fail(agent, &format!("{base}/v1/stop"), &Value::Null)?;
-            await_device_state(agent, base, "reach the state `safe`, with the rails discharged", |device| {
+            await_device_state(agent, base, "reach the state `safe` with discharged rails", |device| {
                 let rails = device["supply"]["rail_v"].as_array();
                 device["state"] == "safe"
                     && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
@@ -47,9 +47,11 @@ pub fn measure_first_click_latency_armed_and_unarmed(
                 click["intensity_g"] = intensity_g.into();
             }
             let begun = Instant::now();
-            post_json_or_fail(agent, &format!("{base}/v1/touch"), &click)?;
+            let answer = post_json_or_fail(agent, &format!("{base}/v1/touch"), &click)?;
+            // The answer comes before the rails have risen.
+            let starts_in_ms = answer["device"]["effect"]["starts_in_ms"].as_f64().unwrap_or(0.0);
             if round > 0 {
-                times.push(begun.elapsed());
+                times.push(begun.elapsed() + Duration::try_from_secs_f64(starts_in_ms / 1e3).unwrap_or_default());
             }
         }
     }
@@ -63,21 +65,21 @@ pub fn measure_first_click_latency_armed_and_unarmed(
     print_text(&format!(
         "{counted} clicks on {}, each the first click after the board was idle; the daemon and the simulated device \
          run in one process, and each time includes the planning\n\
-         from POST /v1/touch to the answer  median      p99      max\n\
+         from POST /v1/touch to the click   median      p99      max\n\
          after POST /v1/arm              {armed}\n\
          with discharged rails           {unarmed}",
         scene.name
     ))
 }
 
-fn post_json_or_fail(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
+fn post_json_or_fail(agent: &ureq::Agent, url: &str, body: &Value) -> Result<Value, Failure> {
     let request = agent.post(url);
     let answer = if body.is_null() { request.send_empty() } else { request.send_json(body) };
     let mut answer = answer.map_err(Failure::runtime_error)?;
+    let told: Value = answer.body_mut().read_json().unwrap_or_default();
     if answer.status().is_success() {
-        return Ok(());
+        return Ok(told);
     }
-    let problem: Value = answer.body_mut().read_json().unwrap_or_default();
-    let detail = problem["detail"].as_str().unwrap_or("the daemon gave no reason");
+    let detail = told["detail"].as_str().unwrap_or("the daemon gave no reason");
     Err(Failure::runtime_error(format!("the request to {url} was refused with {}: {detail}", answer.status())))
 }

@@ -82,7 +82,7 @@ pub fn run_replay(options: &Replay) -> Outcome {
     });
     park_thread_forever_once_ending(&is_ended);
     drop(done);
-    print_summary(options, &recording, results.into_iter().collect(), &pages)
+    print_summary_and_fail_if_unanswered_or_lost(options, &recording, results.into_iter().collect(), &pages)
 }
 
 /// Does not return once a signal has come: the thread that stops everything then ends the process.
@@ -137,7 +137,7 @@ impl ChangedAnswer<'_> {
     }
 }
 
-fn print_summary(
+fn print_summary_and_fail_if_unanswered_or_lost(
     options: &Replay,
     recording: &Recording,
     mut done: Vec<ReplayedRequest>,
@@ -181,7 +181,7 @@ fn print_summary(
     let refused: Vec<String> = pages.refused.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
     let refused = if refused.is_empty() { "none".into() } else { refused.join(", ") };
     let lost = pages.reason.as_ref().map_or_else(String::new, |reason| format!(", {} lost: {reason}", pages.lost));
-    let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
+    let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with status {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
         told.push(format!(

@@ -49,7 +49,7 @@ pub struct RequestRateLimiter {
 impl RequestRateLimiter {
     /// Counts a message of `bytes` bytes on a live socket of `peer`, and waits until the next one may be read. Each 2 KiB count as one
     /// request: to read them takes as long.
-    pub async fn wait_until_next_live_message(&self, peer: Peer, bytes: usize) {
+    pub async fn count_live_message_and_wait_until_next_is_allowed(&self, peer: Peer, bytes: usize) {
         let requests = Self::requests_that_a_message_counts_as(bytes);
         sleep_if_positive(self.count_requests_and_find_wait(peer, Instant::now(), requests)).await;
     }
@@ -80,7 +80,7 @@ impl RequestRateLimiter {
 
 /// Has a request wait where its client asks faster than the pace. A stop does not wait. What is answered to a stop that is refused does: it stops nothing, and
 /// tells whether a token is right.
-pub async fn delay_requests_except_stop_above_rate(
+pub async fn delay_requests_above_rate_except_accepted_stop(
     State(pace): State<Arc<RequestRateLimiter>>,
     request: Request,
     next: Next,
@@ -160,7 +160,7 @@ mod tests {
     async fn messages_within_the_pace_wait_for_nothing() {
         let (pace, one) = (RequestRateLimiter::default(), Peer::Process(None));
         for number in 0..100 {
-            let mut wait = pin!(pace.wait_until_next_live_message(one, 200));
+            let mut wait = pin!(pace.count_live_message_and_wait_until_next_is_allowed(one, 200));
             let polled = wait.as_mut().poll(&mut Context::from_waker(Waker::noop()));
             assert!(polled.is_ready(), "message {number}");
         }
@@ -182,7 +182,7 @@ mod tests {
         ] {
             let mut router = Router::new()
                 .route("/v1/stop", post(async move || answer))
-                .layer(from_fn_with_state(Arc::clone(&pace), delay_requests_except_stop_above_rate));
+                .layer(from_fn_with_state(Arc::clone(&pace), delay_requests_above_rate_except_accepted_stop));
             let mut request = Request::post("/v1/stop").body(Body::empty()).unwrap();
             request.extensions_mut().insert(one);
             let mut answered = pin!(router.call(request));

@@ -169,7 +169,7 @@ impl Access {
     ///
     /// # Errors
     /// [`Problem`]: a name or an origin that is neither this daemon's own nor allowed.
-    pub fn check_host_and_find_allowed_origin(
+    pub fn check_host_and_origin_and_return_allowed_foreign_origin(
         &self,
         method: &Method,
         headers: &HeaderMap,
@@ -337,7 +337,12 @@ mod tests {
                 map.append(*name, HeaderValue::from_bytes(value).unwrap());
             }
             let host = read_single_header(&map, &header::HOST)?.and_then(Authority::parse);
-            access.check_host_and_find_allowed_origin(method, &map, host.as_ref(), Some(Scheme("http")))
+            access.check_host_and_origin_and_return_allowed_foreign_origin(
+                method,
+                &map,
+                host.as_ref(),
+                Some(Scheme("http")),
+            )
         };
         let good: &[&[(&'static str, &[u8])]] = &[
             &[("host", b"127.0.0.1:7878")],

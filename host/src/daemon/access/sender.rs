@@ -51,7 +51,9 @@ pub struct WatchedConnection<W> {
 impl RequestSender {
     /// A connection, and who is at its other end.
     #[must_use]
-    pub fn watch_tcp_stream(stream: TcpStream) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {
+    pub fn pair_peer_close_watcher_with_tcp_connection(
+        stream: TcpStream,
+    ) -> (Self, WatchedConnection<tcp::OwnedWriteHalf>) {
         let (read, sink) = stream.into_split();
         Self::watch_halves(ReadHalf::Tcp(Arc::new(read)), sink)
     }
@@ -76,7 +78,7 @@ impl RequestSender {
     }
 
     /// Reading fails from here on ([`io::ErrorKind::QuotaExceeded`]) when more than so many bytes come between two calls of [`Self::take_read_byte_count`].
-    pub fn limit_bytes_read_between_calls(&self, most_bytes: usize) {
+    pub fn fail_reads_beyond_bytes_between_takes_of_byte_count(&self, most_bytes: usize) {
         self.read.count.store(0, Ordering::Relaxed);
         self.read.most.store(most_bytes, Ordering::Relaxed);
     }

@@ -113,17 +113,23 @@ fn missing_unknown_or_duplicate_field_problem(
 /// Refuses lists in place of objects, which serde takes for the fields in their order: requests are objects, and so is every
 /// entry of their lists.
 fn check_body_and_list_entries_are_objects(body: &Value, expected: ExpectedForm<'_>) -> Result<(), Problem> {
-    fn check_entries_below(value: &Value, path: &str, expected: ExpectedForm<'_>) -> Result<(), Problem> {
+    fn check_list_entries_below_are_objects(
+        value: &Value,
+        path: &str,
+        expected: ExpectedForm<'_>,
+    ) -> Result<(), Problem> {
         let inside = |name: String| if path.is_empty() { name } else { format!("{path}.{name}") };
         match value {
             Value::Object(map) => map.iter().try_for_each(|(key, value)| match value {
-                Value::Object(_) | Value::Array(_) => check_entries_below(value, &inside(key.clone()), expected),
+                Value::Object(_) | Value::Array(_) => {
+                    check_list_entries_below_are_objects(value, &inside(key.clone()), expected)
+                }
                 _ => Ok(()),
             }),
             Value::Array(list) => list.iter().enumerate().try_for_each(|(i, entry)| {
                 let path = format!("{path}[{i}]");
                 if entry.is_object() {
-                    return check_entries_below(entry, &path, expected);
+                    return check_list_entries_below_are_objects(entry, &path, expected);
                 }
                 let detail = format!("{path} is {entry}, but must be an object. {expected}");
                 Err(Problem::bad_body(detail).with_field_and_value(&path, entry.clone(), "an object".into(), None))
@@ -132,7 +138,7 @@ fn check_body_and_list_entries_are_objects(body: &Value, expected: ExpectedForm<
         }
     }
     match body {
-        Value::Object(_) => check_entries_below(body, "", expected),
+        Value::Object(_) => check_list_entries_below_are_objects(body, "", expected),
         other => {
             Err(Problem::bad_body(format!("the body is {}, but must be an object. {expected}", name_json_kind(other))))
         }

@@ -201,8 +201,8 @@ impl<F: Clone> BackgroundJob<F> {
     }
 
     /// Does a part of it, whose models and plans end when nobody wants it any more: on whichever thread that is.
-    pub fn run_stoppable_by_cancel<T>(&self, part: impl FnOnce() -> T) -> T {
-        self.deadline.run_stoppable_by_cancel(part)
+    pub fn run_stoppable_by_cancel_or_time_limit<T>(&self, part: impl FnOnce() -> T) -> T {
+        self.deadline.run_stoppable_by_cancel_or_time_limit(part)
     }
 
     /// Tells that only the end of it is left.
@@ -274,7 +274,8 @@ impl<F: Clone + Send + 'static> NewestJob<F> {
         let job = Arc::new(BackgroundJob::new(part_count, Stage::Running, findings_so_far));
         let own = Arc::clone(&job);
         let whole = move || {
-            let ended = catch_unwind(AssertUnwindSafe(|| own.deadline.run_stoppable_by_cancel(|| work(&own))));
+            let ended =
+                catch_unwind(AssertUnwindSafe(|| own.deadline.run_stoppable_by_cancel_or_time_limit(|| work(&own))));
             let ended = ended.unwrap_or_else(|_| {
                 Err("the computation ended early because of an internal error: please report the error, with the request".into())
             });

@@ -50,7 +50,7 @@ impl Deadline {
     }
 
     /// Does work whose models and plans end when nobody wants it any more, or when the time is over.
-    pub fn run_stoppable_by_cancel<T>(&self, work: impl FnOnce() -> T) -> T {
+    pub fn run_stoppable_by_cancel_or_time_limit<T>(&self, work: impl FnOnce() -> T) -> T {
         self.stop.clone().run_stoppable(work)
     }
 
@@ -114,7 +114,7 @@ pub async fn run_low_priority_until_deadline<T: Send + 'static>(
     let deadline = Deadline::from_now(time_limit);
     let _cancels = CancelOnDrop(deadline.clone());
     let own = deadline.clone();
-    let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel(|| work(&own)))?;
+    let result = spawn_low_priority_thread(name, move || own.run_stoppable_by_cancel_or_time_limit(|| work(&own)))?;
     let work = async {
         tokio::select! {
             result = result => match result {

@@ -53,7 +53,7 @@ impl Slots {
     /// [`Problem`]: a newer request of this client came while it waited, or too many clients wait.
     pub async fn wait_for_slot(self: &Arc<Self>, client: Client) -> Result<Slot, Problem> {
         let (sender, slot) = oneshot::channel();
-        let ticket = self.join_queue_replacing_own_older(client, sender)?;
+        let ticket = self.join_queue_in_place_of_own_older_and_return_ticket(client, sender)?;
         let _leaves = LeaveOnDrop { slots: self, ticket };
         self.give_free_slots_to_waiting_clients();
         slot.await.map_err(|_| {
@@ -63,7 +63,11 @@ impl Slots {
     }
 
     /// Waits in the place of the client's older one, if there is one; its number.
-    fn join_queue_replacing_own_older(&self, client: Client, slot: oneshot::Sender<Slot>) -> Result<u64, Problem> {
+    fn join_queue_in_place_of_own_older_and_return_ticket(
+        &self,
+        client: Client,
+        slot: oneshot::Sender<Slot>,
+    ) -> Result<u64, Problem> {
         let mut state = self.lock_state();
         state.last_ticket += 1;
         let waiting = Waiting { client, ticket: state.last_ticket, slot };

@@ -208,7 +208,7 @@ impl Evaluator for BoundedEvaluator<'_> {
             return Err(ModelError::Stopped.into());
         }
         check_model_size(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
-        self.job.run_stoppable_by_cancel(|| self.quick.compute_scene_figures(scene, wanted))
+        self.job.run_stoppable_by_cancel_or_time_limit(|| self.quick.compute_scene_figures(scene, wanted))
     }
 }
 
@@ -217,7 +217,7 @@ fn run_study(study: &Study, job: &BackgroundJob<StudyFindings>) -> Result<Option
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
     let folder = StudyFolder::open_or_create(place.path(), study.fingerprint()).map_err(|error| told(&error))?;
-    let quick = QuickEvaluator::new(study.table_options());
+    let quick = QuickEvaluator::new(study.plan_table_options());
     let evaluator = BoundedEvaluator { quick, to_hz: study.spec.method.to_hz, job };
     let ended = compute_missing_rows_of_shard(study, &folder, &evaluator, Shard::ALL, job);
     if ended.map_err(|error| told(&error))? == RunEnd::Early || job.is_stop_wanted() {

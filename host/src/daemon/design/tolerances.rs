@@ -6,9 +6,9 @@ use super::low_priority::Deadline;
 use super::preview::{PlannedScene, PreviewRequest, plan_touch_on_changed_scene};
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
-use crate::daemon::touch::check::check_intensity_range;
+use crate::daemon::touch::check::{check_intensity_range, find_target};
 use crate::daemon::touch::plan_view::PlanView;
-use crate::planner::{Plan, PlanTable, Target};
+use crate::planner::{Plan, PlanTable};
 use crate::study::tolerances::{
     RangeError, Spread, ToleranceError, Tolerances, compute_target_peak_spread_under_tolerances_with_observer,
     count_varied_panels_of_tolerance_study,
@@ -164,8 +164,7 @@ impl ToleranceStudies {
             let tolerances = request.check_and_fill_in_defaults()?;
             let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
             if scene.is_none() && moves.is_none() {
-                let (x_m, y_m) = table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
-                let plan = table.plan(&[Target { x_m, y_m, intensity_g }])?;
+                let plan = table.plan(&[find_target(&table.scene, x_px, y_px, intensity_g)?])?;
                 deadline.check_not_cancelled_or_expired()?;
                 return looks.begin_study_of_plan(&table, plan, tolerances);
             }

@@ -12,10 +12,8 @@ use tokio::sync::oneshot;
 /// What is told to the task.
 #[derive(Debug)]
 pub enum DriveCommand {
-    /// Drive a touch.
-    Drive(Box<DriveRequest>),
-    /// End what is driven for touches before this one, which drives nothing yet.
-    Overtake { id: u64, reply: oneshot::Sender<()> },
+    /// What a newer one replaces while it waits.
+    Queue(NextRequest),
     /// End the drive of a touch.
     Release { id: u64, when: Instant },
     /// Give the drive of a touch more time.
@@ -24,6 +22,33 @@ pub enum DriveCommand {
     Withdraw { id: u64 },
     /// Everything has been stopped.
     Stopped { when: Instant },
+}
+
+/// What waits for the board, if it is busy.
+#[derive(Debug)]
+pub enum NextRequest {
+    /// Drive a touch.
+    Drive(Box<DriveRequest>),
+    /// End what is driven for touches before this one, which drives nothing yet.
+    Overtake { id: u64, reply: oneshot::Sender<()> },
+}
+
+impl NextRequest {
+    /// The touch's number.
+    #[must_use]
+    pub const fn touch_id(&self) -> u64 {
+        match self {
+            Self::Drive(request) => request.order.id,
+            Self::Overtake { id, .. } => *id,
+        }
+    }
+
+    /// Answers that it has been replaced: nobody waits for the answer to one that drives nothing.
+    pub fn refuse_as_superseded(self) {
+        if let Self::Drive(request) = self {
+            request.refuse(superseded_problem());
+        }
+    }
 }
 
 /// A touch that is to be driven, and who waits for it.
@@ -54,7 +79,7 @@ pub struct PublishedDriveState {
 
 /// Whether it is still driven: neither is its time over, nor has everything been stopped since it was asked for.
 pub fn is_plan_neither_over_nor_stopped(current: &CurrentPlan, equipment: &DriveEquipment, now: Instant) -> bool {
-    now < current.until && current.stops == equipment.session.stop_count()
+    now < current.until && current.asked_at.stops == equipment.session.stop_count()
 }
 
 /// That a newer touch stands in this one's place.

@@ -2,7 +2,7 @@
 
 use super::active::{CurrentPlan, Update};
 use super::command::{
-    DriveCommand, DriveRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
+    DriveCommand, DriveRequest, NextRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
 };
 use super::equipment::DriveEquipment;
 use super::order::TouchOrder;
@@ -53,14 +53,14 @@ impl DriveController {
     /// [`Problem`]: there was a newer touch or a stop, or what the session says.
     pub async fn drive_touch_order(&self, order: TouchOrder) -> Result<TouchedView, Problem> {
         let (reply, answer) = oneshot::channel();
-        self.send_command_to_task(DriveCommand::Drive(Box::new(DriveRequest { order, reply })));
+        self.send_command_to_task(DriveCommand::Queue(NextRequest::Drive(Box::new(DriveRequest { order, reply }))));
         answer.await.unwrap_or_else(|_| Err(SessionError::Closed.into()))
     }
 
     /// Ends what is driven for touches before `id`, which drives nothing yet.
     pub async fn end_drives_of_touches_before(&self, id: u64) {
         let (reply, done) = oneshot::channel();
-        self.send_command_to_task(DriveCommand::Overtake { id, reply });
+        self.send_command_to_task(DriveCommand::Queue(NextRequest::Overtake { id, reply }));
         let _ = done.await;
     }
 

@@ -1,21 +1,22 @@
 //! The one way from a touch to the board: a place at the planner, the plan, and having it driven.
 
-use super::active::{ActivePlan, AskedAt, Update};
+use super::active::Update;
 use super::{DriveController, DriveEquipment};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::api::problem::Problem;
 use crate::daemon::design::slots::Slots;
 use crate::daemon::observe::metrics::Metrics;
 use crate::daemon::touch::Touch;
+use crate::daemon::touch::active_plan::ActivePlan;
 use crate::daemon::touch::admission::Admission;
 use crate::daemon::touch::answer::TouchedView;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
 use crate::device::sim::TouchPeak;
-use crate::device::{DeviceSnapshot, SessionError};
+use crate::device::{AskedAt, DeviceSnapshot, SessionError};
 use crate::planner::residual::RailState;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::Poll;
 use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
@@ -38,7 +39,19 @@ pub struct TouchDriver {
     pub(super) controller: DriveController,
     /// For effect files, which take no place from touches.
     pub(super) effect_slots: Arc<Slots>,
+    later: Mutex<Option<LaterParts>>,
     closing: watch::Sender<bool>,
+}
+
+/// Parts of a touch that have not begun yet.
+#[derive(Clone, Copy, Debug)]
+struct LaterParts {
+    /// Of which touch.
+    id: u64,
+    /// [`AskedAt::stops`] of the touch.
+    stops: u64,
+    /// When the last of them begins.
+    last_begin: Instant,
 }
 
 impl TouchDriver {
@@ -53,8 +66,25 @@ impl TouchDriver {
             controller: DriveController::new(Arc::clone(&equipment)),
             equipment,
             effect_slots: Slots::new(EFFECTS_AT_ONCE, MOST_EFFECTS_WAITING),
+            later: Mutex::default(),
             closing: watch::channel(false).0,
         }
+    }
+
+    /// Takes note that touch `id`, asked for when [`TouchDriver::stop_count`] was `stop_count`, has parts that begin later, the last at `last_begin`.
+    pub(super) fn note_later_parts(&self, id: u64, stop_count: u64, last_begin: Instant) {
+        *self.later.lock().unwrap_or_else(PoisonError::into_inner) =
+            Some(LaterParts { id, stops: stop_count, last_begin });
+    }
+
+    /// Whether parts of the newest touch are still to come: it pauses.
+    #[must_use]
+    pub fn has_newest_touch_later_parts(&self) -> bool {
+        let later = *self.later.lock().unwrap_or_else(PoisonError::into_inner);
+        later.is_some_and(|later| {
+            Instant::now() < later.last_begin
+                && self.check_neither_superseded_nor_stopped(later.id, later.stops).is_ok()
+        })
     }
 
     /// Plans for a touch, the request `request_id` of `asker`, and drives it, unless everything was stopped since [`TouchDriver::stop_count`] was
@@ -226,7 +256,7 @@ impl TouchDriver {
     /// [`Problem`]; [`SessionError::Stopped`] if everything was stopped while this waited for its turn.
     pub async fn arm_device(&self, client: Client) -> Result<(), Problem> {
         let (stops, asked) = (self.stop_count(), Instant::now());
-        let _place = self.admission.wait_for_arm_or_clear_place_unless_queue_full(client).await?;
+        let _place = self.admission.wait_for_place_to_arm_or_clear_fault_unless_queue_full(client).await?;
         if self.is_closing() {
             return Err(SessionError::Closed.into());
         }
@@ -238,13 +268,13 @@ impl TouchDriver {
     /// # Errors
     /// [`Problem`].
     pub async fn clear_faults(&self, client: Client) -> Result<(), Problem> {
-        let _place = self.admission.wait_for_arm_or_clear_place_unless_queue_full(client).await?;
+        let _place = self.admission.wait_for_place_to_arm_or_clear_fault_unless_queue_full(client).await?;
         Ok(self.equipment.await_session_answer_unless_thread_hangs(self.equipment.session.clear_faults()).await?)
     }
 
     /// What the sensor has shown under each of the last `max_count` touches, the newest first; nothing without a simulated sensor.
     #[must_use]
-    pub fn list_newest_touch_peaks(&self, max_count: usize) -> Vec<TouchPeak> {
+    pub fn list_simulated_sensor_peaks_of_newest_touches(&self, max_count: usize) -> Vec<TouchPeak> {
         self.equipment.sim.as_ref().map(|sim| sim.peaks_of_newest_touches(max_count)).unwrap_or_default()
     }
 
@@ -269,5 +299,18 @@ impl TouchDriver {
     /// Drives nothing from here on.
     pub fn begin_closing(&self) {
         self.closing.send_replace(true);
+    }
+
+    /// Checks that a touch may still be driven.
+    ///
+    /// # Errors
+    /// [`Problem`]: a newer touch has come than request `id`, or a stop since [`TouchDriver::stop_count`] was `stop_count_at_arrival`.
+    pub(super) fn check_neither_superseded_nor_stopped(
+        &self,
+        id: u64,
+        stop_count_at_arrival: u64,
+    ) -> Result<(), Problem> {
+        self.controller.check_not_superseded(id)?;
+        if self.stop_count() == stop_count_at_arrival { Ok(()) } else { Err(SessionError::Stopped.into()) }
     }
 }

@@ -1,19 +1,20 @@
 //! What drives are worked out and carried out with: the panel's table, the session with the board, the simulated sensor.
 
-use super::active::AskedAt;
 use super::known_clicks::KnownClicks;
 use super::order::{PreparedMode, PreparedPlan};
 use crate::daemon::touch::answer::Achieved;
 use crate::device::convert::{drive_to_wire, windows_to_wire};
+use crate::device::session::DriveResult;
 use crate::device::sim::SimControl;
-use crate::device::{DeviceSnapshot, DriveOrder, EffectContent, EffectOrder, LinkError, Session, SessionError};
+use crate::device::{AskedAt, DeviceSnapshot, DriveContent, DriveOrder, LinkError, Session, SessionError};
 use crate::planner::drive::assign_channels;
 use crate::planner::residual::RailState;
 use crate::planner::{Plan, PlanTable};
 use era_shared::limits::REST_MS;
 use era_shared::protocol::{ChannelDrive, Refusal};
 use era_shared::safety::SafetyState;
-use std::sync::Arc;
+use era_shared::supply::RAILS;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Between two looks whether the session that is to answer still lives.
@@ -24,12 +25,14 @@ const LOOK: Duration = Duration::from_millis(250);
 pub struct DriveEquipment {
     /// The planner's table, with scene and model.
     pub table: Arc<PlanTable>,
-    /// The session with the board.
-    pub session: Session,
+    /// The session with the board. No other folder of the daemon reaches it.
+    pub(super) session: Session,
     /// Of a simulated device.
-    pub sim: Option<SimControl>,
+    pub(super) sim: Option<SimControl>,
     /// Clicks that have been designed.
-    pub clicks: KnownClicks,
+    pub(super) clicks: KnownClicks,
+    /// The voltages in V at which the last burst of windows left the rails; 0 where that is not known.
+    standing_rails_v: Mutex<[f64; RAILS]>,
 }
 
 /// What the board has begun.
@@ -51,10 +54,42 @@ pub struct RefusedDrive {
 }
 
 impl DriveEquipment {
+    /// Nothing has been driven yet; `sim` belongs to a simulated device.
+    #[must_use]
+    pub fn new(table: Arc<PlanTable>, session: Session, sim: Option<SimControl>) -> Self {
+        Self { table, session, sim, clicks: KnownClicks::default(), standing_rails_v: Mutex::default() }
+    }
+
     /// What the board does, as far as its state is known.
     #[must_use]
     pub fn read_rail_state_down_up_or_driving(&self) -> RailState {
         rail_state_from_snapshot(&self.session.subscribe_snapshots().borrow())
+    }
+
+    /// The voltages in V at which the rails stand, as far as that is known: 0 where it is not. A board that is off has lowered them.
+    #[must_use]
+    pub fn standing_rail_voltages_v_or_zeros(&self) -> [f64; RAILS] {
+        match self.read_rail_state_down_up_or_driving() {
+            RailState::Down => [0.0; RAILS],
+            RailState::Up | RailState::Driving => *self.lock_standing_rail_voltages(),
+        }
+    }
+
+    fn lock_standing_rail_voltages(&self) -> MutexGuard<'_, [f64; RAILS]> {
+        self.standing_rails_v.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A burst of windows leaves a rail where it is that feeds none of them.
+    fn note_rail_voltages_after_drive(&self, prepared: &PreparedPlan, is_begun: bool) {
+        let mut standing_v = self.lock_standing_rail_voltages();
+        match &prepared.mode {
+            PreparedMode::Effect(design) if is_begun && !design.windows.is_empty() => {
+                let used = design.find_rail_voltages_v().into_iter().zip(standing_v.iter_mut());
+                used.filter(|(volts, _)| *volts > 0.0).for_each(|(volts, standing_v)| *standing_v = volts);
+            }
+            PreparedMode::Hold(_) if prepared.plan.drives.iter().all(|drive| drive.voltage_v <= 0.0) => {}
+            PreparedMode::Effect(_) | PreparedMode::Hold(_) => *standing_v = [0.0; RAILS],
+        }
     }
 
     /// [`DeviceSnapshot::interruptions`].
@@ -84,67 +119,63 @@ impl DriveEquipment {
     /// Puts the simulated sensor under the first target of plan `id`.
     pub fn place_simulated_sensor_under_first_target(&self, id: u64, plan: &Plan) {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.place_accelerometer(id, self.table.model.shape_deflections_at(target.x_m, target.y_m));
+            sim.move_accelerometer_to_touch(id, self.table.model.shape_deflections_at(target.x_m, target.y_m));
         }
     }
 
-    /// Has the board drive plan `id`, its rails rising with the drives if it `from_zero_volts`.
+    /// Has the board drive plan `id`, an effect not before `start`, its rails rising with the drives if it `from_zero_volts`.
     ///
     /// # Errors
     /// [`RefusedDrive`].
     pub async fn begin_drive(
         self: Arc<Self>,
-        id: u64,
-        asked_at: AskedAt,
+        (id, asked_at): (u64, AskedAt),
+        start: Option<Instant>,
         prepared: PreparedPlan,
         from_zero_volts: bool,
     ) -> Result<BegunDrive, RefusedDrive> {
-        let (plan, AskedAt { stops, interruptions }) = (&prepared.plan, asked_at);
-        let begun = match &prepared.mode {
+        let plan = &prepared.plan;
+        let content = match &prepared.mode {
             PreparedMode::Hold(hold) => {
                 let mut drives: Vec<ChannelDrive> = assign_channels(&plan.drives).iter().map(drive_to_wire).collect();
                 // A finger that feels nothing, as one between two detents, takes no rail down: the next click would wait until it is up again.
                 if drives.iter().all(|drive| drive.voltage_millivolts == 0) {
                     drives.clear();
                 }
-                let order = DriveOrder { id, stops, interruptions, drives, hold: *hold, from_zero: from_zero_volts };
-                let mut driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order.clone())).await;
-                // A burst of before this daemon's time, or of drives that it does not look after.
-                if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &driven
-                    && *wait_ms <= REST_MS
-                {
-                    tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
-                    driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order)).await;
-                }
-                driven.map(|driven| BegunDrive {
-                    achieved: Achieved::new(plan, &driven.achieved),
-                    until: Instant::now() + *hold,
-                })
+                DriveContent::Steady { drives, hold: *hold, from_zero: from_zero_volts }
             }
-            PreparedMode::Effect(design) => {
-                let content = if design.windows.is_empty() {
-                    let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
-                    let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
-                    EffectContent::Envelopes { drives, effects, start: None }
-                } else {
-                    EffectContent::Windows(Box::new(windows_to_wire(&design.windows)))
-                };
-                let order = EffectOrder { id, stops, content };
-                let schedule = || self.session.arm_if_needed_and_schedule_effect(order.clone());
-                let mut played = self.await_session_answer_unless_thread_hangs(schedule()).await;
-                // Effects that follow each other for long are one burst, which needs a rest.
-                if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &played
-                    && *wait_ms <= REST_MS
-                {
-                    tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
-                    played = self.await_session_answer_unless_thread_hangs(schedule()).await;
-                }
-                played.map(|played| BegunDrive {
-                    achieved: Achieved::from_effect(plan, design, &played),
-                    until: played.start + played.length,
-                })
+            PreparedMode::Effect(design) if design.windows.is_empty() => {
+                let drives = design.drives_with_board_channels().iter().map(drive_to_wire).collect();
+                let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+                DriveContent::Envelopes { drives, effects }
             }
+            PreparedMode::Effect(design) => DriveContent::Windows(Box::new(windows_to_wire(&design.windows))),
         };
+        let order = DriveOrder { id, asked_at, start, content };
+        let mut driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order.clone())).await;
+        // A burst of before this daemon's time, drives that it does not look after, or effects that follow each other for so long that they are
+        // one burst, which needs a rest.
+        if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &driven
+            && *wait_ms <= REST_MS
+        {
+            tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
+            driven = self.await_session_answer_unless_thread_hangs(self.session.drive(order)).await;
+        }
+        self.note_rail_voltages_after_drive(&prepared, driven.is_ok());
+        let begun = driven.map(|DriveResult { achieved, effect }| {
+            let now = Instant::now();
+            match (&prepared.mode, effect) {
+                (PreparedMode::Effect(design), Some(times)) => BegunDrive {
+                    achieved: Achieved::from_effect(plan, design, &achieved, times),
+                    until: times.start + times.length,
+                },
+                (PreparedMode::Hold(hold), _) => {
+                    BegunDrive { achieved: Achieved::new(plan, &achieved), until: now + *hold }
+                }
+                // The session answers an effect with its times.
+                (PreparedMode::Effect(_), None) => BegunDrive { achieved: Achieved::new(plan, &achieved), until: now },
+            }
+        });
         begun.map_err(|error| {
             let is_known = |error: &LinkError| matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. });
             let may_drive = matches!(&error, SessionError::Link(link) if !is_known(link));

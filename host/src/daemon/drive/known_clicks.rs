@@ -1,13 +1,17 @@
 //! Clicks that have been designed before: a key of a keypad is pressed again and again at the same place.
 
 use crate::effects::{DesignError, EffectDesign};
-use crate::planner::click::{ClickOptions, Preference};
+use crate::planner::click::{ClickOptions, MOST_STANDING, Preference};
 use crate::planner::{Plan, TargetResult};
+use era_shared::supply::RAILS;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Most clicks that are kept; before another one is added to so many, all are forgotten.
 const MOST: usize = 512;
+
+/// Most designs that are kept of one click.
+const MOST_OF_ONE: usize = 16;
 
 /// What a click depends on besides the panel; numbers by their bits.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -17,7 +21,7 @@ struct ClickKey {
     crisp_s: u64,
     force_fraction: u64,
     prefers_crispness: bool,
-    has_figures_for_comparison: bool,
+    has_best_possible: bool,
 }
 
 impl ClickKey {
@@ -28,15 +32,23 @@ impl ClickKey {
             crisp_s: options.crisp_s.to_bits(),
             force_fraction: options.force_fraction.to_bits(),
             prefers_crispness: options.preference == Preference::Crispness,
-            has_figures_for_comparison: options.with_figures_for_comparison,
+            has_best_possible: options.with_best_possible,
         }
     }
+}
+
+/// A click that was designed for rails that stood at these voltages in V.
+#[derive(Clone, Debug)]
+struct KnownClick {
+    made_for_v: [f64; RAILS],
+    design: EffectDesign,
 }
 
 /// Clicks by what they depend on.
 #[derive(Debug, Default)]
 pub struct KnownClicks {
-    clicks: Mutex<HashMap<ClickKey, EffectDesign>>,
+    /// Of each, the designs for rails that stood at different voltages.
+    clicks: Mutex<HashMap<ClickKey, Vec<KnownClick>>>,
 }
 
 impl KnownClicks {
@@ -51,8 +63,10 @@ impl KnownClicks {
         design: impl FnOnce() -> Result<EffectDesign, DesignError>,
     ) -> Result<EffectDesign, DesignError> {
         let key = ClickKey::new(&plan.targets, options);
-        if let Some(known) = self.lock_clicks().get(&key) {
-            return Ok(known.clone());
+        let known =
+            self.lock_clicks().get(&key).and_then(|known| choose_for_rails(known, options.standing_rails_v).cloned());
+        if let Some(known) = known {
+            return Ok(known);
         }
         let made = design()?;
         // What is no burst of windows depends on the plan's drives, too.
@@ -61,20 +75,44 @@ impl KnownClicks {
             if clicks.len() >= MOST {
                 clicks.clear();
             }
-            clicks.insert(key, made.clone());
+            let designs = clicks.entry(key).or_default();
+            if designs.len() >= MOST_OF_ONE {
+                designs.clear();
+            }
+            designs.push(KnownClick { made_for_v: options.standing_rails_v, design: made.clone() });
         }
         Ok(made)
     }
 
-    fn lock_clicks(&self) -> MutexGuard<'_, HashMap<ClickKey, EffectDesign>> {
+    fn lock_clicks(&self) -> MutexGuard<'_, HashMap<ClickKey, Vec<KnownClick>>> {
         self.clicks.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// The design that needs no change of the rails from these voltages, or that was made for them; or any, if no other design would spare the change.
+fn choose_for_rails(designs: &[KnownClick], standing_v: [f64; RAILS]) -> Option<&EffectDesign> {
+    let all_used_rails = |design: &EffectDesign, is_fine: &dyn Fn(f64, f64) -> bool| {
+        let needed_v = design.find_rail_voltages_v();
+        needed_v
+            .into_iter()
+            .zip(standing_v)
+            .all(|(needed_v, standing_v)| needed_v <= 0.0 || is_fine(needed_v, standing_v))
+    };
+    let are_equal = |a: f64, b: f64| (a - b).abs() < 0.5;
+    let stands = |design: &EffectDesign| all_used_rails(design, &are_equal);
+    let is_made_for = |made_for_v: &[f64; RAILS]| made_for_v.iter().zip(standing_v).all(|(a, b)| are_equal(*a, b));
+    let could_stand = |design: &EffectDesign| {
+        all_used_rails(design, &|needed_v, standing_v| (needed_v..=MOST_STANDING * needed_v).contains(&standing_v))
+    };
+    let found = designs.iter().find(|known| stands(&known.design));
+    let found = found.or_else(|| designs.iter().find(|known| is_made_for(&known.made_for_v)));
+    found.or_else(|| designs.iter().find(|known| !could_stand(&known.design))).map(|known| &known.design)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{EffectRequest, NamedEffect, design_effect_with_windows};
+    use crate::effects::{EffectRequest, NamedEffect, design_effect_of_windows_if_click_else_of_drives};
     use crate::model::{Accuracy, PanelModel};
     use crate::planner::{PlanTable, TableOptions, Target};
     use crate::scene::{EXAMPLE_BAR, Scene};
@@ -95,7 +133,13 @@ mod tests {
             let request = EffectRequest::with_defaults(NamedEffect::Click);
             let design = || {
                 designs += 1;
-                design_effect_with_windows(&table, table.panel_poles().unwrap(), plan, request, options)
+                design_effect_of_windows_if_click_else_of_drives(
+                    &table,
+                    table.panel_poles().unwrap(),
+                    plan,
+                    request,
+                    options,
+                )
             };
             let click = clicks.get_or_design(plan, options, design).unwrap();
             (click, designs > before)
@@ -112,14 +156,21 @@ mod tests {
             (plan_for_two(0.4), standard),
             (plan(0.06, 0.5), ClickOptions { crisp_s: 0.05, ..standard }),
             (plan(0.06, 0.5), ClickOptions { force_fraction: 0.5, ..standard }),
-            (
-                plan(0.06, 0.5),
-                ClickOptions { with_figures_for_comparison: !standard.with_figures_for_comparison, ..standard },
-            ),
+            (plan(0.06, 0.5), ClickOptions { with_best_possible: !standard.with_best_possible, ..standard }),
             (plan(0.06, 0.5), ClickOptions { preference: Preference::Crispness, ..standard }),
         ] {
             assert!(ask(&plan, options).1);
             assert!(!ask(&plan, options).1);
+        }
+        // Rails that stand a little higher are left there; from any other voltage they have to change, whatever the design.
+        let needed_v = first.find_rail_voltages_v();
+        let with_rails =
+            |factor: f64| ClickOptions { standing_rails_v: needed_v.map(|volts| (factor * volts).round()), ..standard };
+        for (factor, needs_design) in [(1.0, false), (1.2, true), (1.2, false), (1.7, false), (0.8, false)] {
+            let (click, is_new) = ask(&plan(0.06, 0.5), with_rails(factor));
+            assert_eq!(is_new, needs_design, "rails at {factor} of what is needed");
+            let stays = click.find_rail_voltages_v() == with_rails(factor).standing_rails_v;
+            assert_eq!(stays, (1.0..=1.2).contains(&factor), "rails at {factor} of what is needed");
         }
     }
 }

@@ -1,12 +1,12 @@
 //! A touch's plan on its way to the board.
 
-use super::active::AskedAt;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
+use crate::device::AskedAt;
 use crate::effects::EffectDesign;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::{Drive, Plan};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A touch's plan on its way to the board.
 #[derive(Debug)]
@@ -15,6 +15,8 @@ pub struct TouchOrder {
     pub id: u64,
     /// When the touch was asked for.
     pub asked_at: AskedAt,
+    /// When an effect is to begin; `None` is as soon as it can.
+    pub start: Option<Instant>,
     /// The fingers it is for.
     pub touches: Vec<Finger>,
     /// For how long, and how.
@@ -25,6 +27,14 @@ pub struct TouchOrder {
     pub credit_fraction: f64,
     /// The plan with that fraction.
     pub first: PreparedPlan,
+}
+
+impl TouchOrder {
+    /// When its effect begins if it is driven now.
+    #[must_use]
+    pub fn begin_no_earlier_than(&self, now: Instant) -> Instant {
+        self.start.map_or(now, |start| start.max(now))
+    }
 }
 
 /// A plan, and what it takes to drive it.

@@ -42,7 +42,7 @@ impl TouchDriver {
         if !touch.wants_trade {
             return None;
         }
-        let one = self.admission.wait_for_trade_place(asker.client).await?;
+        let one = self.admission.wait_for_trade_off_place_or_none_if_queue_full(asker.client).await?;
         if self.controller.check_not_superseded(id).is_err() {
             return None;
         }

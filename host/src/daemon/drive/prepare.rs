@@ -1,6 +1,5 @@
 //! From a plan to what the session takes: as much of its forces as the channels' credit allows, and as there is room for.
 
-use super::active::AskedAt;
 use super::credit;
 use super::equipment::DriveEquipment;
 use super::order::{PreparedMode, PreparedPlan, TouchOrder};
@@ -8,7 +7,10 @@ use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::request::Finger;
-use crate::effects::{DesignError, design_effect, design_effect_with_windows, is_click_of_windows};
+use crate::device::AskedAt;
+use crate::effects::{
+    DesignError, design_effect, design_effect_of_windows_if_click_else_of_drives, is_click_of_windows,
+};
 use crate::planner::Plan;
 use crate::planner::click::ClickOptions;
 use crate::planner::drive::assign_channels;
@@ -36,7 +38,7 @@ impl DriveEquipment {
             1.0
         };
         let first = self.prepare_scaled_plan(&whole_plan, credit_fraction, 1.0, &drive_mode)?;
-        Ok(TouchOrder { id, asked_at, touches, drive_mode, whole_plan, credit_fraction, first })
+        Ok(TouchOrder { id, asked_at, start: None, touches, drive_mode, whole_plan, credit_fraction, first })
     }
 
     /// The fraction of a plan's forces that the channels' credit allows ([`credit::find_force_fraction_allowed_by_credit`]), as far as the credit is known.
@@ -76,11 +78,16 @@ impl DriveEquipment {
             // Nothing is left of the touches before that would be in its way.
             (plan.limits, plan.limited_by) = (whole_plan.limits.clone(), whole_plan.limited_by.clone());
         }
-        self.prepare_plan(plan, force_fraction, drive_mode)
+        self.prepare_already_scaled_plan(plan, force_fraction, drive_mode)
     }
 
     /// Works out what it takes to drive a plan that has the fraction `force_fraction` of the forces first planned.
-    fn prepare_plan(&self, plan: Plan, force_fraction: f64, drive_mode: &DriveMode) -> Result<PreparedPlan, Problem> {
+    fn prepare_already_scaled_plan(
+        &self,
+        plan: Plan,
+        force_fraction: f64,
+        drive_mode: &DriveMode,
+    ) -> Result<PreparedPlan, Problem> {
         let (motion, mode) = match drive_mode {
             DriveMode::Hold(hold) => {
                 (self.table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan), PreparedMode::Hold(*hold))
@@ -102,9 +109,10 @@ impl DriveEquipment {
                 let is_burst = self.plays_windows() && is_click_of_windows(&plan, request);
                 let mut design = if is_burst {
                     // A weaker wish may have another click: the same one is weakened.
-                    let options = ClickOptions { force_fraction, ..request.click_options() };
+                    let standing_rails_v = self.standing_rail_voltages_v_or_zeros();
+                    let options = ClickOptions { force_fraction, standing_rails_v, ..request.click_options() };
                     self.clicks.get_or_design(&wished, options, || {
-                        design_effect_with_windows(&self.table, rise, &wished, request, options)
+                        design_effect_of_windows_if_click_else_of_drives(&self.table, rise, &wished, request, options)
                     })?
                 } else {
                     wished.targets.iter_mut().for_each(|target| target.wanted_g *= force_fraction);

@@ -1,6 +1,5 @@
 //! Effect files: all parts are designed at once, and driven one after the other at their times.
 
-use super::active::AskedAt;
 use super::driver::TouchDriver;
 use super::equipment::DriveEquipment;
 use super::order::TouchOrder;
@@ -9,11 +8,13 @@ use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::design::low_priority::{Deadline, run_low_priority_until_deadline};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::effect_file::{CheckedEffectFile, PlayedEffectFileView};
-use crate::device::SessionError;
+use crate::device::{AskedAt, SessionError};
 use crate::effect_files::panel::{PanelEffect, PanelEffectError, PartDesigner};
 use crate::effect_files::view::ReadingView;
 use crate::effects::DesignError;
 use crate::planner::PlanTable;
+use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
+use era_shared::supply::RAILS;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::time::Instant;
@@ -21,10 +22,17 @@ use tokio::time::Instant;
 /// Longest time in which a file is read and its parts are designed: a hundred parts at places of their own take some 3 s.
 const LONGEST: Duration = Duration::from_secs(10);
 
+/// Before its start a part is sent so long, beside the time in which its rails rise: they settle for 10 ms, or fall for 13 ms, and the link takes some
+/// ms.
+const AHEAD: Duration = Duration::from_millis(20);
+
 /// A part that is ready to be driven.
 #[derive(Debug)]
 struct TimedOrder {
+    /// When it begins, from the start of the effect; of later parts, from the begin of the first one.
     begin: Duration,
+    /// How long its rails rise from the voltages of the part before.
+    rise: Duration,
     order: TouchOrder,
 }
 
@@ -63,21 +71,16 @@ impl TouchDriver {
         let mut orders = orders.into_iter();
         let first = orders.next().ok_or(DesignError::Unbounded)?;
         let device = self.controller.drive_touch_order(first.order).await?.device;
-        // From when the first one has begun: it may have waited for the board.
-        let start = Instant::now() - first.begin;
-        tokio::spawn(drive_orders_at_their_times(Arc::downgrade(self), id, start, orders.collect()));
+        // From when the first one begins: it may wait for what is left of earlier touches, and for its rails.
+        let (now, until_end) = (Instant::now(), device.time_until_effect_end());
+        let start = now + device.time_until_effect_start();
+        let after_first = |order: TimedOrder| TimedOrder { begin: order.begin.saturating_sub(first.begin), ..order };
+        let later: Vec<TimedOrder> = orders.map(after_first).collect();
+        if let Some(last) = later.last() {
+            self.note_later_parts(id, stop_count_at_arrival, (start + last.begin).into_std());
+        }
+        tokio::spawn(drive_orders_at_their_times(Arc::downgrade(self), id, (start, now + until_end), later));
         Ok(PlayedEffectFileView { reading, plan_id: id, device })
-    }
-
-    /// # Errors
-    /// [`Problem`]: a newer touch has come than request `id`, or a stop since [`TouchDriver::stop_count`] was `stop_count_at_arrival`.
-    pub(super) fn check_neither_superseded_nor_stopped(
-        &self,
-        id: u64,
-        stop_count_at_arrival: u64,
-    ) -> Result<(), Problem> {
-        self.controller.check_not_superseded(id)?;
-        if self.stop_count() == stop_count_at_arrival { Ok(()) } else { Err(SessionError::Stopped.into()) }
     }
 }
 
@@ -98,13 +101,17 @@ fn prepare_parts(
     }
     let effect = designer.effect;
     let mut orders = Vec::with_capacity(effect.parts.len());
+    let mut rails_v = [0.0; RAILS];
     for part in &effect.parts {
         deadline.check_not_cancelled_or_expired()?;
         let Some(place) = effect.places.get(part.place) else { continue };
         let mode = DriveMode::Designed(Arc::new(part.design.clone()));
         let order = equipment()?.prepare_touch_order(id, asked_at, place.plan.clone(), vec![file.finger], mode)?;
         let begin = Duration::from_millis(u64::try_from(part.begin_ms).unwrap_or(u64::MAX));
-        orders.push(TimedOrder { begin, order });
+        let before_v = std::mem::replace(&mut rails_v, part.design.find_rail_voltages_v());
+        let rise_v = rails_v.iter().zip(before_v).map(|(after, before)| after - before).fold(0.0, f64::max);
+        let rise = Duration::from_secs_f64(rise_v / f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS));
+        orders.push(TimedOrder { begin, rise, order });
     }
     Ok((effect, orders))
 }
@@ -126,19 +133,29 @@ impl From<PanelEffectError> for Problem {
     }
 }
 
-/// Holds the daemon only while it drives, so that it can end in between.
-async fn drive_orders_at_their_times(driver: Weak<TouchDriver>, id: u64, start: Instant, orders: Vec<TimedOrder>) {
-    for TimedOrder { begin, order } in orders {
-        tokio::time::sleep_until(start + begin).await;
+/// Holds the daemon only while it drives, so that it can end in between. Each part is sent ahead of its time, but not before the part before has
+/// ended, in whose place it would be played.
+async fn drive_orders_at_their_times(
+    driver: Weak<TouchDriver>,
+    id: u64,
+    (start, mut free_from): (Instant, Instant),
+    orders: Vec<TimedOrder>,
+) {
+    for TimedOrder { begin, rise, mut order } in orders {
+        order.start = Some((start + begin).into_std());
+        tokio::time::sleep_until((start + begin - AHEAD - rise).max(free_from)).await;
         let Some(driver) = driver.upgrade() else { return };
-        if let Err(problem) = driver.controller.drive_touch_order(order).await {
-            tracing::info!(
-                plan = id,
-                begin_ms = begin.as_secs_f64() * 1e3,
-                "this part of the effect and all later parts are not driven: {}",
-                problem.detail()
-            );
-            return;
+        match driver.controller.drive_touch_order(order).await {
+            Ok(driven) => free_from = Instant::now() + driven.device.time_until_effect_end(),
+            Err(problem) => {
+                tracing::info!(
+                    plan = id,
+                    begin_ms = begin.as_secs_f64() * 1e3,
+                    "this part of the effect and all later parts are not driven: {}",
+                    problem.detail()
+                );
+                return;
+            }
         }
     }
 }

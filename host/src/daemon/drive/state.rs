@@ -1,7 +1,8 @@
 //! What has been driven, what is left of it, and what is shown of it. Times are handed in, and nothing is asked of the device.
 
-use super::active::{ActivePlan, CurrentPlan, SustainedDrive};
+use super::active::{CurrentPlan, SustainedDrive};
 use super::burst::Burst;
+use crate::daemon::touch::active_plan::ActivePlan;
 use crate::planner::Drive;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{Ending, RailState, ResidualVibration, StartHeadroom};
@@ -60,7 +61,7 @@ impl DriveState {
     /// When a plan may begin on top of what is left of the touches before, and with which fraction of its forces. Of a plan that is
     /// driven evenly, `steady_drives` are its drives.
     #[must_use]
-    pub fn find_wait_and_fraction_beside_earlier_touches(
+    pub fn find_wait_and_force_fraction_beside_earlier_touches(
         &self,
         motion: &PlanMotion,
         steady_drives: Option<&[Drive]>,
@@ -89,12 +90,12 @@ impl DriveState {
 
     /// The plan whose drives were the last to begin and have not been ended, even if their time is over.
     #[must_use]
-    pub fn last_plan_id_even_if_time_over(&self) -> Option<u64> {
+    pub fn last_plan_id_unless_all_drives_ended_even_if_time_over(&self) -> Option<u64> {
         self.residual.current_drive_id_even_if_past_its_end()
     }
 
     /// Takes note that a plan's drives have begun and will end at `until`; how many have begun until now.
-    pub fn note_and_count_begun_drives(
+    pub fn note_begun_drives_and_return_their_serial_number(
         &mut self,
         id: u64,
         motion: &PlanMotion,
@@ -117,7 +118,7 @@ impl DriveState {
 
     /// Whether the drives of plan `id` that were the `begun_count`th to begin are still the last, on a board that has not gone off.
     #[must_use]
-    pub fn is_newest_drive(&self, id: u64, begun_count: u64, board: RailState) -> bool {
+    pub fn is_newest_drive_and_board_not_down(&self, id: u64, begun_count: u64, board: RailState) -> bool {
         id >= self.newest && self.residual.count_begun_drives() == begun_count && board != RailState::Down
     }
 
@@ -208,19 +209,20 @@ mod tests {
         let (mut state, motion, span) = rest();
         let drive = |state: &mut DriveState, id: u64| {
             state.raise_newest_and_return_previous_id(id);
-            state.note_and_count_begun_drives(id, &motion, Some(&[]), RailState::Driving, span)
+            state.note_begun_drives_and_return_their_serial_number(id, &motion, Some(&[]), RailState::Driving, span)
         };
         let first = drive(&mut state, 1);
         assert!(
-            state.is_newest_drive(1, first, RailState::Driving) && !state.is_newest_drive(1, first, RailState::Down)
+            state.is_newest_drive_and_board_not_down(1, first, RailState::Driving)
+                && !state.is_newest_drive_and_board_not_down(1, first, RailState::Down)
         );
         let second = drive(&mut state, 1);
         assert!(
-            !state.is_newest_drive(1, first, RailState::Driving)
-                && state.is_newest_drive(1, second, RailState::Driving)
+            !state.is_newest_drive_and_board_not_down(1, first, RailState::Driving)
+                && state.is_newest_drive_and_board_not_down(1, second, RailState::Driving)
         );
         drive(&mut state, 2);
-        assert!(!state.is_newest_drive(1, second, RailState::Driving));
+        assert!(!state.is_newest_drive_and_board_not_down(1, second, RailState::Driving));
     }
 
     /// A newer one that is refused leaves the older one what it was: there to be looked after.
@@ -228,11 +230,12 @@ mod tests {
     fn one_that_drives_nothing_takes_nobodys_place() {
         let (mut state, motion, span) = rest();
         state.raise_newest_and_return_previous_id(5);
-        let begun = state.note_and_count_begun_drives(5, &motion, Some(&[]), RailState::Driving, span);
+        let begun =
+            state.note_begun_drives_and_return_their_serial_number(5, &motion, Some(&[]), RailState::Driving, span);
         let before = state.raise_newest_and_return_previous_id(7);
-        assert!(!state.is_newest_drive(5, begun, RailState::Driving));
+        assert!(!state.is_newest_drive_and_board_not_down(5, begun, RailState::Driving));
         state.restore_newest_plan_id(before);
-        assert!(state.is_newest_drive(5, begun, RailState::Driving));
+        assert!(state.is_newest_drive_and_board_not_down(5, begun, RailState::Driving));
     }
 
     /// Between the detents of a slider its finger has 0 g, and may rest on it for long: the board rests meanwhile, and needs no other rest.
@@ -252,13 +255,31 @@ mod tests {
             }]
         };
         let click_end = begin + Duration::from_millis(40);
-        state.note_and_count_begun_drives(1, &motion, None, RailState::Driving, [begin, click_end]);
+        state.note_begun_drives_and_return_their_serial_number(
+            1,
+            &motion,
+            None,
+            RailState::Driving,
+            [begin, click_end],
+        );
         let rested = state.find_end_of_rest();
-        state.note_and_count_begun_drives(2, &motion, Some(&of_voltage(0.0)), RailState::Driving, [click_end, far]);
+        state.note_begun_drives_and_return_their_serial_number(
+            2,
+            &motion,
+            Some(&of_voltage(0.0)),
+            RailState::Driving,
+            [click_end, far],
+        );
         state.note_plan_extended(2, click_end, far + Duration::from_secs(9));
         assert_eq!(state.find_end_of_rest(), rested);
         assert_eq!(state.start_of_rest_needed_if_driven_until(far + Duration::from_secs(9)), None);
-        state.note_and_count_begun_drives(3, &motion, Some(&of_voltage(100.0)), RailState::Driving, [click_end, far]);
+        state.note_begun_drives_and_return_their_serial_number(
+            3,
+            &motion,
+            Some(&of_voltage(100.0)),
+            RailState::Driving,
+            [click_end, far],
+        );
         assert!(state.find_end_of_rest() > Some(far));
         assert!(state.start_of_rest_needed_if_driven_until(far + Duration::from_secs(9)).is_some());
     }

@@ -1,6 +1,5 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
-use super::active::AskedAt;
 use super::driver::TouchDriver;
 use crate::daemon::access::client::Asker;
 use crate::daemon::api::problem::Problem;
@@ -10,6 +9,7 @@ use crate::daemon::touch::answer::{Achieved, TouchedView};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::plan_view::PlanView;
 use crate::daemon::touch::request::Finger;
+use crate::device::AskedAt;
 use crate::planner::schedule::{Span, Stretch, plan_each_span};
 use crate::planner::{Plan, PlanError};
 use std::sync::{Arc, Weak};
@@ -61,6 +61,9 @@ impl TouchDriver {
                 Achieved::without_drive()
             }
         };
+        if let Some(last) = later.last() {
+            self.note_later_parts(id, asked_at.stops, (begun + last.from).into_std());
+        }
         tokio::spawn(carry_out_timed_drives(Arc::downgrade(self), id, asked_at, begun, later));
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {

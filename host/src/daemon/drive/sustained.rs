@@ -2,21 +2,20 @@
 //! channel's credit falls, and are interrupted by a rest before the board would end its burst.
 
 use super::active::{SustainedDrive, Update};
+use super::activity::{BoardActivity, DrivePurpose, SentDrive};
 use super::credit::is_force_change_worthwhile;
 use super::equipment::DriveEquipment;
 use super::order::PreparedPlan;
-use super::task::{
-    BoardActivity, DrivePurpose, DriveTask, SentDrive, build_active_plan_of_steady_drive, compute_catching_panics,
-};
+use super::task::{DriveTask, build_active_plan_of_steady_drive, compute_catching_panics};
 use crate::daemon::api::problem::Problem;
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::plan_view::Thinned;
 use crate::planner::Plan;
-use crate::planner::residual::{Ending, NEXT_LOOK_S, RailState, find_larger_fraction_and_plan_if_worth_it};
+use crate::planner::residual::{Ending, NEXT_LOOK_S, RailState, find_larger_fraction_and_plan_within_headroom_if_any};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Between two looks at the credit: the largest force loses 0.6 % meanwhile.
+/// Between two looks at the credit, of which the largest force loses 0.6 % meanwhile, and at whether the board still drives what is shown.
 const CREDIT_LOOK: Duration = Duration::from_millis(250);
 /// Between two looks whether the board has ended a drive that it was told to.
 const REST_LOOK: Duration = Duration::from_millis(2);
@@ -24,24 +23,39 @@ const REST_LOOK: Duration = Duration::from_millis(2);
 const REST_LOOKS: u32 = 500;
 
 impl DriveTask {
-    /// When what goes on has to be looked at next; `None` if nothing does.
+    /// When what is shown has to be looked at next; `None` if nothing is shown.
     pub(super) fn find_next_supervision_time(&self) -> Option<Instant> {
-        let (held, now) = (self.state.sustained.as_ref()?, Instant::now());
-        let until = self.state.find_end_of_plan_if_still_shown(&held.active, now)?;
+        let now = Instant::now();
+        let current = self.state.current.as_ref().filter(|current| now < current.until)?;
+        let Some(held) = self.state.sustained.as_ref().filter(|held| Arc::ptr_eq(&held.active, &current.active)) else {
+            return Some(self.last_look + CREDIT_LOOK);
+        };
         let look =
             self.last_look + if held.force_fraction < 1.0 { Duration::from_secs_f64(NEXT_LOOK_S) } else { CREDIT_LOOK };
-        Some(self.state.start_of_rest_needed_if_driven_until(until).map_or(look, |due| look.min(due)))
+        Some(self.state.start_of_rest_needed_if_driven_until(current.until).map_or(look, |due| look.min(due)))
+    }
+
+    /// Ends what is shown if a fault, an outage or a restart has ended its drive on the board.
+    pub(super) fn end_shown_plan_that_board_no_longer_drives(&mut self, equipment: &DriveEquipment) {
+        let now = Instant::now();
+        self.last_look = now;
+        let Some(current) = self.state.current.as_ref().filter(|current| now < current.until) else { return };
+        let interruptions = equipment.count_unrequested_board_interruptions();
+        if equipment.read_rail_state_down_up_or_driving() != RailState::Driving
+            && current.asked_at.interruptions.is_some_and(|before| before != interruptions)
+        {
+            self.end_touch_at(equipment, current.active.id, now);
+        }
     }
 
     /// Looks once after what goes on. It is looked after no more if nobody wants it any more.
-    pub(super) fn supervise_sustained_drive(&mut self, equipment: &Arc<DriveEquipment>) {
+    pub(super) fn rest_or_adjust_sustained_drive_if_due(&mut self, equipment: &Arc<DriveEquipment>) {
         let (now, board) = (Instant::now(), equipment.read_rail_state_down_up_or_driving());
         let Some(held) = self.state.sustained.take() else { return };
         let Some(until) = self.find_remaining_hold_time_if_still_driven(equipment, &held).map(|hold| now + hold) else {
             return;
         };
-        let is_last = self.state.is_newest_drive(held.active.id, held.begun, board);
-        self.last_look = now;
+        let is_last = self.state.is_newest_drive_and_board_not_down(held.active.id, held.begun, board);
         if self.state.start_of_rest_needed_if_driven_until(until).is_some_and(|due| now >= due) {
             if is_last {
                 self.begin_board_rest(equipment, held);
@@ -89,8 +103,9 @@ impl DriveTask {
         let room = |prepared: &PreparedPlan| {
             self.state.max_force_fraction_beside_earlier_touches(&prepared.motion, prepared.steady_drives(), board, now)
         };
-        match compute_catching_panics(|| find_larger_fraction_and_plan_if_worth_it(held.force_fraction, of_part, room))
-        {
+        match compute_catching_panics(|| {
+            find_larger_fraction_and_plan_within_headroom_if_any(held.force_fraction, of_part, room)
+        }) {
             Ok(Some((force_fraction, prepared))) => {
                 self.send_sustained_drive_again(equipment, held, force_fraction, prepared, (board, now), false)
             }
@@ -105,7 +120,7 @@ impl DriveTask {
         self.state.note_all_drives_ended(Ending::AtItsBoundary, now);
         let Some(until) = self.state.find_end_of_rest() else { return };
         equipment.session.end_drive_no_later_than(id, now);
-        let plan = held.active.plan.clone().with_thinned(Some(Thinned::RESTS));
+        let plan = held.active.plan.clone().with_reduced_force(Some(Thinned::RESTS));
         let resting = Arc::new(held.active.with_plan_view(plan));
         if let Some(current) = &mut self.state.current {
             current.active = Arc::clone(&resting);
@@ -189,13 +204,8 @@ impl DriveTask {
         (board, since): (RailState, Instant),
         has_rested: bool,
     ) {
-        let asked = (held.active.id, held.asked_at);
         let purpose = DrivePurpose::Again { held: Box::new(held), has_rested };
-        self.send_drive_to_board(
-            equipment,
-            asked,
-            SentDrive { purpose, prepared, force_fraction, board, since, newest: 0 },
-        );
+        self.send_drive_to_board(equipment, SentDrive { purpose, prepared, force_fraction, board, since });
     }
 
     /// Shows what is driven anew, and looks after it from then on.
@@ -228,8 +238,8 @@ impl DriveTask {
             Err(problem) => {
                 tracing::info!(
                     plan = id,
-                    "the drive could not be sent with its new forces (the credit of the channels and the \
-                     vibration of earlier touches limit the forces): {}",
+                    "the daemon computed new forces for the running drive (from the credit of the channels and the \
+                     vibration of earlier touches), but could not start the drive with these forces: {}",
                     problem.detail()
                 );
                 // The board did not want to: what is not driven is not shown either.

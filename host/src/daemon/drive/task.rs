@@ -4,27 +4,28 @@
 //! the board, or the board rests. Commands are taken meanwhile: a newer touch takes the place of one that waits; a release, or more time,
 //! goes to the session at once. A stop goes to the session first and is told here afterwards, so that nothing here can hold it up.
 
-use super::active::{ActivePlan, AskedAt, CurrentPlan, SustainedDrive, Update};
+use super::active::{CurrentPlan, SustainedDrive, Update};
+use super::activity::{BoardActivity, DrivePurpose, SentDrive};
 use super::command::{
-    DriveCommand, DriveRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
+    DriveCommand, DriveRequest, NextRequest, PublishedDriveState, is_plan_neither_over_nor_stopped, superseded_problem,
 };
 use super::equipment::{BegunDrive, DriveEquipment, RefusedDrive};
 use super::order::{PreparedMode, PreparedPlan, TouchOrder};
 use super::state::DriveState;
 use crate::daemon::api::kinds::ProblemKind;
 use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::active_plan::ActivePlan;
 use crate::daemon::touch::answer::{Achieved, TouchedView};
 use crate::daemon::touch::check::DriveMode;
 use crate::daemon::touch::plan_view::{PlanView, Thinned};
 use crate::daemon::touch::request::Finger;
-use crate::device::SessionError;
+use crate::device::{AskedAt, SessionError};
 use crate::planner::Plan;
 use crate::planner::residual::{Ending, RailState, StartHeadroom, find_fraction_and_plan_within_headroom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::pin::Pin;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-use tokio::sync::{broadcast, mpsc, oneshot, watch};
+use tokio::sync::{broadcast, mpsc, watch};
 
 /// The task.
 #[derive(Debug)]
@@ -40,82 +41,6 @@ pub struct DriveTask {
     next: Option<NextRequest>,
     /// When what goes on was looked at last.
     pub(super) last_look: Instant,
-}
-
-/// What waits for the lane.
-#[derive(Debug)]
-enum NextRequest {
-    Drive(Box<DriveRequest>),
-    Overtake { id: u64, reply: oneshot::Sender<()> },
-}
-
-impl NextRequest {
-    const fn touch_id(&self) -> u64 {
-        match self {
-            Self::Drive(request) => request.order.id,
-            Self::Overtake { id, .. } => *id,
-        }
-    }
-}
-
-type Answer = Pin<Box<dyn Future<Output = Result<BegunDrive, RefusedDrive>> + Send>>;
-
-/// What there is to do with the board.
-pub enum BoardActivity {
-    /// Nothing.
-    Free,
-    /// A touch waits for what is left of those before.
-    Settling { request: Box<DriveRequest>, since: Instant, until: Instant },
-    /// The board has been told to drive, and has not answered yet.
-    Ordered { sent: Box<SentDrive>, answer: Answer },
-    /// The board rests, at least until `until`, for a drive that goes on afterwards.
-    Resting { held: Box<SustainedDrive>, until: Instant, looks: u32 },
-}
-
-impl std::fmt::Debug for BoardActivity {
-    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        out.write_str(match self {
-            Self::Free => "Free",
-            Self::Settling { .. } => "Settling",
-            Self::Ordered { .. } => "Ordered",
-            Self::Resting { .. } => "Resting",
-        })
-    }
-}
-
-impl BoardActivity {
-    async fn await_board_answer(&mut self) -> Result<BegunDrive, RefusedDrive> {
-        match self {
-            Self::Ordered { answer, .. } => answer.await,
-            _ => std::future::pending().await,
-        }
-    }
-}
-
-/// What the board has been told to drive.
-#[derive(Debug)]
-pub struct SentDrive {
-    /// What for.
-    pub purpose: DrivePurpose,
-    /// The plan, with the fraction of its forces for which there is room.
-    pub prepared: PreparedPlan,
-    /// That fraction.
-    pub force_fraction: f64,
-    /// What the board did before.
-    pub board: RailState,
-    /// When it was told.
-    pub since: Instant,
-    /// [`DriveState::newest_plan_id`] before.
-    pub newest: u64,
-}
-
-/// What the board has been told to drive something for.
-#[derive(Debug)]
-pub enum DrivePurpose {
-    /// A touch, which has waited for what is left of those before.
-    Touch { request: Box<DriveRequest>, waited: Option<Duration> },
-    /// A drive that goes on, after a rest or with other forces.
-    Again { held: Box<SustainedDrive>, has_rested: bool },
 }
 
 impl DriveTask {
@@ -186,7 +111,10 @@ impl DriveTask {
 
     fn carry_out_due_activity(&mut self, equipment: &Arc<DriveEquipment>) {
         match std::mem::replace(&mut self.activity, BoardActivity::Free) {
-            BoardActivity::Free => self.supervise_sustained_drive(equipment),
+            BoardActivity::Free => {
+                self.end_shown_plan_that_board_no_longer_drives(equipment);
+                self.rest_or_adjust_sustained_drive_if_due(equipment);
+            }
             BoardActivity::Settling { request, since, .. } => {
                 if request.order.asked_at.stops == equipment.session.stop_count() {
                     self.send_touch_to_board(equipment, request, Some(since));
@@ -203,19 +131,11 @@ impl DriveTask {
 
     fn carry_out_command(&mut self, equipment: &Arc<DriveEquipment>, command: DriveCommand) {
         match command {
-            DriveCommand::Drive(request) => {
-                // Nobody waits for a place that a newer one has.
-                if request.order.id < self.find_newest_driven_or_waiting_touch_id() {
-                    request.refuse(superseded_problem());
-                } else {
-                    self.queue_request_superseding_waiting(NextRequest::Drive(request));
-                }
+            // Nobody waits for a place that a newer one has.
+            DriveCommand::Queue(next) if next.touch_id() < self.find_newest_driven_or_waiting_touch_id() => {
+                next.refuse_as_superseded();
             }
-            DriveCommand::Overtake { id, reply } => {
-                if id >= self.find_newest_driven_or_waiting_touch_id() {
-                    self.queue_request_superseding_waiting(NextRequest::Overtake { id, reply });
-                }
-            }
+            DriveCommand::Queue(next) => self.queue_request_superseding_waiting(next),
             DriveCommand::Release { id, when } => self.end_touch_at(equipment, id, when),
             DriveCommand::Renew { id, until, reply } => {
                 let _ = reply.send(self.extend_touch_and_check_if_still_shown(equipment, id, until));
@@ -231,7 +151,7 @@ impl DriveTask {
                 if matches!(self.activity, BoardActivity::Resting { .. }) {
                     self.activity = BoardActivity::Free;
                 }
-                self.state.current.take_if(|current| current.stops != equipment.session.stop_count());
+                self.state.current.take_if(|current| current.asked_at.stops != equipment.session.stop_count());
             }
         }
     }
@@ -247,8 +167,8 @@ impl DriveTask {
 
     fn queue_request_superseding_waiting(&mut self, next: NextRequest) {
         self.refuse_waiting_touch(superseded_problem);
-        if let Some(NextRequest::Drive(older)) = self.next.replace(next) {
-            older.refuse(superseded_problem());
+        if let Some(older) = self.next.replace(next) {
+            older.refuse_as_superseded();
         }
     }
 
@@ -286,12 +206,13 @@ impl DriveTask {
         }
         let (id, now, first) = (request.order.id, Instant::now(), &request.order.first);
         let board = equipment.read_rail_state_down_up_or_driving();
+        let begin = request.order.begin_no_earlier_than(now);
         let find_headroom = || {
-            Ok(self.state.find_wait_and_fraction_beside_earlier_touches(
+            Ok(self.state.find_wait_and_force_fraction_beside_earlier_touches(
                 &first.motion,
                 first.steady_drives(),
                 board,
-                now,
+                begin,
             ))
         };
         let StartHeadroom { wait_s, force_fraction, goes_on } = match compute_catching_panics(find_headroom) {
@@ -302,7 +223,7 @@ impl DriveTask {
             return self.send_touch_to_board(equipment, request, None);
         }
         if !goes_on {
-            if let Some(driven) = self.state.last_plan_id_even_if_time_over() {
+            if let Some(driven) = self.state.last_plan_id_unless_all_drives_ended_even_if_time_over() {
                 self.end_touch_at(equipment, driven, now);
             }
             self.state.note_drives_ended_but_burst_continuing(now);
@@ -315,7 +236,7 @@ impl DriveTask {
         );
         // Whatever becomes of it, those before have made way.
         self.state.raise_newest_and_return_previous_id(id);
-        self.activity = BoardActivity::Settling { request, since: now, until: now + Duration::from_secs_f64(wait_s) };
+        self.activity = BoardActivity::Settling { request, since: now, until: begin + Duration::from_secs_f64(wait_s) };
     }
 
     /// Has the board drive a touch that has waited `since` then, with as much of its forces as there is room for.
@@ -333,20 +254,15 @@ impl DriveTask {
             whole_plan,
             credit_fraction,
             drive_mode,
-            (board, now),
+            (board, request.order.begin_no_earlier_than(now)),
         ) {
             Err(problem) => request.refuse(problem),
             Ok((force_fraction, prepared)) => {
                 equipment.place_simulated_sensor_under_first_target(id, &prepared.plan);
                 // Until it goes to the board: what that takes to answer is no wait.
                 let waited = since.map(|since| since.elapsed());
-                let asked = request.order.asked_at;
                 let purpose = DrivePurpose::Touch { request, waited };
-                self.send_drive_to_board(
-                    equipment,
-                    (id, asked),
-                    SentDrive { purpose, prepared, force_fraction, board, since: now, newest: 0 },
-                );
+                self.send_drive_to_board(equipment, SentDrive { purpose, prepared, force_fraction, board, since: now });
             }
         }
     }
@@ -377,30 +293,31 @@ impl DriveTask {
     }
 
     /// Tells the board.
-    pub(super) fn send_drive_to_board(
-        &mut self,
-        equipment: &Arc<DriveEquipment>,
-        (id, asked): (u64, AskedAt),
-        sent: SentDrive,
-    ) {
-        let newest = self.state.raise_newest_and_return_previous_id(id);
+    pub(super) fn send_drive_to_board(&mut self, equipment: &Arc<DriveEquipment>, sent: SentDrive) {
+        let (id, asked_at) = sent.purpose.touch_id_and_asked_at();
+        let newest_before = self.state.raise_newest_and_return_previous_id(id);
         let is_soft = sent.board == RailState::Down;
-        let answer = Arc::clone(equipment).begin_drive(id, asked, sent.prepared.clone(), is_soft);
-        self.activity =
-            BoardActivity::Ordered { sent: Box::new(SentDrive { newest, ..sent }), answer: Box::pin(answer) };
+        let start = sent.purpose.wanted_start();
+        let answer = Arc::clone(equipment).begin_drive((id, asked_at), start, sent.prepared.clone(), is_soft);
+        self.activity = BoardActivity::Ordered { sent: Box::new(sent), newest_before, answer: Box::pin(answer) };
     }
 
     fn handle_board_answer(&mut self, equipment: &Arc<DriveEquipment>, answer: Result<BegunDrive, RefusedDrive>) {
-        let BoardActivity::Ordered { sent, .. } = std::mem::replace(&mut self.activity, BoardActivity::Free) else {
+        let BoardActivity::Ordered { sent, newest_before, .. } =
+            std::mem::replace(&mut self.activity, BoardActivity::Free)
+        else {
             return;
         };
-        let SentDrive { purpose, prepared, force_fraction, board, since, newest } = *sent;
-        let id = match &purpose {
-            DrivePurpose::Touch { request, .. } => request.order.id,
-            DrivePurpose::Again { held, .. } => held.active.id,
-        };
+        let SentDrive { purpose, prepared, force_fraction, board, since } = *sent;
+        let (id, _) = purpose.touch_id_and_asked_at();
         let begin = |state: &mut DriveState, until: Instant| {
-            state.note_and_count_begun_drives(id, &prepared.motion, prepared.steady_drives(), board, [since, until])
+            state.note_begun_drives_and_return_their_serial_number(
+                id,
+                &prepared.motion,
+                prepared.steady_drives(),
+                board,
+                [since, until],
+            )
         };
         let begun = match answer {
             Ok(BegunDrive { achieved, until }) => Ok((achieved, until, begin(&mut self.state, until))),
@@ -408,7 +325,7 @@ impl DriveTask {
                 if may_drive {
                     begin(&mut self.state, Instant::now());
                 } else {
-                    self.state.restore_newest_plan_id(newest);
+                    self.state.restore_newest_plan_id(newest_before);
                 }
                 Err(Problem::from(error))
             }
@@ -460,8 +377,7 @@ impl DriveTask {
         device: Achieved,
     ) -> Result<TouchedView, Problem> {
         let TouchOrder { id, asked_at, touches, drive_mode, whole_plan, credit_fraction, .. } = order;
-        let stops = asked_at.stops;
-        if equipment.session.stop_count() != stops {
+        if equipment.session.stop_count() != asked_at.stops {
             // The stop came after the board's answer: what was entered since then is not driven.
             self.state.note_plan_end_and_check_if_current_ends_sooner(id, Instant::now());
             return Err(SessionError::Stopped.into());
@@ -483,14 +399,18 @@ impl DriveTask {
         };
         // What cannot be shown is not driven on.
         let active = active.inspect_err(|_| self.end_touch_at(equipment, id, Instant::now()))?;
-        self.state.current = Some(CurrentPlan { active: Arc::clone(&active), until, stops });
+        let interruptions = asked_at.interruptions.or_else(|| Some(equipment.count_unrequested_board_interruptions()));
+        let asked_at = AskedAt { interruptions, ..asked_at };
+        self.state.current = Some(CurrentPlan { active: Arc::clone(&active), until, asked_at });
         self.publish_state_and_send_update_to_pages(Update::Plan(Arc::clone(&active)));
         self.last_look = Instant::now();
-        self.state.sustained = matches!(drive_mode, DriveMode::Hold(_)).then(|| {
-            let interruptions =
-                asked_at.interruptions.or_else(|| Some(equipment.count_unrequested_board_interruptions()));
-            let asked_at = AskedAt { stops, interruptions };
-            SustainedDrive { begun, asked_at, whole_plan, credit_fraction, force_fraction, active: Arc::clone(&active) }
+        self.state.sustained = matches!(drive_mode, DriveMode::Hold(_)).then(|| SustainedDrive {
+            begun,
+            asked_at,
+            whole_plan,
+            credit_fraction,
+            force_fraction,
+            active: Arc::clone(&active),
         });
         Ok(TouchedView { plan: active.plan.clone(), plan_id: active.id, device, stretches: None, trade: None })
     }
@@ -550,7 +470,7 @@ pub(super) fn build_active_plan_of_steady_drive(
     thinned: Option<Thinned>,
 ) -> Result<Arc<ActivePlan>, Problem> {
     compute_catching_panics(|| {
-        let plan = PlanView::new(&equipment.table, plan).with_thinned(thinned);
+        let plan = PlanView::new(&equipment.table, plan).with_reduced_force(thinned);
         Ok(Arc::new(ActivePlan::new(id, plan, touches, None)))
     })
 }

@@ -27,7 +27,12 @@ pub fn find_needed_role_unless_public(method: &Method, path: &str) -> Option<Rol
 pub async fn authorize_request(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let source = check_head_and_find_authority(&request).and_then(|host| {
         let scheme = request.extensions().get().copied();
-        access.check_host_and_find_allowed_origin(request.method(), request.headers(), host.as_ref(), scheme)
+        access.check_host_and_origin_and_return_allowed_foreign_origin(
+            request.method(),
+            request.headers(),
+            host.as_ref(),
+            scheme,
+        )
     });
     let origin = match source {
         Ok(origin) => origin,

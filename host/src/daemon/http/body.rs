@@ -21,7 +21,7 @@ const TAKEN: [&str; 4] =
 ///
 /// # Errors
 /// [`Problem`] with status 415, or 400 if there are several types.
-pub fn check_content_type(headers: &HeaderMap) -> Result<(), Problem> {
+pub fn check_content_type_is_json_generic_or_absent(headers: &HeaderMap) -> Result<(), Problem> {
     check_header_given_at_most_once(headers, &header::CONTENT_TYPE)?;
     let Some(value) = headers.get(header::CONTENT_TYPE) else { return Ok(()) };
     let said = value.to_str().unwrap_or("not ASCII");
@@ -130,6 +130,6 @@ fn unreadable_body_problem(error: &axum::Error, max_bytes: usize) -> Problem {
 /// # Errors
 /// [`Problem`]: another type of content, or what is wrong in the body.
 pub fn parse_json_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, expected: &str) -> Result<T, Problem> {
-    check_content_type(headers)?;
+    check_content_type_is_json_generic_or_absent(headers)?;
     parse_json_object(body, ExpectedForm { subject: "The whole body", form: expected })
 }

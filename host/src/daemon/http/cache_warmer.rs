@@ -38,7 +38,9 @@ pub async fn keep_caches_warm_while_armed_and_idle(app: Arc<App>) {
             _ = ticks.tick() => {}
         }
         // Touches that are under way keep it at hand themselves.
-        if is_board_live(&app.driver.subscribe_device_snapshots().borrow()) && app.driver.admission.is_planner_idle() {
+        if is_board_connected_and_armed(&app.driver.subscribe_device_snapshots().borrow())
+            && app.driver.admission.is_planner_idle()
+        {
             tokio::task::block_in_place(|| app.plan_touch_without_driving());
             send_cache_warming_request(router.clone()).await;
         }
@@ -46,7 +48,7 @@ pub async fn keep_caches_warm_while_armed_and_idle(app: Arc<App>) {
 }
 
 /// Whether somebody may touch next: the board is there, and armed.
-fn is_board_live(device: &DeviceSnapshot) -> bool {
+fn is_board_connected_and_armed(device: &DeviceSnapshot) -> bool {
     device.connected && device.state().is_some_and(SafetyState::is_live)
 }
 

@@ -30,7 +30,7 @@ pub(super) fn lock_folder_exclusively(folder: &Path) -> io::Result<File> {
 
 /// Which of the two files in a folder for certificates that the daemon makes is damaged, and how; `None` where both or none are there and whole, and where only a whole certificate is there: clients may
 /// have been given that. The key is written before the certificate, so that one without a certificate has never been used.
-pub(super) fn find_damaged_file(certificate: &Path, key: &Path) -> Option<(PathBuf, &'static str)> {
+pub(super) fn find_damaged_file_and_describe_damage(certificate: &Path, key: &Path) -> Option<(PathBuf, &'static str)> {
     let (text, secret) = (std::fs::read(certificate).ok(), std::fs::read(key).ok());
     if text.as_ref().is_some_and(|text| is_pem_cut_off(text)) {
         return Some((certificate.to_owned(), "does not contain a complete certificate"));

@@ -41,7 +41,7 @@ pub async fn get_effects() -> Response {
         body = PlayedEffectFileView,
     )),
 )]
-pub async fn post_effects(
+pub async fn post_effect_file_to_play(
     State(app): State<Arc<App>>,
     asker: Asker,
     headers: HeaderMap,

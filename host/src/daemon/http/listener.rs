@@ -173,7 +173,7 @@ impl TlsFiles {
 
     /// Whether the certificate is for no name of a host, so that most clients refuse it.
     #[must_use]
-    pub fn has_no_host_name(&self) -> bool {
+    pub fn has_no_dns_name_or_ip_address(&self) -> bool {
         read_certificates(&self.certificate).is_ok_and(|all| all.first().is_some_and(is_nameless))
     }
 
@@ -181,9 +181,9 @@ impl TlsFiles {
     ///
     /// # Errors
     /// [`ListenError::Tls`]: a certificate alone, which clients may have been given.
-    pub fn find_pair_in_folder_or_none_if_absent_or_damaged(folder: &Path) -> Result<Option<Self>, ListenError> {
+    pub fn find_whole_pair_in_folder_or_error_if_only_key_missing(folder: &Path) -> Result<Option<Self>, ListenError> {
         let files = Self::default_paths_in_folder(folder);
-        if damaged_certificate::find_damaged_file(&files.certificate, &files.key).is_some() {
+        if damaged_certificate::find_damaged_file_and_describe_damage(&files.certificate, &files.key).is_some() {
             return Ok(None);
         }
         // The certificate is looked for first: another daemon may be writing the pair, and writes the key first. A key that is alone here
@@ -434,7 +434,7 @@ pub fn list_names_missing_in_certificate<'n>(files: &TlsFiles, names: &'n [Strin
 /// # Errors
 /// [`ListenError`].
 pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
-    if let Some(files) = TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder)? {
+    if let Some(files) = TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder)? {
         return Ok(files);
     }
     let files = TlsFiles::default_paths_in_folder(folder);
@@ -447,13 +447,15 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
     make_private_folder(folder).map_err(unwritten(folder))?;
     // Daemons that are started at the same time would each write a key beside the certificate of another.
     let _alone = damaged_certificate::lock_folder_exclusively(folder).map_err(unwritten(folder))?;
-    if let Some(files) = TlsFiles::find_pair_in_folder_or_none_if_absent_or_damaged(folder)? {
+    if let Some(files) = TlsFiles::find_whole_pair_in_folder_or_error_if_only_key_missing(folder)? {
         return Ok(files);
     }
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
     all.extend(names.iter().cloned());
     let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
-    if let Some((damaged, reason)) = damaged_certificate::find_damaged_file(&files.certificate, &files.key) {
+    if let Some((damaged, reason)) =
+        damaged_certificate::find_damaged_file_and_describe_damage(&files.certificate, &files.key)
+    {
         damaged_certificate::rename_damaged_files([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(
             "{} {reason}, probably because a write was interrupted: the daemon makes a new certificate and a new key, \

@@ -2,11 +2,13 @@
 
 use super::authorize::authorize_request;
 use super::body::{BodyLimit, parse_json_body, read_body_within_limit};
-use super::effect_routes::{__path_get_effects, __path_post_effects, get_effects, post_effects};
+use super::effect_routes::{
+    __path_get_effects, __path_post_effect_file_to_play, get_effects, post_effect_file_to_play,
+};
 use super::{description, page_files};
 use crate::daemon::access::client::{Asker, Client};
 use crate::daemon::access::limits::Limits;
-use crate::daemon::access::pace::delay_requests_except_stop_above_rate;
+use crate::daemon::access::pace::delay_requests_above_rate_except_accepted_stop;
 use crate::daemon::api::problem::{Problem, ProblemKind};
 use crate::daemon::app::App;
 use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
@@ -18,6 +20,7 @@ use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
 use crate::daemon::touch::Touch;
 use crate::daemon::touch::answer::TouchedView;
+use crate::daemon::touch::check::{check_intensity_range, find_target};
 use crate::daemon::touch::outcome::RequestOutcome;
 use crate::daemon::touch::plan_view::FieldView;
 use crate::daemon::touch::request::TouchRequest;
@@ -75,7 +78,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
     let mut router = OpenApiRouter::with_openapi(CommonSchemas::openapi())
         .routes(routes!(post_touch))
         .routes(routes!(get_effects))
-        .routes(routes!(get_request))
+        .routes(routes!(get_request_outcome))
         .routes(routes!(post_arm))
         .routes(routes!(post_clear_faults))
         .routes(routes!(get_state))
@@ -83,7 +86,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(get_field))
         .routes(routes!(get_study))
         .routes(routes!(stop_study))
-        .routes(routes!(get_tolerances))
+        .routes(routes!(get_tolerance_study))
         .routes(routes!(stop_tolerance_study))
         .routes(routes!(live::upgrade_to_live_socket))
         .routes(routes!(get_metrics))
@@ -97,7 +100,7 @@ fn declare_routes(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(begin_tolerance_study))
         .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), read_body_within_limit));
     let files = OpenApiRouter::new()
-        .routes(routes!(post_effects))
+        .routes(routes!(post_effect_file_to_play))
         .layer(middleware::from_fn_with_state(most(MAX_EFFECT_BODY), read_body_within_limit));
     let larger = OpenApiRouter::new()
         .routes(routes!(begin_study))
@@ -137,7 +140,7 @@ pub fn build_router(app: Arc<App>) -> Router {
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_except_stop_above_rate))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_above_rate_except_accepted_stop))
         .with_state(app)
 }
 
@@ -147,7 +150,7 @@ pub fn build_stop_only_router(app: Arc<App>) -> Router {
         .route("/v1/stop", post(post_stop))
         .fallback(answer_too_many_connections)
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), authorize_request))
-        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_except_stop_above_rate))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), delay_requests_above_rate_except_accepted_stop))
         .layer(middleware::map_response(close_connection_after_failure))
         .with_state(app)
 }
@@ -226,7 +229,7 @@ fn summarize_outcome_for_recording(id: u64, answer: &Result<Value, Problem>) -> 
     params(("id" = String, Path, description = "The number of the request (plan_id of its answer), or the client's name for the request (x-request-id)")),
     responses((status = 200, description = "The state of the request, and its answer or problem", body = RequestOutcome)),
 )]
-async fn get_request(
+async fn get_request_outcome(
     State(app): State<Arc<App>>,
     client: Client,
     key: Result<Path<String>, PathRejection>,
@@ -330,7 +333,7 @@ async fn begin_tolerance_study(
     path = "/v1/tolerances", operation_id = "tolerances",
     responses((status = 200, description = "The plan, the progress of the tolerance study, and its results", body = TolerancesView)),
 )]
-async fn get_tolerances(State(app): State<Arc<App>>) -> Response {
+async fn get_tolerance_study(State(app): State<Arc<App>>) -> Response {
     Json(app.tolerances.view_newest_study()).into_response()
 }
 
@@ -412,11 +415,10 @@ async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Res
         "x_px=NUMBER&y_px=NUMBER, with or without &intensity_g=NUMBER, or is empty",
     )?;
     // Whether or not it is used.
-    crate::daemon::touch::check::check_intensity_range(query.intensity_g)?;
+    check_intensity_range(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
-            let (x_m, y_m) = app.table.scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
-            let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
+            let target = find_target(&app.table.scene, x_px, y_px, query.intensity_g)?;
             let _place = app.driver.admission.wait_for_planner_place_unless_queue_full(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
@@ -445,7 +447,11 @@ async fn get_field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Res
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn get_metrics(State(app): State<Arc<App>>) -> Response {
-    let peak_g = app.driver.list_newest_touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
+    let peak_g = app
+        .driver
+        .list_simulated_sensor_peaks_of_newest_touches(1)
+        .first()
+        .map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
     let text = app.metrics.format_prometheus(
         &app.driver.current_device_snapshot(),
         app.driver.time_since_last_answer(),

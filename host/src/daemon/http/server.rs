@@ -167,7 +167,7 @@ impl ConnectionServer {
         match incoming {
             Incoming::Tcp(stream) => {
                 let peer = Peer::from_address(stream.peer_addr());
-                let (sender, stream) = RequestSender::watch_tcp_stream(stream);
+                let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("http")) },
                     Lingering::new(guest.watch_stream(stream)),
@@ -188,7 +188,7 @@ impl ConnectionServer {
             }
             Incoming::Tls(stream, acceptor) => {
                 let peer = Peer::from_address(stream.peer_addr());
-                let (sender, stream) = RequestSender::watch_tcp_stream(stream);
+                let (sender, stream) = RequestSender::pair_peer_close_watcher_with_tcp_connection(stream);
                 let (end, stream) = (
                     ConnectionEnd { peer, sender, scheme: Some(Scheme("https")) },
                     Lingering::new(guest.watch_stream(stream)),

@@ -101,19 +101,19 @@ impl PageFingers {
     ///
     /// # Errors
     /// [`Problem`]: too many taps wait, of which the oldest is not driven any more.
-    pub fn queue_fingers_down_dropping_oldest_if_full(
+    pub fn queue_fingers_down_with_error_if_oldest_step_dropped(
         &self,
         touch: Touch,
         stop_count_at_arrival: u64,
     ) -> Result<(), Problem> {
-        self.queue_fingers_and_textures_dropping_oldest_if_full(touch, &[], stop_count_at_arrival)
+        self.queue_fingers_and_textures_with_error_if_oldest_step_dropped(touch, &[], stop_count_at_arrival)
     }
 
     /// The same, with some of the fingers on textures: a finger that begins to vibrate there has not come down, and makes no tap.
     ///
     /// # Errors
-    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
-    pub fn queue_fingers_and_textures_dropping_oldest_if_full(
+    /// As [`Self::queue_fingers_down_with_error_if_oldest_step_dropped`].
+    pub fn queue_fingers_and_textures_with_error_if_oldest_step_dropped(
         &self,
         touch: Touch,
         on_textures: &[i64],
@@ -168,7 +168,7 @@ impl PageFingers {
                 step.newly_down.extend(come);
                 step.starts_effect |= skipped.starts_effect && skipped.touch.feel == step.touch.feel;
             }
-            dropped = push_dropping_oldest_if_full(steps, step);
+            dropped = push_step_with_error_if_oldest_step_dropped(steps, step);
         }
         drop(state);
         self.changed.notify_one();
@@ -179,8 +179,8 @@ impl PageFingers {
     /// played in any case; of the others that wait, the newest.
     ///
     /// # Errors
-    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
-    pub fn queue_control_click_dropping_oldest_if_full(
+    /// As [`Self::queue_fingers_down_with_error_if_oldest_step_dropped`].
+    pub fn queue_control_click_with_error_if_oldest_step_dropped(
         &self,
         touch: Touch,
         ids: Vec<i64>,
@@ -203,7 +203,7 @@ impl PageFingers {
         // Fingers outside of the controls that have just come are felt first.
         let has_come = |last: &FingerStep| !last.starts_effect && !last.lifted && !last.newly_down.is_empty();
         while steps.pop_back_if(|last| self.skips(last, &step) && !has_come(last)).is_some() {}
-        let dropped = push_dropping_oldest_if_full(steps, step);
+        let dropped = push_step_with_error_if_oldest_step_dropped(steps, step);
         drop(state);
         self.changed.notify_one();
         dropped
@@ -224,8 +224,8 @@ impl PageFingers {
     /// All but these are lifted; those of them that are down stay as they were.
     ///
     /// # Errors
-    /// As [`Self::queue_fingers_down_dropping_oldest_if_full`].
-    pub fn lift_all_except_dropping_oldest_if_full(
+    /// As [`Self::queue_fingers_down_with_error_if_oldest_step_dropped`].
+    pub fn lift_all_except_with_error_if_oldest_step_dropped(
         &self,
         ids: &[i64],
         stop_count_at_arrival: u64,
@@ -240,13 +240,13 @@ impl PageFingers {
         if kept.fingers.len() == count {
             Ok(())
         } else {
-            self.queue_fingers_and_textures_dropping_oldest_if_full(kept, &on_textures, stop_count_at_arrival)
+            self.queue_fingers_and_textures_with_error_if_oldest_step_dropped(kept, &on_textures, stop_count_at_arrival)
         }
     }
 
     fn lift_all_fingers(&self) {
         // What is lifted takes nobody's place.
-        let _ = self.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0);
+        let _ = self.queue_fingers_down_with_error_if_oldest_step_dropped(Touch::without_fingers(), 0);
     }
 
     /// Whatever they have done is not wanted any more.
@@ -262,10 +262,10 @@ impl PageFingers {
         self.changed.notify_one();
     }
 
-    /// The next step, once it is `find_earliest_drive_time`; `None` once the page is gone and all is done.
+    /// The next step, once it is `find_earliest_drive_time_or_none_if_now`; `None` once the page is gone and all is done.
     pub async fn wait_for_oldest_due_step(
         &self,
-        find_earliest_drive_time: impl Fn(&FingerStep) -> Option<Instant>,
+        find_earliest_drive_time_or_none_if_now: impl Fn(&FingerStep) -> Option<Instant>,
     ) -> Option<FingerStep> {
         loop {
             let changed = self.changed.notified();
@@ -273,7 +273,7 @@ impl PageFingers {
                 .lock_state()
                 .steps
                 .front()
-                .map(|step| find_earliest_drive_time(step).filter(|due| Instant::now() < *due));
+                .map(|step| find_earliest_drive_time_or_none_if_now(step).filter(|due| Instant::now() < *due));
             match waits {
                 // Looked at again then: a stop may have taken it away.
                 Some(Some(due_time)) => {
@@ -309,7 +309,10 @@ impl PageFingers {
     }
 }
 
-fn push_dropping_oldest_if_full(steps: &mut VecDeque<FingerStep>, step: FingerStep) -> Result<(), Problem> {
+fn push_step_with_error_if_oldest_step_dropped(
+    steps: &mut VecDeque<FingerStep>,
+    step: FingerStep,
+) -> Result<(), Problem> {
     let oldest = if steps.len() >= MOST_STEPS { steps.pop_front() } else { None };
     steps.push_back(step);
     match oldest {

@@ -14,6 +14,8 @@ use tokio::sync::mpsc;
 
 /// Least time for which a tap vibrates, however short the finger was down.
 const TAP: Duration = Duration::from_millis(400);
+/// For so long rails settle at another voltage that is not much higher: a discharge switch takes 13 ms.
+const RAILS_CHANGE: Duration = Duration::from_millis(15);
 /// Least time that a tap has to itself before the next one takes its place: some periods of any drive and all of a click, so that it is
 /// felt, and shorter than fingers tap after each other (a trill of two has some 60 ms), so that nobody's taps fall behind.
 const LEAST: Duration = Duration::from_millis(40);
@@ -32,7 +34,7 @@ pub async fn drive_fingers_until_page_is_gone(
     let mut held_fingers = HeldFingers { client, ..HeldFingers::default() };
     loop {
         let step = tokio::select! {
-            step = fingers.wait_for_oldest_due_step(|step| held_fingers.find_earliest_drive_time(&app, step)) => step,
+            step = fingers.wait_for_oldest_due_step(|step| held_fingers.find_earliest_drive_time_or_none_if_now(&app, step)) => step,
             () = tokio::time::sleep(RENEW), if held_fingers.still.is_some() => {
                 held_fingers.extend_drive_of_resting_fingers_or_restart(&app, &fingers, &replies).await;
                 continue;
@@ -100,7 +102,7 @@ impl HeldDrive {
 impl HeldFingers {
     /// When a step may be driven: not before a finger that is lifted by then, or an effect, has been felt for a while; fingers that only move not
     /// before their effect has come to its end.
-    fn find_earliest_drive_time(&self, app: &App, step: &FingerStep) -> Option<Instant> {
+    fn find_earliest_drive_time_or_none_if_now(&self, app: &App, step: &FingerStep) -> Option<Instant> {
         if step.touch.fingers.is_empty() || self.is_covered_by_effect(app, step) {
             return None;
         }
@@ -144,6 +146,7 @@ impl HeldFingers {
             self.still = None;
         } else if !app.driver.extend_touch_and_check_if_still_shown(plan, until).await
             && app.driver.find_active_plan().is_none()
+            && !app.driver.has_newest_touch_later_parts()
             // What is being planned is somebody's touch, and would be older than this.
             && app.driver.admission.is_planner_idle()
             && let Err(problem) = self.drive_step(app, fingers, step).await
@@ -193,7 +196,9 @@ impl HeldFingers {
                 (self.down, self.still, self.interruptions) = (ids, again, interruptions);
                 self.effect_plan = is_effect.then_some(done.plan_id);
                 if !step.is_only_move() {
-                    self.newly_down = Some(Instant::now());
+                    // An effect waits for its rails. The next one waits for them as well, where they only change.
+                    let wait = done.device.time_until_effect_start().saturating_sub(RAILS_CHANGE);
+                    self.newly_down = Some(Instant::now() + wait);
                 }
                 self.held = match touch.mode {
                     // An effect ends by itself, whatever the fingers do meanwhile.

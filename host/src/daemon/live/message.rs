@@ -1,9 +1,9 @@
 //! What a page is told on its live socket.
 
 use crate::daemon::api::problem::Problem;
-use crate::daemon::drive::active::ActivePlan;
 use crate::daemon::observe::scene::SceneView;
 use crate::daemon::observe::state::StateView;
+use crate::daemon::touch::active_plan::ActivePlan;
 use crate::daemon::touch::answer::PlayedEffect;
 use crate::daemon::touch::plan_view::{FieldView, PlanView};
 use crate::daemon::touch::request::Finger;

@@ -223,7 +223,7 @@ pub async fn upgrade_to_live_socket(
         Problem::new(ProblemKind::SocketsFull, detail).with_retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
-        sender.limit_bytes_read_between_calls(MOST_READ_FOR_MESSAGE);
+        sender.fail_reads_beyond_bytes_between_takes_of_byte_count(MOST_READ_FOR_MESSAGE);
         let page = PageIdentity::new(role, peer.map(|Extension(peer)| peer));
         serve_page_socket(app, client, page, (socket, sender), wants, PageFingers::new(only_newest_tap)).await;
         drop(place);
@@ -292,7 +292,7 @@ async fn serve_page_socket(
                     heard = Instant::now();
                     let bytes = sender.take_read_byte_count();
                     match message {
-                        Message::Binary(bytes) => reader.handle_binary(&bytes),
+                        Message::Binary(bytes) => reader.refuse_binary_message_after_stop_and_lifts(&bytes),
                         Message::Text(text) => {
                             let text = text.as_str();
                             reader.handle_text(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text));
@@ -303,14 +303,14 @@ async fn serve_page_socket(
                     }
                     // After it was carried out, so that no stop waits for this: the next one does.
                     if let Some(peer) = page.peer {
-                        let wait = app.live_pace.wait_until_next_live_message(peer, bytes);
-                        ahead = wait_unless_socket_ends(wait, &mut stream).await;
+                        let wait = app.live_pace.count_live_message_and_wait_until_next_is_allowed(peer, bytes);
+                        ahead = wait_reading_one_message_ahead_unless_socket_ends(wait, &mut stream).await;
                     }
                 }
                 Some(Err(error)) => break closing::close_frame_for_error(error),
                 None => break None,
             },
-            () = wait_until(reader.find_next_rest_time()) => reader.end_textures_without_motion(),
+            () = wait_until(reader.find_next_time_when_a_stroke_will_rest()) => reader.end_textures_without_motion(),
             _ = ping.tick() => {
                 let _ = letters.try_send(WriterCommand::Ping);
             }
@@ -351,7 +351,7 @@ async fn take_or_read(ahead: &mut Option<ReadMessage>, stream: &mut SplitStream<
 
 /// Waits, and returns what was read meanwhile, one message at most. If that is the socket's end, returns at once: a page that is gone keeps neither
 /// its place nor its fingers because its last message was long.
-async fn wait_unless_socket_ends(
+async fn wait_reading_one_message_ahead_unless_socket_ends(
     wait: impl Future<Output = ()>,
     stream: &mut SplitStream<WebSocket>,
 ) -> Option<ReadMessage> {

@@ -63,36 +63,38 @@ impl PageReader {
     /// Carries out a message as far as that goes, and tells the page what is wrong with it, if anything is.
     pub fn handle_text(&mut self, text: &str) {
         if let Err(problem) = self.handle_page_message(text) {
-            self.tell_problem(&problem);
+            self.queue_error_message_to_page(&problem);
         }
     }
 
     /// The same for a message that is no text.
-    pub fn handle_binary(&mut self, bytes: &[u8]) {
+    pub fn refuse_binary_message_after_stop_and_lifts(&mut self, bytes: &[u8]) {
         self.stop_device_if_message_asks_and_page_may_touch(bytes);
         if self.page.role >= Role::Touch
             && let Ok(text) = std::str::from_utf8(bytes)
         {
             self.lift_fingers_left_out(&IncomingMessage::from_text(text));
         }
-        self.tell_problem(&Problem::bad_body("the message is binary, but must be text with JSON".into()));
+        self.queue_error_message_to_page(&Problem::bad_body(
+            "the message is binary, but must be text with JSON".into(),
+        ));
     }
 
     /// When a finger comes to rest on a texture, if the page says nothing before.
     #[must_use]
-    pub fn find_next_rest_time(&self) -> Option<Instant> {
-        self.controls.find_next_rest_time()
+    pub fn find_next_time_when_a_stroke_will_rest(&self) -> Option<Instant> {
+        self.controls.find_next_time_when_a_stroke_will_rest()
     }
 
     /// Ends the vibration of fingers that have come to rest, or whose texture has gone.
     pub fn end_textures_without_motion(&mut self) {
         let stops = self.app.driver.stop_count();
         let felt = self.controls.let_time_pass(Instant::now(), stops);
-        self.end_drives_of_others(felt, stops);
+        self.queue_felt_click_and_lift_fingers_without_drive(felt, stops);
     }
 
     /// A page that reads nothing misses what is wrong with what it says.
-    fn tell_problem(&self, problem: &Problem) {
+    fn queue_error_message_to_page(&self, problem: &Problem) {
         let _ = self.replies.try_send(build_error_message(problem));
     }
 
@@ -173,9 +175,9 @@ impl PageReader {
         let mut ids_down = self.fingers.list_ids_of_fingers_down();
         ids_down.extend(self.controls.list_ids_on_controls());
         let CheckedFingers { fingers: mut down, problems } = message.check_fingers(&self.app.table.scene, &ids_down);
-        problems.iter().for_each(|problem| self.tell_problem(problem));
+        problems.iter().for_each(|problem| self.queue_error_message_to_page(problem));
         let places: Vec<Finger> = down.iter().map(|checked| checked.finger).collect();
-        let felt = self.controls.move_fingers(&places, Instant::now(), stops);
+        let felt = self.controls.update_fingers_lifting_absent(&places, Instant::now(), stops);
         down.retain(|checked| felt.outside.contains(&checked.finger.id));
         loop {
             let own_effect =
@@ -198,12 +200,12 @@ impl PageReader {
                 down.iter().partition(|checked| own_effect.is_some() && checked.finger.effect == own_effect);
             if refused.is_empty() || others.is_empty() {
                 let outside = down.iter().map(|checked| checked.finger.id).collect();
-                self.end_drives_of_others(Felt { outside, click: None, ..felt }, stops);
+                self.queue_felt_click_and_lift_fingers_without_drive(Felt { outside, click: None, ..felt }, stops);
                 return Err(problem);
             }
             // The effect that these fingers have of their own does not go with the message: that is wrong with them alone.
             for checked in &refused {
-                self.tell_problem(&problem.clone().with_finger_id(checked.finger.id));
+                self.queue_error_message_to_page(&problem.clone().with_finger_id(checked.finger.id));
             }
             down = others;
         }
@@ -212,7 +214,11 @@ impl PageReader {
     /// Has fingers outside of the controls driven, and what those on controls feel.
     fn queue_fingers_and_what_is_felt(&self, outside: Touch, felt: Felt, stop_count: u64) -> Result<(), Problem> {
         // As for fingers without controls: while one has an effect, nothing else vibrates.
-        let on_textures = if outside.feel.effect.is_none() { self.check_places(felt.textures) } else { Vec::new() };
+        let on_textures = if outside.feel.effect.is_none() {
+            self.check_fingers_leaving_out_invalid(felt.textures)
+        } else {
+            Vec::new()
+        };
         let ids: Vec<i64> = on_textures.iter().map(|checked| checked.finger.id).collect();
         let steady = if on_textures.is_empty() {
             outside
@@ -226,7 +232,7 @@ impl PageReader {
         if are_all_on_controls && self.fingers.list_ids_of_fingers_down().is_empty() {
             return clicked;
         }
-        clicked.and(self.fingers.queue_fingers_and_textures_dropping_oldest_if_full(steady, &ids, stop_count))
+        clicked.and(self.fingers.queue_fingers_and_textures_with_error_if_oldest_step_dropped(steady, &ids, stop_count))
     }
 
     /// Has a click of controls played; `steady` is what goes on after it.
@@ -236,30 +242,35 @@ impl PageReader {
         if cause == ClickCause::Release {
             (feel.crisp_ms, feel.prefer) = (Some(RELEASE_CRISP_MS), Some(Preference::Crispness));
         }
-        let clicking = self.check_places(fingers);
+        let clicking = self.check_fingers_leaving_out_invalid(fingers);
         if clicking.is_empty() {
             return Ok(());
         }
         let ids: Vec<i64> = clicking.iter().map(|checked| checked.finger.id).collect();
         let others: Vec<i64> = steady.fingers.iter().map(|finger| finger.id).filter(|id| !ids.contains(id)).collect();
         let touch = Touch::from_fingers(&clicking, feel)?.with_fingers_of(&steady.clone().keep_only_fingers(&others));
-        self.fingers.queue_control_click_dropping_oldest_if_full(touch, ids, cause == ClickCause::Press, stop_count)
+        self.fingers.queue_control_click_with_error_if_oldest_step_dropped(
+            touch,
+            ids,
+            cause == ClickCause::Press,
+            stop_count,
+        )
     }
 
     /// Fingers that have been checked before, with the strength that they feel.
-    fn check_places(&self, fingers: Vec<Finger>) -> Vec<CheckedFinger> {
+    fn check_fingers_leaving_out_invalid(&self, fingers: Vec<Finger>) -> Vec<CheckedFinger> {
         fingers.into_iter().filter_map(|finger| finger.check_on_scene(&self.app.table.scene).ok()).collect()
     }
 
     /// Where nothing new is driven: ends the drive of all fingers but those that still have one, and plays what is felt of those that were lifted.
-    fn end_drives_of_others(&self, felt: Felt, stop_count: u64) {
+    fn queue_felt_click_and_lift_fingers_without_drive(&self, felt: Felt, stop_count: u64) {
         if let Some(click) = felt.click {
             let _ = self.queue_click(click, &Touch::without_fingers(), stop_count);
         }
         let on_textures = felt.textures.iter().map(|finger| finger.id);
         let ids: Vec<i64> = felt.outside.iter().copied().chain(on_textures).collect();
         // What is lifted takes nobody's place.
-        let _ = self.fingers.lift_all_except_dropping_oldest_if_full(&ids, stop_count);
+        let _ = self.fingers.lift_all_except_with_error_if_oldest_step_dropped(&ids, stop_count);
     }
 
     /// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
@@ -267,7 +278,7 @@ impl PageReader {
         if message.is_touch && message.count_fingers().is_some() {
             let stops = self.app.driver.stop_count();
             let felt = self.controls.lift_all_except(&message.list_finger_ids(), Instant::now(), stops);
-            self.end_drives_of_others(felt, stops);
+            self.queue_felt_click_and_lift_fingers_without_drive(felt, stops);
         }
     }
 

@@ -4,8 +4,9 @@
 use super::message::LiveMessage;
 use super::{WriterCommand, closing};
 use crate::daemon::app::App;
-use crate::daemon::drive::active::{ActivePlan, Update};
+use crate::daemon::drive::active::Update;
 use crate::daemon::drive::wait_for_closing;
+use crate::daemon::touch::active_plan::ActivePlan;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;

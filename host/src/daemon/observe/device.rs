@@ -251,7 +251,7 @@ impl SupplyView {
             credit_rule: device.credit.as_ref().map_or(ChargeRule::Time, |credit| credit.rule).name(),
             credit_lasts_s: device.credit.as_ref().map(|credit| {
                 (0..credit.channels.len())
-                    .map(|i| credit.remaining_drive_time_ms(i).map(|ms| ms as f64 / 1e3))
+                    .map(|i| credit.drive_time_ms_until_credit_runs_out_if_ever(i).map(|ms| ms as f64 / 1e3))
                     .collect()
             }),
         })

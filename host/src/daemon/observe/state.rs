@@ -2,6 +2,7 @@
 
 use super::device::DeviceView;
 use crate::daemon::api::schema::to_ms;
+use crate::daemon::touch::active_plan::ActivePlan;
 use crate::daemon::touch::plan_view::PlanView;
 use crate::daemon::touch::request::Finger;
 use crate::device::DeviceSnapshot;
@@ -141,36 +142,21 @@ pub struct ViewSources<'a> {
     pub touch_peaks: Vec<TouchPeak>,
 }
 
-/// The plan that is driven.
-#[derive(Clone, Debug)]
-pub struct DrivenPlan {
-    /// Its number.
-    pub id: u64,
-    /// The plan.
-    pub plan: PlanView,
-    /// The fingers that it is for.
-    pub fingers: Vec<Finger>,
-}
-
 impl StateView {
     /// Everything there is to know now.
     #[must_use]
     pub fn new(
         sources: &ViewSources<'_>,
-        driven: Option<DrivenPlan>,
+        driven: Option<&ActivePlan>,
         heard_ago: Option<Duration>,
         uptime: Duration,
     ) -> Self {
         let device = sources.device;
-        let (plan_id, plan, touches) = match driven {
-            Some(DrivenPlan { id, plan, fingers }) => (Some(id), Some(plan), fingers),
-            None => (None, None, Vec::new()),
-        };
         Self {
             device: DeviceView::new(device),
-            plan,
-            plan_id,
-            touches,
+            plan: driven.map(|active| active.plan.clone()),
+            plan_id: driven.map(|active| active.id),
+            touches: driven.map_or_else(Vec::new, |active| active.touches.clone()),
             telemetry: TelemetryView::new(sources).filter(|_| device.connected),
             link: LinkView::new(device, heard_ago),
             daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: uptime.as_secs_f64() },

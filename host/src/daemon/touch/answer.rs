@@ -3,7 +3,7 @@
 use super::plan_view::PlanView;
 use crate::daemon::api::schema::to_ms;
 use crate::device::convert::achieved_drive_from_wire;
-use crate::device::session::EffectResult;
+use crate::device::session::EffectTimes;
 use crate::effects::EffectDesign;
 use crate::effects::view::EffectView;
 use crate::planner::Plan;
@@ -115,17 +115,31 @@ impl Achieved {
         Self { acknowledged: true, achieved: achieved.iter().map(view).collect(), effect: None, delayed_ms: None }
     }
 
-    /// The same for an effect, with its design, when it begins and how long it lasts.
+    /// The same for an effect, with its design and times.
     #[must_use]
-    pub fn from_effect(plan: &Plan, design: &EffectDesign, played: &EffectResult) -> Self {
-        let ahead = played.start.saturating_duration_since(std::time::Instant::now());
+    pub fn from_effect(plan: &Plan, design: &EffectDesign, achieved: &[AchievedDrive], times: EffectTimes) -> Self {
+        let ahead = times.start.saturating_duration_since(std::time::Instant::now());
         let effect = PlayedEffect {
             effect: EffectView::new(design),
-            start_board_us: played.start_us,
+            start_board_us: times.start_us,
             starts_in_ms: to_ms(ahead),
-            duration_ms: to_ms(played.length),
+            duration_ms: to_ms(times.length),
         };
-        Self { effect: Some(effect), ..Self::new(plan, &played.achieved) }
+        Self { effect: Some(effect), ..Self::new(plan, achieved) }
+    }
+
+    /// How long after this answer an effect begins; nothing of other drives.
+    #[must_use]
+    pub fn time_until_effect_start(&self) -> Duration {
+        let starts_in_ms = self.effect.as_ref().map_or(0.0, |effect| effect.starts_in_ms);
+        Duration::try_from_secs_f64(starts_in_ms / 1e3).unwrap_or_default()
+    }
+
+    /// How long after this answer an effect ends; nothing of other drives.
+    #[must_use]
+    pub fn time_until_effect_end(&self) -> Duration {
+        let duration_ms = self.effect.as_ref().map_or(0.0, |effect| effect.duration_ms);
+        self.time_until_effect_start() + Duration::try_from_secs_f64(duration_ms / 1e3).unwrap_or_default()
     }
 
     /// Held up for so long, if it was.

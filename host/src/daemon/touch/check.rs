@@ -150,9 +150,9 @@ impl Finger {
     /// # Errors
     /// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
     pub fn check_on_scene(self, scene: &Scene) -> Result<CheckedFinger, Problem> {
-        let (x_m, y_m) = scene.surface_point_at_px(self.x_px, self.y_px)?.coordinates_m();
+        let target = find_target(scene, self.x_px, self.y_px, self.intensity_g)?;
         check_intensity_range(self.intensity_g)?;
-        Ok(CheckedFinger { finger: self, target: Target { x_m, y_m, intensity_g: self.intensity_g } })
+        Ok(CheckedFinger { finger: self, target })
     }
 }
 
@@ -217,6 +217,15 @@ impl Feel {
         request.build_envelope()?;
         Ok((intensity, DriveMode::Effect(request)))
     }
+}
+
+/// The planner's target at a place on the screen. Its strength is as given: that of a preview has no upper limit.
+///
+/// # Errors
+/// [`Problem`] that names the field: a place outside the screen or in a cut-out.
+pub fn find_target(scene: &Scene, x_px: f64, y_px: f64, intensity_g: Option<f64>) -> Result<Target, Problem> {
+    let (x_m, y_m) = scene.surface_point_at_px(x_px, y_px)?.coordinates_m();
+    Ok(Target { x_m, y_m, intensity_g })
 }
 
 /// Refuses a peak that nothing can have.

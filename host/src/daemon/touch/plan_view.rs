@@ -60,7 +60,7 @@ impl PlanView {
 
     /// The same, driven with less.
     #[must_use]
-    pub fn with_thinned(self, thinned: Option<Thinned>) -> Self {
+    pub fn with_reduced_force(self, thinned: Option<Thinned>) -> Self {
         Self { thinned, ..self }
     }
 

@@ -16,7 +16,7 @@ pub const MAX_DURATION_MS: u32 = 10_000;
 pub const MAX_INTENSITY_G: f64 = 1000.0;
 
 /// A request to drive a touch.
-#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, ToSchema)]
 #[schema(as = Touch)]
 #[schema(examples(
     json!({"x_px": 960, "y_px": 640}),
@@ -75,7 +75,7 @@ pub struct TouchRequest {
 }
 
 /// A further target of a touch.
-#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, ToSchema)]
 #[schema(as = Also)]
 #[serde(deny_unknown_fields)]
 pub struct OtherTarget {
@@ -93,7 +93,7 @@ pub struct OtherTarget {
 }
 
 /// A circular zone in which the acceleration stays below a limit.
-#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, ToSchema)]
 #[schema(as = QuietZone)]
 #[serde(deny_unknown_fields)]
 pub struct QuietZone {

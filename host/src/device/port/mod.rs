@@ -54,11 +54,14 @@ pub fn describe_port_names() -> String {
 
 /// The path of the port with this USB identity; without one, of the first ERA board.
 #[must_use]
-pub fn find_port_of_identity_or_first_board(wanted_identity: Option<&UsbIdentity>) -> Option<String> {
-    find_identity_or_first_board_among(list_serial_ports(), wanted_identity)
+pub fn find_board_port_by_identity_if_given_else_first(wanted_identity: Option<&UsbIdentity>) -> Option<String> {
+    find_board_port_by_identity_if_given_else_first_among(list_serial_ports(), wanted_identity)
 }
 
-fn find_identity_or_first_board_among(ports: Vec<SerialPortInfo>, wanted: Option<&UsbIdentity>) -> Option<String> {
+fn find_board_port_by_identity_if_given_else_first_among(
+    ports: Vec<SerialPortInfo>,
+    wanted: Option<&UsbIdentity>,
+) -> Option<String> {
     let is_it = |port: &SerialPortInfo| match (&port.port_type, wanted) {
         (SerialPortType::UsbPort(info), Some(wanted)) => UsbIdentity::from_port_info(info) == *wanted,
         (SerialPortType::UsbPort(info), None) => is_era_board(info.vid, info.pid, info.product.as_deref()),
@@ -107,12 +110,18 @@ mod tests {
                 usb("/dev/ttyACM3", USB_VENDOR, USB_PRODUCT, Some("ERA haptics board"), "B"),
             ]
         };
-        assert_eq!(find_identity_or_first_board_among(all(), None).as_deref(), Some("/dev/ttyACM2"));
+        assert_eq!(find_board_port_by_identity_if_given_else_first_among(all(), None).as_deref(), Some("/dev/ttyACM2"));
         let name =
             |number: &str| UsbIdentity { vendor: USB_VENDOR, product: USB_PRODUCT, serial_number: Some(number.into()) };
-        assert_eq!(find_identity_or_first_board_among(all(), Some(&name("B"))).as_deref(), Some("/dev/ttyACM3"));
-        assert_eq!(find_identity_or_first_board_among(all(), Some(&name("C"))), None);
-        assert_eq!(find_identity_or_first_board_among(all().into_iter().take(4).collect(), None), None);
+        assert_eq!(
+            find_board_port_by_identity_if_given_else_first_among(all(), Some(&name("B"))).as_deref(),
+            Some("/dev/ttyACM3")
+        );
+        assert_eq!(find_board_port_by_identity_if_given_else_first_among(all(), Some(&name("C"))), None);
+        assert_eq!(
+            find_board_port_by_identity_if_given_else_first_among(all().into_iter().take(4).collect(), None),
+            None
+        );
         assert_eq!(name("C").to_string(), "1209:0001 with serial number C");
     }
 }

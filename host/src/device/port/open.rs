@@ -100,7 +100,7 @@ pub fn open_pseudo_terminal() -> std::io::Result<(SerialPort, String)> {
     // Bytes as they are from the first one on; the other end is for its host to open.
     let line = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK, Mode::empty())?;
     let mut settings = tcgetattr(&line)?;
-    set_raw_mode(&mut settings)?;
+    set_raw_mode_and_board_baud_rate(&mut settings)?;
     tcsetattr(&line, OptionalActions::Now, &settings)?;
     Ok((SerialPort { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
 }
@@ -115,7 +115,7 @@ fn try_open_exclusively(path: &str, current_call: &CurrentCall) -> Result<OwnedF
     current_call.name_and_run_call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
     let mut settings =
         current_call.name_and_run_call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
-    set_raw_mode(&mut settings).map_err(|error| ("tcsetattr", error))?;
+    set_raw_mode_and_board_baud_rate(&mut settings).map_err(|error| ("tcsetattr", error))?;
     current_call
         .name_and_run_call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
         .map_err(|error| ("tcsetattr", error))?;
@@ -123,7 +123,7 @@ fn try_open_exclusively(path: &str, current_call: &CurrentCall) -> Result<OwnedF
 }
 
 /// Sets raw bytes at the board's speed, without modem control.
-fn set_raw_mode(settings: &mut Termios) -> Result<(), Errno> {
+fn set_raw_mode_and_board_baud_rate(settings: &mut Termios) -> Result<(), Errno> {
     settings.make_raw();
     settings.input_modes.remove(InputModes::IXOFF | InputModes::IXANY);
     settings.control_modes.remove(ControlModes::CSTOPB | ControlModes::CRTSCTS | ControlModes::PARODD);

@@ -92,7 +92,7 @@ pub fn find_other_processes_with_port_open(file_system_root: &Path, port: &str) 
         let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
         files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
     };
-    list_processes(file_system_root)
+    list_pids_and_proc_folders(file_system_root)
         .into_iter()
         .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
         .map(|(pid, folder)| PortHolder { pid, name: read_process_name_or_unknown(&folder) })
@@ -102,7 +102,7 @@ pub fn find_other_processes_with_port_open(file_system_root: &Path, port: &str) 
 /// Whether there are processes that this one may not see (`hidepid` of /proc, as by systemd's `ProtectProc=invisible`: the first process is not
 /// listed then), or whose files it may not see (those of other users, where this is not root's).
 fn are_processes_or_their_files_hidden(file_system_root: &Path) -> bool {
-    let all = list_processes(file_system_root);
+    let all = list_pids_and_proc_folders(file_system_root);
     let is_closed = |folder: &Path| {
         fs::read_dir(folder.join("fd")).is_err_and(|error| error.kind() == std::io::ErrorKind::PermissionDenied)
     };
@@ -111,7 +111,7 @@ fn are_processes_or_their_files_hidden(file_system_root: &Path) -> bool {
 
 /// All processes by number, with their folders.
 #[must_use]
-pub fn list_processes(file_system_root: &Path) -> Vec<(u32, PathBuf)> {
+pub fn list_pids_and_proc_folders(file_system_root: &Path) -> Vec<(u32, PathBuf)> {
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
     let mut all: Vec<(u32, PathBuf)> = fs::read_dir(file_system_root.join("proc"))
         .into_iter()

@@ -1,7 +1,7 @@
 //! What stands between an order and a drive: faults, outages, a board that does not fit, and drives that are taken back.
 
 use super::worker::{SessionWorker, unexpected_reply_error};
-use super::{DeviceSnapshot, LinkAtFault, SessionError};
+use super::{AskedAt, DeviceSnapshot, LinkAtFault, SessionError};
 use crate::device::client::{LinkError, LinkStatistics};
 use crate::device::round_trips::RoundTripSummary;
 use era_shared::protocol::{Fault, FaultCode, Refusal, Reply, Request};
@@ -17,11 +17,11 @@ const SETTLE: Duration = Duration::from_millis(500);
 
 impl SessionWorker {
     /// Arms because a person asks for it: also a device that was away. Then charges the rails for the first touch.
-    pub(super) fn arm_for_person_after_outage_and_precharge(&mut self, stop_count: u64) -> Result<(), SessionError> {
-        if stop_count != self.stops.load(Ordering::SeqCst) {
-            return Err(SessionError::Stopped);
-        }
-        self.check_connected()?;
+    pub(super) fn arm_on_person_request_even_after_outage_and_precharge(
+        &mut self,
+        stop_count: u64,
+    ) -> Result<(), SessionError> {
+        self.check_connected_and_nothing_came_between(AskedAt { stops: stop_count, interruptions: None })?;
         let begun = Instant::now();
         let was_away = self.away.take();
         self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
@@ -54,6 +54,18 @@ impl SessionWorker {
         self.check_no_fault_latched_in_snapshot()?;
         let state = self.publish.borrow().state().map_or("unknown", SafetyState::name);
         Err(SessionError::NotArmed { waited: begun.elapsed(), state })
+    }
+
+    /// Refuses what was asked for before a stop, before the device went off, faulted or was away, or while it is away.
+    pub(super) fn check_connected_and_nothing_came_between(&self, asked_at: AskedAt) -> Result<(), SessionError> {
+        self.check_not_stopped_since(asked_at.stops)?;
+        self.check_connected()?;
+        let now = self.publish.borrow().interruptions;
+        if asked_at.interruptions.is_some_and(|then| then != now) { Err(SessionError::Broken) } else { Ok(()) }
+    }
+
+    pub(super) fn check_not_stopped_since(&self, stop_count: u64) -> Result<(), SessionError> {
+        if stop_count == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
     }
 
     /// Turns the error of a request that was ended because its answer was late into one that says so: it can be asked for again.
@@ -91,7 +103,7 @@ impl SessionWorker {
     }
 
     /// Notices that this program did not run for a while, and ends what was driven or asked for before.
-    pub(super) fn stop_if_paused(&mut self) {
+    pub(super) fn stop_board_if_program_was_suspended(&mut self) {
         let _ = self.stop_board_if_program_was_suspended_and_get_how_long();
     }
 
@@ -164,13 +176,13 @@ impl SessionWorker {
         self.mark_disarmed_and_state_after_stop_unknown();
         // Those that are counted while it is asked may have come too late for it.
         let stops = self.stops.load(Ordering::SeqCst);
-        self.request_from_device(&Request::Stop)?;
+        self.request_from_device_or_stop_it_instead(&Request::Stop)?;
         self.obeyed = stops;
         Ok(())
     }
 
     /// Carries out the stops that have been asked for since the last one, all by one request, whatever else waits.
-    pub(super) fn carry_out_requested_stops(&mut self) {
+    pub(super) fn send_one_stop_to_board_if_any_requested(&mut self) {
         if self.client.is_some()
             && self.obeyed != self.stops.load(Ordering::SeqCst)
             && let Err(error) = self.stop_board_and_await_reply()
@@ -207,7 +219,7 @@ impl SessionWorker {
     }
 
     /// Clears a latched silence of this host, if that is the policy.
-    pub(super) fn clear_silence_fault_by_policy(&mut self) -> Result<(), SessionError> {
+    pub(super) fn clear_host_silence_fault_if_policy_allows(&mut self) -> Result<(), SessionError> {
         let fault = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
         if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
             return Ok(());
@@ -225,9 +237,11 @@ impl SessionWorker {
         wanted_code_or_any: Option<FaultCode>,
     ) -> Result<(), LinkError> {
         if !self.speaks_version_or_later(4) {
-            return self.request_from_device(&Request::ClearFaults).map(drop);
+            return self.request_from_device_or_stop_it_instead(&Request::ClearFaults).map(drop);
         }
-        let Reply::NumberedFault { number, latched } = self.request_from_device(&Request::NumberedFault)? else {
+        let Reply::NumberedFault { number, latched } =
+            self.request_from_device_or_stop_it_instead(&Request::NumberedFault)?
+        else {
             return Err(unexpected_reply_error("numbered-fault"));
         };
         if let (Some(wanted_code), Some(fault)) = (wanted_code_or_any, latched)
@@ -235,7 +249,7 @@ impl SessionWorker {
         {
             return Err(LinkError::Refused(Refusal::OtherFault { number }));
         }
-        self.request_from_device(&Request::ClearFault { number }).map(drop)
+        self.request_from_device_or_stop_it_instead(&Request::ClearFault { number }).map(drop)
     }
 
     /// Logs a fault that was not there before, with what is known of the link, and returns the latter.

@@ -121,20 +121,18 @@ const HANGS: &str = "the session with the device hangs";
 /// Time for its thread to end beside what a request to the device may take.
 const LEAVE: Duration = Duration::from_millis(300);
 
-/// What a drive command did.
+/// What an order to drive did.
 #[derive(Clone, Debug)]
 pub struct DriveResult {
-    /// What the device achieves.
+    /// The drives as the device achieves them; none of single windows.
     pub achieved: Vec<AchievedDrive>,
-    /// When the last byte of the drive's frame was handed to the port.
-    pub frame_written: Option<Instant>,
+    /// Of an effect, when it is played.
+    pub effect: Option<EffectTimes>,
 }
 
-/// What an effect command did.
-#[derive(Clone, Debug)]
-pub struct EffectResult {
-    /// The drives that the effect shapes, as the device achieves them.
-    pub achieved: Vec<AchievedDrive>,
+/// When the board plays an effect.
+#[derive(Clone, Copy, Debug)]
+pub struct EffectTimes {
     /// When it begins, in us of the board's time.
     pub start_us: u64,
     /// The same in the host's time.
@@ -219,52 +217,52 @@ impl DeviceSnapshot {
     }
 }
 
-/// What to drive, and until when.
+/// When something was asked for: it is not begun if any of this has happened since.
+#[derive(Clone, Copy, Debug)]
+pub struct AskedAt {
+    /// [`Session::stop_count`] then.
+    pub stops: u64,
+    /// [`DeviceSnapshot::interruptions`] then, for what begins later than it was asked for, or is driven again.
+    pub interruptions: Option<u64>,
+}
+
+/// What to drive.
 #[derive(Clone, Debug)]
 pub struct DriveOrder {
     /// Names the drive for [`Session::end_drive_no_later_than`].
     pub id: u64,
-    /// [`Session::stop_count`] as it was when the drive was asked for: a stop since then refuses it.
-    pub stops: u64,
-    /// [`DeviceSnapshot::interruptions`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
-    pub interruptions: Option<u64>,
-    /// What every channel does.
-    pub drives: Vec<ChannelDrive>,
-    /// How long.
-    pub hold: Duration,
-    /// Whether the rails are brought down first, so that they rise with the drives.
-    pub from_zero: bool,
+    /// When it was asked for.
+    pub asked_at: AskedAt,
+    /// When an effect is to begin; `None` is as soon as it can. It begins later if that is sooner than link and rails allow.
+    pub start: Option<Instant>,
+    /// What it is.
+    pub content: DriveContent,
 }
 
-/// What to play on which drives, and when.
+/// What is driven.
 #[derive(Clone, Debug)]
-pub struct EffectOrder {
-    /// Names the effect for [`Session::end_drive_no_later_than`].
-    pub id: u64,
-    /// As [`DriveOrder::stops`].
-    pub stops: u64,
-    /// What is played.
-    pub content: EffectContent,
-}
-
-/// What is played.
-#[derive(Clone, Debug)]
-pub enum EffectContent {
-    /// Envelopes over drives.
+pub enum DriveContent {
+    /// Drives that do not change.
+    Steady {
+        /// What every channel does.
+        drives: Vec<ChannelDrive>,
+        /// How long.
+        hold: Duration,
+        /// Whether the rails are brought down first, so that they rise with the drives.
+        from_zero: bool,
+    },
+    /// Envelopes over drives, which begin together.
     Envelopes {
         /// What every channel does at full level.
         drives: Vec<ChannelDrive>,
         /// What is played on each of them, in their order, from the same moment on.
         effects: Vec<Effect>,
-        /// When to begin; `None` is as soon as all of it can be on the board.
-        start: Option<Instant>,
     },
-    /// Single windows, as soon as the rails have their voltages. Its number and its start are the session's.
+    /// Single windows. Its number and its start are the session's.
     Windows(Box<WindowSequence>),
 }
 
 enum Command {
-    Play { order: EffectOrder, asked: Instant, answer: oneshot::Sender<Result<EffectResult, SessionError>> },
     Drive { order: DriveOrder, asked: Instant, answer: oneshot::Sender<Result<DriveResult, SessionError>> },
     Stop { number: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
@@ -383,29 +381,17 @@ impl Session {
         self.stops.load(Ordering::SeqCst)
     }
 
-    /// Arms if need be, sets the drives and ends them after a while. Where they are to begin with the rails down, whatever is
-    /// driven ends first, and the device is armed anew: its self-test waits for the rails.
+    /// Arms if need be, and has the board drive. Steady drives end after their time; where they are to begin with the rails down, whatever is
+    /// driven ends first, and the device is armed anew: its self-test waits for the rails. Effects wait until the rails are up, and the board plays
+    /// them by its own clock, so that how late this process or the link are does not show.
     ///
     /// # Errors
-    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
-    /// driven then.
+    /// [`SessionError`]; [`SessionError::Stopped`] and [`SessionError::Broken`] if something came between ([`AskedAt`]), and nothing is driven
+    /// then; [`LinkError::TooOld`] with a device that cannot play effects.
     pub async fn drive(&self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        self.refuse_while_device_is_in_doubt()?;
+        self.refuse_while_answer_is_late_or_thread_hung()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Drive { order, asked: Instant::now(), answer })?;
-        reply.await.map_err(|_| SessionError::Ended)?
-    }
-
-    /// Arms if need be, brings the rails up, and has the board play an effect by its own clock, so that how late this
-    /// process or the link are does not show. It begins at the time that was asked for, or later if that is sooner than the
-    /// link allows.
-    ///
-    /// # Errors
-    /// As [`Session::drive`], and [`LinkError::TooOld`] with a device that cannot play effects.
-    pub async fn arm_if_needed_and_schedule_effect(&self, order: EffectOrder) -> Result<EffectResult, SessionError> {
-        self.refuse_while_device_is_in_doubt()?;
-        let (answer, reply) = oneshot::channel();
-        self.send_command(Command::Play { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -440,7 +426,7 @@ impl Session {
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
     pub async fn arm(&self, stop_count: u64, asked_at: Instant) -> Result<(), SessionError> {
-        self.refuse_while_device_is_in_doubt()?;
+        self.refuse_while_answer_is_late_or_thread_hung()?;
         let (answer, reply) = oneshot::channel();
         self.send_command(Command::Arm { stops: stop_count, asked: asked_at, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
@@ -457,7 +443,7 @@ impl Session {
     }
 
     /// Refuses an order at once while the device may be gone: it might otherwise be driven when nobody expects it any more. Stops are not refused.
-    fn refuse_while_device_is_in_doubt(&self) -> Result<(), SessionError> {
+    fn refuse_while_answer_is_late_or_thread_hung(&self) -> Result<(), SessionError> {
         if self.is_thread_hung() {
             return Err(SessionError::Hangs);
         }

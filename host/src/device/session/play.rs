@@ -1,13 +1,13 @@
 //! Effects: given to the board with a start in its own time, early enough that all of it has arrived by then.
 
 use super::worker::{SessionWorker, unexpected_reply_error};
-use super::{EffectContent, EffectOrder, EffectResult, SessionError};
+use super::{AskedAt, DriveResult, EffectTimes, SessionError};
 use crate::device::client::{Client, LinkError};
 use crate::effects::envelope::effect_duration_s;
-use era_shared::protocol::{AchievedDrive, DetailsReply, Refusal, Reply, Request, WindowSequence};
+use era_shared::protocol::{AchievedDrive, ChannelDrive, DetailsReply, Refusal, Reply, Request, WindowSequence};
 use era_shared::safety::SafetyState;
 use era_shared::supply::rail_index_of_channel;
-use std::sync::atomic::Ordering;
+use era_shared::waveform::Effect;
 use std::time::{Duration, Instant};
 
 /// A rail is up when it has this part of the voltage wanted, in per cent: 0.9 dB of force.
@@ -22,34 +22,38 @@ const AFTER: Duration = Duration::from_millis(50);
 const CLOCK_ERROR_S: f64 = 0.01;
 
 impl SessionWorker {
+    /// Plays an effect from `start` on, and as soon as it can if it came too late for that: nothing has begun then. It does where a frame was lost and
+    /// repeated, or where the rails take longer.
     pub(super) fn schedule_effect_retrying_if_start_passed(
         &mut self,
-        order: EffectOrder,
-    ) -> Result<EffectResult, SessionError> {
-        let mut result = self.arm_if_needed_and_schedule_once(order.clone());
-        // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
-        if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
-            tracing::info!(
-                plan = order.id,
-                "the board received the effect after its start time: sending the effect again with a later start"
-            );
-            result = self.arm_if_needed_and_schedule_once(order);
+        id: u64,
+        asked_at: AskedAt,
+        start: Option<Instant>,
+        schedule: impl Fn(&mut Self, Option<Instant>) -> Result<DriveResult, SessionError>,
+    ) -> Result<DriveResult, SessionError> {
+        self.check_connected_and_nothing_came_between(asked_at)?;
+        match schedule(self, start) {
+            Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) => {
+                tracing::info!(
+                    plan = id,
+                    "the board received the effect after its start time: sending the effect again with a later start"
+                );
+                self.check_connected_and_nothing_came_between(asked_at)?;
+                schedule(self, None)
+            }
+            result => result,
         }
-        if let Err(SessionError::Link(error)) = &result {
-            self.handle_link_error(error);
-        }
-        result
     }
 
-    fn arm_if_needed_and_schedule_once(&mut self, order: EffectOrder) -> Result<EffectResult, SessionError> {
-        let EffectOrder { id, stops, content } = order;
-        let (drives, effects, start) = match content {
-            EffectContent::Envelopes { drives, effects, start } => (drives, effects, start),
-            EffectContent::Windows(sequence) => return self.play_windows_once(id, stops, *sequence),
-        };
+    /// Arms if need be, brings the rails up, and gives the board the envelopes with one start.
+    pub(super) fn arm_if_needed_and_schedule_envelopes(
+        &mut self,
+        id: u64,
+        stops: u64,
+        (drives, effects): (Vec<ChannelDrive>, Vec<Effect>),
+        start: Option<Instant>,
+    ) -> Result<DriveResult, SessionError> {
         let channels: Vec<u8> = drives.iter().map(|drive| drive.channel).collect();
-        self.check_not_stopped_since(stops)?;
-        self.check_connected()?;
         let prepare = Request::Prepare { drives: drives.into_iter().take(era_shared::MAX_CHANNELS).collect() };
         if !self.speaks_version_2_or_later() {
             let spoken = self.client.as_ref().map_or(0, Client::protocol_version);
@@ -59,7 +63,7 @@ impl SessionWorker {
         if self.begin_arming_if_needed_and_is_self_test_pending()? {
             self.await_armed_or_stop_board(stops)?;
         }
-        let Reply::Prepared { achieved } = self.request_from_device(&prepare)? else {
+        let Reply::Prepared { achieved } = self.request_from_device_or_stop_it_instead(&prepare)? else {
             return Err(unexpected_reply_error("prepare").into());
         };
         self.drive_id = id;
@@ -84,7 +88,7 @@ impl SessionWorker {
             } else {
                 Request::Play { channel, start_us, effect }
             };
-            if let Err(error) = self.request_from_device(&play) {
+            if let Err(error) = self.request_from_device_or_stop_it_instead(&play) {
                 // None or all: what waits already is forgotten.
                 if matches!(error, LinkError::Refused(_)) {
                     self.end_drives()?;
@@ -95,20 +99,21 @@ impl SessionWorker {
         let end = start + length + AFTER;
         self.drive_until = Some(end);
         self.idle_since = end;
-        Ok(EffectResult { achieved: achieved.to_vec(), start_us, start, length })
+        Ok(DriveResult { achieved: achieved.to_vec(), effect: Some(EffectTimes { start_us, start, length }) })
     }
 
-    /// Arms if need be and gives the board a burst of single windows, which begins as soon as the rails have its voltages.
-    fn play_windows_once(
+    /// Arms if need be and gives the board a burst of single windows, which begins at `start`, or as soon as the rails have its voltages.
+    pub(super) fn arm_if_needed_and_play_windows(
         &mut self,
         id: u64,
         stops: u64,
         mut sequence: WindowSequence,
-    ) -> Result<EffectResult, SessionError> {
-        self.check_not_stopped_since(stops)?;
-        self.check_connected()?;
+        start: Option<Instant>,
+    ) -> Result<DriveResult, SessionError> {
         self.play_number = self.play_number.wrapping_add(1);
-        (sequence.number, sequence.start_us) = (self.play_number, 0);
+        sequence.number = self.play_number;
+        let start = start.filter(|start| *start > Instant::now());
+        sequence.start_us = start.and_then(|start| self.clock.board_time_us_at(start)).unwrap_or(0);
         let length = sequence_duration(&sequence);
         let play = Request::PlayWindows(sequence);
         let needed = play.introduced_in_version();
@@ -121,7 +126,7 @@ impl SessionWorker {
             self.await_armed_or_stop_board(stops)?;
         }
         // Windows end by themselves; what is driven until then is not changed by a refusal.
-        let Reply::WindowsPlaying { start_us } = self.request_from_device(&play)? else {
+        let Reply::WindowsPlaying { start_us } = self.request_from_device_or_stop_it_instead(&play)? else {
             return Err(unexpected_reply_error("play-windows").into());
         };
         self.drive_id = id;
@@ -132,7 +137,7 @@ impl SessionWorker {
         let start = now + Duration::from_micros(start_us.saturating_sub(board_us));
         let end = start + length + AFTER;
         (self.drive_until, self.idle_since) = (Some(end), end);
-        Ok(EffectResult { achieved: Vec::new(), start_us, start, length })
+        Ok(DriveResult { achieved: Vec::new(), effect: Some(EffectTimes { start_us, start, length }) })
     }
 
     /// Charges the rails to the voltage at which they stand ready, so that a first effect does not wait for their soft start. Silent drives bring them up,
@@ -149,15 +154,12 @@ impl SessionWorker {
             .as_ref()
             .map(|board| self.needs.make_drives_at_rail_ready_voltages(board))
             .unwrap_or_default();
-        match self.request_from_device(&Request::Prepare { drives }).and_then(|_| self.end_drives()) {
+        match self.request_from_device_or_stop_it_instead(&Request::Prepare { drives }).and_then(|_| self.end_drives())
+        {
             // Channels have to rest: they rise with the first touch.
             Err(LinkError::Refused(Refusal::Duty { .. })) => Ok(()),
             raised => Ok(raised?),
         }
-    }
-
-    pub(super) fn check_not_stopped_since(&self, stop_count: u64) -> Result<(), SessionError> {
-        if stop_count == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
     }
 
     /// Waits until the rails have the voltages of the drives, as an effect does not wait for them: the soft start to 2 kV takes

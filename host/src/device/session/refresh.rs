@@ -23,7 +23,7 @@ const QUICK_CLOCK: Duration = Duration::from_millis(50);
 impl SessionWorker {
     pub(super) fn exchange_hello(&mut self) -> Result<(), LinkError> {
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let identity = DeviceIdentity::from_reply_if_hello(self.request_from_device(&hello)?)
+        let identity = DeviceIdentity::from_reply_if_hello(self.request_from_device_or_stop_it_instead(&hello)?)
             .ok_or_else(|| unexpected_reply_error("hello"))?;
         if self.boot_id != Some(identity.boot_id) {
             self.clock.forget_samples();
@@ -61,7 +61,7 @@ impl SessionWorker {
     }
 
     pub(super) fn send_keep_alive_and_stop_unarmed_live_board(&mut self) -> Result<(), LinkError> {
-        let Reply::Alive { state } = self.request_from_device(&Request::KeepAlive)? else {
+        let Reply::Alive { state } = self.request_from_device_or_stop_it_instead(&Request::KeepAlive)? else {
             return Err(unexpected_reply_error("keep-alive"));
         };
         if self.armed && !state.is_live() {
@@ -90,7 +90,7 @@ impl SessionWorker {
         if !self.speaks_version_2_or_later() {
             return Ok(());
         }
-        let Reply::Clock { now_us } = self.request_from_device(&Request::Clock)? else {
+        let Reply::Clock { now_us } = self.request_from_device_or_stop_it_instead(&Request::Clock)? else {
             return Err(unexpected_reply_error("clock"));
         };
         let times = self
@@ -106,7 +106,7 @@ impl SessionWorker {
     }
 
     fn request_telemetry(&mut self) -> Result<TelemetryReply, LinkError> {
-        let Reply::Telemetry(telemetry) = self.request_from_device(&Request::Telemetry)? else {
+        let Reply::Telemetry(telemetry) = self.request_from_device_or_stop_it_instead(&Request::Telemetry)? else {
             return Err(unexpected_reply_error("telemetry"));
         };
         Ok(telemetry)
@@ -117,14 +117,14 @@ impl SessionWorker {
     }
 
     pub(super) fn request_details(&mut self) -> Result<DetailsReply, LinkError> {
-        let Reply::Details(details) = self.request_from_device(&Request::Details)? else {
+        let Reply::Details(details) = self.request_from_device_or_stop_it_instead(&Request::Details)? else {
             return Err(unexpected_reply_error("details"));
         };
         Ok(details)
     }
 
     fn request_credit(&mut self) -> Result<CreditReply, LinkError> {
-        let Reply::Credit(credit) = self.request_from_device(&Request::Credit)? else {
+        let Reply::Credit(credit) = self.request_from_device_or_stop_it_instead(&Request::Credit)? else {
             return Err(unexpected_reply_error("credit"));
         };
         Ok(credit)
@@ -203,7 +203,7 @@ impl SessionWorker {
     fn request_status_and_act_on_it(&mut self) -> Result<StatusFindings, LinkError> {
         self.last_look = Instant::now();
         self.next_status = self.last_look + self.device.timing().status;
-        let Reply::Status(status) = self.request_from_device(&Request::Status)? else {
+        let Reply::Status(status) = self.request_from_device_or_stop_it_instead(&Request::Status)? else {
             return Err(unexpected_reply_error("status"));
         };
         self.stop_is_seen = true;

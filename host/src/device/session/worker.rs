@@ -2,14 +2,14 @@
 
 use super::policy::{SceneNeeds, SessionPolicy};
 use super::snapshot_part::SnapshotPart;
-use super::{ActivityClock, Command, DeviceSnapshot, DriveOrder, DriveResult, SessionError};
+use super::{ActivityClock, Command, DeviceSnapshot, DriveContent, DriveOrder, DriveResult, SessionError};
 use crate::device::client::{Client, LinkError, LinkStatistics, WaitHooks, request_name};
 use crate::device::clock::ClockSync;
 use crate::device::pause_detector::PauseDetector;
 use crate::device::port::PortError;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
-use era_shared::protocol::{Reply, Request};
+use era_shared::protocol::{ChannelDrive, Reply, Request, WindowSequence};
 use era_shared::safety::SafetyState;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -132,23 +132,17 @@ impl SessionWorker {
     pub(super) fn run_until_closed(mut self, inbox: &Receiver<Command>) {
         loop {
             self.beat.note_activity();
-            self.carry_out_requested_stops();
+            self.send_one_stop_to_board_if_any_requested();
             self.carry_out_one_due_duty();
             let command = inbox.recv_timeout(self.time_until_next_duty());
             // A stop goes before whatever came before it, and so does what has happened meanwhile.
-            self.carry_out_requested_stops();
-            self.stop_if_paused();
+            self.send_one_stop_to_board_if_any_requested();
+            self.stop_board_if_program_was_suspended();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
                     let result = self
                         .refuse_order_too_old_or_from_before_device_was_back(asked)
-                        .and_then(|()| self.set_drives_handling_link_errors(order));
-                    let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
-                }
-                Ok(Command::Play { order, asked, answer }) => {
-                    let result = self
-                        .refuse_order_too_old_or_from_before_device_was_back(asked)
-                        .and_then(|()| self.schedule_effect_retrying_if_start_passed(order));
+                        .and_then(|()| self.begin_drive_handling_link_errors(order));
                     let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Stop { number, answer }) => {
@@ -170,7 +164,7 @@ impl SessionWorker {
                 Ok(Command::Arm { stops, asked, answer }) => {
                     let result = self
                         .refuse_order_too_old_or_from_before_device_was_back(asked)
-                        .and_then(|()| self.arm_for_person_after_outage_and_precharge(stops));
+                        .and_then(|()| self.arm_on_person_request_even_after_outage_and_precharge(stops));
                     let _ = answer.send(result.map_err(|error| self.convert_halted_to_late_error(error)));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
@@ -217,7 +211,7 @@ impl SessionWorker {
         let result = if self.drive_until.is_some_and(|until| now >= until) {
             self.end_drives()
         } else if self.armed && self.drive_until.is_none() && now >= self.idle_since + self.policy.idle {
-            self.request_from_device(&Request::Disarm).map(|_| self.armed = false)
+            self.request_from_device_or_stop_it_instead(&Request::Disarm).map(|_| self.armed = false)
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
             self.send_keep_alive_and_stop_unarmed_live_board()
@@ -260,23 +254,39 @@ impl SessionWorker {
         }
     }
 
-    fn set_drives_handling_link_errors(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        let result = self.arm_if_needed_and_set_drives(order);
+    fn begin_drive_handling_link_errors(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
+        let DriveOrder { id, asked_at, start, content } = order;
+        let stops = asked_at.stops;
+        let result = match content {
+            DriveContent::Steady { drives, hold, from_zero } => self
+                .check_connected_and_nothing_came_between(asked_at)
+                .and_then(|()| self.arm_if_needed_and_set_drives(id, stops, drives, (hold, from_zero))),
+            DriveContent::Envelopes { drives, effects } => {
+                self.schedule_effect_retrying_if_start_passed(id, asked_at, start, |worker, start| {
+                    worker.arm_if_needed_and_schedule_envelopes(id, stops, (drives.clone(), effects.clone()), start)
+                })
+            }
+            DriveContent::Windows(sequence) => {
+                self.schedule_effect_retrying_if_start_passed(id, asked_at, start, |worker, start| {
+                    worker.arm_if_needed_and_play_windows(id, stops, WindowSequence::clone(&sequence), start)
+                })
+            }
+        };
         if let Err(SessionError::Link(error)) = &result {
             self.handle_link_error(error);
         }
         result
     }
 
-    fn arm_if_needed_and_set_drives(&mut self, order: DriveOrder) -> Result<DriveResult, SessionError> {
-        let DriveOrder { id, stops, interruptions, drives, hold, from_zero } = order;
-        self.check_not_stopped_since(stops)?;
-        self.check_connected()?;
-        if interruptions.is_some_and(|interruptions| interruptions != self.publish.borrow().interruptions) {
-            return Err(SessionError::Broken);
-        }
+    fn arm_if_needed_and_set_drives(
+        &mut self,
+        id: u64,
+        stops: u64,
+        drives: Vec<ChannelDrive>,
+        (hold, from_zero): (Duration, bool),
+    ) -> Result<DriveResult, SessionError> {
         if from_zero && self.armed {
-            self.request_from_device(&Request::Disarm)?;
+            self.request_from_device_or_stop_it_instead(&Request::Disarm)?;
             self.armed = false;
             self.drive_until = None;
         }
@@ -284,10 +294,11 @@ impl SessionWorker {
         let fresh = self.begin_arming_if_needed_and_is_self_test_pending()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
         let state = if drives.is_empty() { SafetyState::Armed } else { SafetyState::Running };
-        let Reply::DrivesSet { achieved } = self.request_from_device(&Request::SetDrives { drives })? else {
+        let Reply::DrivesSet { achieved } =
+            self.request_from_device_or_stop_it_instead(&Request::SetDrives { drives })?
+        else {
             return Err(unexpected_reply_error("set-drives").into());
         };
-        let frame_written = self.client.as_ref().and_then(Client::last_answered_frame_written_at);
         if fresh {
             // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
             // is not, later than that either.
@@ -299,7 +310,7 @@ impl SessionWorker {
         (self.drive_until, self.idle_since) =
             if state == SafetyState::Armed { (None, now) } else { (Some(now + hold), now + hold) };
         self.publish_acknowledged_state(state);
-        Ok(DriveResult { achieved: achieved.to_vec(), frame_written })
+        Ok(DriveResult { achieved: achieved.to_vec(), effect: None })
     }
 
     /// Publishes the state that an acknowledgement implies, so that whoever asks right after it does not read an older one. The rest of the
@@ -318,14 +329,14 @@ impl SessionWorker {
         if self.armed {
             return Ok(false);
         }
-        self.clear_silence_fault_by_policy()?;
+        self.clear_host_silence_fault_if_policy_allows()?;
         self.check_no_fault_latched_in_snapshot()?;
         let arm = match self.speaks_version_2_or_later() {
             // A touch may be held for longer than the board's default burst.
             true => Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MS) },
             false => Request::Arm { deadman_ms: None },
         };
-        self.request_from_device(&arm)?;
+        self.request_from_device_or_stop_it_instead(&arm)?;
         self.armed = true;
         self.publish_acknowledged_state(SafetyState::Arming);
         Ok(true)
@@ -347,7 +358,7 @@ impl SessionWorker {
             if stop_count != self.stops.load(Ordering::SeqCst) {
                 return Err(SessionError::Stopped);
             }
-            let Reply::Alive { state } = self.request_from_device(&Request::KeepAlive)? else {
+            let Reply::Alive { state } = self.request_from_device_or_stop_it_instead(&Request::KeepAlive)? else {
                 return Err(unexpected_reply_error("keep-alive").into());
             };
             if matches!(state, SafetyState::Armed | SafetyState::Running) {
@@ -366,7 +377,7 @@ impl SessionWorker {
     pub(super) fn end_drives(&mut self) -> Result<(), LinkError> {
         self.drive_until = None;
         self.idle_since = Instant::now();
-        self.request_from_device(&Request::SetDrives { drives: heapless::Vec::new() })?;
+        self.request_from_device_or_stop_it_instead(&Request::SetDrives { drives: heapless::Vec::new() })?;
         // Soon, as the state has changed; a drive that comes now goes first.
         self.look_next = Some(SnapshotPart::Status);
         Ok(())
@@ -390,7 +401,7 @@ impl SessionWorker {
 
     /// Sends a request to the device and returns its reply. A late answer is published as a doubt and still waited for, so that a computer
     /// that is busy for a moment does not lose its board.
-    pub(super) fn request_from_device(&mut self, request: &Request) -> Result<Reply, LinkError> {
+    pub(super) fn request_from_device_or_stop_it_instead(&mut self, request: &Request) -> Result<Reply, LinkError> {
         self.beat.note_activity();
         if !matches!(request, Request::Stop)
             && let Some(waited) = self.stop_board_if_program_was_suspended_and_get_how_long()
@@ -411,8 +422,10 @@ impl SessionWorker {
             seen.get() != obeyed
         };
         let mut in_doubt = |request, waited| Self::publish_doubt_if_connected(publish, request, waited);
-        let reply = client
-            .request_sending_stop_when_late(request, WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
+        let reply = client.request_sending_stop_when_ordered_or_late(
+            request,
+            WaitHooks { in_doubt: &mut in_doubt, is_stopped: &is_stopped },
+        );
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
             self.mark_disarmed_and_state_after_stop_unknown();
@@ -454,9 +467,17 @@ impl SessionWorker {
             tracing::warn!(%error, "the device refused a request");
             return;
         }
-        if matches!(error, LinkError::Halted { .. }) {
-            tracing::warn!(%error, "a request ended because the daemon stopped the device");
-            return;
+        match error {
+            // As somebody wanted.
+            LinkError::Halted { by_order: true, .. } => {
+                tracing::info!(%error, "a request ended early, because a stop was ordered");
+                return;
+            }
+            LinkError::Halted { .. } => {
+                tracing::warn!(%error, "a request ended because the daemon stopped the device");
+                return;
+            }
+            _ => {}
         }
         // Before anything that takes time, as a look at all programs does: the board may be live.
         if let Some(mut client) = self.take_client_adding_its_statistics() {

@@ -114,7 +114,7 @@ impl Accelerometer {
 impl Accelerometer {
     /// Largest magnitude in m/s^2 since the last call, or of the last 50 ms if that is longer: repeated calls miss no peak, and an answer that is lost
     /// does not lose a recent one.
-    pub fn take_peak_since_last_call_or_50_ms_m_per_s2(&mut self) -> f64 {
+    pub fn take_peak_since_last_call_and_at_least_50_ms_m_per_s2(&mut self) -> f64 {
         std::mem::take(&mut self.unread).max(self.peak_of_last_50_ms_m_per_s2())
     }
 
@@ -151,25 +151,25 @@ mod tests {
         rest(&mut sensor, 10_000);
         // What is left of the filter's motion may be the least number that there is.
         assert!(sensor.peak_of_last_50_ms_m_per_s2() < f64::MIN_POSITIVE);
-        let peak = sensor.take_peak_since_last_call_or_50_ms_m_per_s2();
+        let peak = sensor.take_peak_since_last_call_and_at_least_50_ms_m_per_s2();
         assert!((3.0..3.5).contains(&peak), "{peak}");
         assert!(
-            sensor.take_peak_since_last_call_or_50_ms_m_per_s2() < f64::MIN_POSITIVE
+            sensor.take_peak_since_last_call_and_at_least_50_ms_m_per_s2() < f64::MIN_POSITIVE
                 && sensor.peak_since_placed_m_per_s2() == peak
         );
         // An answer that is lost at once is given again.
         (0..20).for_each(|_| sensor.add_sample(3.0));
         assert_eq!(
             [
-                sensor.take_peak_since_last_call_or_50_ms_m_per_s2(),
-                sensor.take_peak_since_last_call_or_50_ms_m_per_s2()
+                sensor.take_peak_since_last_call_and_at_least_50_ms_m_per_s2(),
+                sensor.take_peak_since_last_call_and_at_least_50_ms_m_per_s2()
             ],
             [peak; 2]
         );
         sensor.forget_all_but_record();
         rest(&mut sensor, 1);
         assert_eq!(
-            (sensor.take_peak_since_last_call_or_50_ms_m_per_s2(), sensor.peak_since_placed_m_per_s2()),
+            (sensor.take_peak_since_last_call_and_at_least_50_ms_m_per_s2(), sensor.peak_since_placed_m_per_s2()),
             (0.0, 0.0)
         );
     }

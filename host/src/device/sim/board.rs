@@ -251,7 +251,7 @@ impl SimBoard {
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn compute_average_microamps_now(&self) -> u32 {
+    fn compute_average_supply_microamps_now(&self) -> u32 {
         (self.panel.electrodes.mean_current_a() * 1e6).round() as u32 + self.defects.leakage_microamps
     }
 
@@ -263,7 +263,7 @@ impl SimBoard {
 }
 
 /// Level of a safety loop: its end resistor of 5.1 kohm and 10 kohm to ground divide 3.3 V.
-const fn loop_level_millivolts(is_open: bool) -> u32 {
+const fn safety_loop_level_millivolts(is_open: bool) -> u32 {
     if is_open { 0 } else { 2_185 }
 }
 
@@ -299,7 +299,7 @@ impl Board for SimBoard {
         self.advance_panel_to_now();
         self.started_us = None;
         if !self.mistakes.outputs_stay_on {
-            self.panel.set_electrodes_connected(false);
+            self.panel.set_timers_connected_to_electrodes(false);
             for channel in 0..era_shared::MAX_CHANNELS {
                 self.panel.set_channel_timer(channel, None);
             }
@@ -311,11 +311,11 @@ impl Board for SimBoard {
         self.advance_panel_to_now();
         SensorReadings {
             rail_millivolts: self.compute_rail_millivolts_now(),
-            average_microamps: self.compute_average_microamps_now(),
+            average_microamps: self.compute_average_supply_microamps_now(),
             interlock_closed: !self.defects.interlock_open,
             stop_released: !self.defects.stop_pressed,
-            interlock_millivolts: loop_level_millivolts(self.defects.interlock_open),
-            stop_millivolts: loop_level_millivolts(self.defects.stop_pressed),
+            interlock_millivolts: safety_loop_level_millivolts(self.defects.interlock_open),
+            stop_millivolts: safety_loop_level_millivolts(self.defects.stop_pressed),
             earth_bonded: !self.defects.earth_open,
             reference_millivolts: REFERENCE_MILLIVOLTS,
             trip: None,
@@ -331,9 +331,13 @@ impl Board for SimBoard {
         Ok(())
     }
 
-    fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> Result<ElectrodePulses, FaultFinding> {
+    fn pulse_electrode_and_measure_rail_mv(
+        &mut self,
+        channel: usize,
+        electrode: Electrode,
+    ) -> Result<ElectrodePulses, FaultFinding> {
         self.advance_panel_to_now();
-        Ok(self.panel.pulse_electrode(channel, electrode))
+        Ok(self.panel.pulse_electrode_and_measure_rail_mv(channel, electrode))
     }
 
     fn keep_for_next_start(&mut self, run: KeptRun) {
@@ -355,9 +359,9 @@ impl Board for SimBoard {
         Ok(())
     }
 
-    fn set_electrodes_connected(&mut self, connected: bool) -> Result<(), FaultCode> {
+    fn set_timers_connected_to_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
         self.advance_panel_to_now();
-        self.panel.set_electrodes_connected(connected);
+        self.panel.set_timers_connected_to_electrodes(connected);
         Ok(())
     }
 
@@ -382,14 +386,14 @@ impl Board for SimBoard {
         Ok(())
     }
 
-    fn check_timers(&mut self) -> Result<(), FaultFinding> {
+    fn check_timers_still_count_and_hold_settings(&mut self) -> Result<(), FaultFinding> {
         self.defects.stopped_timer.map_or(Ok(()), |channel| Err((FaultCode::TimerStopped, channel)))
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn take_peak_acceleration_mm_per_s2(&mut self) -> Option<u32> {
         self.advance_panel_to_now();
-        Some((self.panel.accelerometer.take_peak_since_last_call_or_50_ms_m_per_s2() * 1e3).round() as u32)
+        Some((self.panel.accelerometer.take_peak_since_last_call_and_at_least_50_ms_m_per_s2() * 1e3).round() as u32)
     }
 
     fn take_log_bytes(&mut self, _out: &mut [u8]) -> usize {

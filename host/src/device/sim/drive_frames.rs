@@ -2,7 +2,7 @@
 
 use era_shared::protocol::ChannelDrive;
 use std::collections::VecDeque;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A frame that set drives, prepared them for an effect, or had a sequence of windows.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub struct DriveFrame {
     pub drives: Vec<ChannelDrive>,
     /// How many windows it had.
     pub window_count: usize,
+    /// From then on until its windows begin, if the board has accepted them.
+    pub windows_begin_after: Option<Duration>,
 }
 
 /// The last frames, none unless that is asked for.
@@ -57,6 +59,7 @@ mod tests {
                 voltage_millivolts: 1,
             }],
             window_count: 0,
+            windows_begin_after: None,
         };
         let mut frames = DriveFrameRecord::default();
         frames.add_frames(vec![frame(0)]);

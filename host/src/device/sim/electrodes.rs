@@ -36,7 +36,7 @@ pub enum ElectrodeFault {
 
 impl ElectrodeFault {
     /// What is between the rail and earth while the upper switch is closed, in ohm, if that conducts all the time.
-    const fn ohms_while_on(self) -> Option<f64> {
+    const fn ohms_from_rail_to_earth_while_on_if_conducting(self) -> Option<f64> {
         match self {
             ElectrodeFault::Shorted => Some(UPPER_OHM),
             ElectrodeFault::LowerStuck => Some(UPPER_OHM + LOWER_OHM),
@@ -148,7 +148,7 @@ impl SimElectrodes {
         if on_s <= 0.0 && *volts < DISCHARGED_V || fault == Some(ElectrodeFault::Open) {
             return 0.0;
         }
-        if let Some(ohms) = fault.and_then(ElectrodeFault::ohms_while_on) {
+        if let Some(ohms) = fault.and_then(ElectrodeFault::ohms_from_rail_to_earth_while_on_if_conducting) {
             return rail_v / ohms * on_s;
         }
         let before_v = *volts;

@@ -14,7 +14,7 @@ use super::timer::SimTimer;
 use crate::planner::PlanTable;
 use crate::planner::charging::ChargingElectrode;
 use crate::planner::softening::Transducer;
-use crate::transient::reduced::{ConstantForceStepper, ModalSystem, VELOCITY_SCALE, is_mode_stepped};
+use crate::transient::reduced::{ConstantForceStepper, ModalSystem, VELOCITY_SCALE, is_mode_slow_enough_to_step};
 use era_shared::MAX_CHANNELS;
 use era_shared::safety::ElectrodePulses;
 use era_shared::supply::{RAILS, rail_index_of_channel};
@@ -95,7 +95,8 @@ impl SimPanel {
     /// The same with another step than [`STEP_S`].
     #[must_use]
     pub fn with_step(system: &ModalSystem, transducers: Vec<Transducer>, step_s: f64) -> Self {
-        let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| is_mode_stepped(system.lambda[*i])).collect();
+        let kept: Vec<usize> =
+            (0..system.lambda.len()).filter(|i| is_mode_slow_enough_to_step(system.lambda[*i])).collect();
         let system = ModalSystem {
             lambda: system.lambda.select_rows(&kept),
             damping: system.damping.select_rows(&kept).select_columns(&kept),
@@ -209,13 +210,13 @@ impl SimPanel {
     }
 
     /// Lets the timers reach the electrodes, or keeps them from it.
-    pub const fn set_electrodes_connected(&mut self, connected: bool) {
+    pub const fn set_timers_connected_to_electrodes(&mut self, connected: bool) {
         self.connected = connected;
     }
 
     /// What the timers do at the electrodes now.
     #[must_use]
-    pub fn outputs_now(&self) -> SimOutputs {
+    pub fn timer_outputs_at_electrodes_now(&self) -> SimOutputs {
         let (time_s, connected) = (self.time_s(), self.connected);
         let active_periods = self.sources.each_ref().map(|source| {
             let mut active = source.as_ref()?.active_period_at(time_s)?;
@@ -246,7 +247,7 @@ impl SimPanel {
     }
 
     /// The self-test's pulses on one electrode.
-    pub fn pulse_electrode(&mut self, channel: usize, electrode: Electrode) -> ElectrodePulses {
+    pub fn pulse_electrode_and_measure_rail_mv(&mut self, channel: usize, electrode: Electrode) -> ElectrodePulses {
         let time_s = self.time_s();
         let index = rail_index_of_channel(channel);
         let mut rail = self.rail(index);
@@ -280,7 +281,7 @@ impl SimPanel {
     }
 
     /// The largest travel of a mass since the last call, as a fraction of its gap.
-    pub fn take_largest_travel_fraction_since_last_call(&mut self) -> f64 {
+    pub fn take_largest_travel_as_fraction_of_gap_since_last_call(&mut self) -> f64 {
         let largest_travels = self.take_largest_travels_since_last_call();
         let parts =
             largest_travels.iter().zip(&self.transducers).map(|(largest_travel, t)| largest_travel.travel_m / t.gap_m);
@@ -289,7 +290,7 @@ impl SimPanel {
 
     /// Steps so far in which both electrodes of an actuator had voltage.
     #[must_use]
-    pub const fn overlap_step_count(&self) -> u64 {
+    pub const fn count_steps_with_both_electrodes_on(&self) -> u64 {
         self.overlaps
     }
 

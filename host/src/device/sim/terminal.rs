@@ -11,7 +11,7 @@ use era_shared::board::Board;
 use era_shared::device::{Device, LinkReceiver};
 use era_shared::limits::DEADMAN_DEFAULT_MS;
 use era_shared::link::{Decoder, Frame, FrameKind, MAX_ENCODED, encode_frame};
-use era_shared::protocol::{CURRENT_VERSION, Request};
+use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
 use std::io::{ErrorKind, Read, Write};
@@ -92,7 +92,7 @@ impl SimControl {
 
     /// Puts the accelerometer where the mode shapes have these values, under the finger of touch `plan_id`: what it shows from then on is that
     /// touch's, until another one's place is set.
-    pub fn place_accelerometer(&self, plan_id: u64, shape: DVector<f64>) {
+    pub fn move_accelerometer_to_touch(&self, plan_id: u64, shape: DVector<f64>) {
         self.lock_requests().probe = Some((plan_id, shape));
     }
 
@@ -121,7 +121,7 @@ impl SimControl {
     }
 
     /// Keeps every frame that sets drives or has windows from now on, but no more than the last `max_frames`, for [`Self::stop_recording_and_take_recorded_frames`].
-    pub fn record_drive_frames(&self, max_frames: usize) {
+    pub fn start_recording_newest_drive_frames(&self, max_frames: usize) {
         self.lock_requests().frames = DriveFrameRecord::new(max_frames);
     }
 
@@ -139,7 +139,7 @@ impl SimControl {
 
     /// What the timers did at the electrodes when the device last ran: at most a ms ago, and after everything that it has answered.
     #[must_use]
-    pub fn last_outputs(&self) -> SimOutputs {
+    pub fn last_timer_outputs_at_electrodes(&self) -> SimOutputs {
         self.lock_requests().outputs
     }
 
@@ -294,7 +294,7 @@ impl DeviceLoop {
             }
             // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
-                due_us = self.device.poll_next_due_us(&mut self.board);
+                due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
                 self.board.advance_panel_to_now();
                 self.board.hold_time_at_us(None);
                 self.update_observations(received_at);
@@ -305,14 +305,18 @@ impl DeviceLoop {
             let missed =
                 knobs.mistakes.deaf_to_stops.then(|| replace_stops_with_keep_alives(&mut self.filter, received));
             let heard = missed.as_deref().unwrap_or(received);
+            let received_us = self.board.now_us();
             self.device.receive_bytes(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
-            due_us = self.device.poll_next_due_us(&mut self.board);
+            due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board);
             self.board.advance_panel_to_now();
             self.board.hold_time_at_us(None);
             if self.board.has_entered_bootloader() {
                 self.restart_board();
             }
-            self.note_request_times(received, received_at);
+            let begin_after: Vec<Duration> = find_window_start_in_each_answer_us(&answers)
+                .map(|start_us| Duration::from_micros(start_us.saturating_sub(received_us)))
+                .collect();
+            self.note_request_times_drive_frames_and_deadman(received, received_at, &begin_after);
             self.update_observations(received_at);
             for answer in answers.into_iter().filter(|_| !knobs.mute) {
                 self.send_answer_delayed_or_corrupted_by_knobs(terminal, answer, knobs);
@@ -325,7 +329,7 @@ impl DeviceLoop {
     fn poll_at_missed_due_times(&mut self, mut due_us: u64, now_us: u64) {
         while due_us < now_us {
             self.board.hold_time_at_us(Some(due_us));
-            due_us = self.device.poll_next_due_us(&mut self.board).max(due_us + 1);
+            due_us = self.device.do_due_work_and_tell_next_due_us(&mut self.board).max(due_us + 1);
         }
     }
 
@@ -348,7 +352,12 @@ impl DeviceLoop {
     }
 
     /// Notes when frames that set drives, or stop everything, have become complete.
-    fn note_request_times(&mut self, bytes: &[u8], received_at: Instant) {
+    fn note_request_times_drive_frames_and_deadman(
+        &mut self,
+        bytes: &[u8],
+        received_at: Instant,
+        windows_begin_after: &[Duration],
+    ) {
         let (mut sets, mut windows, mut stops) = (Vec::new(), Vec::new(), false);
         self.heard += self.board.take_stalled_time_since_last_call();
         let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
@@ -362,11 +371,13 @@ impl DeviceLoop {
             *heard = now;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) if !drives.is_empty() => {
-                    sets.push(DriveFrame { at: received_at, drives: drives.to_vec(), window_count: 0 });
+                    let drives = drives.to_vec();
+                    sets.push(DriveFrame { at: received_at, drives, window_count: 0, windows_begin_after: None });
                 }
                 Ok(Request::PlayWindows(sequence)) => {
                     let window_count = sequence.windows.len();
-                    windows.push(DriveFrame { at: received_at, drives: Vec::new(), window_count });
+                    let windows_begin_after = windows_begin_after.get(windows.len()).copied();
+                    windows.push(DriveFrame { at: received_at, drives: Vec::new(), window_count, windows_begin_after });
                 }
                 Ok(Request::Stop) => stops = true,
                 Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
@@ -384,7 +395,7 @@ impl DeviceLoop {
         }
     }
 
-    /// Gives the device's logic a sign of life that [`Self::note_request_times`] does not count.
+    /// Gives the device's logic a sign of life that [`Self::note_request_times_drive_frames_and_deadman`] does not count.
     fn feed_uncounted_keep_alive(&mut self) {
         let mut frame = [0; MAX_ENCODED];
         if let Ok(length) = encode_frame(CURRENT_VERSION, FrameKind::Request, 0, &Request::KeepAlive, &mut frame) {
@@ -401,13 +412,14 @@ impl DeviceLoop {
         let silent = polled_at.saturating_duration_since(self.heard);
         let panel = self.board.panel_mut();
         self.watch = SimObservations {
-            travel_part: self.watch.travel_part.max(panel.take_largest_travel_fraction_since_last_call()),
-            overlaps: panel.overlap_step_count(),
+            travel_part: self.watch.travel_part.max(panel.take_largest_travel_as_fraction_of_gap_since_last_call()),
+            overlaps: panel.count_steps_with_both_electrodes_on(),
             late: self.watch.late + u64::from(energised && silent > self.deadman + LATE),
             energised,
             silence: self.watch.silence,
         };
-        let (outputs, here_m_per_s2) = (panel.outputs_now(), panel.accelerometer.peak_since_placed_m_per_s2());
+        let (outputs, here_m_per_s2) =
+            (panel.timer_outputs_at_electrodes_now(), panel.accelerometer.peak_since_placed_m_per_s2());
         let mut wishes = self.control.lock_requests();
         wishes.watch = self.watch;
         wishes.outputs = outputs;
@@ -440,4 +452,20 @@ fn replace_stops_with_keep_alives(decoder: &mut Decoder, bytes: &[u8]) -> Vec<u8
         }
     });
     out
+}
+
+/// When the windows begin that answers accept, in us of the board's time, in their order.
+fn find_window_start_in_each_answer_us(answers: &[Vec<u8>]) -> impl Iterator<Item = u64> {
+    let mut starts_us = Vec::new();
+    let mut decoder = Decoder::new();
+    for answer in answers {
+        decoder.feed_bytes(answer, |frame| {
+            if let Ok(frame) = frame
+                && let Ok(Reply::WindowsPlaying { start_us }) = postcard::from_bytes(frame.body)
+            {
+                starts_us.push(start_us);
+            }
+        });
+    }
+    starts_us.into_iter()
 }

@@ -42,7 +42,7 @@ impl PeriodStretch {
     }
 
     /// How long A and B are on from `from_s` to `to_s`, in s.
-    fn electrode_on_times_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
+    fn electrode_on_durations_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
         let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
         let period = self.windows.period;
         let on = |window: TickWindow| {
@@ -130,7 +130,7 @@ impl SimTimer {
             let begin_s = stretch.from_s.max(from_s);
             if begin_s < end_s {
                 if !stretch.is_blank() {
-                    let on_s = stretch.electrode_on_times_s(begin_s, end_s);
+                    let on_s = stretch.electrode_on_durations_s(begin_s, end_s);
                     sum_s = [sum_s[0] + on_s[0], sum_s[1] + on_s[1]];
                 }
                 end_s = begin_s;
@@ -169,7 +169,7 @@ impl SimTimer {
     /// A time in s at which the force is at its greatest without resistors, the middle of a window of A, in the stretch that was preloaded
     /// last; `None` if that is blank.
     #[must_use]
-    pub fn absolute_force_peak_time_s_unless_blank(&self) -> Option<f64> {
+    pub fn time_s_of_force_peak_in_last_preload_unless_blank(&self) -> Option<f64> {
         let last = self.stretches.back().filter(|stretch| !stretch.is_blank())?;
         let window = last.windows.a;
         Some(last.from_s + (f64::from(window.start) + f64::from(window.length) / 2.0) * last.tick_s)
@@ -214,7 +214,9 @@ mod tests {
         assert_eq!(stretches(2.36e-3, 25e-6), [Some([0.0, 15e3]), None], "to 2.375 ms");
         assert_eq!(stretches(3.6e-3, 50e-6), [None, Some([25e3, 50e3])], "and B, in the next period");
         assert_eq!(stretches(1.975e-3, 200e-6), [Some([150e3, 200e3]), None], "over the boundary");
-        assert!((source.absolute_force_peak_time_s_unless_blank().expect("it drives") - 2.25e-3).abs() < 1e-12);
+        assert!(
+            (source.time_s_of_force_peak_in_last_preload_unless_blank().expect("it drives") - 2.25e-3).abs() < 1e-12
+        );
 
         // What is observed from outside: blank before the boundary, and a quarter of the third period after it.
         let observed = |time_s| source.active_period_at(time_s).expect("a timer has a period");
@@ -228,6 +230,6 @@ mod tests {
         changed.preload_period(&IDLE, 5e-3, 4e-3).expect("idle");
         assert!(is(&changed, 2e-3, 0.5e-3, 0.0, 0.5), "reversed");
         assert!(is(&changed, 5e-3, 1.0, 0.0, 0.0));
-        assert!(changed.absolute_force_peak_time_s_unless_blank().is_none() && !changed.is_blank());
+        assert!(changed.time_s_of_force_peak_in_last_preload_unless_blank().is_none() && !changed.is_blank());
     }
 }

@@ -21,6 +21,9 @@ use std::borrow::Cow;
 
 /// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
 const LITTLE_G: f64 = 1e-6;
+/// Why clicks have no sound.
+const NO_CLICK_OF_WINDOWS: &str = "the sound is computed only for a click that consists of single windows of the \
+                                   electrodes, but at no place could such a click be designed";
 
 /// A scene whose finger is on the place that a figure is about.
 #[derive(Clone, Copy, Debug)]
@@ -43,13 +46,13 @@ pub fn compute_plan_table_figures_others_nan(
     fingered: Option<FingeredScene<'_>>,
     wanted: &[WantedFigure],
 ) -> Result<Figures, EvaluateError> {
-    let mut known = FigureCache { table, fingered, weakest: Vec::new() };
+    let mut known = FigureCache { table, fingered, weakest: Vec::new(), clicks: None };
     let values = wanted.iter().map(|wanted| known.compute_figure(wanted)).collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
 }
 
-fn find_weakest_touched_place_if_frequencies_usable(
+fn find_weakest_place_with_finger_on_each_if_frequencies_usable(
     table: &PlanTable,
     fingered: FingeredScene<'_>,
     measure: Measure,
@@ -57,7 +60,7 @@ fn find_weakest_touched_place_if_frequencies_usable(
     if let Some(known) = fingered.in_g.filter(|_| measure == Measure::G) {
         return Ok(find_weakest_place_of_touched_reach(table, known));
     }
-    let reach = TouchedReach::compute_at_each_point(table, fingered.touched, None, measure)?;
+    let reach = TouchedReach::compute_at_each_point_if_frequencies_usable(table, fingered.touched, None, measure)?;
     Ok(reach.and_then(|reach| find_weakest_place_of_touched_reach(table, &reach)))
 }
 
@@ -65,6 +68,7 @@ struct FigureCache<'a> {
     table: &'a PlanTable,
     fingered: Option<FingeredScene<'a>>,
     weakest: Vec<(SettingScope, FrequencyGrouping, Measure, WeakestPlace)>,
+    clicks: Option<ClickMap>,
 }
 
 impl FigureCache<'_> {
@@ -90,15 +94,29 @@ impl FigureCache<'_> {
                     era_planner::report::compute_rise_and_decay_times_at_first_target(&table, &plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion does not settle, or cannot be computed"))?
             }
-            Figure::CrispShare => {
-                let click = EffectRequest::with_defaults(NamedEffect::Click);
-                ClickMap::compute(self.table, click, None)?.crisp_share()
+            Figure::CrispShare => self.get_or_compute_click_map()?.crisp_share(),
+            Figure::ClickWeakestG => self
+                .get_or_compute_click_map()?
+                .find_weakest_place()
+                .map(|place| place.peak_g)
+                .ok_or_else(|| nothing("all places of the map are in cut-outs"))?,
+            Figure::ClickSoundDb => {
+                self.get_or_compute_click_map()?.mean_sound_db_if_any().ok_or_else(|| nothing(NO_CLICK_OF_WINDOWS))?
             }
             Figure::RigidModeHz => rigid::last_driven_rigid_mode_if_any_hz(self.table).unwrap_or(0.0),
             Figure::BendingModeHz => rigid::first_driven_bending_mode_if_any_hz(self.table)
                 .ok_or_else(|| nothing("the model contains no mode that bends the panel"))?,
             Figure::SagUm | Figure::MassG | Figure::Cost => f64::NAN,
         })
+    }
+
+    /// Clicks of the standard strength over the surface.
+    fn get_or_compute_click_map(&mut self) -> Result<&ClickMap, EvaluateError> {
+        let map = match self.clicks.take() {
+            Some(map) => map,
+            None => ClickMap::compute(self.table, EffectRequest::with_defaults(NamedEffect::Click), None)?,
+        };
+        Ok(self.clicks.insert(map))
     }
 
     fn get_or_search_weakest_place(
@@ -125,7 +143,7 @@ impl FigureCache<'_> {
                         weakest_place_with_setting_per_place_if_frequencies_usable(table, measure)
                     }
                     (SettingScope::EveryTouch, None, Some(fingered)) => {
-                        find_weakest_touched_place_if_frequencies_usable(table, fingered, measure)?
+                        find_weakest_place_with_finger_on_each_if_frequencies_usable(table, fingered, measure)?
                     }
                     (SettingScope::EveryTouch, Some(phases), None) => {
                         weakest_place_with_one_frequency_per_place_if_frequencies_usable(table, measure, phases)

@@ -62,7 +62,7 @@ impl Evaluator for QuickEvaluator {
             }
         };
         if sag::is_any_sag_wanted(wanted) {
-            sag::fill_in_deflections_under_press_and_find_relative_error_bound(
+            sag::fill_in_wanted_sags_and_find_relative_error_bound_if_finite(
                 &mut found,
                 wanted,
                 scene,

@@ -20,7 +20,7 @@ fn is_sag_figure(wanted: &WantedFigure) -> bool {
 ///
 /// # Errors
 /// [`EvaluateError::Model`].
-pub(super) fn fill_in_deflections_under_press_and_find_relative_error_bound(
+pub(super) fn fill_in_wanted_sags_and_find_relative_error_bound_if_finite(
     figures: &mut Figures,
     wanted: &[WantedFigure],
     scene: &Scene,

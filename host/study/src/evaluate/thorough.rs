@@ -56,7 +56,7 @@ impl VerifiedFigures {
     ) -> Option<bool> {
         let each = wanted.iter().zip(&self.figures.values).zip(&self.bounds);
         // A mode that there is not has no frequency.
-        let bounded = each.filter(|((wanted, value), _)| wanted.has_error_bound() && value.is_finite());
+        let bounded = each.filter(|((wanted, value), _)| wanted.can_have_error_bound() && value.is_finite());
         let bounds: Vec<f64> = bounded.map(|(_, bound)| *bound).collect::<Option<_>>()?;
         Some(bounds.into_iter().reduce(f64::max)? <= tolerance)
     }
@@ -82,7 +82,7 @@ impl ThoroughEvaluator {
     }
 
     /// The panel alone, for what is coupled to it: sags, and a finger on one place after the other. `None` where neither is asked for.
-    fn build_bare_panel_if_needed(
+    fn build_bare_panel_if_finger_or_sag_is_wanted(
         &self,
         scene: &Scene,
         wanted: &[WantedFigure],
@@ -93,7 +93,7 @@ impl ThoroughEvaluator {
     }
 
     /// The figures of a scene with this table, and the bound on the relative error of its sags.
-    fn compute_figures_and_sag_bound(
+    fn compute_figures_and_relative_error_bound_of_sags(
         &self,
         scene: &Scene,
         table: &PlanTable,
@@ -108,7 +108,7 @@ impl ThoroughEvaluator {
         });
         let mut found = compute_plan_table_figures_others_nan(table, fingered, wanted)?;
         let bound = match bare.filter(|_| sag::is_any_sag_wanted(wanted)) {
-            Some(panel) => sag::fill_in_deflections_under_press_and_find_relative_error_bound(
+            Some(panel) => sag::fill_in_wanted_sags_and_find_relative_error_bound_if_finite(
                 &mut found,
                 wanted,
                 scene,
@@ -125,14 +125,17 @@ impl ThoroughEvaluator {
     ///
     /// # Errors
     /// [`EvaluateError`].
-    pub fn compute_figures_and_bounds_refining_once(
+    pub fn compute_figures_and_bounds_refining_once_if_tolerance_missed(
         &self,
         scene: &Scene,
         wanted: &[WantedFigure],
     ) -> Result<VerifiedFigures, EvaluateError> {
         let found = self.compute_figures_and_bounds_without_refining(scene, wanted)?;
         let is_open = found.bound.is_none_or(|bound| bound > self.relative_tolerance());
-        if !is_open || !wanted.iter().any(WantedFigure::is_bounded_weakest_peak) || scene.finger.is_some() {
+        if !is_open
+            || !wanted.iter().any(WantedFigure::is_weakest_peak_of_setting_per_touch_at_distinct_frequencies)
+            || scene.finger.is_some()
+        {
             return Ok(found);
         }
         let bound = found.bound.unwrap_or(f64::INFINITY);
@@ -151,20 +154,21 @@ impl ThoroughEvaluator {
         wanted: &[WantedFigure],
     ) -> Result<VerifiedFigures, EvaluateError> {
         let table = self.build_plan_table(scene)?;
-        let bare = self.build_bare_panel_if_needed(scene, wanted)?;
+        let bare = self.build_bare_panel_if_finger_or_sag_is_wanted(scene, wanted)?;
         // A search at every point, which other figures do without.
         let is_mapped = wanted.iter().any(|wanted| wanted.figure.is_evaluated_at_weakest_place());
         let touched = touched_panel_if_scene_has_finger(scene, &table, bare.as_ref()).filter(|_| is_mapped);
         let reach = match touched {
             None => None,
             Some(touched) => {
-                let reach = TouchedReach::compute_at_each_point(&table, touched, None, Measure::G)?;
+                let reach =
+                    TouchedReach::compute_at_each_point_if_frequencies_usable(&table, touched, None, Measure::G)?;
                 Some((touched, reach.ok_or(PlanError::NoFrequencies)?))
             }
         };
         let in_g = reach.as_ref().map(|(_, reach)| reach);
         let (mut figures, sag_bound) =
-            self.compute_figures_and_sag_bound(scene, &table, bare.as_ref(), in_g, wanted)?;
+            self.compute_figures_and_relative_error_bound_of_sags(scene, &table, bare.as_ref(), in_g, wanted)?;
         let (map, known) = match &reach {
             None if !is_mapped => (Vec::new(), None),
             // Drives at one frequency need no room for several.
@@ -182,7 +186,7 @@ impl ThoroughEvaluator {
         };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
         let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1));
-        let is_bounded = WantedFigure::is_bounded_weakest_peak;
+        let is_bounded = WantedFigure::is_weakest_peak_of_setting_per_touch_at_distinct_frequencies;
         let bound = match (weakest, known) {
             _ if !wanted.iter().any(is_bounded) => None,
             (None, _) => None,
@@ -206,7 +210,9 @@ impl ThoroughEvaluator {
         });
         let mut bounds: Vec<Option<f64>> = bounds.collect();
         for (k, _) in wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.is_mode_frequency()) {
-            if let Some((hz, own)) = self.find_frequency_and_bound_of_mode_near(scene, figures.values[k]) {
+            if let Some((hz, own)) =
+                self.find_frequency_hz_and_relative_error_bound_of_mode_near(scene, figures.values[k])
+            {
                 (figures.values[k], bounds[k]) = (hz, own);
             }
         }
@@ -219,7 +225,11 @@ impl ThoroughEvaluator {
 impl ThoroughEvaluator {
     /// The frequency in Hz of the mode near `near_hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none, or it cannot be
     /// computed: the figure is there without it.
-    fn find_frequency_and_bound_of_mode_near(&self, scene: &Scene, near_hz: f64) -> Option<(f64, Option<f64>)> {
+    fn find_frequency_hz_and_relative_error_bound_of_mode_near(
+        &self,
+        scene: &Scene,
+        near_hz: f64,
+    ) -> Option<(f64, Option<f64>)> {
         // Above it so that a mesh which puts it a little higher still has it.
         const BESIDE: f64 = 1.05;
         const LEAST_HZ: f64 = 10.0;
@@ -237,8 +247,16 @@ impl ThoroughEvaluator {
 
 impl Evaluator for ThoroughEvaluator {
     fn compute_scene_figures(&self, scene: &Scene, wanted: &[WantedFigure]) -> Result<Figures, EvaluateError> {
-        let bare = self.build_bare_panel_if_needed(scene, wanted)?;
-        Ok(self.compute_figures_and_sag_bound(scene, &self.build_plan_table(scene)?, bare.as_ref(), None, wanted)?.0)
+        let bare = self.build_bare_panel_if_finger_or_sag_is_wanted(scene, wanted)?;
+        Ok(self
+            .compute_figures_and_relative_error_bound_of_sags(
+                scene,
+                &self.build_plan_table(scene)?,
+                bare.as_ref(),
+                None,
+                wanted,
+            )?
+            .0)
     }
 }
 

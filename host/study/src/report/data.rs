@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 const MOST: usize = 5000;
 
 /// The places of the plots, as HTML.
-pub(super) fn write_plots_html(study: &Study, table: &DesignTable) -> String {
+pub(super) fn write_plots_section_html(study: &Study, table: &DesignTable) -> String {
     let what = if study.spec.wishes.len() > 1 {
         "Large dots are designs that no other design surpasses in all wishes. Numbered red rings are the best designs."
     } else {
@@ -103,12 +103,9 @@ fn rounded_plot_row_of_design(
 ) -> Vec<Value> {
     let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
     let mut values = vec![Value::from(design_number)];
-    values.extend(
-        table
-            .columns
-            .iter()
-            .map(|column| column.number_or_choice_index_in_design_unless_kept(design).map_or(Value::Null, rounded)),
-    );
+    values.extend(table.columns.iter().map(|column| {
+        column.number_or_choice_index_in_design_unless_scene_value_kept(design).map_or(Value::Null, rounded)
+    }));
     let figures = entry.row.figures_unless_failed();
     values.extend(table.figures.iter().enumerate().map(|(k, wanted)| {
         let wish = study.spec.wishes.iter().position(|wish| wish.wanted == *wanted);

@@ -22,7 +22,7 @@ pub fn write_report_html(study: &Study, table: &DesignTable, finals: &VerifiedFi
          <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n"
     );
     html.push_str(&tables::write_summary_html(study, table, finals));
-    add_html_section(&mut html, "designs", "All designs", &data::write_plots_html(study, table));
+    add_html_section(&mut html, "designs", "All designs", &data::write_plots_section_html(study, table));
     add_html_section(
         &mut html,
         "maps",

@@ -69,7 +69,7 @@ fn label_of_level(
     level: usize,
 ) -> String {
     let name = |at: f64| label_of_value_at_coordinate(study, dimension, dimension_index, at);
-    match levels.first_and_last_coordinate_if_level_has_several_values(level).map(|ends| ends.map(name)) {
+    match levels.first_and_last_coordinate_if_countable_values_are_grouped(level).map(|ends| ends.map(name)) {
         Some([first, last]) if first != last => format!("{first} to {last}"),
         _ => levels.at.get(level).map(|at| name(*at)).unwrap_or_default(),
     }
@@ -94,9 +94,9 @@ fn label_of_value_at_coordinate(
     let named = columns.iter().find(|column| column.name == dimension.name && column.variable == dimension.variable);
     let column = named.or_else(|| columns.iter().find(own));
     let text = column.and_then(|column| match column.words {
-        Some(_) => column.text_in_design_unless_kept(&design),
+        Some(_) => column.text_in_design_unless_scene_value_kept(&design),
         None => column
-            .number_or_choice_index_in_design_unless_kept(&design)
+            .number_or_choice_index_in_design_unless_scene_value_kept(&design)
             .map(format_four_digits)
             .map(trim_trailing_zeros),
     });

@@ -75,12 +75,13 @@ fn write_html_table_of_scene_and_best_designs(
     html.push_str("</tr>\n");
     let as_it_is = study.space.design_of_scene_file();
     for column in &table.columns {
-        let text = column.text_in_design_unless_kept(&as_it_is).unwrap_or_else(|| "as in the scene file".into());
+        let text =
+            column.text_in_design_unless_scene_value_kept(&as_it_is).unwrap_or_else(|| "as in the scene file".into());
         let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escape_html(&column.name), escape_html(&text));
         for own in &finals.best {
             let text = own
                 .entry_of_base_or_design_in_table(table)
-                .and_then(|entry| column.text_in_design_unless_kept(&entry.row.design));
+                .and_then(|entry| column.text_in_design_unless_scene_value_kept(&entry.row.design));
             let _ = write!(html, "<td>{}</td>", escape_html(&text.unwrap_or_default()));
         }
         html.push_str("</tr>\n");
@@ -166,7 +167,7 @@ fn describe_allowed_if_limit_broken(study: &Study, figure_index: usize, value: f
     let wanted = study.figures.get(figure_index)?;
     let limits = study.spec.limits.iter().filter(|limit| limit.wanted == *wanted);
     limits
-        .filter_map(|limit| limit.value_beyond_limit_and_allowed_if_broken(value, value))
+        .filter_map(|limit| limit.violating_value_and_allowed_text_if_limit_broken(value, value))
         .map(|(_, allowed)| allowed)
         .next()
 }

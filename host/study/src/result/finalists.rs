@@ -22,7 +22,7 @@ pub fn choose_finalist_indices_best_first(study: &Study, table: &DesignTable, co
         order.sort_by(|a, b| losses[*a][0].total_cmp(&losses[*b][0]));
         (order, 0)
     } else {
-        order_front_and_count_compromise_and_wish_bests(&losses, wishes, |k| table.entries[kept[k]].is_on_front)
+        order_front_and_count_leading_compromise_and_wish_bests(&losses, wishes, |k| table.entries[kept[k]].is_on_front)
     };
     let mut chosen: Vec<usize> = Vec::new();
     for (place, own) in order.into_iter().map(|k| kept[k]).enumerate() {
@@ -49,7 +49,7 @@ fn are_designs_near_each_other(study: &Study, one: &TableEntry, other: &TableEnt
 }
 
 /// The front, in the order of several wishes, and how many of its first are the one between them and the best of each.
-fn order_front_and_count_compromise_and_wish_bests(
+fn order_front_and_count_leading_compromise_and_wish_bests(
     losses: &[Vec<f64>],
     wish_count: usize,
     is_on_front: impl Fn(usize) -> bool,

@@ -12,7 +12,7 @@ pub fn describe_broken_limits_if_any(
     let each = study.spec.limits.iter().filter_map(|limit| {
         let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted)?;
         let (low, high) = low_and_high_of_figure(figure)?;
-        let (value, allowed) = limit.value_beyond_limit_and_allowed_if_broken(low, high)?;
+        let (value, allowed) = limit.violating_value_and_allowed_text_if_limit_broken(low, high)?;
         Some(format!("{} is {value:.4}, but must be {allowed}", limit.wanted.column_name()))
     });
     let each: Vec<String> = each.collect();
@@ -22,7 +22,7 @@ pub fn describe_broken_limits_if_any(
 /// Each bound of the study's limits in words (`sag_um at most 800`), and how far a design is beyond it in the figure's unit, the worst of what may be
 /// off: a design that keeps all limits has none above 0. NaN where the design failed.
 #[must_use]
-pub fn constraint_names_and_excesses_of_design(study: &Study, row: &DesignRow) -> Vec<(String, f64)> {
+pub fn constraint_names_and_signed_excesses_of_design(study: &Study, row: &DesignRow) -> Vec<(String, f64)> {
     let each = study.spec.limits.iter().flat_map(|limit| {
         let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted);
         let (low, high) = figure

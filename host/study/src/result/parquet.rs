@@ -129,10 +129,12 @@ fn build_parquet_columns(table: &DesignTable) -> Vec<ParquetColumn<'_>> {
         columns.push(match column.words {
             Some(_) => ParquetColumn {
                 name: column.name.clone(),
-                value: ColumnValues::Text(Box::new(move |entry| column.text_in_design_unless_kept(&entry.row.design))),
+                value: ColumnValues::Text(Box::new(move |entry| {
+                    column.text_in_design_unless_scene_value_kept(&entry.row.design)
+                })),
             },
             None => number_column(column.name.clone(), move |entry| {
-                column.number_or_choice_index_in_design_unless_kept(&entry.row.design)
+                column.number_or_choice_index_in_design_unless_scene_value_kept(&entry.row.design)
             }),
         });
     }

@@ -3,8 +3,8 @@
 use super::limits::describe_broken_limits_if_any;
 use super::pareto::flag_losses_on_pareto_front;
 use crate::run::{
-    DesignOutcome, DesignRow, FolderError, Study, StudyFolder, StudyTask, sum_relative_limit_violations_unless_failed,
-    worst_case_figure_of_wish_unless_failed,
+    DesignOutcome, DesignRow, FolderError, Study, StudyFolder, StudyTask,
+    sum_relative_limit_violations_if_all_limited_figures_known, worst_case_figure_of_wish_unless_failed,
 };
 use crate::space::DesignColumn;
 use crate::spec::WantedFigure;
@@ -45,7 +45,7 @@ pub struct TableEntry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
-    /// By how much it breaks limits, as [`sum_relative_limit_violations_unless_failed`](crate::run::sum_relative_limit_violations_unless_failed) tells it; zero if it keeps them, infinite if it failed.
+    /// By how much it breaks limits, as [`sum_relative_limit_violations_if_all_limited_figures_known`](crate::run::sum_relative_limit_violations_if_all_limited_figures_known) tells it; zero if it keeps them, infinite if it failed.
     pub beyond: f64,
 }
 
@@ -71,7 +71,9 @@ pub enum GatherError {
     #[error(transparent)]
     Folder(#[from] FolderError),
     /// It is not all there.
-    #[error("{missing} of {all} designs are not computed yet: run the study again, or run all of its shards")]
+    #[error(
+        "{missing} of {all} designs are not computed yet: run the study again, or run all of its shares (`era study --shard`)"
+    )]
     Missing {
         /// How many are missing.
         missing: usize,
@@ -153,7 +155,12 @@ fn build_table_entry_with_status_and_reason(study: &Study, base: &DesignRow, row
         .iter()
         .map(|wish| worst_case_figure_of_wish_unless_failed(&row, &study.figures, wish))
         .collect();
-    let beyond = sum_relative_limit_violations_unless_failed(&row, &study.figures, &study.spec.limits, Some(base));
+    let beyond = sum_relative_limit_violations_if_all_limited_figures_known(
+        &row,
+        &study.figures,
+        &study.spec.limits,
+        Some(base),
+    );
     let (status, reason) = match (&row.outcome, beyond) {
         (DesignOutcome::Failed(reason), _) => (DesignStatus::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (DesignStatus::Kept, None),

@@ -57,14 +57,14 @@ impl VerifiedFinalists {
         table: &DesignTable,
         is_stop_wanted: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, RefusedDesign> {
-        let thorough = ThoroughEvaluator::new(study.table_options());
-        let base = verify_finalist(study, &thorough, 0, &table.base)?;
+        let thorough = ThoroughEvaluator::new(study.plan_table_options());
+        let base = evaluate_finalist_thoroughly_recording_failure(study, &thorough, 0, &table.base)?;
         let mut best = Vec::new();
         for own in choose_finalist_indices_best_first(study, table, study.spec.method.finalists) {
             if is_stop_wanted() {
                 return Ok(None);
             }
-            best.push(verify_finalist(study, &thorough, own + 1, &table.entries[own])?);
+            best.push(evaluate_finalist_thoroughly_recording_failure(study, &thorough, own + 1, &table.entries[own])?);
         }
         // The last look may have been ended on its way.
         if is_stop_wanted() {
@@ -93,7 +93,7 @@ fn sort_finalists_kept_then_broken_then_failed(study: &Study, finalists: &mut [F
     finalists.sort_by(|a, b| rank(a).cmp(&rank(b)).then(loss(a).total_cmp(&loss(b))));
 }
 
-fn verify_finalist(
+fn evaluate_finalist_thoroughly_recording_failure(
     study: &Study,
     thorough: &ThoroughEvaluator,
     design: usize,
@@ -102,8 +102,9 @@ fn verify_finalist(
     let own = &entry.row.design;
     let text = study.space.design_as_scene_text(own)?;
     let scene = study.space.design_as_scene(own, &[])?;
-    let verified =
-        thorough.compute_figures_and_bounds_refining_once(&scene, &study.figures).map_err(|error| error.to_string());
+    let verified = thorough
+        .compute_figures_and_bounds_refining_once_if_tolerance_missed(&scene, &study.figures)
+        .map_err(|error| error.to_string());
     let verified = verified.map(|mut verified| {
         study.fill_in_mass_and_cost_figures(&scene, own, &mut verified.figures);
         verified

@@ -22,21 +22,21 @@ pub(super) fn check_study_fits_scene(
     let report = MistakeReport::new(text);
     {
         let file = TomlSection::new(&report, document.get_ref(), String::new(), 0..0);
-        if let Some(method) = file.read_table_if_given("method") {
-            check_grid_within_most_designs(&method, spec, designs);
-            check_band_has_room_for_distinct_frequencies(&method, spec, space, scene);
+        if let Some(method) = file.read_table_if_given_and_a_table("method") {
+            report_grid_with_too_many_designs(&method, spec, designs);
+            report_band_too_narrow_for_distinct_frequencies(&method, spec, space, scene);
         }
         let wishes = file.read_tables("wish").into_iter().zip(spec.wishes.iter().map(|wish| &wish.wanted));
         let limits = file.read_tables("limit").into_iter().zip(spec.limits.iter().map(|limit| &limit.wanted));
         wishes
             .chain(limits)
-            .for_each(|(section, wanted)| check_figure_place_is_within_known_sides(&section, wanted, space));
+            .for_each(|(section, wanted)| report_figure_place_beyond_known_sides(&section, wanted, space));
     }
     report.into_result(source)
 }
 
 /// A grid has as many designs as it has: no more than may be asked for by number.
-fn check_grid_within_most_designs(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usize) {
+fn report_grid_with_too_many_designs(method: &TomlSection<'_, '_>, spec: &StudySpec, designs: usize) {
     if spec.method.way != PointMethod::Grid || designs <= MOST_DESIGNS as usize {
         return;
     }
@@ -51,7 +51,7 @@ fn check_grid_within_most_designs(method: &TomlSection<'_, '_>, spec: &StudySpec
 }
 
 /// A band has room for the frequencies of the fewest actuators that a design has, where each has one of its own.
-fn check_band_has_room_for_distinct_frequencies(
+fn report_band_too_narrow_for_distinct_frequencies(
     method: &TomlSection<'_, '_>,
     spec: &StudySpec,
     space: &DesignSpace,
@@ -76,7 +76,7 @@ fn check_band_has_room_for_distinct_frequencies(
         return;
     }
     let why = format!("so that {fewest} actuators can have frequencies {MIN_SPACING_HZ} Hz apart");
-    if method.has_key("to_hz") {
+    if method.has_key_marking_known("to_hz") {
         method.report_wrong_value("to_hz", to_hz.to_string(), &format!("at least {}, {why}", from_hz + between));
     } else {
         method.report_wrong_value("from_hz", from_hz.to_string(), &format!("at most {}, {why}", to_hz - between));
@@ -84,7 +84,7 @@ fn check_band_has_room_for_distinct_frequencies(
 }
 
 /// A figure's place is on the surface, as far as the scene's file says where that ends.
-fn check_figure_place_is_within_known_sides(section: &TomlSection<'_, '_>, wanted: &WantedFigure, space: &DesignSpace) {
+fn report_figure_place_beyond_known_sides(section: &TomlSection<'_, '_>, wanted: &WantedFigure, space: &DesignSpace) {
     let Some(at_mm) = wanted.at_mm else { return };
     let sides_mm = space.sides_unchanged_by_variables_mm();
     let is_on = |at: f64, side: Option<f64>| at >= 0.0 && side.is_none_or(|side| at <= side * (1.0 + ROUNDING));

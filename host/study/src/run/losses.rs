@@ -28,7 +28,7 @@ pub fn worst_case_figure_of_wish_unless_failed(row: &DesignRow, figures: &[Wante
 /// By how much a design breaks limits, in parts of each (of the figure that `base` has, or else of one in its unit, where a limit is 0; in nepers for
 /// levels in dB): zero if it keeps them; `None` if it failed, or has no value of what is limited.
 #[must_use]
-pub fn sum_relative_limit_violations_unless_failed(
+pub fn sum_relative_limit_violations_if_all_limited_figures_known(
     row: &DesignRow,
     figures: &[WantedFigure],
     limits: &[FigureLimit],
@@ -64,7 +64,7 @@ pub fn compute_weighted_loss_of_design(
     wish_weights: &[f64],
     row: &DesignRow,
 ) -> f64 {
-    match sum_relative_limit_violations_unless_failed(row, figures, &spec.limits, base) {
+    match sum_relative_limit_violations_if_all_limited_figures_known(row, figures, &spec.limits, base) {
         None => return FAILED,
         Some(broken) if broken > 0.0 => return BROKEN * (1.0 + broken.min(1e2)),
         Some(_) => {}
@@ -152,7 +152,8 @@ mod tests {
         let figures = spec.wanted_figures();
         let base = row(&[300.0, 3.0, 900.0, 40.0]);
         let broken = |base: Option<&DesignRow>, values: &[f64]| {
-            sum_relative_limit_violations_unless_failed(&row(values), &figures, &spec.limits, base).unwrap()
+            sum_relative_limit_violations_if_all_limited_figures_known(&row(values), &figures, &spec.limits, base)
+                .unwrap()
         };
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         near(broken(Some(&base), &[300.0, -0.7, 900.0, 0.0]), 0.7 / DB_PER_NEPER);

@@ -56,9 +56,9 @@ enum StudyPoints {
 
 impl StudyPoints {
     /// Number of points; more than can be counted is the largest number.
-    fn count_points(&self) -> usize {
+    fn count_all_points_of_study(&self) -> usize {
         match self {
-            Self::Known(samples) => samples.count_points(),
+            Self::Known(samples) => samples.count_all_points_of_study(),
             Self::Evolving(own) => {
                 own.designs_per_generation_of_one_search()
                     * own.searches_beside_each_other()
@@ -153,9 +153,9 @@ impl Study {
         if let Some(bounds) = bounds {
             bounds.check_counts_of_all_study_entries_and_finalists(&spec)?;
         }
-        let space = DesignSpace::from_scene_text_unchecked(&spec, scene_source, scene_text)?;
+        let space = DesignSpace::from_scene_text_without_checking_study(&spec, scene_source, scene_text)?;
         if let Some(bounds) = bounds {
-            bounds.check_scene_place_counts(&spec, &space)?;
+            bounds.check_counts_of_key_references_and_written_bytes(&spec, &space)?;
         }
         let off = space.count_independent_uncertain_values();
         let has_corners = spec.method.robust == UncertaintySampling::Corners;
@@ -209,7 +209,7 @@ impl Study {
             }
             None => StudyPoints::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
-        let designs = points.count_points();
+        let designs = points.count_all_points_of_study();
         fits::check_study_fits_scene(&spec, &space, &scene, designs, source, text)?;
         let looks_s = estimate_evaluation_time_of_design_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
         let chunk = spec.method.chunk.unwrap_or_else(|| choose_designs_per_chunk(looks_s, designs));
@@ -225,14 +225,14 @@ impl Study {
 
     /// The frequencies that plan tables cover.
     #[must_use]
-    pub fn table_options(&self) -> TableOptions {
+    pub fn plan_table_options(&self) -> TableOptions {
         TableOptions { from_hz: self.spec.method.from_hz, to_hz: self.spec.method.to_hz, ..TableOptions::default() }
     }
 
     /// Number of designs, the scene itself not counted.
     #[must_use]
     pub fn count_designs(&self) -> usize {
-        self.points.count_points()
+        self.points.count_all_points_of_study()
     }
 
     /// How many samples of what may be off each design is looked at with.
@@ -253,7 +253,7 @@ impl Study {
     /// All tasks, those of a search in their order.
     pub fn list_tasks(&self) -> impl Iterator<Item = StudyTask> + use<> {
         let (chunks, runs, generations) = match &self.points {
-            StudyPoints::Known(samples) => (samples.count_points().div_ceil(self.chunk), 0, 0),
+            StudyPoints::Known(samples) => (samples.count_all_points_of_study().div_ceil(self.chunk), 0, 0),
             StudyPoints::Evolving(own) => (0, own.searches_beside_each_other(), own.generations_per_search()),
         };
         let designs = (0..chunks).map(|chunk| StudyTask::Designs { chunk });
@@ -268,7 +268,7 @@ impl Study {
         match (task, &self.points) {
             (StudyTask::Base, _) => 1,
             (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
-                self.point_range_of_chunk(chunk, samples.count_points()).len()
+                self.point_range_of_chunk(chunk, samples.count_all_points_of_study()).len()
             }
             (StudyTask::Generation { .. }, StudyPoints::Evolving(own)) => own.designs_per_generation_of_one_search(),
             _ => 0,
@@ -296,7 +296,7 @@ impl Study {
                 return Some(vec![self.compute_design_row_unless_stopped(Vec::new(), design, evaluator)?]);
             }
             (StudyTask::Designs { chunk }, StudyPoints::Known(samples)) => {
-                samples.points_in_range(self.point_range_of_chunk(chunk, samples.count_points()))
+                samples.points_in_range(self.point_range_of_chunk(chunk, samples.count_all_points_of_study()))
             }
             (StudyTask::Generation { run, .. }, StudyPoints::Evolving(own)) => {
                 own.points_of_next_generation_restarting_ended_search(run, earlier_losses)
@@ -416,7 +416,7 @@ impl Study {
             match wanted.figure {
                 Figure::MassG => *value = parts::mass_of_surface_and_parts_g(scene),
                 Figure::Cost => {
-                    let known = self.space.fill_in_choices_of_scene_file(design);
+                    let known = self.space.replace_kept_choices_by_scene_file_values(design);
                     *value = parts::parts_and_choices_cost_or_nan_if_choice_unknown(
                         scene,
                         &self.spec.costs,

@@ -84,15 +84,15 @@ impl DesignSpace {
             is_led[number] = true;
         }
         self.report_variables_without_valid_value(&lines, &is_led);
-        let is_told = self.report_and_flag_variables_changing_same_places(&lines);
-        self.report_columns_hidden_by_equal_names(&lines, figures, &is_told);
+        let is_told = self.report_and_flag_variables_setting_keys_of_earlier_variables(&lines);
+        self.report_variables_whose_column_name_is_taken(&lines, figures, &is_told);
         self.report_mistakes_of_uncertain_and_distance_entries(&lines);
     }
 
     /// Tells of variables that change what one before them changes, which would come to nothing. Says of each whether it is one.
-    fn report_and_flag_variables_changing_same_places(&self, lines: &LineReporter<'_, '_>) -> Vec<bool> {
+    fn report_and_flag_variables_setting_keys_of_earlier_variables(&self, lines: &LineReporter<'_, '_>) -> Vec<bool> {
         let places: Vec<Vec<Vec<PathStep>>> =
-            self.variables.iter().map(|own| self.places_written_by_variable_or_none(own)).collect();
+            self.variables.iter().map(|own| self.scene_keys_written_by_variable_or_empty(own)).collect();
         let clash = |number: usize| {
             let own = &self.variables[number];
             (0..number).find_map(|before| {
@@ -126,7 +126,7 @@ impl DesignSpace {
     }
 
     /// The places that a variable writes to; none where it leads nowhere.
-    fn places_written_by_variable_or_none(&self, variable: &StudyVariable) -> Vec<Vec<PathStep>> {
+    fn scene_keys_written_by_variable_or_empty(&self, variable: &StudyVariable) -> Vec<Vec<PathStep>> {
         let paths = match &variable.what {
             VariableKind::Number { paths, .. } | VariableKind::Choice { paths, .. } => paths.clone(),
             VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
@@ -138,7 +138,7 @@ impl DesignSpace {
     }
 
     /// Tells of variables whose columns of the table another column's name would hide.
-    fn report_columns_hidden_by_equal_names(
+    fn report_variables_whose_column_name_is_taken(
         &self,
         lines: &LineReporter<'_, '_>,
         figures: &[WantedFigure],
@@ -282,12 +282,12 @@ impl DesignSpace {
         let by_itself: Vec<Option<String>> = (0..self.variables.len())
             .map(|number| {
                 let is_it = |other: usize| has_valid_paths[number] && other == number;
-                let reason = self.first_refusal_if_scene_refuses_all_points(
+                let reason = self.first_refusal_if_all_points_are_tried_and_refused(
                     &self.points_varying_variable_others_at_middle(number),
                     &is_it,
                     &left,
                 )?;
-                self.first_refusal_if_scene_refuses_all_points(&samples, &is_it, &left).map(|_| reason)
+                self.first_refusal_if_all_points_are_tried_and_refused(&samples, &is_it, &left).map(|_| reason)
             })
             .collect();
         let ends = TRIED.map(|part| vec![part; self.dimensions.len()]);
@@ -298,8 +298,8 @@ impl DesignSpace {
             let with_all = |other: usize| has_valid_paths[other];
             let each: [&dyn Fn(usize) -> bool; 2] = [&with_others, &with_all];
             let is_taken = |changes: &dyn Fn(usize) -> bool| {
-                self.first_refusal_if_scene_refuses_all_points(&ends, changes, &left).is_none()
-                    || self.first_refusal_if_scene_refuses_all_points(&samples, changes, &left).is_none()
+                self.first_refusal_if_all_points_are_tried_and_refused(&ends, changes, &left).is_none()
+                    || self.first_refusal_if_all_points_are_tried_and_refused(&samples, changes, &left).is_none()
             };
             if !each.into_iter().any(is_taken) {
                 let own = &self.variables[number];
@@ -333,7 +333,7 @@ impl DesignSpace {
 
     /// Why the scene takes none of the designs at some points, with all that does not change as in its file; `None` if it takes one, or if nothing
     /// is left to try all of them with.
-    fn first_refusal_if_scene_refuses_all_points(
+    fn first_refusal_if_all_points_are_tried_and_refused(
         &self,
         points: &[Vec<f64>],
         is_variable_changed: &dyn Fn(usize) -> bool,

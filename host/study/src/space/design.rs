@@ -62,7 +62,7 @@ impl DesignColumn {
     /// Its number in a design; `None` where the scene's own is kept.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    pub fn number_or_choice_index_in_design_unless_kept(&self, design: &Design) -> Option<f64> {
+    pub fn number_or_choice_index_in_design_unless_scene_value_kept(&self, design: &Design) -> Option<f64> {
         match design.settings.get(self.variable)? {
             VariableSetting::Kept => None,
             VariableSetting::Number(number) => Some(*number),
@@ -74,10 +74,10 @@ impl DesignColumn {
 
     /// Its value in a design as text; `None` where the scene's own is kept.
     #[must_use]
-    pub fn text_in_design_unless_kept(&self, design: &Design) -> Option<String> {
+    pub fn text_in_design_unless_scene_value_kept(&self, design: &Design) -> Option<String> {
         match (design.settings.get(self.variable)?, &self.words) {
             (VariableSetting::Choice(choice), Some(words)) => words.get(*choice).cloned(),
-            _ => self.number_or_choice_index_in_design_unless_kept(design).map(|number| number.to_string()),
+            _ => self.number_or_choice_index_in_design_unless_scene_value_kept(design).map(|number| number.to_string()),
         }
     }
 }

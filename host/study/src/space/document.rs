@@ -49,11 +49,11 @@ pub(super) fn check_variables_can_be_set_in_document(
     let missing = |path: &ScenePath, what: String| PathError::Missing { path: path.to_string(), missing: what };
     match &variable.what {
         VariableKind::Number { paths, .. } => {
-            paths.iter().try_for_each(|path| check_entry_of_table_list_is_set_to_table(base, path, false))
+            paths.iter().try_for_each(|path| check_path_exists_and_list_entry_gets_table(base, path, false))
         }
         VariableKind::Choice { paths, values, .. } => {
             let are_tables = values.iter().all(Value::is_inline_table);
-            paths.iter().try_for_each(|path| check_entry_of_table_list_is_set_to_table(base, path, are_tables))
+            paths.iter().try_for_each(|path| check_path_exists_and_list_entry_gets_table(base, path, are_tables))
         }
         VariableKind::Place { of, .. } | VariableKind::Mirror { of, .. } => {
             let places = of.find_places_allowing_new_last_key(base)?;
@@ -85,7 +85,7 @@ fn suggest_list_names(base: &DocumentMut, name: &str) -> String {
 }
 
 /// Whether what a path leads to takes tables, or other values: a table of a list takes nothing but tables.
-fn check_entry_of_table_list_is_set_to_table(
+fn check_path_exists_and_list_entry_gets_table(
     base: &DocumentMut,
     path: &ScenePath,
     are_tables: bool,

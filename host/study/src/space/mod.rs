@@ -51,7 +51,7 @@ impl DesignSpace {
         scene_source: &str,
         scene_text: &str,
     ) -> Result<Self, SceneError> {
-        let space = Self::from_scene_text_unchecked(spec, scene_source, scene_text)?;
+        let space = Self::from_scene_text_without_checking_study(spec, scene_source, scene_text)?;
         space.check_study_against_scene(spec, source, text)?;
         Ok(space)
     }
@@ -60,7 +60,7 @@ impl DesignSpace {
     ///
     /// # Errors
     /// [`SceneError`]: the scene's mistakes.
-    pub(crate) fn from_scene_text_unchecked(
+    pub(crate) fn from_scene_text_without_checking_study(
         spec: &StudySpec,
         scene_source: &str,
         scene_text: &str,
@@ -197,7 +197,7 @@ impl DesignSpace {
 
     /// A design with the choices that it keeps as they are in the scene's file, where that has one of the values.
     #[must_use]
-    pub fn fill_in_choices_of_scene_file(&self, design: &Design) -> Design {
+    pub fn replace_kept_choices_by_scene_file_values(&self, design: &Design) -> Design {
         let mut design = design.clone();
         for (number, (setting, own)) in design.settings.iter_mut().zip(&self.variables).enumerate() {
             if *setting == VariableSetting::Kept && matches!(own.what, VariableKind::Choice { .. }) {

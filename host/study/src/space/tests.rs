@@ -47,7 +47,7 @@ fn places_are_free_on_a_line_and_mirrored() {
     let columns = space.table_columns();
     assert_eq!(columns.len(), 6);
     let design = space.design_at_point(&[0.25, 0.5, 0.6]);
-    assert_eq!(columns[2].number_or_choice_index_in_design_unless_kept(&design), Some(265.0));
+    assert_eq!(columns[2].number_or_choice_index_in_design_unless_scene_value_kept(&design), Some(265.0));
     assert!(columns[2].follows && !columns[0].follows);
 }
 
@@ -64,7 +64,7 @@ fn choices_take_tables_and_words() {
     let found = scene(&space, &[0.1, 0.1]);
     assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2700.0, EdgeKind::Pinned));
     let design = space.design_at_point(&[0.9, 0.1]);
-    assert_eq!(space.table_columns()[0].text_in_design_unless_kept(&design).as_deref(), Some("glass"));
+    assert_eq!(space.table_columns()[0].text_in_design_unless_scene_value_kept(&design).as_deref(), Some("glass"));
     // The heading and what stands beside values stay.
     let text = space.design_as_scene_text(&design).unwrap();
     assert!(text.contains("[surface.material]") && text.contains("# about 5 % of critical"), "{text}");

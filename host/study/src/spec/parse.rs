@@ -38,23 +38,24 @@ pub(super) fn parse_study_spec(source: &str, text: &str) -> Result<StudySpec, Sc
 
 fn read_whole_spec(file: &TomlSection<'_, '_>, values: &DocumentMut) -> StudySpec {
     file.read_required_number_or_nan("version", AllowedNumbers::Within(VERSION, VERSION));
-    let name = file.read_required_text("name");
-    let scene = file.read_required_text("scene");
+    let name = file.read_required_text_or_empty("name");
+    let scene = file.read_required_text_or_empty("scene");
     let lists = values.get("variable").and_then(|item| item.as_array_of_tables());
     let list_of = |i: usize| lists.and_then(|lists| lists.get(i)?.get("values")?.as_array());
     let sections = file.read_tables("variable");
     let variables: Vec<StudyVariable> =
         sections.into_iter().enumerate().filter_map(|(i, section)| read_variable(section, list_of(i))).collect();
-    let apart = file.read_tables("apart").into_iter().map(read_minimum_distance).collect();
+    let apart = file.read_tables("apart").into_iter().map(read_places_and_required_distance_between_them).collect();
     let sections = file.read_tables("wish");
     let is_wished = !sections.is_empty();
     let wishes: Vec<Wish> = sections.into_iter().filter_map(read_wish).collect();
     if !is_wished {
         file.mistake_report().add_mistake_at(&(0..0), "wish is missing: at least one [[wish]] is needed");
     }
-    let limits = file.read_tables("limit").into_iter().filter_map(read_limit).collect();
-    let uncertain: Vec<UncertainValue> = file.read_tables("uncertain").into_iter().map(read_uncertain_value).collect();
-    let costs = file.read_table_if_given("cost").map_or_else(PartCosts::default, read_costs);
+    let limits = file.read_tables("limit").into_iter().filter_map(read_limit_unless_figure_invalid).collect();
+    let uncertain: Vec<UncertainValue> =
+        file.read_tables("uncertain").into_iter().map(read_uncertainty_of_scene_keys).collect();
+    let costs = file.read_table_if_given_and_a_table("cost").map_or_else(PartCosts::default, read_costs);
     let method = read_method(file, &uncertain);
     StudySpec { name, scene, variables, apart, wishes, limits, uncertain, costs, method }
 }
@@ -76,25 +77,27 @@ fn parse_path_value_reporting_mistake(
 }
 
 fn read_paths(section: &TomlSection<'_, '_>, key: &'static str) -> Vec<ScenePath> {
-    let texts = section.read_text_or_texts_if_given(key).unwrap_or_default();
+    let texts = section.read_text_or_texts_if_given_and_valid(key).unwrap_or_default();
     texts.iter().filter_map(|text| parse_path_value_reporting_mistake(section, key, text)).collect()
 }
 
 fn read_path(section: &TomlSection<'_, '_>, key: &'static str) -> Option<ScenePath> {
-    parse_path_value_reporting_mistake(section, key, &section.read_required_text(key))
+    parse_path_value_reporting_mistake(section, key, &section.read_required_text_or_empty(key))
 }
 
 fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) -> Option<StudyVariable> {
-    let kinds = ["key", "place", "count"].map(|kind| section.has_key(kind));
-    let given = if section.has_key("name") { Some(section.read_required_text("name")) } else { None };
-    let levels =
-        section.has_key("levels").then(|| section.read_required_positive_count_or_1("levels", MOST_LEVELS) as usize);
+    let kinds = ["key", "place", "count"].map(|kind| section.has_key_marking_known(kind));
+    let given =
+        if section.has_key_marking_known("name") { Some(section.read_required_text_or_empty("name")) } else { None };
+    let levels = section
+        .has_key_marking_known("levels")
+        .then(|| section.read_required_positive_count_or_1("levels", MOST_LEVELS) as usize);
     let line = section.mistake_report().line_number_at(section.byte_range_of_value_or_section("name").start);
     let (usual, what) = match kinds {
         [true, false, false] => {
             let paths = read_paths(&section, "key");
             let name = paths.first().map_or_else(String::new, ToString::to_string);
-            let what = if section.has_key("values") {
+            let what = if section.has_key_marking_known("values") {
                 report_given_keys_that_must_be_left_out(
                     &section,
                     ["from", "to", "scale", "step"],
@@ -113,7 +116,7 @@ fn read_variable(section: TomlSection<'_, '_>, list: Option<&toml_edit::Array>) 
             (name, of.and_then(|of| read_place_variable(&section, of)))
         }
         [false, false, true] => {
-            let list = section.read_required_text("count");
+            let list = section.read_required_text_or_empty("count");
             let (from, to) = (
                 section.read_required_positive_count_or_1("from", 1000) as usize,
                 section.read_required_positive_count_or_1("to", 1000) as usize,
@@ -170,7 +173,7 @@ fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allo
         section.report_wrong_value("from", from.to_string(), &format!("at most {to}, the value of `to`"));
     }
     let words = [("linear", NumberScale::Linear), ("log", NumberScale::Log)];
-    let scale = if section.has_key("scale") { section.read_required_word("scale", &words) } else { None };
+    let scale = if section.has_key_marking_known("scale") { section.read_required_word("scale", &words) } else { None };
     let scale = scale.unwrap_or(NumberScale::Linear);
     if scale == NumberScale::Log && from <= 0.0 {
         section.report_wrong_value("from", from.to_string(), "above 0, because the scale is \"log\"");
@@ -188,7 +191,9 @@ fn read_number_range(section: &TomlSection<'_, '_>, step_key: &'static str, allo
 
 fn read_step_or_nan_if_given(section: &TomlSection<'_, '_>, key: &'static str, span: f64) -> Option<f64> {
     let least = (span / MOST_STEPS).max(f64::MIN_POSITIVE);
-    section.has_key(key).then(|| section.read_required_number_or_nan(key, AllowedNumbers::Within(least, 1e20)))
+    section
+        .has_key_marking_known(key)
+        .then(|| section.read_required_number_or_nan(key, AllowedNumbers::Within(least, 1e20)))
 }
 
 fn read_choice_variable(
@@ -203,12 +208,14 @@ fn read_choice_variable(
     let values: Vec<Value> = list.iter().cloned().map(Value::without_decor).collect();
     let written = || values.iter().map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_owned));
     let names = section
-        .has_key("names")
-        .then(|| section.read_text_or_texts_if_given("names"))
+        .has_key_marking_known("names")
+        .then(|| section.read_text_or_texts_if_given_and_valid("names"))
         .flatten()
         .unwrap_or_else(|| written().collect());
-    let costs =
-        section.has_key("costs").then(|| section.read_numbers_if_given("costs", &[values.len()], ANY)).flatten();
+    let costs = section
+        .has_key_marking_known("costs")
+        .then(|| section.read_numbers_if_given_and_allowed("costs", &[values.len()], ANY))
+        .flatten();
     if names.len() != values.len() {
         section.report_wrong_value(
             "names",
@@ -233,7 +240,7 @@ impl Plain for Value {
 }
 
 fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> Option<VariableKind> {
-    let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has_key(key));
+    let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has_key_marking_known(key));
     let linear = |from: f64, to: f64, step: Option<f64>| NumberRange { from, to, scale: NumberScale::Linear, step };
     if given[2] {
         report_given_keys_that_must_be_left_out(section, ["step_mm"], "because the place follows from `mirror_of`");
@@ -242,7 +249,7 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
     }
     match given {
         [true, false, false] => {
-            let corners = section.read_numbers_if_given("within_mm", &[4], MM)?;
+            let corners = section.read_numbers_if_given_and_allowed("within_mm", &[4], MM)?;
             let (x, y) = ([corners[0], corners[2]], [corners[1], corners[3]]);
             let order = |[a, b]: [f64; 2]| (a.min(b), a.max(b));
             let step = read_step_or_nan_if_given(section, "step_mm", (x[1] - x[0]).abs().max((y[1] - y[0]).abs()));
@@ -253,7 +260,7 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
             })
         }
         [false, true, false] => {
-            let ends = section.read_numbers_if_given("line_mm", &[4], MM)?;
+            let ends = section.read_numbers_if_given_and_allowed("line_mm", &[4], MM)?;
             let (from, to) = ([ends[0], ends[1]], [ends[2], ends[3]]);
             let length = (to[0] - from[0]).hypot(to[1] - from[1]);
             let step = read_step_or_nan_if_given(section, "step_mm", length);
@@ -279,7 +286,7 @@ fn read_place_variable(section: &TomlSection<'_, '_>, table_path: ScenePath) -> 
     }
 }
 
-fn read_minimum_distance(section: TomlSection<'_, '_>) -> MinimumDistance {
+fn read_places_and_required_distance_between_them(section: TomlSection<'_, '_>) -> MinimumDistance {
     let apart = MinimumDistance {
         places: read_paths(&section, "places"),
         distance_mm: section.read_required_number_or_nan("distance_mm", AllowedNumbers::Within(0.0, 1e4)),
@@ -294,18 +301,18 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     let Some(figure) = section.read_required_word("figure", &words) else {
         // Known, but nobody can say whether they apply.
         for key in ["setting", "drives", "at_mm", "force_n"] {
-            let _ = section.has_key(key);
+            let _ = section.has_key_marking_known(key);
         }
         return None;
     };
     let settings = [("every_touch", SettingScope::EveryTouch), ("one", SettingScope::One)];
-    let setting = if figure.is_evaluated_at_weakest_place() && section.has_key("setting") {
+    let setting = if figure.is_evaluated_at_weakest_place() && section.has_key_marking_known("setting") {
         section.read_required_word("setting", &settings)
     } else {
         None
     };
     let mut drives = FrequencyGrouping::Distinct;
-    if figure.is_weakest_place_peak() && section.has_key("drives") {
+    if figure.is_weakest_place_peak() && section.has_key_marking_known("drives") {
         drives = section
             .read_required_word("drives", &FrequencyGrouping::ALL.map(|drives| (drives.name(), drives)))
             .unwrap_or(drives);
@@ -318,10 +325,10 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
         }
     }
     let at_mm = if figure.depends_on_place() {
-        if !section.has_key("at_mm") {
+        if !section.has_key_marking_known("at_mm") {
             section.report_wrong_value("at_mm", "missing".into(), "[x, y] in mm, the touched point");
         }
-        Some(section.read_numbers_if_given("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
+        Some(section.read_numbers_if_given_and_allowed("at_mm", &[2], MM).map(|at| [at[0], at[1]])?)
     } else {
         None
     };
@@ -338,7 +345,7 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
     if figure != Figure::SagUm {
         report_given_keys_that_must_be_left_out(section, ["force_n"], &is_unused("force_n"));
     }
-    let is_pressed = figure == Figure::SagUm && section.has_key("force_n");
+    let is_pressed = figure == Figure::SagUm && section.has_key_marking_known("force_n");
     let force_n = is_pressed.then(|| {
         section.read_required_number_or_nan("force_n", AllowedNumbers::Within(0.0, era_model::scene::MOST_PRESS_N))
     });
@@ -348,16 +355,16 @@ fn read_wanted_figure(section: &TomlSection<'_, '_>) -> Option<WantedFigure> {
 fn read_wish(section: TomlSection<'_, '_>) -> Option<Wish> {
     let wanted = read_wanted_figure(&section);
     let words = [("most", WishGoal::Most), ("least", WishGoal::Least)];
-    let goal = if section.has_key("goal") { section.read_required_word("goal", &words) } else { None };
+    let goal = if section.has_key_marking_known("goal") { section.read_required_word("goal", &words) } else { None };
     section.report_unknown_keys();
     let wanted = wanted?;
     let goal = goal.unwrap_or(wanted.figure.default_goal());
     Some(Wish { wanted, goal })
 }
 
-fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
+fn read_limit_unless_figure_invalid(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
     let wanted = read_wanted_figure(&section);
-    if !section.has_key("least") & !section.has_key("most") {
+    if !section.has_key_marking_known("least") & !section.has_key_marking_known("most") {
         section.mistake_report().add_mistake_at(
             &section.byte_range_of_value_or_section("figure"),
             format!("{}: at least one of the keys `least` and `most` is needed", section.path_in_messages()),
@@ -372,11 +379,11 @@ fn read_limit(section: TomlSection<'_, '_>) -> Option<FigureLimit> {
     Some(FigureLimit { wanted: wanted?, least, most })
 }
 
-fn read_uncertain_value(section: TomlSection<'_, '_>) -> UncertainValue {
+fn read_uncertainty_of_scene_keys(section: TomlSection<'_, '_>) -> UncertainValue {
     let paths = read_paths(&section, "key");
     let usual = paths.first().map_or_else(String::new, ToString::to_string);
-    let name = if section.has_key("name") { section.read_required_text("name") } else { usual };
-    if section.has_key("part") == section.has_key("by") {
+    let name = if section.has_key_marking_known("name") { section.read_required_text_or_empty("name") } else { usual };
+    if section.has_key_marking_known("part") == section.has_key_marking_known("by") {
         section.mistake_report().add_mistake_at(
             &section.byte_range_of_value_or_section("key"),
             format!("{}: exactly one of the keys `part` and `by` is needed", section.path_in_messages()),
@@ -385,8 +392,11 @@ fn read_uncertain_value(section: TomlSection<'_, '_>) -> UncertainValue {
     let part = section.read_optional_number_or_nan("part", 0.0, AllowedNumbers::Within(0.0, 0.99));
     let by = section.read_optional_number_or_nan("by", 0.0, AllowedNumbers::Within(0.0, 1e20));
     let words = [("each", false), ("together", true)];
-    let together =
-        section.has_key("vary").then(|| section.read_required_word("vary", &words)).flatten().unwrap_or(false);
+    let together = section
+        .has_key_marking_known("vary")
+        .then(|| section.read_required_word("vary", &words))
+        .flatten()
+        .unwrap_or(false);
     let line = section.mistake_report().line_number_at(section.byte_range_of_value_or_section("key").start);
     section.report_unknown_keys();
     UncertainValue { name, paths, part, by, together, line }

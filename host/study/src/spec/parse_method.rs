@@ -29,14 +29,18 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
         to_hz: usual.to_hz,
         thorough: false,
     };
-    let Some(section) = file.read_table_if_given("method") else { return method };
+    let Some(section) = file.read_table_if_given_and_a_table("method") else { return method };
     let ways = [PointMethod::Grid, PointMethod::LatinHypercube, PointMethod::Sobol, PointMethod::Evolution]
         .map(|way| (way.name(), way));
-    if section.has_key("way") {
+    if section.has_key_marking_known("way") {
         method.way = section.read_required_word("way", &ways).unwrap_or(method.way);
     }
     let count = |key: &'static str, usual: usize, most: u32| -> usize {
-        if section.has_key(key) { section.read_required_positive_count_or_1(key, most) as usize } else { usual }
+        if section.has_key_marking_known(key) {
+            section.read_required_positive_count_or_1(key, most) as usize
+        } else {
+            usual
+        }
     };
     if method.way == PointMethod::Grid {
         method.levels = count("levels", method.levels, MOST_LEVELS);
@@ -67,8 +71,9 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
             "because an evolution computes one generation at a time",
         );
     } else {
-        method.chunk =
-            section.has_key("chunk").then(|| section.read_required_positive_count_or_1("chunk", 1_000_000) as usize);
+        method.chunk = section
+            .has_key_marking_known("chunk")
+            .then(|| section.read_required_positive_count_or_1("chunk", 1_000_000) as usize);
         report_given_keys_that_must_be_left_out(&section, ["population", "runs"], "because `way` is not \"evolution\"");
     }
     method.finalists = count("finalists", method.finalists, 100);
@@ -83,12 +88,18 @@ pub(super) fn read_method(file: &TomlSection<'_, '_>, uncertain: &[UncertainValu
         );
     }
     let words = [("quick", false), ("thorough", true)];
-    method.thorough =
-        section.has_key("look").then(|| section.read_required_word("look", &words)).flatten().unwrap_or(false);
+    method.thorough = section
+        .has_key_marking_known("look")
+        .then(|| section.read_required_word("look", &words))
+        .flatten()
+        .unwrap_or(false);
     if !uncertain.is_empty() {
         let words = [("corners", true), ("latin_hypercube", false)];
-        let corners =
-            section.has_key("robust").then(|| section.read_required_word("robust", &words)).flatten().unwrap_or(false);
+        let corners = section
+            .has_key_marking_known("robust")
+            .then(|| section.read_required_word("robust", &words))
+            .flatten()
+            .unwrap_or(false);
         if corners {
             report_given_keys_that_must_be_left_out(
                 &section,
@@ -112,7 +123,7 @@ pub(super) fn report_given_keys_that_must_be_left_out<const N: usize>(
     keys: [&'static str; N],
     why: &str,
 ) {
-    for key in keys.into_iter().filter(|key| section.has_key(key)) {
+    for key in keys.into_iter().filter(|key| section.has_key_marking_known(key)) {
         section.report_wrong_list(key, &format!("left out, {why}"));
     }
 }

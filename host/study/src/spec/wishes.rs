@@ -13,6 +13,10 @@ pub enum Figure {
     RiseMs,
     /// Part of 12 x 8 places (12 of a bar) at which a click of 0.5 g is crisp.
     CrispShare,
+    /// Least peak in g of these clicks.
+    ClickWeakestG,
+    /// Sound in dB of these clicks.
+    ClickSoundDb,
     /// Electrical power in W at full safe force.
     PowerW,
     /// Mass of the panel with all that rides on it, in g.
@@ -95,12 +99,14 @@ impl FrequencyGrouping {
 
 impl Figure {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::WeakestG,
         Self::WeakestDb,
         Self::ContrastDb,
         Self::RiseMs,
         Self::CrispShare,
+        Self::ClickWeakestG,
+        Self::ClickSoundDb,
         Self::PowerW,
         Self::MassG,
         Self::Cost,
@@ -119,6 +125,8 @@ impl Figure {
             Self::ContrastDb => "contrast_db",
             Self::RiseMs => "rise_ms",
             Self::CrispShare => "crisp_share",
+            Self::ClickWeakestG => "click_weakest_g",
+            Self::ClickSoundDb => "click_sound_db",
             Self::PowerW => "power_w",
             Self::MassG => "mass_g",
             Self::Cost => "cost",
@@ -133,10 +141,14 @@ impl Figure {
     #[must_use]
     pub const fn default_goal(self) -> WishGoal {
         match self {
-            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::CrispShare | Self::BendingModeHz => {
-                WishGoal::Most
-            }
+            Self::WeakestG
+            | Self::WeakestDb
+            | Self::ContrastDb
+            | Self::CrispShare
+            | Self::ClickWeakestG
+            | Self::BendingModeHz => WishGoal::Most,
             Self::RiseMs
+            | Self::ClickSoundDb
             | Self::PowerW
             | Self::MassG
             | Self::Cost
@@ -173,7 +185,7 @@ impl Figure {
     /// Whether it is a level in dB, which has no ratio to another.
     #[must_use]
     pub const fn is_level_in_db(self) -> bool {
-        matches!(self, Self::WeakestDb | Self::ContrastDb)
+        matches!(self, Self::WeakestDb | Self::ContrastDb | Self::ClickSoundDb)
     }
 }
 
@@ -206,15 +218,17 @@ impl WantedFigure {
 
     /// Whether it is the peak at the weakest place with a setting for every touch, of which a plan has a bound.
     #[must_use]
-    pub fn is_bounded_weakest_peak(&self) -> bool {
+    pub fn is_weakest_peak_of_setting_per_touch_at_distinct_frequencies(&self) -> bool {
         self.figure == Figure::WeakestG
             && (self.setting, self.drives) == (SettingScope::EveryTouch, FrequencyGrouping::Distinct)
     }
 
     /// Whether its relative error has a bound when it is computed thoroughly.
     #[must_use]
-    pub fn has_error_bound(&self) -> bool {
-        self.is_bounded_weakest_peak() || self.figure == Figure::SagUm || self.figure.is_mode_frequency()
+    pub fn can_have_error_bound(&self) -> bool {
+        self.is_weakest_peak_of_setting_per_touch_at_distinct_frequencies()
+            || self.figure == Figure::SagUm
+            || self.figure.is_mode_frequency()
     }
 
     /// Whether it is about one setting for the whole surface.
@@ -281,7 +295,7 @@ impl FigureLimit {
 
     /// The end of a figure's least and most that is beyond the limit, and what is allowed; `None` if the limit is kept.
     #[must_use]
-    pub fn value_beyond_limit_and_allowed_if_broken(&self, low: f64, high: f64) -> Option<(f64, String)> {
+    pub fn violating_value_and_allowed_text_if_limit_broken(&self, low: f64, high: f64) -> Option<(f64, String)> {
         if low < self.least {
             Some((low, format!("at least {}", self.least)))
         } else if high > self.most {

@@ -66,7 +66,7 @@ impl KnownPoints {
 
     /// How many there are; more than can be counted is the largest number.
     #[must_use]
-    pub fn count_points(&self) -> usize {
+    pub fn count_all_points_of_study(&self) -> usize {
         match self {
             Self::Grid { levels } => levels.iter().fold(1_usize, |count, own| count.saturating_mul(own.len())),
             Self::Listed(points) => points.len(),
@@ -229,7 +229,7 @@ mod tests {
         let dimensions = [make_cube_dimension(None, Some(3)), make_cube_dimension(Some(2), None)];
         let of = |dimension: &CubeDimension| coordinates_of_grid_levels(dimension, 5);
         let samples = KnownPoints::Grid { levels: dimensions.iter().map(of).collect() };
-        assert_eq!(samples.count_points(), 6);
+        assert_eq!(samples.count_all_points_of_study(), 6);
         let wanted = [[0.0, 0.25], [0.0, 0.75], [0.5, 0.25], [0.5, 0.75], [1.0, 0.25], [1.0, 0.75]];
         assert_eq!(samples.points_in_range(0..6), wanted);
         assert_eq!(coordinates_of_grid_levels(&make_cube_dimension(None, None), 5).len(), 5);

@@ -2,7 +2,7 @@
 
 use super::spec::Spec;
 use era::model::{Accuracy, Bound, compute_modes_with_error_bounds};
-use era::response::compute_curves_with_error_bounds;
+use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use num_complex::Complex64;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseResult, TestRng, TestRunner};
@@ -67,7 +67,7 @@ pub fn curves_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Vec<Curve>, 
 /// The same at frequencies of one's own choice, in Hz.
 pub fn curves_at(spec: &Spec, at_mm: [f64; 2], frequencies_hz: &[f64]) -> Result<Vec<Curve>, TestCaseError> {
     let at = (at_mm[0] / 1e3, at_mm[1] / 1e3);
-    let found = compute_curves_with_error_bounds(
+    let found = compute_acceleration_curves_per_newton_with_error_bounds(
         &spec.scene(),
         Accuracy::from_tolerance(TOLERANCE).unwrap(),
         at,

@@ -3,7 +3,7 @@
 use super::ask::{HIGHEST_HZ, SAME, TOLERANCE, answers, apart, curves_at, hold, nothing, same};
 use super::spec::{Held, Mass, Support, on, point, scenes, scenes_of};
 use era::model::Accuracy;
-use era::response::compute_curves_with_error_bounds;
+use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
 
 /// Seen to fail with both halves left out, and with the damping of both doubled.
@@ -88,9 +88,14 @@ fn a_loss_factor_of_nothing_changes_nothing() {
         prop_assert_eq!(&parsed, &spec.scene());
         let find = |scene: &era::scene::Scene| {
             let tolerance = Accuracy::from_tolerance(TOLERANCE).unwrap();
-            compute_curves_with_error_bounds(scene, tolerance, (at[0] / 1e3, at[1] / 1e3), &[150.0, 300.0])
-                .unwrap()
-                .answer
+            compute_acceleration_curves_per_newton_with_error_bounds(
+                scene,
+                tolerance,
+                (at[0] / 1e3, at[1] / 1e3),
+                &[150.0, 300.0],
+            )
+            .unwrap()
+            .answer
         };
         prop_assert_eq!(find(&parsed), find(&spec.scene()));
         Ok(())

@@ -3,19 +3,18 @@
 use super::ask::hold;
 use super::spec::{Spec, on, point, scenes};
 use crate::support::Daemon;
+use crate::support::program::{build_era_command, run_command};
 use era::model::{Accuracy, compute_modes_with_error_bounds};
-use era::response::compute_curves_with_error_bounds;
+use era::response::compute_acceleration_curves_per_newton_with_error_bounds;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use std::process::Command;
+use std::path::Path;
 
-/// What `era` prints, as JSON.
-fn era(arguments: &[&str], cache: &std::path::Path) -> Result<Value, TestCaseError> {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    let ran = command.args(arguments).env("ERA_CACHE_DIR", cache).output().unwrap();
-    let said = String::from_utf8_lossy(&ran.stderr);
-    prop_assert!(ran.status.success(), "{arguments:?}: {said}");
-    Ok(serde_json::from_slice(&ran.stdout).unwrap())
+/// What `era` prints with a cache in this folder, as JSON.
+fn run_era_with_cache(arguments: &[&str], cache: &Path) -> Result<Value, TestCaseError> {
+    let ran = run_command(build_era_command().args(arguments).env("ERA_CACHE_DIR", cache));
+    prop_assert!(ran.is_success(), "{arguments:?}: {}", ran.error);
+    Ok(ran.parse_json())
 }
 
 /// What a plan is: all that may not depend on who was asked.
@@ -47,12 +46,12 @@ fn a_plan_is_the_same_everywhere() {
             "0.1",
             "--json",
         ];
-        let computed = era(&[&common[..], &["--no-cache"]].concat(), &cache)?;
+        let computed = run_era_with_cache(&[&common[..], &["--no-cache"]].concat(), &cache)?;
         prop_assert!(
             !cache.exists() || std::fs::read_dir(&cache).unwrap().next().is_none(),
             "kept although told not to"
         );
-        let (keeping, kept) = (era(&common, &cache)?, era(&common, &cache)?);
+        let (keeping, kept) = (run_era_with_cache(&common, &cache)?, run_era_with_cache(&common, &cache)?);
         prop_assert!(std::fs::read_dir(&cache).unwrap().next().is_some(), "nothing was kept\n{}", spec.text());
         prop_assert_eq!(essence(&computed), essence(&keeping));
         prop_assert_eq!(essence(&computed), essence(&kept), "kept\n{}", spec.text());
@@ -78,7 +77,7 @@ fn modes_and_responses_are_the_librarys() {
         std::fs::write(&file, spec.text()).unwrap();
         let (file, scene) = (file.to_str().unwrap(), spec.scene());
         let at = on(&spec, at);
-        let printed = era(&["modes", "--scene", file, "--max-hz", "400", "--json"], folder.path())?;
+        let printed = run_era_with_cache(&["modes", "--scene", file, "--max-hz", "400", "--json"], folder.path())?;
         let found = compute_modes_with_error_bounds(&scene, Accuracy::BALANCED, 400.0).unwrap();
         let frequencies: Vec<f64> = found.answer.iter().map(|mode| mode.frequency_hz).collect();
         let numbers = |list: &Value| list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
@@ -87,12 +86,19 @@ fn modes_and_responses_are_the_librarys() {
         prop_assert!(alike(&own, &frequencies), "{own:?} and {frequencies:?}\n{}", spec.text());
         let place = format!("{:?},{:?}", at[0], at[1]);
         let band = ["--from", "50", "--to", "150", "--step", "25"];
-        let printed =
-            era(&[&["response", "--scene", file, "--at", &place, "--json"][..], &band].concat(), folder.path())?;
+        let printed = run_era_with_cache(
+            &[&["response", "--scene", file, "--at", &place, "--json"][..], &band].concat(),
+            folder.path(),
+        )?;
         let hz = numbers(&printed["frequency_hz"]);
         prop_assert_eq!(&hz, &vec![50.0, 75.0, 100.0, 125.0, 150.0]);
-        let found =
-            compute_curves_with_error_bounds(&scene, Accuracy::BALANCED, (at[0] / 1e3, at[1] / 1e3), &hz).unwrap();
+        let found = compute_acceleration_curves_per_newton_with_error_bounds(
+            &scene,
+            Accuracy::BALANCED,
+            (at[0] / 1e3, at[1] / 1e3),
+            &hz,
+        )
+        .unwrap();
         for (own, curve) in printed["actuators"].as_array().unwrap().iter().zip(&found.answer) {
             let (re, im): (Vec<f64>, Vec<f64>) = curve.iter().map(|z| (z.re, z.im)).unzip();
             let printed = [numbers(&own["acceleration_re"]), numbers(&own["acceleration_im"])];

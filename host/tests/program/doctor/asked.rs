@@ -1,5 +1,6 @@
 //! The command, beside a simulated device on a pseudo-terminal.
 
+use crate::support::program::{ProgramOutput, build_era_command, run_command, run_era, run_era_json};
 use era::device::sim::{Defects, SimControl, SimDevice, SimKnobs, SimPanel};
 use era::doctor::facts::Daemon;
 use era::planner::softening::Transducer;
@@ -7,7 +8,7 @@ use era::transient::reduced::ModalSystem;
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 
 fn device() -> SimDevice {
@@ -24,12 +25,11 @@ fn doctor(arguments: &[&str]) -> (Vec<Value>, Option<i32>) {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("era.toml");
     std::fs::write(&config, "version = 1\nlisten = \"127.0.0.1:1\"\n").unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let mut command = build_era_command();
     command.args(["doctor", "--json", "--config", config.to_str().unwrap()]).args(arguments);
-    let output = command.output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    let all: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"));
-    (all["findings"].as_array().unwrap().clone(), output.status.code())
+    let output = run_command(&mut command);
+    let all = output.parse_json();
+    (all["findings"].as_array().unwrap().clone(), output.code)
 }
 
 fn of<'a>(findings: &'a [Value], check: &str) -> &'a Value {
@@ -82,9 +82,7 @@ fn mistakes_in_files_are_told_and_the_simulated_device_needs_nothing() {
     assert!(code == Some(1) && of(&findings, "scene")["verdict"] == "problem", "{findings:?}");
     let (findings, code) = doctor(&["--device", "sim"]);
     assert!(code == Some(0) && of(&findings, "board")["verdict"] == "ok", "{findings:?}");
-    let text =
-        Command::new(env!("CARGO_BIN_EXE_era")).args(["doctor", "--device", "/dev/none-of-these"]).output().unwrap();
-    let (told, error) = (String::from_utf8_lossy(&text.stdout), String::from_utf8_lossy(&text.stderr));
+    let ProgramOutput { out: told, error, .. } = run_era(&["doctor", "--device", "/dev/none-of-these"]);
     assert!(told.contains("PROBLEM") && told.contains("-> name one of the ports"), "{told}");
     assert!(error.contains("error: ") && error.contains("problem"), "{error}");
 }
@@ -103,10 +101,9 @@ impl Drop for Running {
 #[test]
 fn a_daemon_is_asked_in_place_of_its_board() {
     let device = device();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let mut command = build_era_command();
     command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--device", device.port_path()]);
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
-    let mut daemon = Running(command.spawn().unwrap());
+    let mut daemon = Running(command.stderr(Stdio::piped()).spawn().unwrap());
     let mut lines = BufReader::new(daemon.0.stderr.take().unwrap()).lines().map_while(Result::ok);
     let line = lines.find(|line| line.contains("open http://")).unwrap();
     let address = line.split("http://").nth(1).unwrap().split_whitespace().next().unwrap().to_owned();
@@ -131,23 +128,17 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("era.toml");
     std::fs::write(&config, format!("version = 1\nlisten = \"{address}\"\ndevice = \"{port}\"\n")).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    let output = command.args(["doctor", "--json", "--config", config.to_str().unwrap()]).output().unwrap();
-    let all: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let all = run_era_json(&["doctor", "--json", "--config", config.to_str().unwrap()]);
     let findings = all["findings"].as_array().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{findings:?}");
     assert!(of(findings, "port")["found"].as_str().unwrap().contains("running daemon has"), "{findings:?}");
     assert_eq!(of(findings, "interlock")["verdict"], "ok");
     // Whoever else wants the port is told who has it.
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    let output = command.args(["monitor", "--port", &port]).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let told = run_era(&["monitor", "--port", &port]).error;
     assert!(told.contains(&format!("is open in era (process {})", daemon.0.id())), "{told}");
     // A latched fault is told without a word about the device, and `era clear` clears it.
     let asked = |arguments: &[&str]| {
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).args(["--url", &address]).output().unwrap();
-        (String::from_utf8_lossy(&output.stdout).into_owned(), output.status.code())
+        let output = run_command(build_era_command().args(arguments).args(["--url", &address]));
+        (output.out, output.code)
     };
     let (told, code) = asked(&["arm"]);
     assert!(code == Some(0) && told.contains(": armed"), "{told}");

@@ -1,6 +1,6 @@
 //! The daemon's configuration file on the command line.
 
-use super::{decode_utf8, run_era};
+use crate::support::program::{run_era, run_era_json};
 use serde_json::Value;
 
 #[test]
@@ -11,12 +11,12 @@ fn what_would_be_used_is_told_with_where_it_comes_from() {
     std::fs::write(&file, "version = 1\n\nscene = \"panel.toml\"\nlisten = \"127.0.0.1:9000\"\n").unwrap();
     let name = file.to_str().unwrap();
     let output = run_era(&["config", "check", name]);
-    let told = decode_utf8(&output.stdout);
-    assert!(output.status.success() && told.contains("can be used"), "{told}");
+    let told = &output.out;
+    assert!(output.is_success() && told.contains("can be used"), "{told}");
     let line = |key: &str| told.lines().find(|line| line.starts_with(key)).unwrap().to_owned();
     assert!(line("listen").contains("127.0.0.1:9000") && line("listen").ends_with("line 4"));
     assert!(line("device").contains("sim") && line("device").ends_with("default"));
-    let json: Value = serde_json::from_slice(&run_era(&["config", "check", name, "--json"]).stdout).unwrap();
+    let json = run_era_json(&["config", "check", name, "--json"]);
     let scene = json["settings"].as_array().unwrap().iter().find(|it| it["key"] == "scene").unwrap();
     assert_eq!((&scene["line"], json["mistakes"].as_array().unwrap().len()), (&Value::from(3), 0));
     // Values begin and end in the same column; that no board is driven is said.
@@ -25,10 +25,10 @@ fn what_would_be_used_is_told_with_where_it_comes_from() {
     assert!(rows().count() > 15 && rows().all(|line| column(line) == column(rows().next().unwrap())), "{told}");
     assert!(told.contains("drives the simulated device: set device = \"auto\"") && json["drives_simulation"] == true);
     std::fs::write(&file, "version = 1\ndevice = \"auto\"\n").unwrap();
-    assert!(!decode_utf8(&run_era(&["config", "check", name]).stdout).contains("simulated device:"));
+    assert!(!run_era(&["config", "check", name]).out.contains("simulated device:"));
     // What `config example` prints can be read.
-    std::fs::write(&file, run_era(&["config", "example"]).stdout).unwrap();
-    assert!(run_era(&["config", "check", name]).status.success());
+    std::fs::write(&file, run_era(&["config", "example"]).out).unwrap();
+    assert!(run_era(&["config", "check", name]).is_success());
 }
 
 #[test]
@@ -39,27 +39,25 @@ fn mistakes_are_told_with_their_lines_by_check_and_by_serve() {
     std::fs::write(&file, "version = 1\nlisten = \"nowhere\"\nsceen = \"x\"\n").unwrap();
     for arguments in [&["config", "check", name][..], &["serve", "--config", name]] {
         let output = run_era(arguments);
-        let told = decode_utf8(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{told}");
+        let told = &output.error;
+        assert_eq!(output.code, Some(2), "{told}");
         assert!(told.contains(&format!("{name}:2: listen is \"nowhere\", but must be an address")), "{told}");
         assert!(told.contains(&format!("{name}:3: unknown key sceen")), "{told}");
     }
-    let json: Value = serde_json::from_slice(&run_era(&["config", "check", name, "--json"]).stdout).unwrap();
+    let json = run_era(&["config", "check", name, "--json"]).parse_json();
     assert_eq!(json["mistakes"][1]["line"], 3);
     // A missing scene is told together with the others.
     std::fs::write(&file, "version = 1\nscene = \"none.toml\"\nlisten = \"nowhere\"\n").unwrap();
-    let told = decode_utf8(&run_era(&["config", "check", name]).stderr);
+    let told = run_era(&["config", "check", name]).error;
     assert!(told.contains(&format!("{name}:2: ")) && told.contains(&format!("{name}:3: listen")), "{told}");
     // A scene that cannot be read belongs to the line that names it.
     std::fs::write(&file, "version = 1\nscene = \"none.toml\"\n").unwrap();
     let output = run_era(&["config", "check", name]);
-    let told = decode_utf8(&output.stderr);
-    assert!(output.status.code() == Some(2) && told.contains(&format!("{name}:2: ")), "{told}");
+    let told = &output.error;
+    assert!(output.code == Some(2) && told.contains(&format!("{name}:2: ")), "{told}");
     assert!(told.contains("none.toml: cannot read the scene file"), "{told}");
     let output = run_era(&["config", "check", "/nowhere/era.toml"]);
-    assert!(
-        output.status.code() == Some(2) && decode_utf8(&output.stderr).contains("cannot read the configuration file")
-    );
+    assert!(output.code == Some(2) && output.error.contains("cannot read the configuration file"));
 }
 
 /// The file's port is taken; the command line's is not. Both are told before any panel is computed.
@@ -72,13 +70,13 @@ fn serve_takes_the_file_and_the_command_line_before_it() {
     let name = file.to_str().unwrap();
     std::fs::write(&file, format!("version = 1\nlisten = \"{address}\"\ndevice = \"/dev/none\"\n")).unwrap();
     let output = run_era(&["serve", "--config", name]);
-    let told = decode_utf8(&output.stderr);
-    assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
+    let told = &output.error;
+    assert!(output.code == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
     let other = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = other.local_addr().unwrap().to_string();
     let output = run_era(&["-v", "serve", "--config", name, "--listen", &address, "--accuracy", "fast"]);
-    let told = decode_utf8(&output.stderr);
-    assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
+    let told = &output.error;
+    assert!(output.code == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
     assert!(
         told.contains("listen: an option on the command line overrides") && told.contains("device = \"/dev/none\""),
         "{told}"
@@ -127,14 +125,14 @@ fn what_serve_refuses_check_and_doctor_refuse() {
         std::fs::write(&file, format!("version = 1\n{none}{more}")).unwrap();
         let name = file.to_str().unwrap();
         let served = run_era(&["serve", "--config", name]);
-        let told = decode_utf8(&served.stderr);
-        assert!(served.status.code() == Some(2) && told.contains(words), "{more}: {told}");
+        let told = &served.error;
+        assert!(served.code == Some(2) && told.contains(words), "{more}: {told}");
         let checked = run_era(&["config", "check", name]);
-        let told = decode_utf8(&checked.stderr);
+        let told = &checked.error;
         let place = format!("{name}:{line}: ");
-        assert!(checked.status.code() == Some(2) && told.contains(&place) && told.contains(words), "{more}: {told}");
+        assert!(checked.code == Some(2) && told.contains(&place) && told.contains(words), "{more}: {told}");
         let doctor = run_era(&["doctor", "--config", name, "--device", "sim", "--json"]);
-        let found: Value = serde_json::from_slice(&doctor.stdout).unwrap();
+        let found: Value = doctor.parse_json();
         let config = found["findings"].as_array().unwrap().iter().find(|finding| finding["check"] == "config").unwrap();
         assert!(config["verdict"] == "problem" && config["found"].as_str().unwrap().contains(words), "{config}");
         assert!(!path("tls").exists(), "{more}: a certificate was made");
@@ -146,7 +144,7 @@ fn what_serve_refuses_check_and_doctor_refuse() {
 fn a_named_daemon_that_is_not_there_is_a_problem() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let output = run_era(&["doctor", "--device", "sim", "--json", "--url", &free]);
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let found: Value = output.parse_json();
     let daemon = found["findings"].as_array().unwrap().iter().find(|finding| finding["check"] == "daemon").unwrap();
-    assert!(daemon["verdict"] == "problem" && output.status.code() == Some(1), "{found}");
+    assert!(daemon["verdict"] == "problem" && output.code == Some(1), "{found}");
 }

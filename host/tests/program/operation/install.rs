@@ -1,13 +1,13 @@
 //! The files of `era install`, below a folder of the test's own.
 #![cfg(target_os = "linux")]
 
-use super::{decode_utf8, run_era};
+use crate::support::program::{ERA, ProgramOutput, build_era_command, run_command, run_era};
 use std::path::Path;
 
 const RULE: &str = "etc/udev/rules.d/70-era.rules";
 const UNIT: &str = "etc/systemd/system/era.service";
 
-fn install(root: &Path, more: &[&str]) -> std::process::Output {
+fn run_era_install(root: &Path, more: &[&str]) -> ProgramOutput {
     run_era(&[&["install", "--root", root.to_str().unwrap(), "--program", "/usr/bin/era"], more].concat())
 }
 
@@ -15,9 +15,9 @@ fn install(root: &Path, more: &[&str]) -> std::process::Output {
 fn rule_and_unit_are_written_once_and_removed_again() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    let first = install(root, &["--group", "haptics"]);
-    assert!(first.status.success(), "{}", decode_utf8(&first.stderr));
-    assert_eq!(decode_utf8(&first.stdout).matches("wrote ").count(), 2, "{}", decode_utf8(&first.stdout));
+    let first = run_era_install(root, &["--group", "haptics"]);
+    assert!(first.is_success(), "{}", first.error);
+    assert_eq!(first.out.matches("wrote ").count(), 2, "{}", first.out);
     let rule = std::fs::read_to_string(root.join(RULE)).unwrap();
     for words in ["1209", "0001", "df11", "GROUP=\"haptics\"", "uaccess", "ENV{ID_MM_DEVICE_IGNORE}=\"1\""] {
         assert!(rule.contains(words), "{words} in {rule}");
@@ -33,19 +33,19 @@ fn rule_and_unit_are_written_once_and_removed_again() {
     ] {
         assert!(unit.lines().any(|own| own == line), "{line} in {unit}");
     }
-    let again = decode_utf8(&install(root, &["--group", "haptics"]).stdout);
+    let again = run_era_install(root, &["--group", "haptics"]).out;
     assert_eq!(again.matches("unchanged ").count(), 2, "{again}");
-    let changed = decode_utf8(&install(root, &["--group", "haptics", "--config", "/srv/my panel.toml"]).stdout);
+    let changed = run_era_install(root, &["--group", "haptics", "--config", "/srv/my panel.toml"]).out;
     assert!(changed.contains("unchanged ") && changed.contains("replaced "), "{changed}");
     let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
     assert!(unit.contains("serve --config \"/srv/my panel.toml\"\n"), "{unit}");
     // Of a package nothing is to be run now; and no half file is left.
     assert!(!changed.contains("udevadm"), "{changed}");
     assert_eq!(std::fs::read_dir(root.join("etc/systemd/system")).unwrap().count(), 1);
-    let removed = decode_utf8(&install(root, &["--remove"]).stdout);
+    let removed = run_era_install(root, &["--remove"]).out;
     assert_eq!(removed.matches("removed ").count(), 2, "{removed}");
     assert!(!root.join(RULE).exists() && !root.join(UNIT).exists());
-    assert_eq!(decode_utf8(&install(root, &["--remove"]).stdout).matches("absent ").count(), 2);
+    assert_eq!(run_era_install(root, &["--remove"]).out.matches("absent ").count(), 2);
 }
 
 #[test]
@@ -56,19 +56,19 @@ fn somebody_elses_files_are_left_alone() {
     std::fs::create_dir_all(unit.parent().unwrap()).unwrap();
     std::fs::write(&unit, "[Service]\n").unwrap();
     for more in [&[][..], &["--remove"]] {
-        let output = install(root, more);
-        let told = decode_utf8(&output.stderr);
-        assert!(output.status.code() == Some(1) && told.contains("was not written by `era install`"), "{told}");
+        let output = run_era_install(root, more);
+        let told = &output.error;
+        assert!(output.code == Some(1) && told.contains("was not written by `era install`"), "{told}");
         assert_eq!(std::fs::read_to_string(&unit).unwrap(), "[Service]\n");
     }
     // Nothing is done by half.
     assert!(!root.join(RULE).exists());
-    assert!(install(root, &["--force"]).status.success());
+    assert!(run_era_install(root, &["--force"]).is_success());
     assert!(std::fs::read_to_string(&unit).unwrap().contains("Type=notify"));
     // A unit that is masked is somebody's wish, too.
     std::fs::remove_file(&unit).unwrap();
     std::os::unix::fs::symlink("/dev/null", &unit).unwrap();
-    assert_eq!(install(root, &[]).status.code(), Some(1));
+    assert_eq!(run_era_install(root, &[]).code, Some(1));
     assert!(unit.is_symlink());
 }
 
@@ -76,18 +76,18 @@ fn somebody_elses_files_are_left_alone() {
 fn parts_can_be_had_one_by_one_and_looked_at() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    let printed = decode_utf8(&install(root, &["--print"]).stdout);
+    let printed = run_era_install(root, &["--print"]).out;
     assert!(printed.contains("Type=notify") && printed.contains("uaccess") && printed.contains(RULE), "{printed}");
     assert_eq!(std::fs::read_dir(root).unwrap().count(), 0);
-    assert!(install(root, &["--only", "rule"]).status.success());
+    assert!(run_era_install(root, &["--only", "rule"]).is_success());
     assert!(root.join(RULE).exists() && !root.join(UNIT).exists());
-    let user = decode_utf8(&install(root, &["--user"]).stdout);
+    let user = run_era_install(root, &["--user"]).out;
     assert!(user.contains("etc/systemd/user/era.service") && !user.contains("rules.d"), "{user}");
     let unit = std::fs::read_to_string(root.join("etc/systemd/user/era.service")).unwrap();
     assert!(unit.contains("WantedBy=default.target") && !unit.contains("DynamicUser"), "{unit}");
-    assert_eq!(install(root, &["--user", "--only", "rule"]).status.code(), Some(2));
+    assert_eq!(run_era_install(root, &["--user", "--only", "rule"]).code, Some(2));
     for group in ["", "a b", "-x", "a\"b"] {
-        assert_eq!(install(root, &[&format!("--group={group}")]).status.code(), Some(2), "{group}");
+        assert_eq!(run_era_install(root, &[&format!("--group={group}")]).code, Some(2), "{group}");
     }
 }
 
@@ -95,10 +95,10 @@ fn parts_can_be_had_one_by_one_and_looked_at() {
 #[test]
 fn a_user_is_told_what_to_run() {
     let home = tempfile::tempdir().unwrap();
-    let mut command = super::make_era_command();
-    let output = command.args(["install", "--user"]).env("XDG_CONFIG_HOME", home.path()).output().unwrap();
-    let (told, warned) = (decode_utf8(&output.stdout), decode_utf8(&output.stderr));
-    assert!(output.status.success(), "{warned}");
+    let mut command = build_era_command();
+    let output = run_command(command.args(["install", "--user"]).env("XDG_CONFIG_HOME", home.path()));
+    let (told, warned) = (&output.out, &output.error);
+    assert!(output.is_success(), "{warned}");
     for words in ["systemctl --user daemon-reload", "systemctl --user enable --now era.service", "era config example >"]
     {
         assert!(told.contains(words), "{words} in {told}");
@@ -116,9 +116,9 @@ fn a_service_that_drives_no_board_or_a_program_of_a_build_is_told() {
     std::fs::create_dir_all(config.parent().unwrap()).unwrap();
     let said = |content: &str, program: &str| {
         std::fs::write(&config, content).unwrap();
-        let mut command = super::make_era_command();
+        let mut command = build_era_command();
         command.args(["install", "--user", "--program", program]).env("XDG_CONFIG_HOME", home.path());
-        decode_utf8(&command.output().unwrap().stderr)
+        run_command(&mut command).error
     };
     let told = said("version = 1\n", "/opt/era/target/release/era");
     assert!(told.contains("drives the simulated device: set device = \"auto\""), "{told}");
@@ -138,7 +138,7 @@ fn what_only_root_may_read_is_handed_to_the_service() {
     let configuration =
         "version = 1\ntoken_file = \"tokens\"\ntls_cert = \"cert.pem\"\ntls_key = \"/etc/ssl/era.pem\"\n";
     std::fs::write(root.join("etc/era/era.toml"), configuration).unwrap();
-    assert!(install(root, &[]).status.success());
+    assert!(run_era_install(root, &[]).is_success());
     let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
     for line in [
         "LoadCredential=tokens:/etc/era/tokens",
@@ -156,10 +156,10 @@ fn what_only_root_may_read_is_handed_to_the_service() {
     let run = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/bin/era ")).unwrap();
     let run = run.replace("${CREDENTIALS_DIRECTORY}", credentials.path().to_str().unwrap());
     let run = run.replace("/etc/era", root.join("etc/era").to_str().unwrap());
-    let told = decode_utf8(&super::run_era(&run.split(' ').collect::<Vec<_>>()).stderr);
+    let told = run_era(&run.split(' ').collect::<Vec<_>>()).error;
     assert!(told.contains(&format!("{}/tokens: ", credentials.path().display())), "{told}");
     // A user's service reads its user's files.
-    assert!(install(root, &["--user"]).status.success());
+    assert!(run_era_install(root, &["--user"]).is_success());
     let unit = std::fs::read_to_string(root.join("etc/systemd/user/era.service")).unwrap();
     assert!(!unit.contains("LoadCredential") && !unit.contains("CREDENTIALS_DIRECTORY"), "{unit}");
 }
@@ -176,6 +176,7 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
             .env("SYSTEMD_LOG_LEVEL", "info")
             .env("XDG_RUNTIME_DIR", folder.path())
             .output()
+            .map(ProgramOutput::from)
     };
     if analyze(&["--version"], Path::new("")).is_err() {
         assert!(std::env::var_os("CI").is_none(), "no systemd-analyze here: Debian's package systemd has it");
@@ -190,17 +191,17 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
         std::fs::write(root.join("etc/era/era.toml"), text_of_file).unwrap();
         for (more, path) in [(&[][..], UNIT), (&["--user"], "etc/systemd/user/era.service")] {
             // The program must be there.
-            let own = [&["install", "--root", root.to_str().unwrap(), "--program", env!("CARGO_BIN_EXE_era")], more];
-            assert!(run_era(&own.concat()).status.success());
+            let own = [&["install", "--root", root.to_str().unwrap(), "--program", ERA], more];
+            assert!(run_era(&own.concat()).is_success());
             let unit = root.join(path);
             let manager = if more.is_empty() { "--system" } else { "--user" };
             let verified = analyze(&["verify", "--man=no", manager], &unit).unwrap();
-            let said = decode_utf8(&verified.stderr);
-            assert!(verified.status.success() && !said.contains("era.service"), "{said}");
+            let said = &verified.error;
+            assert!(verified.is_success() && !said.contains("era.service"), "{said}");
             if more.is_empty() {
                 // Of 100; an unfenced service has 96.
                 let fenced = analyze(&["security", "--offline=yes", "--threshold=25", "--no-pager"], &unit).unwrap();
-                assert!(fenced.status.success(), "{}{}", decode_utf8(&fenced.stdout), decode_utf8(&fenced.stderr));
+                assert!(fenced.is_success(), "{}{}", fenced.out, fenced.error);
             }
         }
     }
@@ -208,7 +209,7 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
     let unit = root.join(UNIT);
     let wrong = std::fs::read_to_string(&unit).unwrap().replace("StateDirectory=era", "StateDirectory=../era");
     std::fs::write(&unit, wrong).unwrap();
-    assert!(decode_utf8(&analyze(&["verify", "--man=no"], &unit).unwrap().stderr).contains("era.service"));
+    assert!(analyze(&["verify", "--man=no"], &unit).unwrap().error.contains("era.service"));
 }
 
 /// A folder for a package, named from where one stands: what the unit says is as it will be on the machine that gets it, and what will not
@@ -221,16 +222,16 @@ fn a_package_is_staged_below_a_folder() {
     std::fs::write(etc.join("era.toml"), "version = 1\ntoken_file = \"tokens\"\ntls_dir = \"/home/me/tls\"\n").unwrap();
     std::fs::write(etc.join("tokens"), format!("arm {}\n", "A".repeat(32))).unwrap();
     for more in [&[][..], &["--print"]] {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        let mut command = build_era_command();
         command.current_dir(folder.path()).args(["install", "--root", "stage", "--program", "/usr/bin/era"]).args(more);
-        let output = command.output().unwrap();
-        let told = decode_utf8(&output.stderr);
-        assert!(output.status.success(), "{told}");
+        let output = run_command(&mut command);
+        let told = &output.error;
+        assert!(output.is_success(), "{told}");
         assert!(told.contains("`tls_dir` is /home/me/tls, but the service may write only below"), "{told}");
         assert!(told.contains("simulated"), "{told}");
         let unit = match more {
             [] => std::fs::read_to_string(folder.path().join("stage/etc/systemd/system/era.service")).unwrap(),
-            _ => decode_utf8(&output.stdout),
+            _ => output.out,
         };
         assert!(unit.contains("LoadCredential=tokens:/etc/era/tokens\n"), "{unit}");
     }

@@ -1,11 +1,11 @@
 //! The log as lines of JSON.
 
-use super::{decode_utf8, make_era_command, run_era};
+use crate::support::program::run_era;
 use serde_json::Value;
 
 /// Every line of standard error; each has the three keys that a collector of logs wants.
-fn lines(error: &[u8]) -> Vec<Value> {
-    let lines: Vec<Value> = decode_utf8(error)
+fn parse_log_lines(error: &str) -> Vec<Value> {
+    let lines: Vec<Value> = error
         .lines()
         .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
         .collect();
@@ -24,11 +24,11 @@ fn warnings_news_and_errors_are_lines_of_json() {
     let scene = folder.path().join("thick.toml");
     std::fs::write(&scene, thick).unwrap();
     let output = run_era(&["-v", "modes", "--log-format", "json", "--scene", scene.to_str().unwrap()]);
-    assert!(output.status.success() && !output.stdout.is_empty());
-    let told = lines(&output.stderr);
+    assert!(output.is_success() && !output.out.is_empty());
+    let told = parse_log_lines(&output.error);
     assert!(told.iter().any(|line| line["level"] == "WARN"), "{told:?}");
     // Progress and explanations are no log, but on the same stream.
-    let told = lines(&run_era(&["modes", "--explain", "--log-format=json", "--accuracy", "fast"]).stderr);
+    let told = parse_log_lines(&run_era(&["modes", "--explain", "--log-format=json", "--accuracy", "fast"]).error);
     assert!(!told.is_empty());
 }
 
@@ -42,8 +42,8 @@ fn what_ends_a_command_is_a_line_of_json() {
         (&["--listen", "127.0.0.1:0"], 2, "era serve --listen"),
     ] {
         let output = run_era(&[&["--log-format", "json"], arguments].concat());
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        let told = lines(&output.stderr);
+        assert_eq!(output.code, Some(code), "{arguments:?}");
+        let told = parse_log_lines(&output.error);
         let last = told.last().unwrap();
         assert!(last["level"] == "ERROR" && last["message"].as_str().unwrap().contains(words), "{last}");
     }
@@ -53,7 +53,7 @@ fn what_ends_a_command_is_a_line_of_json() {
 #[test]
 fn help_stays_text_and_so_does_the_log_unless_asked() {
     let help = run_era(&["--log-format", "json", "modes", "--help"]);
-    assert!(help.status.success() && help.stderr.is_empty() && decode_utf8(&help.stdout).starts_with("List"));
-    let plain = make_era_command().args(["state", "--url", "127.0.0.1:1"]).output().unwrap();
-    assert!(decode_utf8(&plain.stderr).starts_with("error: no answer"));
+    assert!(help.is_success() && help.error.is_empty() && help.out.starts_with("List"));
+    let plain = run_era(&["state", "--url", "127.0.0.1:1"]);
+    assert!(plain.error.starts_with("error: no answer"));
 }

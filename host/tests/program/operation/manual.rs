@@ -1,12 +1,12 @@
 //! Completion scripts and man pages.
 
-use super::{decode_utf8, run_era};
+use crate::support::program::run_era;
 use std::io::Write;
 use std::process::{Command, Stdio};
 
 /// The commands that `era --help` lists.
 fn commands() -> Vec<String> {
-    let help = decode_utf8(&run_era(&["--help"]).stdout);
+    let help = run_era(&["--help"]).out;
     let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
     let is_name = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
     let mut names: Vec<String> =
@@ -20,13 +20,13 @@ fn commands() -> Vec<String> {
 fn completion_scripts_know_every_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let output = run_era(&["completions", shell]);
-        let script = decode_utf8(&output.stdout);
-        assert!(output.status.success() && output.stderr.is_empty(), "{shell}");
+        let script = &output.out;
+        assert!(output.is_success() && output.error.is_empty(), "{shell}");
         for command in commands() {
             assert!(script.contains(&command), "{shell} does not know {command}");
         }
     }
-    assert_eq!(run_era(&["completions", "tcsh"]).status.code(), Some(2));
+    assert_eq!(run_era(&["completions", "tcsh"]).code, Some(2));
 }
 
 #[test]
@@ -35,18 +35,18 @@ fn bash_can_read_its_script() {
         eprintln!("no bash here: nothing was tried");
         return;
     };
-    bash.stdin.take().unwrap().write_all(&run_era(&["completions", "bash"]).stdout).unwrap();
+    bash.stdin.take().unwrap().write_all(run_era(&["completions", "bash"]).out.as_bytes()).unwrap();
     assert!(bash.wait().unwrap().success());
 }
 
 #[test]
 fn every_command_has_a_man_page() {
-    let page = decode_utf8(&run_era(&["man"]).stdout);
+    let page = run_era(&["man"]).out;
     assert!(page.contains(".TH era 1") && page.contains("\\-\\-log\\-format"), "{page}");
     let folder = tempfile::tempdir().unwrap();
     let pages = folder.path().join("man1");
     let output = run_era(&["man", "--dir", pages.to_str().unwrap()]);
-    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    assert!(output.is_success() && output.out.is_empty(), "{output:?}");
     for command in commands() {
         let own = std::fs::read_to_string(pages.join(format!("era-{command}.1"))).unwrap();
         assert!(own.contains(".TH ") && own.contains(&command.replace('-', "\\-")), "{command}: {own}");
@@ -55,5 +55,5 @@ fn every_command_has_a_man_page() {
     // Where nothing can be written.
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, "").unwrap();
-    assert_eq!(run_era(&["man", "--dir", blocked.to_str().unwrap()]).status.code(), Some(1));
+    assert_eq!(run_era(&["man", "--dir", blocked.to_str().unwrap()]).code, Some(1));
 }

@@ -1,7 +1,7 @@
 //! What a service manager is told.
 #![cfg(target_os = "linux")]
 
-use super::make_era_command;
+use crate::support::program::build_era_command;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -33,7 +33,7 @@ fn make_socket_and_serve_command_that_notifies_it(folder: &Path) -> (UnixDatagra
     let socket = UnixDatagram::bind(&path).unwrap();
     // The first start computes a plan table.
     socket.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
-    let mut command = make_era_command();
+    let mut command = build_era_command();
     command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
     command.env("NOTIFY_SOCKET", &path).stderr(Stdio::null());
     (socket, command)

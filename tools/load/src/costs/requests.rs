@@ -56,7 +56,7 @@ fn make_effect_touch_body(turn: u32, effect: &str) -> String {
 }
 
 /// Ten targets with time windows that overlap, so that each end begins another plan.
-fn make_windows_touch_body(turn: u32) -> String {
+fn make_touch_body_with_time_windows(turn: u32) -> String {
     let target = |k: u32| {
         let (x_px, y_px) = ((turn * 733 + k * 379) % 1920, (turn * 541 + k * 251) % 1280);
         json!({"x_px": x_px, "y_px": y_px, "intensity_g": 0.1, "from_ms": 100 * k, "to_ms": 100 * k + 950})
@@ -165,7 +165,7 @@ pub fn list_cases() -> Vec<Case> {
             "as a touch",
             "POST",
             "/v1/touch",
-            (0..8).map(make_windows_touch_body).collect(),
+            (0..8).map(make_touch_body_with_time_windows).collect(),
         ),
         make_get_case("`GET /v1/effects`", "made once", "/v1/effects"),
         make_case(

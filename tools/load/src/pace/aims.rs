@@ -38,7 +38,7 @@ impl LoadRow {
     /// Whether every touch was driven or overtaken: one that was refused or not seen is never measured away.
     #[must_use]
     pub fn was_every_touch_driven_or_overtaken(&self) -> bool {
-        self.measured.describe_refused_and_unseen_touches().is_empty()
+        self.measured.describe_refused_touches_and_those_without_frame().is_empty()
     }
 
     /// That the machine was disturbed, where the echo was beside the touches; for people. The touches themselves have no part in that.
@@ -203,7 +203,7 @@ mod tests {
     fn a_disturbed_load_is_put_on_again() {
         let tried = |echoes: &[f64], refused: bool| {
             let mut left = echoes.iter();
-            let row = super::super::repeat_measurement_until_undisturbed(|| {
+            let row = super::super::repeat_disturbed_measurement_and_keep_last_try(|| {
                 let mut row = beside_an_echo(1.0, 9.0, *left.next().unwrap());
                 row.measured.refused.extend(refused.then(|| ("queue-full".into(), 1)));
                 Ok(row)

@@ -61,7 +61,7 @@ fn answer_http_requests_with_fixed_body(stream: impl Read + Write) {
     let mut stream = BufReader::new(stream);
     let body = format!("{{\"drives\": [], \"rest\": \"{}\"}}", " ".repeat(ANSWER_BYTES));
     let answer = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{body}", body.len());
-    while let Some(length) = read_body_length(&mut stream) {
+    while let Some(length) = read_request_head_and_get_body_length_unless_closed(&mut stream) {
         let mut taken = vec![0; length];
         if stream.read_exact(&mut taken).is_err() || stream.get_mut().write_all(answer.as_bytes()).is_err() {
             return;
@@ -70,7 +70,7 @@ fn answer_http_requests_with_fixed_body(stream: impl Read + Write) {
 }
 
 /// Reads a request's lines.
-fn read_body_length(stream: &mut impl BufRead) -> Option<usize> {
+fn read_request_head_and_get_body_length_unless_closed(stream: &mut impl BufRead) -> Option<usize> {
     let (mut line, mut length) = (String::new(), 0);
     loop {
         line.clear();

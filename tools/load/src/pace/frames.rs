@@ -74,7 +74,7 @@ mod tests {
             phase_microturns: 0,
             voltage_millivolts: 900_000,
         };
-        DriveFrame { at, drives: vec![drive], window_count: 0 }
+        DriveFrame { at, drives: vec![drive], window_count: 0, windows_begin_after: None }
     }
 
     fn touch(due: Instant, ended: Instant, frequency_hz: f64) -> Touch {

@@ -79,7 +79,7 @@ impl TouchStatistics {
 
     /// What was refused and what was not seen, in words; nothing if there was none.
     #[must_use]
-    pub fn describe_refused_and_unseen_touches(&self) -> Vec<String> {
+    pub fn describe_refused_touches_and_those_without_frame(&self) -> Vec<String> {
         let mut all: Vec<String> = self.refused.iter().map(|(why, count)| format!("{count} refused: {why}")).collect();
         all.extend(
             (self.unseen > 0).then(|| format!("{} answered as driven without a frame on the line", self.unseen)),
@@ -121,7 +121,7 @@ mod tests {
             (2, Some(f64::INFINITY))
         );
         assert_eq!(measured.overtaken.longest_ms(), Some(7.0));
-        assert_eq!(measured.describe_refused_and_unseen_touches().len(), 2);
+        assert_eq!(measured.describe_refused_touches_and_those_without_frame().len(), 2);
     }
 
     /// A touch that was sent late, as all connections were busy, has waited since it was due.
@@ -130,7 +130,7 @@ mod tests {
         let due = Instant::now();
         let at = due + Duration::from_millis(40);
         let touch = Touch { due, ended: due + Duration::from_millis(41), end: TouchEnd::Driven(Vec::new()) };
-        let frame = DriveFrame { at, drives: Vec::new(), window_count: 0 };
+        let frame = DriveFrame { at, drives: Vec::new(), window_count: 0, windows_begin_after: None };
         let measured = TouchStatistics::from_touches(&[touch], &[frame]).unwrap();
         assert_eq!((measured.frame.longest_ms(), measured.answer.longest_ms()), (Some(40.0), Some(41.0)));
     }

@@ -90,15 +90,25 @@ impl Faults<'_> {
             for kind in order {
                 eprintln!("fault: {kind}");
                 match kind {
-                    FaultKind::Unplugged => self.inject_unplugging()?,
-                    FaultKind::DeadLine => {
-                        self.inject_line_cuts(CUTS, kind, &[Direction::ToBoard, Direction::ToHost])?
-                    }
-                    FaultKind::AnswersLost => self.inject_line_cuts(CUTS_ONE_WAY, kind, &[Direction::ToHost])?,
-                    FaultKind::RequestsLost => self.inject_line_cuts(CUTS_ONE_WAY, kind, &[Direction::ToBoard])?,
-                    FaultKind::RubbishToBoard => self.inject_rubbish(Direction::ToBoard, kind),
-                    FaultKind::RubbishToHost => self.inject_rubbish(Direction::ToHost, kind),
-                    _ => self.inject_daemon_pause()?,
+                    FaultKind::Unplugged => self.unplug_board_and_record_detection_and_recovery()?,
+                    FaultKind::DeadLine => self.cut_line_several_times_recording_detection_and_recovery(
+                        CUTS,
+                        kind,
+                        &[Direction::ToBoard, Direction::ToHost],
+                    )?,
+                    FaultKind::AnswersLost => self.cut_line_several_times_recording_detection_and_recovery(
+                        CUTS_ONE_WAY,
+                        kind,
+                        &[Direction::ToHost],
+                    )?,
+                    FaultKind::RequestsLost => self.cut_line_several_times_recording_detection_and_recovery(
+                        CUTS_ONE_WAY,
+                        kind,
+                        &[Direction::ToBoard],
+                    )?,
+                    FaultKind::RubbishToBoard => self.insert_rubbish_and_record_detection(Direction::ToBoard, kind),
+                    FaultKind::RubbishToHost => self.insert_rubbish_and_record_detection(Direction::ToHost, kind),
+                    _ => self.pause_daemon_and_record_detection_and_recovery()?,
                 }
             }
             eprintln!("fault: waiting for the end of {} slow clients", slow.len());
@@ -109,7 +119,7 @@ impl Faults<'_> {
             Ok(())
         })?;
         eprintln!("fault: {}", FaultKind::Killed);
-        self.inject_daemon_kill()
+        self.kill_and_restart_daemon_recording_recovery()
     }
 
     fn find_serving_daemon(&self) -> Result<ServingDaemon, Error> {
@@ -142,7 +152,7 @@ impl Faults<'_> {
     }
 
     /// Waits until a touch is driven.
-    fn await_driven_touch(&self) -> SeenAfter {
+    fn retry_touch_until_driven(&self) -> SeenAfter {
         let (begun, mut http) = (Instant::now(), self.new_http_client());
         let mut last = String::new();
         while begun.elapsed() < AGAIN {
@@ -163,7 +173,7 @@ impl Faults<'_> {
     }
 
     /// Waits until a metric is as wanted.
-    fn await_metric(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> SeenAfter {
+    fn await_condition_on_metrics_text(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> SeenAfter {
         let mut http = self.new_http_client();
         let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
         wait_until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
@@ -178,7 +188,7 @@ impl Faults<'_> {
     }
 
     /// Doubts, outages and faults that the daemon has counted so far.
-    fn count_troubles_in_metrics(text: &str) -> f64 {
+    fn sum_doubt_outage_and_fault_counts_in_metrics(text: &str) -> f64 {
         let names = ["era_device_doubts_total", "era_device_outages_total", "era_device_faults_total"];
         names.iter().filter_map(|name| find_metric(text, name)).sum()
     }
@@ -213,59 +223,75 @@ impl Faults<'_> {
         Ok(later_if_both_seen(off, told))
     }
 
-    fn inject_unplugging(&mut self) -> Result<(), Error> {
+    fn unplug_board_and_record_detection_and_recovery(&mut self) -> Result<(), Error> {
         let driven = self.drive_until_energised();
         let before = find_metric(&self.fetch_metrics(), "era_device_outages_total");
         let seen = self.time_loss_detection_and_voltage_off(Bench::unplug)?;
         let off = driven.and(seen);
-        let noticed = self.await_metric("the outage was not counted", |text| {
+        let noticed = self.await_condition_on_metrics_text("the outage was not counted", |text| {
             find_metric(text, "era_device_outages_total") > before
                 && find_metric(text, "era_device_connected") == Some(0.0)
         });
         std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
         self.bench.plug_in()?;
-        self.ledger.record_fault(FaultKind::Unplugged, later_if_both_seen(off, noticed), self.await_driven_touch());
+        self.ledger.record_fault(
+            FaultKind::Unplugged,
+            later_if_both_seen(off, noticed),
+            self.retry_touch_until_driven(),
+        );
         Ok(())
     }
 
-    fn inject_line_cuts(&mut self, count: usize, kind: FaultKind, directions: &[Direction]) -> Result<(), Error> {
-        (0..count).try_for_each(|_| self.inject_line_cut(kind, directions))
+    fn cut_line_several_times_recording_detection_and_recovery(
+        &mut self,
+        count: usize,
+        kind: FaultKind,
+        directions: &[Direction],
+    ) -> Result<(), Error> {
+        (0..count).try_for_each(|_| self.cut_line_and_record_detection_and_recovery(kind, directions))
     }
 
-    pub(super) fn inject_line_cut(&mut self, kind: FaultKind, directions: &[Direction]) -> Result<(), Error> {
+    pub(super) fn cut_line_and_record_detection_and_recovery(
+        &mut self,
+        kind: FaultKind,
+        directions: &[Direction],
+    ) -> Result<(), Error> {
         let driven = self.drive_until_energised();
-        let before = Self::count_troubles_in_metrics(&self.fetch_metrics());
+        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics());
         let seen = self.time_loss_detection_and_voltage_off(|bench| {
             bench.set_blocked_directions(directions);
             Ok(())
         })?;
         let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
-        let stays_off = check_high_voltage_stays_off(lasts, || self.sim_control().observations_since_start().energised);
+        let stays_off =
+            watch_for_high_voltage_and_fail_if_on(lasts, || self.sim_control().observations_since_start().energised);
         // One that did not go off is named for that.
         let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
         let off = driven.and(later_if_both_seen(seen, stays_off));
         self.bench.set_blocked_directions(&[]);
-        let noticed = self.await_metric("neither doubt, outage nor fault was counted", |text| {
-            Self::count_troubles_in_metrics(text) > before
+        let noticed = self.await_condition_on_metrics_text("neither doubt, outage nor fault was counted", |text| {
+            Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(kind, later_if_both_seen(off, noticed), self.await_driven_touch());
+        self.ledger.record_fault(kind, later_if_both_seen(off, noticed), self.retry_touch_until_driven());
         Ok(())
     }
 
-    fn inject_rubbish(&mut self, direction: Direction, kind: FaultKind) {
+    fn insert_rubbish_and_record_detection(&mut self, direction: Direction, kind: FaultKind) {
         for at in 0..BYTES {
-            let Some(mut noticed) = self.insert_rubbish_in_frame_and_await_detection(direction, at) else { continue };
+            let Some(mut noticed) = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at) else {
+                continue;
+            };
             if noticed.is_err() {
                 // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
-                noticed = self.insert_rubbish_in_frame_and_await_detection(direction, at).unwrap_or(noticed);
+                noticed = self.insert_rubbish_if_frame_fits_and_await_detection(direction, at).unwrap_or(noticed);
             }
-            let again = self.await_driven_touch();
+            let again = self.retry_touch_until_driven();
             self.ledger.record_fault(kind, noticed, again);
         }
     }
 
     /// Puts rubbish into a frame, before the byte `before_byte_index`; `None` if no frame was long enough.
-    fn insert_rubbish_in_frame_and_await_detection(
+    fn insert_rubbish_if_frame_fits_and_await_detection(
         &mut self,
         direction: Direction,
         before_byte_index: usize,
@@ -282,23 +308,26 @@ impl Faults<'_> {
         if !taken && self.bench.withdraw_pending_rubbish() {
             return None;
         }
-        Some(self.await_metric(&format!("neither repeat nor bad frame for byte {before_byte_index}"), |text| {
-            let now = links(text);
-            now.iter().all(Option::is_some) && now != before
-        }))
+        Some(self.await_condition_on_metrics_text(
+            &format!("neither repeat nor bad frame for byte {before_byte_index}"),
+            |text| {
+                let now = links(text);
+                now.iter().all(Option::is_some) && now != before
+            },
+        ))
     }
 
-    fn inject_daemon_pause(&mut self) -> Result<(), Error> {
+    fn pause_daemon_and_record_detection_and_recovery(&mut self) -> Result<(), Error> {
         let driven = self.drive_until_energised();
-        let before = Self::count_troubles_in_metrics(&self.fetch_metrics());
+        let before = Self::sum_doubt_outage_and_fault_counts_in_metrics(&self.fetch_metrics());
         self.daemon.set_paused(true)?;
         let off = driven.and_then(|()| self.await_high_voltage_off());
         std::thread::sleep(Duration::from_millis(self.random.u64(0..3000)));
         self.daemon.set_paused(false)?;
-        let noticed = self.await_metric("neither outage nor fault was counted", |text| {
-            Self::count_troubles_in_metrics(text) > before
+        let noticed = self.await_condition_on_metrics_text("neither outage nor fault was counted", |text| {
+            Self::sum_doubt_outage_and_fault_counts_in_metrics(text) > before
         });
-        self.ledger.record_fault(FaultKind::Held, later_if_both_seen(off, noticed), self.await_driven_touch());
+        self.ledger.record_fault(FaultKind::Held, later_if_both_seen(off, noticed), self.retry_touch_until_driven());
         Ok(())
     }
 
@@ -314,11 +343,11 @@ impl Faults<'_> {
             SlowClientEnd::Borne => Err("the daemon still serves this client".into()),
             SlowClientEnd::Unknown => return,
         };
-        let again = self.await_driven_touch();
+        let again = self.retry_touch_until_driven();
         self.ledger.record_fault(kind, detected, again);
     }
 
-    fn inject_daemon_kill(&mut self) -> Result<(), Error> {
+    fn kill_and_restart_daemon_recording_recovery(&mut self) -> Result<(), Error> {
         let driven = self.drive_until_energised();
         self.outages += self.read_metric_count("era_device_outages_total");
         self.faults += self.read_metric_count("era_device_faults_total");
@@ -328,7 +357,7 @@ impl Faults<'_> {
         let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
         self.world.set_daemon(self.daemon.address);
-        self.ledger.record_fault(FaultKind::Killed, off, self.await_driven_touch());
+        self.ledger.record_fault(FaultKind::Killed, off, self.retry_touch_until_driven());
         Ok(())
     }
 
@@ -350,7 +379,7 @@ fn later_if_both_seen(one: SeenAfter, other: SeenAfter) -> SeenAfter {
 }
 
 /// Looks for as long as that whether high voltage is on again: a board that hears, and that nobody hears, must not be armed.
-pub(super) fn check_high_voltage_stays_off(duration: Duration, is_on: impl FnMut() -> bool) -> SeenAfter {
+pub(super) fn watch_for_high_voltage_and_fail_if_on(duration: Duration, is_on: impl FnMut() -> bool) -> SeenAfter {
     match wait_until(duration, is_on) {
         Some(after) => Err(format!("the board's high voltage was on again {} ms later", after.as_millis())),
         None => Ok(Duration::ZERO),

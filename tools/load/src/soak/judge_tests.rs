@@ -4,7 +4,7 @@
 //! shows that. Each test plants one mistake and goes the whole way from the board or the daemon to the words of the verdict; all
 //! tests of this crate take 8 s. Thresholds alone are tested beside them (`growth.rs`, `report.rs`).
 
-use super::faults::{Faults, check_high_voltage_stays_off, wait_until};
+use super::faults::{Faults, wait_until, watch_for_high_voltage_and_fail_if_on};
 use super::ledger::{FaultKind, FaultLedger};
 use super::tally::Tally;
 use super::world::SoakState;
@@ -138,9 +138,10 @@ fn travel_beyond_the_limit_is_named() {
 fn high_voltage_that_stays_on_is_named() {
     let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
     let both_directions = [Direction::ToBoard, Direction::ToHost];
-    let found =
-        verdict_on_board(mistakes, |faults| faults.inject_line_cut(FaultKind::DeadLine, &both_directions).unwrap())
-            .expect("a verdict");
+    let found = verdict_on_board(mistakes, |faults| {
+        faults.cut_line_and_record_detection_and_recovery(FaultKind::DeadLine, &both_directions).unwrap()
+    })
+    .expect("a verdict");
     assert!(found.contains("observations after the dead-man time"), "{found}");
     assert!(
         found.contains("line dead for a while: not detected: the board's high voltage was still on after"),
@@ -154,7 +155,7 @@ fn high_voltage_that_stays_on_is_named() {
 fn a_board_that_goes_on_while_its_answers_are_lost_is_named() {
     let mistakes = Mistakes { deaf_to_stops: true, ..Mistakes::default() };
     let found = verdict_on_board(mistakes, |faults| {
-        faults.inject_line_cut(FaultKind::AnswersLost, &[Direction::ToHost]).unwrap()
+        faults.cut_line_and_record_detection_and_recovery(FaultKind::AnswersLost, &[Direction::ToHost]).unwrap()
     })
     .expect("a verdict");
     let named = "answers lost, requests heard: not detected: the board's high voltage was still on after";
@@ -165,7 +166,7 @@ fn a_board_that_goes_on_while_its_answers_are_lost_is_named() {
 fn a_board_that_goes_on_while_requests_are_lost_is_named() {
     let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
     let found = verdict_on_board(mistakes, |faults| {
-        faults.inject_line_cut(FaultKind::RequestsLost, &[Direction::ToBoard]).unwrap()
+        faults.cut_line_and_record_detection_and_recovery(FaultKind::RequestsLost, &[Direction::ToBoard]).unwrap()
     });
     let named = "requests lost, answers heard: not detected: the board's high voltage was still on after";
     assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
@@ -178,9 +179,9 @@ fn high_voltage_that_comes_again_is_named() {
         looks += 1;
         looks == 3
     };
-    let found = check_high_voltage_stays_off(WAIT, third).unwrap_err();
+    let found = watch_for_high_voltage_and_fail_if_on(WAIT, third).unwrap_err();
     assert!(found.contains("the board's high voltage was on again"), "{found}");
-    assert!(check_high_voltage_stays_off(Duration::ZERO, || false).is_ok());
+    assert!(watch_for_high_voltage_and_fail_if_on(Duration::ZERO, || false).is_ok());
 }
 
 /// Says at `/metrics` that the board is there until some time after `lost` is set.

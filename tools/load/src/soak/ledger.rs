@@ -106,7 +106,7 @@ impl FaultLedger {
 
     /// Faults that the board may have latched for what was injected: one for each time that it, or the daemon, may have heard nothing.
     #[must_use]
-    pub fn count_possible_latches(&self) -> u64 {
+    pub fn count_injected_faults_that_may_latch(&self) -> u64 {
         let is_of_clients = |kind: &FaultKind| {
             matches!(kind, FaultKind::SlowNothing | FaultKind::SlowHeader | FaultKind::SlowBody | FaultKind::SlowReader)
         };

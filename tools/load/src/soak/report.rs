@@ -91,7 +91,7 @@ impl Report {
 
     /// Faults that nobody has injected, in words.
     fn describe_latched_faults_exceeding_injected(&self) -> Option<String> {
-        let injected = self.ledger.count_possible_latches();
+        let injected = self.ledger.count_injected_faults_that_may_latch();
         let Self { latched, .. } = self;
         (*latched > injected)
             .then(|| format!("the board has latched {latched} faults, but only {injected} were injected"))

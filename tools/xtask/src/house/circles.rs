@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub type Graph<N> = BTreeMap<N, BTreeSet<N>>;
 
 /// The circles, each with the edges inside it.
-pub fn find_cycles_with_their_edges<N: Clone + Ord>(graph: &Graph<N>) -> Vec<Graph<N>> {
+pub fn find_strongly_connected_components_of_several_nodes<N: Clone + Ord>(graph: &Graph<N>) -> Vec<Graph<N>> {
     // With some hundred nodes, which one leads to which is found by plain search.
     let reached: BTreeMap<&N, BTreeSet<&N>> = graph.keys().map(|start| (start, find_reachable(graph, start))).collect();
     let leads_to = |from: &N, to: &N| reached.get(from).is_some_and(|nodes| nodes.contains(to));
@@ -44,12 +44,19 @@ mod tests {
 
     #[test]
     fn circles_are_found_with_their_edges_and_nothing_else_is() {
-        assert_eq!(find_cycles_with_their_edges(&graph(&[(1, 2), (1, 3), (2, 4), (3, 4)])), []);
+        assert_eq!(find_strongly_connected_components_of_several_nodes(&graph(&[(1, 2), (1, 3), (2, 4), (3, 4)])), []);
         // 1, 2, 3 in one with a chord; 5 and 6 in another, which leads to nothing; 4 between them, 7 before both.
         let two = [(1, 2), (2, 3), (3, 1), (1, 3), (3, 4), (4, 5), (5, 6), (6, 5), (7, 1), (7, 6)];
         let first = graph(&[(1, 2), (1, 3), (2, 3), (3, 1)]);
-        assert_eq!(find_cycles_with_their_edges(&graph(&two)), [first, graph(&[(5, 6), (6, 5)])]);
+        assert_eq!(
+            find_strongly_connected_components_of_several_nodes(&graph(&two)),
+            [first, graph(&[(5, 6), (6, 5)])]
+        );
         // Seen again while open, by a way that began later: all one.
-        assert_eq!(find_cycles_with_their_edges(&graph(&[(1, 2), (2, 3), (3, 2), (3, 4), (4, 1)])).len(), 1);
+        assert_eq!(
+            find_strongly_connected_components_of_several_nodes(&graph(&[(1, 2), (2, 3), (3, 2), (3, 4), (4, 1)]))
+                .len(),
+            1
+        );
     }
 }

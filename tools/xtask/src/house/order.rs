@@ -22,8 +22,10 @@ impl FolderOrder {
     pub fn find_order_breaches(&self, imports: &Graph<String>) -> Vec<String> {
         let edges = imports.iter().flat_map(|(from, to)| to.iter().map(move |to| (from, to)));
         let breach = |(from, to): (&String, &String)| {
-            let (from_entry, to_entry) =
-                (self.find_name_directly_below_folder(from)?, self.find_name_directly_below_folder(to)?);
+            let (from_entry, to_entry) = (
+                self.find_entry_of_folder_with_file_unless_mod_rs(from)?,
+                self.find_entry_of_folder_with_file_unless_mod_rs(to)?,
+            );
             let place = |entry: &str| self.entries.iter().position(|known| *known == entry);
             let is_allowed = place(from_entry).zip(place(to_entry)).is_some_and(|(from, to)| to <= from);
             (!is_allowed).then(|| format!("{from} -> {to}"))
@@ -32,7 +34,7 @@ impl FolderOrder {
     }
 
     /// The folder or file directly below, in which a file is; `None` for files elsewhere and for the folder's `mod.rs`.
-    fn find_name_directly_below_folder<'f>(&self, file: &'f str) -> Option<&'f str> {
+    fn find_entry_of_folder_with_file_unless_mod_rs<'f>(&self, file: &'f str) -> Option<&'f str> {
         let entry = file.strip_prefix(self.folder)?.split('/').next()?;
         (entry != "mod.rs").then_some(entry)
     }

@@ -1,6 +1,6 @@
 //! What is found in a crate: circles of imports, long files, files that no `mod` leads to.
 
-use super::circles::{Graph, find_cycles_with_their_edges};
+use super::circles::{Graph, find_strongly_connected_components_of_several_nodes};
 use super::source::ModuleCode;
 use super::tree::{ModuleTree, Sources};
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,7 +47,7 @@ impl Survey {
         for (from, to) in find_file_imports_outside_own_ancestry(&trees, is_test) {
             graph.entry(format_source_path(from)).or_insert_with(BTreeSet::new).insert(format_source_path(to));
         }
-        Ok(Self { circles: find_cycles_with_their_edges(&graph), imports: graph, long, lost })
+        Ok(Self { circles: find_strongly_connected_components_of_several_nodes(&graph), imports: graph, long, lost })
     }
 }
 

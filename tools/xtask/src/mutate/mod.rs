@@ -67,7 +67,7 @@ struct Workbench {
 /// # Errors
 /// [`Error::Mutations`] with those that nothing detects and those that could not be judged, [`Error::NotSound`] if the tree fails without
 /// a mistake, or what kept one from being planted.
-pub fn plant_mistakes(options: &Options) -> Result<(), Error> {
+pub fn run_mutation_tests(options: &Options) -> Result<(), Error> {
     let root = repository_root()?;
     let tree = root.join("target/mutate/tree");
     copy_tracked_files(&root, &tree)?;
@@ -81,17 +81,28 @@ pub fn plant_mistakes(options: &Options) -> Result<(), Error> {
         };
         let seen = match &outcome {
             Ok(MutationOutcome::Detected(by)) => by.iter().take(3).cloned().collect::<Vec<_>>().join(", "),
-            Ok(MutationOutcome::Survived) => "NOTHING".to_owned(),
+            Ok(MutationOutcome::Survived) => match mutation.unseen_because {
+                Some(reason) => format!("nothing, as listed: {reason}"),
+                None => "NOTHING".to_owned(),
+            },
             Err(reason) => format!("NOT JUDGED: {reason}"),
         };
         println!("{:<58} {}: {seen}", mutation.name, mutation.file);
-        match outcome {
-            Ok(MutationOutcome::Survived) => unclear.push(mutation.name.to_owned()),
-            Err(reason) => unclear.push(format!("{} ({reason})", mutation.name)),
-            Ok(_) => {}
-        }
+        unclear.extend(describe_outcome_unless_as_listed(mutation, &outcome));
     }
     if unclear.is_empty() { Ok(()) } else { Err(Error::Mutations(unclear.join("; "))) }
+}
+
+/// What is wrong with an outcome: a mistake that is not detected, not judged, or detected although its list says that it cannot be.
+fn describe_outcome_unless_as_listed(mutation: &Mutation, outcome: &Result<MutationOutcome, String>) -> Option<String> {
+    match (outcome, mutation.unseen_because) {
+        (Err(reason), _) => Some(format!("{} ({reason})", mutation.name)),
+        (Ok(MutationOutcome::Survived), None) => Some(mutation.name.to_owned()),
+        (Ok(MutationOutcome::Detected(_)), Some(_)) => {
+            Some(format!("{} (detected, but listed as a mistake that no test can detect)", mutation.name))
+        }
+        (Ok(MutationOutcome::Survived), Some(_)) | (Ok(MutationOutcome::Detected(_)), None) => None,
+    }
 }
 
 fn select_matching_or_commit_sampled_mutations(
@@ -275,6 +286,19 @@ mod tests {
             panic!("a run that was ended by its time limit is detected")
         };
         assert!(names[0].contains("does not end"), "{names:?}");
+    }
+
+    /// A reason why a mistake is not seen excuses that mistake only, and only as long as it is not seen.
+    #[test]
+    fn only_listed_mistakes_may_survive() {
+        let listed = list_mutations().find(|it| it.unseen_because.is_some()).expect("a mistake with a reason");
+        let other = list_mutations().find(|it| it.unseen_because.is_none()).expect("a mistake without one");
+        let [survived, detected] = [Ok(MutationOutcome::Survived), Ok(MutationOutcome::Detected(vec!["a".to_owned()]))];
+        assert_eq!(describe_outcome_unless_as_listed(listed, &survived), None);
+        assert_eq!(describe_outcome_unless_as_listed(other, &detected), None);
+        assert_eq!(describe_outcome_unless_as_listed(other, &survived).as_deref(), Some(other.name));
+        assert!(describe_outcome_unless_as_listed(listed, &detected).is_some());
+        assert!(describe_outcome_unless_as_listed(listed, &Err("it does not compile".to_owned())).is_some());
     }
 
     #[test]

@@ -48,7 +48,10 @@ enum FunctionClass {
 ///
 /// # Errors
 /// [`StackError::NoFunction`] if the rules name what the image does not have.
-pub fn find_worst_case_stack_levels(program: &Program, rules: &Rules<'_>) -> Result<Vec<StackLevel>, StackError> {
+pub fn find_deepest_call_chain_of_each_nesting_level(
+    program: &Program,
+    rules: &Rules<'_>,
+) -> Result<Vec<StackLevel>, StackError> {
     let find = |name: &str| program.functions.iter().position(|function| function.names.iter().any(|own| own == name));
     let known = |name: &String| find(name).ok_or_else(|| StackError::NoFunction(name.clone()));
     let executors = rules.executors.iter().map(known).collect::<Result<BTreeSet<_>, _>>()?;
@@ -242,7 +245,7 @@ mod tests {
     fn the_longest_chain_of_each_level_is_found() {
         let executors = ["run".to_owned()];
         let rules = Rules { executors: &executors, recursion: 3, priorities: &BTreeMap::new() };
-        let levels = find_worst_case_stack_levels(&program(), &rules).expect("a bound");
+        let levels = find_deepest_call_chain_of_each_nesting_level(&program(), &rules).expect("a bound");
         let bytes: Vec<u32> = levels.iter().map(|level| level.bytes).collect();
         // The executor calls the task, which formats: write and fmt call each other, counted three times each. Nobody
         // but the executor calls tasks, so the interrupt reaches formatting at most, and is less deep than the slow one.
@@ -254,14 +257,16 @@ mod tests {
     #[test]
     fn each_priority_is_a_level_of_its_own() {
         let priorities = [("Slow".to_owned(), 5)].into();
-        let levels =
-            find_worst_case_stack_levels(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
+        let levels = find_deepest_call_chain_of_each_nesting_level(
+            &program(),
+            &Rules { executors: &[], recursion: 1, priorities: &priorities },
+        );
         let names: Vec<String> = levels.expect("a bound").into_iter().map(|level| level.name).collect();
         assert_eq!(names, ["thread mode", "priority 5: Slow", "priority 0: Tick", "a panic", "a HardFault"]);
         let unknown = ["gone".to_owned()];
         let rules = Rules { executors: &unknown, recursion: 1, priorities: &BTreeMap::new() };
         assert!(
-            matches!(find_worst_case_stack_levels(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone")
+            matches!(find_deepest_call_chain_of_each_nesting_level(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone")
         );
     }
 }

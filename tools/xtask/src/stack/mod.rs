@@ -22,7 +22,7 @@ mod program;
 mod seen;
 mod thumb;
 
-pub use chain::{Rules, find_worst_case_stack_levels};
+pub use chain::{Rules, find_deepest_call_chain_of_each_nesting_level};
 pub use program::Program;
 pub use seen::measure_most_stack_bytes_in_use;
 

@@ -192,7 +192,7 @@ impl BurstRun<'_> {
         // As early as can be, or a little later, at any clock.
         let later = if self.random.bool() { 0 } else { self.random.u64(0..5_000_000) };
         let start = sequencer.earliest_sequence_start_clock(used, self.now_us) + later;
-        placed.begin_at(start);
+        placed.set_start_clock(start);
         sequencer.play_windows_ending_all_drives(&placed, self.now_us);
         let expected = list_expected_pulses(&windows, start);
         let last = expected.iter().flatten().map(|pulse| pulse.to).max().unwrap_or(start);
@@ -210,7 +210,7 @@ impl BurstRun<'_> {
             // The last one stays for the guard before the next.
             pulses.drain(..pulses.len().saturating_sub(1));
         }
-        self.is_wrong |= self.timers.sequencer.missed_channel().is_some();
+        self.is_wrong |= self.timers.sequencer.first_channel_with_missed_window().is_some();
         tally.missed += u64::from(std::mem::take(&mut self.is_wrong));
     }
 }

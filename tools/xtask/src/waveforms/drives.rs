@@ -71,7 +71,7 @@ impl DriveTally {
         let clocks = |ticks: u32| u64::from(ticks) * u64::from(windows.divider) * 1_000_000_000;
         let limit = u64::from(limits.min_guard_ns) * u64::from(limits.timer_clock_hz);
         self.overlaps += u64::from(windows.overlap_ticks() > 0);
-        let guard = windows.shortest_guard_ticks().unwrap_or(0);
+        let guard = windows.shortest_guard_ticks_if_both_have_windows().unwrap_or(0);
         let guard_s = f64::from(guard) * tick_s;
         self.short_guards += u64::from(clocks(guard) < limit);
         self.least_guard_us = self.least_guard_us.min(guard_s * 1e6);

@@ -80,7 +80,7 @@ pub(super) fn solve_by_barrier(
 ) -> Solution {
     let barrier = Barrier::new(program, objective);
     let mut point = barrier.eigenvector_coordinates_of_phasors(start);
-    let first = barrier.barrier_parameter() / barrier.estimate_objective_range(&point).max(f64::MIN_POSITIVE);
+    let first = barrier.count_barrier_terms() / barrier.estimate_objective_range(&point).max(f64::MIN_POSITIVE);
     let mut weight = first;
     let mut best = barrier.build_certified_solution_after_step(weight, &point, &[0.0; MOST_UNKNOWNS]);
     for _ in 0..CENTRINGS {
@@ -136,7 +136,7 @@ impl Barrier {
 
     /// nu.
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
-    fn barrier_parameter(&self) -> f64 {
+    fn count_barrier_terms(&self) -> f64 {
         (self.limit_rows().count() + usize::from(self.objective == Objective::LeastEnergy)) as f64
     }
 

@@ -36,7 +36,10 @@ pub(super) fn find_least_energy_if_no_limit_binds(program: &Program) -> Option<O
 }
 
 /// Least energy for a peak of 1 where limits bind; `None` if there is no such peak, or proof that it takes `cost_limit` or more.
-pub(super) fn minimise_energy_for_unit_peak_unless_cost_exceeds(program: &Program, cost_limit: f64) -> Option<Optimum> {
+pub(super) fn minimise_energy_for_unit_peak_if_reachable_below_cost_limit(
+    program: &Program,
+    cost_limit: f64,
+) -> Option<Optimum> {
     if program.max_peak_without_travel_limits() <= 1.0 {
         return None;
     }
@@ -60,7 +63,7 @@ pub(super) fn minimise_energy_for_unit_peak_unless_cost_exceeds(program: &Progra
 }
 
 /// Most peak within the limits; as good as it gets unless it is proven to cost `cost_limit` or more before.
-pub(super) fn maximise_peak_within_limits_until_cost_exceeds(program: &Program, cost_limit: f64) -> Optimum {
+pub(super) fn maximise_peak_until_proven_no_better_than_known(program: &Program, cost_limit: f64) -> Optimum {
     if !(0..MAX_ACTUATORS).any(|row| program.can_reach_travel_limit(row)) {
         // Every actuator at its limit, all in phase at the target.
         let x = program.gain.map(|gain| if gain == ZERO { ZERO } else { gain.conj() / gain.norm() });

@@ -1,8 +1,8 @@
 //! The best frequency, proven.
 
 use super::optimum::{
-    Optimum, find_least_energy_if_no_limit_binds, maximise_peak_within_limits_until_cost_exceeds,
-    minimise_energy_for_unit_peak_unless_cost_exceeds,
+    Optimum, find_least_energy_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
+    minimise_energy_for_unit_peak_if_reachable_below_cost_limit,
 };
 use super::program::{Program, ROUNDING, Units};
 use super::unlimited::UnlimitedEfficiency;
@@ -74,7 +74,7 @@ impl PhasorSearch<'_> {
             let program = self.build_program_at_frequency(k, units);
             find_least_energy_if_no_limit_binds(&program).or_else(|| {
                 *solved += 1;
-                minimise_energy_for_unit_peak_unless_cost_exceeds(&program, limit)
+                minimise_energy_for_unit_peak_if_reachable_below_cost_limit(&program, limit)
             })
         })?;
         Some(self.to_best_phasors(units, &best))
@@ -91,11 +91,11 @@ impl PhasorSearch<'_> {
         let bounds = usable.map(|k| (-self.most_peaks[k] / at.peak, k)).collect();
         let strongest = find_cheapest_frequency_in_order_of_bounds(bounds, |k, limit, solved| {
             *solved += 1;
-            Some(maximise_peak_within_limits_until_cost_exceeds(&self.build_program_at_frequency(k, at), limit))
+            Some(maximise_peak_until_proven_no_better_than_known(&self.build_program_at_frequency(k, at), limit))
         })?;
         let reached = -wanted_m_per_s2 * strongest.optimum.cost * (1.0 - REACH_SLACK);
         let goal = units(reached.min(wanted_m_per_s2));
-        let optimum = minimise_energy_for_unit_peak_unless_cost_exceeds(
+        let optimum = minimise_energy_for_unit_peak_if_reachable_below_cost_limit(
             &self.build_program_at_frequency(strongest.frequency, goal),
             f64::INFINITY,
         );

@@ -1,8 +1,8 @@
 //! Against exhaustive search, brute force over phasors and closed forms.
 
 use super::optimum::{
-    find_least_energy_if_no_limit_binds, maximise_peak_within_limits_until_cost_exceeds,
-    minimise_energy_for_unit_peak_unless_cost_exceeds,
+    find_least_energy_if_no_limit_binds, maximise_peak_until_proven_no_better_than_known,
+    minimise_energy_for_unit_peak_if_reachable_below_cost_limit,
 };
 use super::program::{Program, Units};
 use super::unlimited::UnlimitedEfficiency;
@@ -125,12 +125,12 @@ pub(super) fn find_least_energy_and_peak_exhaustively(field: &TargetField<'_>, w
     let least = |peak: f64| {
         let optima = programs(peak).filter_map(|p| {
             find_least_energy_if_no_limit_binds(&p)
-                .or_else(|| minimise_energy_for_unit_peak_unless_cost_exceeds(&p, f64::INFINITY))
+                .or_else(|| minimise_energy_for_unit_peak_if_reachable_below_cost_limit(&p, f64::INFINITY))
         });
         optima.map(|optimum| optimum.cost).reduce(f64::min).map(|cost| (cost * units(peak).energy, peak))
     };
     least(wanted).unwrap_or_else(|| {
-        let most = programs(wanted).map(|p| -maximise_peak_within_limits_until_cost_exceeds(&p, f64::INFINITY).cost);
+        let most = programs(wanted).map(|p| -maximise_peak_until_proven_no_better_than_known(&p, f64::INFINITY).cost);
         least(wanted * most.fold(0.0, f64::max) * (1.0 - REACH_SLACK)).unwrap()
     })
 }

@@ -235,13 +235,15 @@ fn a_narrow_room_is_found() {
 fn a_growing_touch_takes_no_step_back() {
     let up_to = |most: f64| move |part: &f64| if (0.5..=most).contains(part) { 1.0 } else { 0.2 };
     let from = |part: f64, most: f64| {
-        find_larger_fraction_and_plan_if_worth_it(part, Ok::<_, ()>, up_to(most)).unwrap().map(|(part, _)| part)
+        find_larger_fraction_and_plan_within_headroom_if_any(part, Ok::<_, ()>, up_to(most))
+            .unwrap()
+            .map(|(part, _)| part)
     };
     assert_eq!(from(0.5, 1.0), Some(1.0));
     assert_eq!(from(0.5, 0.9), Some(0.8));
     assert_eq!(from(0.5, 0.7), Some(0.65));
     assert_eq!(from(0.5, 0.6), None);
-    assert_eq!(find_larger_fraction_and_plan_if_worth_it(0.5, |_| Err::<f64, _>(()), |_| 1.0), Err(()));
+    assert_eq!(find_larger_fraction_and_plan_within_headroom_if_any(0.5, |_| Err::<f64, _>(()), |_| 1.0), Err(()));
 }
 
 #[test]

@@ -76,10 +76,10 @@ proptest! {
         let orders = [1.0, 3.0, 5.0, 7.0, 9.0];
         let (found, mean) = march(times, hz, width, &orders, 4000);
         for (n, marched) in orders.iter().zip(found) {
-            let own = charging.harmonic_phasor(*n, width);
+            let own = charging.force_harmonic_phasor_per_n_at_rail_voltage(*n, width);
             prop_assert!((own - marched).norm() < 1e-6, "{n}: {own} {marched}");
         }
-        prop_assert!((charging.summed_mean_square_voltage_fraction(width) - mean).abs() < 1e-6);
+        prop_assert!((charging.mean_square_voltage_of_both_electrodes_as_fraction(width) - mean).abs() < 1e-6);
     }
 
     /// The force is never above the one without resistors, and grows with the width; so does the mean square.
@@ -97,11 +97,11 @@ proptest! {
         let mut before = 0.0;
         for k in 1..=60 {
             let width = widest * f64::from(k) / 60.0;
-            let force = charging.harmonic_phasor(1.0, width).norm();
-            prop_assert!(force <= ideal.harmonic_phasor(1.0, width).norm() * (1.0 + 1e-12));
-            prop_assert!(charging.summed_mean_square_voltage_fraction(width) <= width * (1.0 + 1e-12));
+            let force = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm();
+            prop_assert!(force <= ideal.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm() * (1.0 + 1e-12));
+            prop_assert!(charging.mean_square_voltage_of_both_electrodes_as_fraction(width) <= width * (1.0 + 1e-12));
             prop_assert!(force > before, "{force} at {width}");
-            prop_assert!(charging.force_phase_behind_windows_rad(width) <= 1e-12);
+            prop_assert!(charging.force_phase_relative_to_windows_rad(width) <= 1e-12);
             before = force;
         }
     }
@@ -118,7 +118,7 @@ proptest! {
         let charging = PeriodicCharging::new(times, hz);
         let full = full * (1.0 - 2.0 * hz * 200e-6_f64).min(0.96);
         let width = charging.find_pulse_width_for_force_fraction(full, fraction);
-        let (wanted, found) = (charging.harmonic_phasor(1.0, full).norm() * fraction, charging.harmonic_phasor(1.0, width).norm());
+        let (wanted, found) = (charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, full).norm() * fraction, charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width).norm());
         prop_assert!((found / wanted - 1.0).abs() < 1e-9, "{found} {wanted}");
         prop_assert!(width <= full * (1.0 + 1e-12));
     }
@@ -137,7 +137,7 @@ proptest! {
             PeriodicCharging::new(times, a * hz)
         };
         for n in [1.0, 3.0, 5.0] {
-            let (one, other) = (at(1.0).harmonic_phasor(n, width), at(factor).harmonic_phasor(n, width));
+            let (one, other) = (at(1.0).force_harmonic_phasor_per_n_at_rail_voltage(n, width), at(factor).force_harmonic_phasor_per_n_at_rail_voltage(n, width));
             prop_assert!((one - other).norm() < 1e-11, "{n}: {one} {other}");
         }
     }
@@ -149,10 +149,11 @@ fn hardly_any_resistance_is_the_contracts_law() {
     for (hz, width) in [(40.0, 0.3), (200.0, 2.0 / 3.0), (400.0, 0.84)] {
         for n in [1.0, 3.0, 5.0, 7.0] {
             let law = 4.0 / (n * PI) * (n * PI * width / 2.0).sin();
-            let none = PeriodicCharging::new(ChargingTimes::default(), hz).harmonic_phasor(n, width);
+            let none = PeriodicCharging::new(ChargingTimes::default(), hz)
+                .force_harmonic_phasor_per_n_at_rail_voltage(n, width);
             assert!((none - law).norm() < 1e-14, "{none} {law}");
             let hardly = times(1e-12, 1e3, 1e3, 0.0);
-            let found = PeriodicCharging::new(hardly, hz).harmonic_phasor(n, width);
+            let found = PeriodicCharging::new(hardly, hz).force_harmonic_phasor_per_n_at_rail_voltage(n, width);
             assert!((found - law).norm() < 1e-5, "{found} {law}");
         }
     }
@@ -176,11 +177,13 @@ fn levels_and_phases_of_some_circuits() {
         for ((hz, width), [decibels, degrees]) in
             [(200.0, 2.0 / 3.0), (200.0, 0.92), (500.0, 2.0 / 3.0), (500.0, 0.8)].into_iter().zip(expected)
         {
-            let phasor = PeriodicCharging::new(own, hz).harmonic_phasor(1.0, width);
-            let ideal = PeriodicCharging::new(ChargingTimes::default(), hz).harmonic_phasor(1.0, width);
+            let phasor = PeriodicCharging::new(own, hz).force_harmonic_phasor_per_n_at_rail_voltage(1.0, width);
+            let ideal = PeriodicCharging::new(ChargingTimes::default(), hz)
+                .force_harmonic_phasor_per_n_at_rail_voltage(1.0, width);
             let level = 20.0 * (phasor.norm() / ideal.norm()).log10();
             let phase = phasor.arg().to_degrees();
-            let third = PeriodicCharging::new(own, hz).harmonic_phasor_over_fundamental_amplitude(3.0, width).norm();
+            let third =
+                PeriodicCharging::new(own, hz).force_harmonic_phasor_over_fundamental_amplitude(3.0, width).norm();
             println!(
                 "{picofarads} pF, {up} and {down} Mohm, {late} us late, {hz} Hz, {width:.3}: {level:.2} dB, {phase:.1} degrees, \
                  third harmonic {third:.3}"
@@ -195,7 +198,8 @@ fn levels_and_phases_of_some_circuits() {
 fn two_thirds_has_a_third_harmonic_behind_resistors() {
     let own = times(116e-12, 1e6, 1e5, 0.0);
     for (hz, known) in [(100.0, 0.060), (200.0, 0.119), (300.0, 0.17), (500.0, 0.243)] {
-        let found = PeriodicCharging::new(own, hz).harmonic_phasor_over_fundamental_amplitude(3.0, 2.0 / 3.0).norm();
+        let found =
+            PeriodicCharging::new(own, hz).force_harmonic_phasor_over_fundamental_amplitude(3.0, 2.0 / 3.0).norm();
         assert!((found - known).abs() < 0.005, "{hz}: {found}");
     }
 }
@@ -232,9 +236,9 @@ fn stepped_electrodes_have_the_same_harmonics() {
                     }
                 }
             }
-            let expected = charging.harmonic_phasor(1.0, width);
+            let expected = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, width);
             assert!((sum - expected).norm() < 3e-4 * expected.norm(), "{hz}: {sum} {expected}");
-            assert!((mean - charging.summed_mean_square_voltage_fraction(width)).abs() < 1e-5, "{mean}");
+            assert!((mean - charging.mean_square_voltage_of_both_electrodes_as_fraction(width)).abs() < 1e-5, "{mean}");
         }
         // In fine steps: half the sum of squared amplitudes against the mean of (v_A^2 - v_B^2)^2, B half a period later.
         let (hz, width, count) = (200.0, 2.0 / 3.0, 20_000_usize);
@@ -250,7 +254,9 @@ fn stepped_electrodes_have_the_same_harmonics() {
         }
         let force = |k: usize| squares[k] - squares[(k + count / 2) % count];
         let mean = (0..count).map(|k| force(k).powi(2)).sum::<f64>() / count as f64;
-        let sum: f64 = (0..4000).map(|k| 0.5 * charging.harmonic_phasor(f64::from(2 * k + 1), width).norm_sqr()).sum();
+        let sum: f64 = (0..4000)
+            .map(|k| 0.5 * charging.force_harmonic_phasor_per_n_at_rail_voltage(f64::from(2 * k + 1), width).norm_sqr())
+            .sum();
         assert!((sum / mean - 1.0).abs() < 2e-4, "{sum} {mean}");
     }
 }

@@ -8,12 +8,12 @@ use std::f64::consts::TAU;
 /// Least decay rate of a pole in 1/s: a motion that rings on has no response at its own frequency, and none that fits a record of a second.
 const LEAST_DECAY_PER_S: f64 = 0.5;
 
-/// Poles s of a panel and, for every actuator, the residues g of the velocity at one point per newton: the sum over the poles of g / (s' - s),
+/// Poles s of a panel and, for every actuator, the residues g of the velocity at some points per newton: the sum over the poles of g / (s' - s),
 /// with the conjugate of each complex pair.
 #[derive(Clone, Debug)]
 pub struct PointResidues {
     poles: Vec<Complex64>,
-    /// Actuators x poles.
+    /// (Points x actuators) x poles.
     residues: Vec<Vec<Complex64>>,
 }
 
@@ -21,25 +21,30 @@ impl PanelPoles {
     /// The residues at the point (or travel) whose mode shapes are `shape`.
     #[must_use]
     pub fn residues_at_shape(&self, shape: &DVector<f64>) -> PointResidues {
-        let (re, im) = (self.re.tr_mul(shape), self.im.tr_mul(shape));
-        let residue = |actuator: usize, k: usize| Complex64::new(re[k], im[k]) * self.force[(k, actuator)];
-        let poles = self.poles.len();
-        let residues = (0..self.force.ncols()).map(|j| (0..poles).map(|k| residue(j, k)).collect()).collect();
-        PointResidues { poles: self.poles.clone(), residues }
+        self.residues_at_shapes(std::slice::from_ref(shape))
+    }
+
+    /// The residues at several points: of all actuators at the first, then of all at the second, and so on.
+    #[must_use]
+    pub fn residues_at_shapes(&self, shapes: &[DVector<f64>]) -> PointResidues {
+        let list_residues = |shape: &DVector<f64>| -> Vec<Vec<Complex64>> {
+            let (re, im) = (self.re.tr_mul(shape), self.im.tr_mul(shape));
+            let residue = |actuator: usize, k: usize| Complex64::new(re[k], im[k]) * self.force[(k, actuator)];
+            (0..self.force.ncols()).map(|j| (0..self.poles.len()).map(|k| residue(j, k)).collect()).collect()
+        };
+        PointResidues { poles: self.poles.clone(), residues: shapes.iter().flat_map(list_residues).collect() }
     }
 }
 
 impl PointResidues {
-    /// Number of actuators.
-    #[must_use]
-    pub const fn count_actuators(&self) -> usize {
-        self.residues.len()
-    }
-
-    /// Accelerations at the point in m/s^2 per N at 1, 2, ... `to_hz` Hz, actuators x frequencies. Each pole is moved by the factor that
+    /// Accelerations in m/s^2 per N at 1, 2, ... `to_hz` Hz, (points x actuators) x frequencies. Each pole is moved by the factor that
     /// `pole_factor` gives for its modulus in Hz, as a panel has it whose stiffness is off, and decays at 0.5 1/s or faster.
     #[must_use]
-    pub fn accelerations_per_n(&self, to_hz: u32, pole_factor: impl Fn(f64) -> f64) -> Vec<Vec<Complex64>> {
+    pub fn accelerations_per_n_at_each_hz_with_poles_scaled_by(
+        &self,
+        to_hz: u32,
+        pole_factor: impl Fn(f64) -> f64,
+    ) -> Vec<Vec<Complex64>> {
         let frequencies_rad_s: Vec<f64> = (1..=to_hz).map(|hz| TAU * f64::from(hz)).collect();
         let mut sums = vec![vec![Complex64::ZERO; frequencies_rad_s.len()]; self.residues.len()];
         let mut inverse = vec![Complex64::ZERO; frequencies_rad_s.len()];

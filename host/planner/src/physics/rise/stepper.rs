@@ -92,7 +92,11 @@ impl Stepper {
     /// One step under `forces_n`, one per actuator; displacements in m and velocities in m/s at its end into `motion`, one per row.
     pub fn advance_one_step(&mut self, forces_n: &[f64], motion: &mut [f64]) {
         for (row, motion) in motion.iter_mut().enumerate().take(self.rows) {
-            *motion = if row < self.displaced { self.displacement_at_once_m(row, forces_n) } else { 0.0 };
+            *motion = if row < self.displaced {
+                self.displacement_of_row_by_instantly_following_poles_m(row, forces_n)
+            } else {
+                0.0
+            };
         }
         let inputs = self.input.chunks_exact(self.actuators.max(1));
         let outputs = self.output.chunks_exact(self.rows.max(1));
@@ -109,7 +113,7 @@ impl Stepper {
 
     /// Displacement in m of a row, also of one of velocities, by what follows forces at once.
     #[must_use]
-    pub fn displacement_at_once_m(&self, row: usize, forces_n: &[f64]) -> f64 {
+    pub fn displacement_of_row_by_instantly_following_poles_m(&self, row: usize, forces_n: &[f64]) -> f64 {
         let at_once = self.at_once.get(row * self.actuators..(row + 1) * self.actuators).unwrap_or(&[]);
         at_once.iter().zip(forces_n).map(|(per_n, force)| per_n * force).sum()
     }
@@ -149,7 +153,7 @@ impl Stepper {
     /// Amplitude of each pole that vibrates, in the order of [`super::SwitchOnModel::list_decay_rate_and_travel_of_each_pole`]. Rigid motions,
     /// whose drift is no vibration, are left out.
     #[must_use]
-    pub fn list_amplitude_of_each_pole(&self) -> Vec<(Complex64, f64)> {
+    pub fn list_vibrating_poles_with_their_amplitudes(&self) -> Vec<(Complex64, f64)> {
         let poles = self.poles.iter().zip(&self.state).filter(|(s, _)| s.norm() > 10.0 * RIGID_RAD_S);
         poles.map(|(s, z)| (*s, z.norm())).collect()
     }

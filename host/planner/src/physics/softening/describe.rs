@@ -97,7 +97,7 @@ impl PulseWindows {
         self.has_most_nodes = true;
         let course = PeriodicCharging::new(times, frequency_hz).voltage_course(width);
         let points = course
-            .begin_and_length_of_pieces_s()
+            .begin_and_length_of_rise_plateau_and_fall_s()
             .into_iter()
             .flat_map(|piece| GAUSS.iter().map(move |point| (piece, *point)));
         for (place, ((from_s, length_s), (node, weight))) in points.enumerate().take(MOST_NODES) {
@@ -122,11 +122,11 @@ impl PulseWindows {
         }
     }
 
-    /// The force of a motion with the phasors `travel` (in parts of the gap) on `lines`; those of the frequency `own_frequency_index` are the
+    /// The force of a motion with the phasors `travel` (in parts of the gap) on `lines`; those of the frequency `windows_frequency_index` are the
     /// windows' own.
-    pub fn describe_force_on_each_line(
+    pub fn describe_force_lines_and_slopes(
         &self,
-        own_frequency_index: usize,
+        windows_frequency_index: usize,
         lines: &[Line],
         travel: impl Fn(usize) -> Complex64,
     ) -> ForceDescription {
@@ -136,7 +136,7 @@ impl PulseWindows {
         let mut count = 0;
         for (l, line) in lines.iter().enumerate() {
             match array_index_of_first_third_or_fifth_harmonic(line.harmonic) {
-                Some(h) if line.frequency == own_frequency_index => {
+                Some(h) if line.frequency == windows_frequency_index => {
                     own[h] = travel(l) * self.phase[h].conj();
                     count = count.max(h + 1);
                 }
@@ -154,7 +154,7 @@ impl PulseWindows {
         for (l, line) in lines.iter().enumerate() {
             description.force[l] = match array_index_of_first_third_or_fifth_harmonic(line.harmonic) {
                 // Twice the mean with the phase.
-                Some(h) if line.frequency == own_frequency_index => sums.force_at[h] * self.phase[h] * 2.0,
+                Some(h) if line.frequency == windows_frequency_index => sums.force_at[h] * self.phase[h] * 2.0,
                 _ if others[l] > 0.0 => {
                     let a = others[l];
                     travel(l) / a

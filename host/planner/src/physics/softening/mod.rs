@@ -139,9 +139,10 @@ pub enum MotionError {
     Unstable,
     /// Not the numbers of actuators, drives and lines that belong together.
     #[error(
-        "{actuators} actuators, {excitations} drives and {lines} spectral lines were given, but there must be one \
-         drive per actuator, at most {MAX_ACTUATORS} actuators and at most {MAX_LINES} lines; each line must be \
-         harmonic 1, 3 or 5, and the lines must include harmonic 1 of every drive with a voltage"
+        "{actuators} actuators, {excitations} drives and {lines} frequencies of motion were given, but there must be \
+         one drive per actuator, at most {MAX_ACTUATORS} actuators and at most {MAX_LINES} frequencies of motion; \
+         each frequency of motion must be harmonic 1, 3 or 5 of a drive, and harmonic 1 of every drive with a voltage \
+         must be among them"
     )]
     Shape {
         /// As given.
@@ -297,7 +298,7 @@ impl<'a> ClosingGaps<'a> {
         let newtons =
             voltage_square_fraction * transducer.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;
         let mut description =
-            self.windows[actuator].describe_force_on_each_line(excitation.frequency, self.lines, travel);
+            self.windows[actuator].describe_force_lines_and_slopes(excitation.frequency, self.lines, travel);
         description.scale_force_and_slopes(newtons, newtons * per_gap);
         for l in 0..self.lines.len() {
             description.force[l] -= motion.travel_m[l][actuator] * transducer.counted_n_per_m;

@@ -344,8 +344,9 @@ fn points_have_the_harmonics_of_the_voltage() {
             };
             let motion = solve_steady_motion(&[fixed], &[drive], &[line(1), line(3), line(5)]).unwrap();
             for (found, n) in motion.force_n.iter().zip([1.0, 3.0, 5.0]) {
-                let own = charging.harmonic_phasor(n, pulse_width) * Complex64::cis(0.7 * n);
-                let scale = charging.harmonic_phasor(1.0, pulse_width).norm();
+                let own =
+                    charging.force_harmonic_phasor_per_n_at_rail_voltage(n, pulse_width) * Complex64::cis(0.7 * n);
+                let scale = charging.force_harmonic_phasor_per_n_at_rail_voltage(1.0, pulse_width).norm();
                 assert!(
                     (found[0] - own).norm() < 2e-4 * scale,
                     "{rise_s} {frequency_hz} {pulse_width} {n}: {} {own}",

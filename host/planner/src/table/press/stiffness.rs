@@ -25,7 +25,7 @@ pub(super) struct UnheldMasses<'a> {
 
 impl UnheldMasses<'_> {
     /// Stiffness in N/m to add to the springs of each of the actuators; `None` if no springs suffice.
-    pub fn added_stiffness_to_withstand_press_if_any_n_per_m(&self) -> Option<Vec<f64>> {
+    pub fn added_stiffness_to_withstand_press_if_possible_n_per_m(&self) -> Option<Vec<f64>> {
         let pulled = self.travel_of_each_mass_by_electrode_pull_m(&self.receptance);
         let own = |i: &usize| {
             let furthest = self.pressed_m[*i].iter().fold(0.0_f64, |most, x| most.max(x.abs()));

@@ -18,8 +18,8 @@ const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes 
     the path needs. The daemon answers a path that is not described here with 404 (`#/components/responses/NotFound`), and a described \
     path with another method with 405 (`#/components/responses/WrongMethod`). Every path that accepts GET also accepts HEAD. If \
     --allow-origin names the origin of a page, browsers may send an OPTIONS request before a request of this page.";
-const SERVER: &str = "The daemon that sent this description, at the scheme, host name and port of the request, or at \
-    the daemon's Unix socket";
+const SERVER: &str = "The daemon that sent this description: use the scheme, host name and port with which you \
+    requested this description, or the daemon's Unix socket";
 const TOKEN: &str = "Required if the daemon was started with --token-file; /v1/live also accepts ?token=TOKEN";
 
 /// The whole description as JSON text, of what the routes declare.
@@ -30,13 +30,13 @@ pub fn build_openapi_json(declared: &OpenApi) -> String {
     document["servers"] = json!([{"url": "/", "description": SERVER}]);
     document["components"]["securitySchemes"] =
         json!({"token": {"type": "http", "scheme": "bearer", "description": TOKEN}});
-    document["components"]["responses"] = problems::build_common_responses();
+    document["components"]["responses"] = problems::build_not_found_and_wrong_method_responses();
     if let Some(schemas) = document.pointer_mut("/components/schemas").and_then(Value::as_object_mut) {
         schemas.values_mut().for_each(require_nullable_fields);
         problems::insert_problem_types(schemas);
     }
     ranges::insert_field_ranges(&mut document);
-    tidy_descriptions_and_formats(&mut document);
+    join_description_lines_and_set_unsigned_formats(&mut document);
     if let Some(paths) = document["paths"].as_object_mut() {
         for (path, operations) in paths {
             for (method, operation) in operations.as_object_mut().into_iter().flatten() {
@@ -97,7 +97,7 @@ fn may_be_null(schema: &Value) -> bool {
 
 /// Comments of the source are broken at its width; and a whole number from 0 on has no sign, whose largest are beyond those of one
 /// with a sign.
-fn tidy_descriptions_and_formats(value: &mut Value) {
+fn join_description_lines_and_set_unsigned_formats(value: &mut Value) {
     match value {
         Value::Object(map) => {
             if let Some(Value::String(text)) = map.get_mut("description") {
@@ -111,9 +111,9 @@ fn tidy_descriptions_and_formats(value: &mut Value) {
                     _ => None,
                 };
             }
-            map.values_mut().for_each(tidy_descriptions_and_formats);
+            map.values_mut().for_each(join_description_lines_and_set_unsigned_formats);
         }
-        Value::Array(list) => list.iter_mut().for_each(tidy_descriptions_and_formats),
+        Value::Array(list) => list.iter_mut().for_each(join_description_lines_and_set_unsigned_formats),
         _ => {}
     }
 }

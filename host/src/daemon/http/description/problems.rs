@@ -175,7 +175,7 @@ pub fn build_problem_responses_of_path(path: &str, role: Option<Role>) -> Map<St
 }
 
 /// What is answered where there is nothing, or not by that method.
-pub fn build_common_responses() -> Value {
+pub fn build_not_found_and_wrong_method_responses() -> Value {
     json!({"NotFound": build_problem_response(&[ProblemKind::NotFound]), "WrongMethod": build_problem_response(&[ProblemKind::WrongMethod])})
 }
 

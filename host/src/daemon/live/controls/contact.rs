@@ -59,11 +59,11 @@ impl Contact {
                 Track::Press { intensity_g: part * control.intensity_g }
             }
             Shape::Slider { area, axis, detents } => {
-                Track::Slide(DetentTracker::new(find_slider_position(&area, axis, detents, x, y)))
+                Track::Slide(DetentTracker::new(find_slider_position_in_detents(&area, axis, detents, x, y)))
             }
             Shape::Dial { .. } => {
                 let mut turn = Track::Turn { tracker: None, position: 0.0, angle: None };
-                turn.turn_and_check_if_passes(&control.shape, x, y);
+                turn.turn_dial_and_check_if_detent_passed(&control.shape, x, y);
                 turn
             }
             Shape::Texture { .. } => Track::Stroke(SpeedTracker::new(x, y, now)),
@@ -74,7 +74,7 @@ impl Contact {
 
     /// What is felt when it comes down, in g.
     #[must_use]
-    pub const fn find_press_g(&self) -> Option<f64> {
+    pub const fn find_press_click_g(&self) -> Option<f64> {
         match self.track {
             Track::Press { intensity_g } => Some(intensity_g),
             _ => None,
@@ -83,8 +83,8 @@ impl Contact {
 
     /// What is felt when it is lifted at a place, in g.
     #[must_use]
-    pub fn find_release_g(&self, x: f64, y: f64) -> Option<f64> {
-        self.find_press_g().filter(|_| self.control.contains(x, y)).map(|intensity_g| RELEASE_PART * intensity_g)
+    pub fn find_release_click_g_if_still_on_control(&self, x: f64, y: f64) -> Option<f64> {
+        self.find_press_click_g().filter(|_| self.control.contains(x, y)).map(|intensity_g| RELEASE_PART * intensity_g)
     }
 
     /// Moves on; the peak in g of the click that it feels, if it passes a detent.
@@ -92,9 +92,9 @@ impl Contact {
         let passes = match (&mut self.track, &self.control.shape) {
             (Track::Slide(tracker), Shape::Slider { area, axis, detents }) => {
                 let ends = Some([0.0, f64::from(detents - 1)]);
-                tracker.move_and_check_if_passes(find_slider_position(area, *axis, *detents, x, y), ends)
+                tracker.move_and_check_if_passes(find_slider_position_in_detents(area, *axis, *detents, x, y), ends)
             }
-            (turn @ Track::Turn { .. }, shape) => turn.turn_and_check_if_passes(shape, x, y),
+            (turn @ Track::Turn { .. }, shape) => turn.turn_dial_and_check_if_detent_passed(shape, x, y),
             (Track::Stroke(tracker), _) => {
                 tracker.move_finger(x, y, now);
                 false
@@ -106,7 +106,7 @@ impl Contact {
 
     /// How strongly a texture vibrates under it at a place, in g; `None` where it does not.
     #[must_use]
-    pub fn find_texture_g(&self, x: f64, y: f64) -> Option<f64> {
+    pub fn find_texture_g_at_present_speed_if_felt(&self, x: f64, y: f64) -> Option<f64> {
         let (Track::Stroke(tracker), Shape::Texture { speed_px_s, .. }) = (&self.track, self.control.shape) else {
             return None;
         };
@@ -117,16 +117,18 @@ impl Contact {
 
     /// From when on a finger on a texture rests, if it does not move before; `None` if it rests.
     #[must_use]
-    pub fn find_rest_time(&self) -> Option<Instant> {
+    pub fn find_time_when_moving_stroke_will_rest(&self) -> Option<Instant> {
         match &self.track {
-            Track::Stroke(tracker) if tracker.speed_px_s() > 0.0 => Some(tracker.find_rest_time()),
+            Track::Stroke(tracker) if tracker.speed_px_s() > 0.0 => {
+                Some(tracker.find_time_when_moving_stroke_will_rest())
+            }
             _ => None,
         }
     }
 }
 
 impl Track {
-    fn turn_and_check_if_passes(&mut self, shape: &Shape, x: f64, y: f64) -> bool {
+    fn turn_dial_and_check_if_detent_passed(&mut self, shape: &Shape, x: f64, y: f64) -> bool {
         let (Self::Turn { tracker, position, angle }, Shape::Dial { x_px, y_px, radius_px, detents }) = (self, shape)
         else {
             return false;
@@ -147,7 +149,7 @@ impl Track {
 }
 
 /// Where a finger is along a slider: 0 at the first detent, `detents - 1` at the last one, and hardly more behind them.
-fn find_slider_position(area: &Rectangle, axis: SliderAxis, detents: u32, x: f64, y: f64) -> f64 {
+fn find_slider_position_in_detents(area: &Rectangle, axis: SliderAxis, detents: u32, x: f64, y: f64) -> f64 {
     let (along, start, length) = match axis {
         SliderAxis::X => (x, area.x, area.width),
         SliderAxis::Y => (y, area.y, area.height),
@@ -171,19 +173,20 @@ impl EdgeTracker {
     #[must_use]
     pub fn new(control: &Control, x: f64, y: f64) -> Option<Self> {
         let Shape::Edge(area) = control.shape else { return None };
-        let tracker = DetentTracker::new(find_border_position(&area, x, y));
+        let tracker = DetentTracker::new(find_signed_border_distance_in_detent_steps(&area, x, y));
         Some(Self { area, intensity_g: control.intensity_g, tracker })
     }
 
     /// Moves on; the peak in g of the click that is felt, if the finger crosses the border.
     pub fn move_finger(&mut self, x: f64, y: f64) -> Option<f64> {
-        let crosses = self.tracker.move_and_check_if_passes(find_border_position(&self.area, x, y), None);
+        let crosses =
+            self.tracker.move_and_check_if_passes(find_signed_border_distance_in_detent_steps(&self.area, x, y), None);
         crosses.then_some(self.intensity_g)
     }
 }
 
 /// The distance from the border such that the tracker's hysteresis is [`EDGE_HYSTERESIS_PX`], and far from all detents but that at 0.
-fn find_border_position(area: &Rectangle, x: f64, y: f64) -> f64 {
+fn find_signed_border_distance_in_detent_steps(area: &Rectangle, x: f64, y: f64) -> f64 {
     (area.depth_px(x, y) * super::detents::HYSTERESIS / EDGE_HYSTERESIS_PX).clamp(-0.5, 0.5)
 }
 
@@ -260,11 +263,14 @@ mod tests {
             Contact::new(Control { is_on, ..make_control(shape) }, 110.0, 210.0, Instant::now()).unwrap()
         };
         let (on, off) = (press(Shape::Toggle(AREA), true), press(Shape::Toggle(AREA), false));
-        assert_eq!((on.find_press_g(), off.find_press_g()), (Some(0.5), Some(0.3)));
+        assert_eq!((on.find_press_click_g(), off.find_press_click_g()), (Some(0.5), Some(0.3)));
         let button = press(Shape::Button(AREA), false);
-        assert_eq!((button.find_press_g(), button.find_release_g(400.0, 260.0)), (Some(0.5), Some(0.3)));
-        assert_eq!(button.find_release_g(401.0, 260.0), None, "it has left the button");
-        assert!(off.find_release_g(110.0, 210.0) < off.find_press_g());
+        assert_eq!(
+            (button.find_press_click_g(), button.find_release_click_g_if_still_on_control(400.0, 260.0)),
+            (Some(0.5), Some(0.3))
+        );
+        assert_eq!(button.find_release_click_g_if_still_on_control(401.0, 260.0), None, "it has left the button");
+        assert!(off.find_release_click_g_if_still_on_control(110.0, 210.0) < off.find_press_click_g());
     }
 
     #[test]
@@ -278,7 +284,7 @@ mod tests {
                 x = 100.0 + speed_px_s * f64::from(ms) / 1e3;
                 contact.move_finger(x, 210.0, start + Duration::from_millis(u64::try_from(ms).unwrap()));
             }
-            contact.find_texture_g(x, 210.0)
+            contact.find_texture_g_at_present_speed_if_felt(x, 210.0)
         };
         let half = felt_at(250.0).unwrap();
         assert!((half - 0.25).abs() < 0.01, "{half}");

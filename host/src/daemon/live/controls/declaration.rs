@@ -175,13 +175,15 @@ pub fn check_controls(declared: &[DeclaredControl], screen: &Screen) -> Result<V
         return Err(problem.with_field_and_value("controls", declared.len().into(), allowed, None));
     }
     let check = |(i, control): (usize, &DeclaredControl)| {
-        control.check_on_screen(screen).map_err(|problem| problem.with_field_prefix(Some(format!("controls[{i}]"))))
+        control
+            .check_all_keys_and_convert_to_control(screen)
+            .map_err(|problem| problem.with_field_prefix(Some(format!("controls[{i}]"))))
     };
     declared.iter().enumerate().map(check).collect()
 }
 
 impl DeclaredControl {
-    fn check_on_screen(&self, screen: &Screen) -> Result<Control, Problem> {
+    fn check_all_keys_and_convert_to_control(&self, screen: &Screen) -> Result<Control, Problem> {
         self.refuse_keys_of_other_kinds()?;
         check_intensity_range(self.intensity_g)?;
         let shape = match self.kind {
@@ -196,7 +198,7 @@ impl DeclaredControl {
             }
             DeclaredKind::Dial => {
                 let radius_px = self.require_number("radius_px", self.radius_px, LEAST_SIZE_PX)?;
-                self.check_overlap(screen, [radius_px; 2], [radius_px; 2])?;
+                self.require_overlap_with_screen(screen, [radius_px; 2], [radius_px; 2])?;
                 let detents = self.check_detents(MOST_DIAL_DETENTS)?;
                 Shape::Dial { x_px: self.x_px, y_px: self.y_px, radius_px, detents }
             }
@@ -213,13 +215,18 @@ impl DeclaredControl {
     fn check_rectangle(&self, screen: &Screen) -> Result<Rectangle, Problem> {
         let width = self.require_number("width_px", self.width_px, LEAST_SIZE_PX)?;
         let height = self.require_number("height_px", self.height_px, LEAST_SIZE_PX)?;
-        self.check_overlap(screen, [width, height], [0.0; 2])?;
+        self.require_overlap_with_screen(screen, [width, height], [0.0; 2])?;
         Ok(Rectangle { x: self.x_px, y: self.y_px, width, height })
     }
 
     /// That a finger on the screen can be on it: from its place, it reaches so far back to the screen's left and top edge (`before_px`), and may begin
     /// so far behind the others (`behind_px`).
-    fn check_overlap(&self, screen: &Screen, before_px: [f64; 2], behind_px: [f64; 2]) -> Result<(), Problem> {
+    fn require_overlap_with_screen(
+        &self,
+        screen: &Screen,
+        before_px: [f64; 2],
+        behind_px: [f64; 2],
+    ) -> Result<(), Problem> {
         let sides = [screen.width_px, screen.height_px].map(f64::from);
         let fields = [("x_px", self.x_px), ("y_px", self.y_px)];
         for (((field, value), side), (before, behind)) in

@@ -95,16 +95,17 @@ impl PageControls {
     }
 
     /// What the fingers feel that are down now; all others are lifted. `stop_count` is how often everything has been stopped until now.
-    pub fn move_fingers(&mut self, fingers: &[Finger], now: Instant, stop_count: u64) -> Felt {
+    pub fn update_fingers_lifting_absent(&mut self, fingers: &[Finger], now: Instant, stop_count: u64) -> Felt {
         if stop_count != self.stops {
             self.stops = stop_count;
-            self.release_fingers_after_stop();
+            self.detach_fingers_from_controls_after_stop();
         }
         let mut clicks: Vec<(ClickCause, Finger)> = Vec::new();
         let is_down = |known: &PageFinger| fingers.iter().any(|finger| finger.id == known.finger.id);
         for lifted in self.fingers.extract_if(.., |known| !is_down(known)) {
             if let FingerRole::On(contact) = &lifted.role
-                && let Some(peak_g) = contact.find_release_g(lifted.finger.x_px, lifted.finger.y_px)
+                && let Some(peak_g) =
+                    contact.find_release_click_g_if_still_on_control(lifted.finger.x_px, lifted.finger.y_px)
             {
                 clicks.push((ClickCause::Release, with_peak(lifted.finger, peak_g)));
             }
@@ -121,31 +122,31 @@ impl PageControls {
             if role.is_outside() {
                 felt.outside.push(finger.id);
             } else if let FingerRole::On(contact) = role {
-                let peak_g = contact.find_texture_g(finger.x_px, finger.y_px);
+                let peak_g = contact.find_texture_g_at_present_speed_if_felt(finger.x_px, finger.y_px);
                 felt.textures.extend(peak_g.map(|peak_g| with_peak(*finger, peak_g)));
             }
         }
-        felt.click = merge_clicks(clicks);
+        felt.click = merge_clicks_of_most_important_cause(clicks);
         felt
     }
 
     /// The same where none of the fingers moves, and all but those with these numbers are lifted.
     pub fn lift_all_except(&mut self, ids: &[i64], now: Instant, stop_count: u64) -> Felt {
         let kept: Vec<Finger> = self.list_fingers().filter(|finger| ids.contains(&finger.id)).collect();
-        self.move_fingers(&kept, now, stop_count)
+        self.update_fingers_lifting_absent(&kept, now, stop_count)
     }
 
     /// The same where all fingers stay where they are.
     pub fn let_time_pass(&mut self, now: Instant, stop_count: u64) -> Felt {
         let all: Vec<Finger> = self.list_fingers().collect();
-        self.move_fingers(&all, now, stop_count)
+        self.update_fingers_lifting_absent(&all, now, stop_count)
     }
 
     /// When a finger comes to rest on a texture, if it does not move before: what is felt has to be looked at again then.
     #[must_use]
-    pub fn find_next_rest_time(&self) -> Option<Instant> {
+    pub fn find_next_time_when_a_stroke_will_rest(&self) -> Option<Instant> {
         let rest_time = |known: &PageFinger| match &known.role {
-            FingerRole::On(contact) => contact.find_rest_time(),
+            FingerRole::On(contact) => contact.find_time_when_moving_stroke_will_rest(),
             _ => None,
         };
         self.fingers.iter().filter_map(rest_time).min()
@@ -163,15 +164,15 @@ impl PageControls {
     fn put_finger_down_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
         let top = self.controls.iter_mut().rfind(|control| control.contains(finger.x_px, finger.y_px));
         let is_outside = top.is_none();
-        let contact = top.filter(|_| !asks_for_itself(&finger)).and_then(|control| {
+        let contact = top.filter(|_| !has_own_effect_or_intensity(&finger)).and_then(|control| {
             if let Shape::Toggle(_) = control.shape {
                 control.is_on = !control.is_on;
             }
             Contact::new(*control, finger.x_px, finger.y_px, now)
         });
-        let click_g = contact.as_ref().and_then(Contact::find_press_g);
+        let click_g = contact.as_ref().and_then(Contact::find_press_click_g);
         let role = match contact {
-            _ if asks_for_itself(&finger) => FingerRole::Own,
+            _ if has_own_effect_or_intensity(&finger) => FingerRole::Own,
             Some(contact) => FingerRole::On(contact),
             None => FingerRole::Free { is_outside, edges: track_edges(&self.controls, &finger) },
         };
@@ -181,7 +182,7 @@ impl PageControls {
 
     /// A finger that was down at a stop feels no more of the controls, so that nothing is driven by it when it is lifted: it may have pressed a
     /// button that stops everything. What is asked for a finger outside of all controls counts as new.
-    fn release_fingers_after_stop(&mut self) {
+    fn detach_fingers_from_controls_after_stop(&mut self) {
         let on_controls = self.fingers.iter_mut().filter(|known| !known.role.is_outside());
         on_controls.for_each(|known| known.role = FingerRole::Nothing);
     }
@@ -197,7 +198,7 @@ impl FingerRole {
 impl PageFinger {
     fn move_and_find_click_g(&mut self, finger: Finger, now: Instant) -> Option<f64> {
         self.finger = finger;
-        if asks_for_itself(&finger) {
+        if has_own_effect_or_intensity(&finger) {
             self.role = FingerRole::Own;
         }
         match &mut self.role {
@@ -212,7 +213,7 @@ impl PageFinger {
 }
 
 /// What a page says of one finger is more than what it has declared for all.
-const fn asks_for_itself(finger: &Finger) -> bool {
+const fn has_own_effect_or_intensity(finger: &Finger) -> bool {
     finger.effect.is_some() || finger.intensity_g.is_some()
 }
 
@@ -225,7 +226,7 @@ const fn with_peak(finger: Finger, peak_g: f64) -> Finger {
 }
 
 /// The panel plays one thing at a time: the click of the first cause, for all fingers that have it. One without strength is none.
-fn merge_clicks(mut clicks: Vec<(ClickCause, Finger)>) -> Option<FeltClick> {
+fn merge_clicks_of_most_important_cause(mut clicks: Vec<(ClickCause, Finger)>) -> Option<FeltClick> {
     clicks.retain(|(_, finger)| finger.intensity_g > Some(0.0));
     let cause = clicks.iter().map(|(cause, _)| *cause).min()?;
     let fingers = clicks.into_iter().filter(|(other, _)| *other == cause).map(|(_, finger)| finger).collect();

@@ -36,7 +36,7 @@ impl SpeedTracker {
         self.speed_px_s = self.speed_px_s * kept + way_px * part_per_s;
         if way_px > 0.0 {
             self.moved = now;
-        } else if self.find_rest_time() <= now {
+        } else if self.find_time_when_moving_stroke_will_rest() <= now {
             self.speed_px_s = 0.0;
         }
         (self.x_px, self.y_px, self.seen) = (x_px, y_px, now);
@@ -50,7 +50,7 @@ impl SpeedTracker {
 
     /// From when on it rests, if it does not move before.
     #[must_use]
-    pub fn find_rest_time(&self) -> Instant {
+    pub fn find_time_when_moving_stroke_will_rest(&self) -> Instant {
         self.moved + REST
     }
 }
@@ -80,7 +80,7 @@ mod tests {
         tracker.move_finger(10.0, 0.0, at(59));
         assert!(tracker.speed_px_s() > 0.0);
         tracker.move_finger(10.0, 0.0, at(60));
-        assert_eq!((tracker.speed_px_s(), tracker.find_rest_time()), (0.0, at(60)));
+        assert_eq!((tracker.speed_px_s(), tracker.find_time_when_moving_stroke_will_rest()), (0.0, at(60)));
         // Messages that come together.
         tracker.move_finger(15.0, 0.0, at(70));
         let before = tracker.speed_px_s();

@@ -34,7 +34,7 @@ impl Page {
 
     fn move_fingers_after_16_ms(&mut self, fingers: &[Finger]) -> Felt {
         self.now += Duration::from_millis(16);
-        self.controls.move_fingers(fingers, self.now, self.stops)
+        self.controls.update_fingers_lifting_absent(fingers, self.now, self.stops)
     }
 
     /// The click of a message with these fingers: its cause, and of each of its fingers the number and the peak.
@@ -159,7 +159,10 @@ fn a_texture_ends_when_its_finger_rests() {
     let mut page =
         Page::make_with_controls(&[Shape::Texture { area: make_rectangle(100.0, 300.0), speed_px_s: 500.0 }]);
     assert_eq!(
-        (page.move_fingers_after_16_ms(&[make_finger(1, 110.0)]), page.controls.find_next_rest_time()),
+        (
+            page.move_fingers_after_16_ms(&[make_finger(1, 110.0)]),
+            page.controls.find_next_time_when_a_stroke_will_rest()
+        ),
         (Felt::default(), None)
     );
     let peaks: Vec<f64> = (1..=20)
@@ -168,10 +171,10 @@ fn a_texture_ends_when_its_finger_rests() {
         .collect();
     // 4 px in 16 ms are half of its speed.
     assert!(peaks.len() >= 19 && peaks.is_sorted() && (0.24..=0.25).contains(peaks.last().unwrap()), "{peaks:?}");
-    let rests = page.controls.find_next_rest_time().unwrap();
+    let rests = page.controls.find_next_time_when_a_stroke_will_rest().unwrap();
     assert_eq!(rests - page.now, Duration::from_millis(50));
     assert_eq!(page.controls.let_time_pass(rests, 0), Felt::default());
-    assert_eq!(page.controls.find_next_rest_time(), None);
+    assert_eq!(page.controls.find_next_time_when_a_stroke_will_rest(), None);
     // The messages of another finger do not keep it moving.
     page.now = rests;
     page.move_fingers_after_16_ms(&[make_finger(1, 200.0), make_finger(2, 900.0)]);

@@ -25,7 +25,9 @@ fn take_steps(fingers: &PageFingers) -> Vec<(Vec<i64>, bool, f64)> {
 fn a_finger_that_comes_again_is_another_one() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px| {
-        fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, Feel::default()), 0).unwrap()
+        fingers
+            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, Feel::default()), 0)
+            .unwrap()
     };
     say(&[1], 0.0);
     say(&[1, 2], 1.0);
@@ -47,8 +49,9 @@ fn a_finger_that_comes_again_is_another_one() {
 fn of_too_many_taps_the_oldest_make_way() {
     let fingers = PageFingers::default();
     let tap = |x_px: f64| {
-        let result = fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0);
-        fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
+        let result =
+            fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(&[1], x_px, Feel::default()), 0);
+        fingers.queue_fingers_down_with_error_if_oldest_step_dropped(Touch::without_fingers(), 0).unwrap();
         result.is_ok()
     };
     let most = f64::from(u8::try_from(MOST_STEPS).unwrap());
@@ -72,7 +75,7 @@ fn an_effect_begins_with_its_finger_and_again_after_a_message_without_it() {
     let fingers = PageFingers::default();
     let click = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
     let say = |ids: &[i64], x_px, feel| {
-        fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, feel), 0).unwrap()
+        fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, feel), 0).unwrap()
     };
     say(&[1], 0.0, click);
     assert_eq!(take_effects(&fingers), [(0.0, true, vec![1])]);
@@ -105,7 +108,9 @@ fn the_newest_finger_has_its_effect() {
     let say = |down: &[CheckedFinger]| {
         let effect = fingers.choose_effect_of_newest_finger(down);
         let feel = Feel { effect, ..Feel::default() };
-        fingers.queue_fingers_down_dropping_oldest_if_full(Touch::from_fingers(down, feel).unwrap(), 0).unwrap();
+        fingers
+            .queue_fingers_down_with_error_if_oldest_step_dropped(Touch::from_fingers(down, feel).unwrap(), 0)
+            .unwrap();
         take_effects(&fingers).pop().map(|(_, starts, ids)| (effect, starts, ids)).unwrap()
     };
     let (click, buzz) = (Some(NamedEffect::Click), Some(NamedEffect::Buzz));
@@ -121,8 +126,10 @@ fn the_newest_finger_has_its_effect() {
 fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
     let fingers = PageFingers::new(true);
     for x_px in [0.0, 1.0, 2.0] {
-        fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(&[1], x_px, Feel::default()), 0).unwrap();
-        fingers.queue_fingers_down_dropping_oldest_if_full(Touch::without_fingers(), 0).unwrap();
+        fingers
+            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(&[1], x_px, Feel::default()), 0)
+            .unwrap();
+        fingers.queue_fingers_down_with_error_if_oldest_step_dropped(Touch::without_fingers(), 0).unwrap();
     }
     assert_eq!(take_steps(&fingers), [(vec![1], true, 2.0)]);
 }
@@ -130,7 +137,9 @@ fn only_the_newest_tap_waits_where_a_page_asks_for_that() {
 /// A click of a control for finger 7 at this place.
 fn queue_control_click_of_finger_7(fingers: &PageFingers, x_px: f64, is_press: bool) {
     let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
-    fingers.queue_control_click_dropping_oldest_if_full(make_touch_at(&[7], x_px, feel), vec![7], is_press, 0).unwrap();
+    fingers
+        .queue_control_click_with_error_if_oldest_step_dropped(make_touch_at(&[7], x_px, feel), vec![7], is_press, 0)
+        .unwrap();
 }
 
 #[test]
@@ -147,7 +156,7 @@ fn of_clicks_of_controls_the_newest_waits_and_each_press() {
         for only_newest_tap in [false, true] {
             let fingers = PageFingers::new(only_newest_tap);
             let say = |ids: &[i64], x_px| {
-                fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, feel), 0).unwrap()
+                fingers.queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, feel), 0).unwrap()
             };
             say(&[1], 0.0);
             take_steps(&fingers);
@@ -180,7 +189,9 @@ fn only_a_newer_press_takes_the_place_of_a_press() {
 fn a_finger_that_comes_beside_a_click_of_a_control_is_felt() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px| {
-        fingers.queue_fingers_down_dropping_oldest_if_full(make_touch_at(ids, x_px, Feel::default()), 0).unwrap()
+        fingers
+            .queue_fingers_down_with_error_if_oldest_step_dropped(make_touch_at(ids, x_px, Feel::default()), 0)
+            .unwrap()
     };
     say(&[1], 0.0);
     queue_control_click_of_finger_7(&fingers, 1.0, false);
@@ -200,7 +211,7 @@ fn a_texture_makes_no_tap() {
     let fingers = PageFingers::default();
     let say = |ids: &[i64], x_px, on_textures: &[i64]| {
         let touch = make_touch_at(ids, x_px, Feel::default());
-        fingers.queue_fingers_and_textures_dropping_oldest_if_full(touch, on_textures, 0).unwrap();
+        fingers.queue_fingers_and_textures_with_error_if_oldest_step_dropped(touch, on_textures, 0).unwrap();
     };
     say(&[1], 0.0, &[1]);
     say(&[1], 1.0, &[1]);
@@ -210,7 +221,7 @@ fn a_texture_makes_no_tap() {
     say(&[1, 2], 3.0, &[1]);
     let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
     assert_eq!((steps[0].newly_down.as_slice(), steps[0].is_texture), (&[2][..], false));
-    fingers.lift_all_except_dropping_oldest_if_full(&[1], 0).unwrap();
+    fingers.lift_all_except_with_error_if_oldest_step_dropped(&[1], 0).unwrap();
     let steps: Vec<FingerStep> = fingers.lock_state().steps.drain(..).collect();
     assert!(steps[0].is_texture && steps[0].newly_down.is_empty(), "{steps:?}");
 }

@@ -118,7 +118,10 @@ impl Admission {
     ///
     /// # Errors
     /// As [`Self::wait_for_planner_place_unless_queue_full`].
-    pub async fn wait_for_arm_or_clear_place_unless_queue_full(&self, client: Client) -> Result<HeldPlace, Problem> {
+    pub async fn wait_for_place_to_arm_or_clear_fault_unless_queue_full(
+        &self,
+        client: Client,
+    ) -> Result<HeldPlace, Problem> {
         let wait = "wait to arm or to clear a fault";
         self.by_hand
             .wait_for_place(client)
@@ -127,7 +130,7 @@ impl Admission {
     }
 
     /// A place for working out what can be had instead; `None` if too many wait.
-    pub async fn wait_for_trade_place(&self, client: Client) -> Option<HeldPlace> {
+    pub async fn wait_for_trade_off_place_or_none_if_queue_full(&self, client: Client) -> Option<HeldPlace> {
         self.trades.wait_for_place(client).await.ok()
     }
 

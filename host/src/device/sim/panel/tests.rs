@@ -67,7 +67,7 @@ fn driven_transducer(era: Transducer, step_s: f64, period_ticks: u32, volts: u32
         .preload_period(&TimerPeriod::with_windows(170, period_ticks, period_ticks / 3, false), 0.0, 0.0)
         .expect("a period");
     panel.set_channel_timer(0, Some(source));
-    panel.set_electrodes_connected(true);
+    panel.set_timers_connected_to_electrodes(true);
     let mut supply =
         SupplyCommand { enabled: true, discharge: [false; RAILS], permitted: true, ..SupplyCommand::default() };
     supply.set_point_millivolts[0] = volts * 1000;
@@ -110,7 +110,8 @@ fn electrodes_behind_resistors_pull_as_the_formulas_say() {
         let mut panel = driven_transducer(era, STEP_S, period_ticks, 1_000);
         let hz = 1e6 / f64::from(period_ticks);
         panel.advance_to(0.2);
-        let middle_s = panel.channel_timer_mut(0).and_then(|timer| timer.absolute_force_peak_time_s_unless_blank());
+        let middle_s =
+            panel.channel_timer_mut(0).and_then(|timer| timer.time_s_of_force_peak_in_last_preload_unless_blank());
         let (mut sum, steps) = (Complex64::ZERO, (40.0 / hz / STEP_S).round() as u32);
         for _ in 0..steps {
             let at_s = panel.time_s() + 0.5 * STEP_S;
@@ -119,8 +120,9 @@ fn electrodes_behind_resistors_pull_as_the_formulas_say() {
             sum += Complex64::cis(-turn) * (2.0 / f64::from(steps) * panel.forces[0]);
         }
         let width = 2.0 * f64::from(period_ticks / 3) / f64::from(period_ticks);
-        let expected =
-            PeriodicCharging::new(times, hz).harmonic_phasor(1.0, width) * ERA.newtons_per_volt_squared * 1e6;
+        let expected = PeriodicCharging::new(times, hz).force_harmonic_phasor_per_n_at_rail_voltage(1.0, width)
+            * ERA.newtons_per_volt_squared
+            * 1e6;
         assert!((sum - expected).norm() < 5e-4 * expected.norm(), "{sum} {expected}");
         panel.set_channel_timer(0, None);
         panel.advance_to(panel.time_s() + 2e-3);
@@ -142,7 +144,7 @@ fn an_era_that_is_driven_too_hard_snaps_in_and_stays_between_its_stops() {
     panel.advance_to(0.5);
     let [largest_travel, ..] = panel.take_largest_travels_since_last_call();
     assert!(largest_travel.snapped_in && largest_travel.travel_m < ERA.gap_m, "{largest_travel:?}");
-    panel.set_electrodes_connected(false);
+    panel.set_timers_connected_to_electrodes(false);
     panel.advance_to(1.0);
     panel.take_largest_travels_since_last_call();
     panel.advance_to(1.5);

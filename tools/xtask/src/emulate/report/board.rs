@@ -301,7 +301,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn read_cause_of_each_reset_since_power_up(&mut self) -> Result<Vec<String>, Error> {
+    pub fn read_cause_of_each_reset_after_firmware_was_up(&mut self) -> Result<Vec<String>, Error> {
         self.read_reset_causes("resets")
     }
 
@@ -309,7 +309,7 @@ impl EmulatedBoard {
     ///
     /// # Errors
     /// [`Error::Bridge`].
-    pub fn read_cause_of_each_reset_of_start(&mut self) -> Result<Vec<String>, Error> {
+    pub fn read_cause_of_each_reset_until_firmware_was_up(&mut self) -> Result<Vec<String>, Error> {
         self.read_reset_causes("start")
     }
 

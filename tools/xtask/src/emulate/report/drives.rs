@@ -24,7 +24,7 @@ pub const FIRST: [ChannelDrive; 4] = [
 /// a common phase three periods of the slowest.
 const SETTLED_S: f64 = 0.25;
 
-/// How many changes [`check_rapid_changes`] makes.
+/// How many changes [`add_rows_of_rapid_drive_changes`] makes.
 const CHANGES: usize = 40;
 
 /// One drive.
@@ -42,7 +42,7 @@ pub const fn make_drive(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_drive_change(
+pub fn add_rows_of_drive_change(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -57,15 +57,15 @@ pub fn check_drive_change(
     board.advance_time_with_keep_alives(SETTLED_S)?;
     board.update_pin_edges_until_now()?;
     let ended = board.read_clock_cycles()?;
-    check_registers_rails_and_phases(board, table, name, drives)?;
-    check_pulses(board, table, name, (began, ended), &[before, Some(drives)])
+    add_rows_of_registers_rails_and_phases(board, table, name, drives)?;
+    add_row_of_overlaps_guards_and_odd_pulse_widths(board, table, name, (began, ended), &[before, Some(drives)])
 }
 
 /// Registers, rails and phases with these drives.
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_registers_rails_and_phases(
+pub fn add_rows_of_registers_rails_and_phases(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -90,8 +90,10 @@ pub fn check_registers_rails_and_phases(
     let (first, second) = (compute_expected_timer_program(one)?, compute_expected_timer_program(two)?);
     if first.period_clocks() == second.period_clocks()
         && let [track_one, track_two, ..] = &board.edges.tracks
-        && let (Some((origin_one, divider, period)), Some((origin_two, _, other))) =
-            (track_one.origin_tick_and_period_clocks(), track_two.origin_tick_and_period_clocks())
+        && let (Some((origin_one, divider, period)), Some((origin_two, _, other))) = (
+            track_one.origin_clock_and_clocks_per_tick_and_period(),
+            track_two.origin_clock_and_clocks_per_tick_and_period(),
+        )
     {
         table.add_comparison_row(&format!("{name}: clocks in a period"), &period.to_string(), &other.to_string());
         // Counter 1 minus counter 2 at any moment, in clocks; it should be the difference of their places at the origin.
@@ -115,7 +117,7 @@ pub fn check_registers_rails_and_phases(
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_rapid_changes(
+pub fn add_rows_of_rapid_drive_changes(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     before: &[ChannelDrive; 4],
@@ -149,21 +151,21 @@ pub fn check_rapid_changes(
     board.update_pin_edges_until_now()?;
     let ended = board.read_clock_cycles()?;
     if let Some(last) = sets.last() {
-        check_registers_rails_and_phases(board, table, "many changes", last)?;
+        add_rows_of_registers_rails_and_phases(board, table, "many changes", last)?;
     }
     let sets: Vec<_> = sets.iter().map(Some).collect();
-    check_pulses(board, table, "many changes", (began, ended), &sets)
+    add_row_of_overlaps_guards_and_odd_pulse_widths(board, table, "many changes", (began, ended), &sets)
 }
 
 /// Overlaps, guards and pulses that neither the drives before nor those after make.
-fn check_pulses(
+fn add_row_of_overlaps_guards_and_odd_pulse_widths(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
     (began, ended): (u64, u64),
     drives: &[Option<&[ChannelDrive; 4]>],
 ) -> Result<(), Error> {
-    let (overlap, guard, count) = board.edges.overlap_least_guard_and_pulse_count();
+    let (overlap, guard, count) = board.edges.overlap_and_least_guard_clocks_and_pulse_count();
     let mut odd = 0;
     for (index, track) in board.edges.tracks.iter().enumerate() {
         let mut widths = Vec::new();

@@ -55,7 +55,7 @@ pub struct ChannelPins {
 
 impl ChannelPins {
     /// Origin of the counting and clocks in a tick and in a period, of the registers that count now.
-    pub fn origin_tick_and_period_clocks(&self) -> Option<(u64, u64, u64)> {
+    pub fn origin_clock_and_clocks_per_tick_and_period(&self) -> Option<(u64, u64, u64)> {
         let (record, _) = self.current.as_ref()?;
         let divider = u64::from(record.psc) + 1;
         Some((record.origin, divider, divider * (u64::from(record.arr) + 1)))
@@ -122,7 +122,7 @@ impl PinEdges {
     }
 
     /// Overlap, least guard and number of pulses over all channels.
-    pub fn overlap_least_guard_and_pulse_count(&self) -> (u64, Option<u64>, u64) {
+    pub fn overlap_and_least_guard_clocks_and_pulse_count(&self) -> (u64, Option<u64>, u64) {
         let checks = || self.tracks.iter().map(|track| &track.check);
         (
             checks().map(|check| check.overlap).sum(),

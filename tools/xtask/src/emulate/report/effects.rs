@@ -26,7 +26,7 @@ const LEVEL_TOLERANCE: f64 = 0.002;
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_effects(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+pub fn add_rows_of_click_and_ramp_envelopes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let prepared = board.send_request(&Request::Prepare { drives: [CLICK, RAMP].into_iter().collect() })?;
     let is_prepared = matches!(prepared, Reply::Prepared { .. });
     table.add_row("prepare", "Prepared", &format!("{prepared:?}").chars().take(8).collect::<String>(), is_prepared);
@@ -38,7 +38,7 @@ pub fn check_effects(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resu
     table.add_comparison_row(
         "prepared: pulses before the start",
         "0",
-        &board.edges.overlap_least_guard_and_pulse_count().2.to_string(),
+        &board.edges.overlap_and_least_guard_clocks_and_pulse_count().2.to_string(),
     );
 
     // The board looks at its clock at some time between these two; its answer is read up to one tick of its task later.
@@ -55,16 +55,16 @@ pub fn check_effects(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resu
     }
     board.advance_time_with_keep_alives(0.25)?;
     board.update_pin_edges_until_now()?;
-    let (overlap, guard, _) = board.edges.overlap_least_guard_and_pulse_count();
+    let (overlap, guard, _) = board.edges.overlap_and_least_guard_clocks_and_pulse_count();
     let guard_us = guard.map_or(f64::NAN, |clocks| clocks as f64 / 170.0);
     let seen = format!("overlap {overlap}, guard {guard_us:.1} us");
     table.add_row("effects: pins", "overlap 0, guard >= 200 us", &seen, overlap == 0 && guard_us >= 200.0);
-    check_click(board, table, start)?;
+    add_rows_of_click_order_and_start(board, table, start)?;
     add_row_of_ramp_force_levels(board, table)
 }
 
 /// Four cycles, two reversed ones, then nothing; from the first boundary after the start.
-fn check_click(
+fn add_rows_of_click_order_and_start(
     board: &EmulatedBoard,
     table: &mut ReportTable,
     earliest_and_latest_start_clock: [u64; 2],
@@ -96,7 +96,7 @@ fn add_row_of_ramp_force_levels(board: &EmulatedBoard, table: &mut ReportTable) 
     let clocks = program.period_clocks();
     let force = |width: u64| (PI * width as f64 / clocks as f64).sin();
     let full = force(u64::from(program.width) * u64::from(program.divider));
-    let Some((origin, _, _)) = track.origin_tick_and_period_clocks() else {
+    let Some((origin, _, _)) = track.origin_clock_and_clocks_per_tick_and_period() else {
         return Err(Error::NoReply("no pulses of the ramp".to_owned()));
     };
     let pulses = merge_touching_pulses(&track.pulses);

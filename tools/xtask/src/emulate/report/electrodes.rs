@@ -8,7 +8,8 @@ use super::board::EmulatedBoard;
 use super::drives::make_drive;
 use super::table::ReportTable;
 use super::trips::{
-    check_latched_fault, delay_until_all_off_if_off_by_now_ms, electrode_fault, heal_faults_and_check_rearming,
+    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, electrode_fault,
+    heal_faults_and_add_rows_of_rearming,
 };
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, FaultCode, Reply, Request};
@@ -61,11 +62,13 @@ pub fn check_electrode_currents(board: &mut EmulatedBoard, table: &mut ReportTab
     for frequency_millihertz in [40_000, 200_000, 400_000] {
         let name = format!("sound electrodes, {} Hz", frequency_millihertz / 1_000);
         table.run_part_adding_row_on_error(&name, |table| {
-            check_sound_current(board, table, &name, frequency_millihertz)
+            add_rows_of_current_of_intact_electrodes(board, table, &name, frequency_millihertz)
         });
     }
     for broken in &BROKEN {
-        table.run_part_adding_row_on_error(broken.name, |table| check_broken_electrode(board, table, broken));
+        table.run_part_adding_row_on_error(broken.name, |table| {
+            add_rows_of_broken_electrode_while_driving(board, table, broken)
+        });
     }
 }
 
@@ -93,7 +96,7 @@ fn read_mean_microamps(board: &mut EmulatedBoard) -> Result<f64, Error> {
 }
 
 /// Four sound channels stay driven, and take what they should take.
-fn check_sound_current(
+fn add_rows_of_current_of_intact_electrodes(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -119,7 +122,7 @@ fn check_sound_current(
 }
 
 /// One ERA alone, of which an electrode breaks.
-fn check_broken_electrode(
+fn add_rows_of_broken_electrode_while_driving(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     broken: &BrokenWhileDriving,
@@ -136,6 +139,6 @@ fn check_broken_electrode(
     board.advance_time_with_keep_alives(NOTICED_MS / 1e3 + 0.01)?;
     let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
     table.add_time_limit_row(&format!("{name}: electrodes off"), NOTICED_MS, off);
-    check_latched_fault(board, table, name, FaultCode::Electrode)?;
-    heal_faults_and_check_rearming(board, table, name)
+    add_row_of_latched_fault(board, table, name, FaultCode::Electrode)?;
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }

@@ -6,7 +6,8 @@ use super::drives::{add_reply_row, make_drive};
 use super::expected::{ALL_OFF, describe_output_state};
 use super::table::ReportTable;
 use super::trips::{
-    check_latched_fault, delay_until_all_off_if_off_by_now_ms, heal_faults_and_check_rearming, power_up_and_drive,
+    add_row_of_latched_fault, delay_until_all_off_if_off_by_now_ms, heal_faults_and_add_rows_of_rearming,
+    power_up_and_drive,
 };
 use crate::error::Error;
 use era_shared::limits::DISCHARGE_LIMIT_MS;
@@ -14,8 +15,9 @@ use era_shared::protocol::{CURRENT_VERSION, FaultCode, MIN_VERSION, Refusal, Rep
 use era_shared::safety::{SafetyEvent, SafetyState};
 use serde_json::{Value, json};
 
-/// The way out of a panic or a HardFault begins with the pins.
-const AT_ONCE_MS: f64 = 0.05;
+/// The way out of a panic or a HardFault begins with the pins, within the first slice of the emulator, 5 us. The note and the reset that come after
+/// them would end the windows as well, at the end of the third slice.
+const AT_ONCE_MS: f64 = 0.01;
 /// The last feed may come after the fault: as late as a task that waits for something else checks in, which is 20 units of 1.024 ms and one
 /// more for rounding (21.5 ms). The watchdog's counter then takes up to 109 ms with its oscillator at its slowest.
 const WATCHDOG_MS: f64 = 131.0;
@@ -28,6 +30,9 @@ const STARTED_MS: f64 = 20.0;
 const DELIVERED: u32 = 0xFFEF_F8AA;
 /// SRAM_PE (bit 24; section 3.7.8) is active low.
 const PARITY_ON: u32 = DELIVERED & !(1 << 24);
+/// The part of the stack that the firmware may use, and steps in which words of the rest are looked at, in bytes.
+const STACK_IN_USE: u32 = 16 * 1024;
+const STACK_STEP: usize = 1_020;
 /// What memory is filled with: nothing that the firmware writes.
 const FILLING: u32 = 0x6B8B_4567;
 
@@ -86,43 +91,70 @@ pub fn check_failures(board: &mut EmulatedBoard, table: &mut ReportTable) {
         failure("brown-out", json!({"reset": "brown_out"}), FaultCode::BrownOut, ResetCause::PowerOn, AT_ONCE_MS),
     ];
     for failure in &failures {
-        table.run_part_adding_row_on_error(failure.name, |table| check_restart_after_failure(board, table, failure));
+        table.run_part_adding_row_on_error(failure.name, |table| {
+            add_rows_of_restart_after_failure(board, table, failure)
+        });
     }
-    table.run_part_adding_row_on_error("supply sags", |table| check_supply_sag(board, table));
-    table.run_part_adding_row_on_error("supply sags while safe", |table| check_supply_sag_while_safe(board, table));
-    table.run_part_adding_row_on_error("reset behind an open divider", |table| {
-        check_distrust_outlasts_reset(board, table)
+    table.run_part_adding_row_on_error("supply sags", |table| add_rows_of_supply_sag(board, table));
+    table.run_part_adding_row_on_error("supply sags while safe", |table| {
+        add_rows_of_supply_sag_while_safe(board, table)
     });
-    table.run_part_adding_row_on_error("credit over a reset", |table| check_credit_outlasts_reset(board, table));
-    table.run_part_adding_row_on_error("start: option bytes", |table| check_option_bytes(board, table));
-    table.run_part_adding_row_on_error("start: SRAM parity", |table| check_brown_out_with_parity(board, table));
-    table
-        .run_part_adding_row_on_error("start: watchdog tried", |table| check_watchdog_self_test_at_start(board, table));
+    table.run_part_adding_row_on_error("reset behind an open divider", |table| {
+        add_row_of_discharge_wait_after_reset_with_open_divider(board, table)
+    });
+    table.run_part_adding_row_on_error("credit over a reset", |table| {
+        add_rows_of_drive_time_left_after_reset(board, table)
+    });
+    table.run_part_adding_row_on_error("start: option bytes", |table| {
+        add_rows_of_arming_with_option_bytes(board, table)
+    });
+    table.run_part_adding_row_on_error("start: SRAM parity", |table| {
+        add_rows_of_brown_out_with_and_without_sram_parity(board, table)
+    });
+    table.run_part_adding_row_on_error("start: watchdog tried", |table| {
+        add_rows_of_watchdog_self_test_at_start(board, table)
+    });
 }
 
 /// The first start after power-on has itself reset by the watchdog. A board whose watchdog does not do that never arms.
-fn check_watchdog_self_test_at_start(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_watchdog_self_test_at_start(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "start: watchdog tried";
     let up_ms = board.power_cycle_and_time_boot_ms(&json!({}))?;
-    table.add_comparison_row(name, "[\"watchdog\"]", &format!("{:?}", board.read_cause_of_each_reset_of_start()?));
+    table.add_comparison_row(
+        name,
+        "[\"watchdog\"]",
+        &format!("{:?}", board.read_cause_of_each_reset_until_firmware_was_up()?),
+    );
     // 4 periods of 32 kHz, and what the firmware does anyway.
     table.add_time_limit_row(&format!("{name}: firmware up"), STARTED_MS, Some(up_ms));
     table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
     let name = "start: watchdog broken";
     board.power_cycle_and_time_boot_ms(&json!({"watchdog": "broken"}))?;
-    table.add_comparison_row(name, "[]", &format!("{:?}", board.read_cause_of_each_reset_of_start()?));
+    table.add_comparison_row(name, "[]", &format!("{:?}", board.read_cause_of_each_reset_until_firmware_was_up()?));
     table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
-    check_fault_survives_clear_and_arm(board, table, name, FaultCode::Watchdog, 1_000)
+    add_rows_of_fault_surviving_clear_and_arm(board, table, name, FaultCode::Watchdog, 1_000)?;
+    // It resets the chip when it is tried, but then keeps its longest time, 512 ms.
+    let name = "start: watchdog keeps its longest time";
+    board.power_cycle_and_time_boot_ms(&json!({"watchdog": "slow"}))?;
+    table.add_comparison_row(
+        name,
+        "[\"watchdog\"]",
+        &format!("{:?}", board.read_cause_of_each_reset_until_firmware_was_up()?),
+    );
+    add_rows_of_fault_surviving_clear_and_arm(board, table, name, FaultCode::Watchdog, 1_000)
 }
 
 /// A divider opens while its rail is at 2 kV, and a reset follows: the rail reads 0 V, which the next start does not take for discharged. It waits for
 /// one bleeder alone, which needs 0.95 s from 2 kV to 60 V, and ends before the limit of a discharge.
-fn check_distrust_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_row_of_discharge_wait_after_reset_with_open_divider(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+) -> Result<(), Error> {
     let name = "reset behind an open divider";
     power_up_and_drive(board)?;
     board.inject_fault(&json!({"rail_fault": {"rail": 1, "measured_factor": 0.0}}))?;
     board.advance_time(5e-3)?;
-    check_latched_fault(board, table, name, FaultCode::RailCollapsed)?;
+    add_row_of_latched_fault(board, table, name, FaultCode::RailCollapsed)?;
     board.inject_fault(&json!({"reset": "pin"}))?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 2_000)?;
     table.add_time_range_row(&format!("{name}: safe after it"), 900.0, f64::from(DISCHARGE_LIMIT_MS), safe.ok());
@@ -130,18 +162,18 @@ fn check_distrust_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTa
 }
 
 /// A drive near the largest force is charged by nearly all the time that passes; a reset does not give that back.
-fn check_credit_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_drive_time_left_after_reset(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "credit over a reset";
     board.power_cycle()?;
-    let full = read_credit_ms(board)?;
+    let full = read_drive_time_left_of_each_channel_ms(board)?;
     board.arm_and_wait()?;
     let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
     table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
     board.advance_time_with_keep_alives(0.5)?;
-    let spent = read_credit_ms(board)?;
+    let spent = read_drive_time_left_of_each_channel_ms(board)?;
     board.inject_fault(&json!({"reset": "pin"}))?;
     board.advance_time(RESTARTED_S)?;
-    let after = read_credit_ms(board)?;
+    let after = read_drive_time_left_of_each_channel_ms(board)?;
     let is_kept = match (full.first(), spent.first(), after.first()) {
         // At rest a channel earns less than it spends.
         (Some(full), Some(spent), Some(after)) => spent + 200 < *full && after.abs_diff(*spent) <= 100,
@@ -153,7 +185,7 @@ fn check_credit_outlasts_reset(board: &mut EmulatedBoard, table: &mut ReportTabl
 }
 
 /// The chip's option bytes as it is delivered, and with each setting that takes a protection away.
-fn check_option_bytes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_arming_with_option_bytes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let wrong = [
         // Bits 17, 18 and 20 of FLASH_OPTR.
         ("start: watchdog stands still in stop mode", DELIVERED & !(1 << 17)),
@@ -162,7 +194,7 @@ fn check_option_bytes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Res
     ];
     for (name, options) in wrong {
         board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
-        check_fault_survives_clear_and_arm(board, table, name, FaultCode::OptionBytes, options)?;
+        add_rows_of_fault_surviving_clear_and_arm(board, table, name, FaultCode::OptionBytes, options)?;
     }
     // BOR_LEV 4, single bank, other boot settings, a reset pin that is an input only, parity: all of them arm.
     let accepted = [
@@ -183,7 +215,7 @@ fn check_option_bytes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Res
 }
 
 /// A fault from the start on that neither a request nor an arming gets rid of.
-fn check_fault_survives_clear_and_arm(
+fn add_rows_of_fault_surviving_clear_and_arm(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -212,7 +244,7 @@ fn read_reset_cause(board: &mut EmulatedBoard) -> Result<String, Error> {
     })
 }
 
-fn check_restart_after_failure(
+fn add_rows_of_restart_after_failure(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     failure: &InjectedFailure,
@@ -230,13 +262,13 @@ fn check_restart_after_failure(
     table.add_comparison_row(
         &format!("{name}: restarts"),
         &failure.resets.to_string(),
-        &board.read_cause_of_each_reset_since_power_up()?.len().to_string(),
+        &board.read_cause_of_each_reset_after_firmware_was_up()?.len().to_string(),
     );
-    check_report_after_restart(board, table, name, failure.code, failure.cause)
+    add_rows_of_reset_cause_and_fault_after_restart(board, table, name, failure.code, failure.cause)
 }
 
 /// The 3.3 V fall below the voltage detector's threshold and come back.
-fn check_supply_sag(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_supply_sag(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "3.3 V sags";
     power_up_and_drive(board)?;
     let since = board.read_clock_cycles()?;
@@ -250,42 +282,45 @@ fn check_supply_sag(board: &mut EmulatedBoard, table: &mut ReportTable) -> Resul
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
     board.inject_fault(&json!({"pvd": "ok"}))?;
     board.advance_time(RESTARTED_S)?;
-    check_latched_fault(board, table, name, FaultCode::BrownOut)?;
-    heal_faults_and_check_rearming(board, table, name)
+    add_row_of_latched_fault(board, table, name, FaultCode::BrownOut)?;
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// The same while the board is safe: no timer runs and the interrupt of the breaks is off, so that only the detector's own interrupt tells it.
-fn check_supply_sag_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_supply_sag_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "3.3 V sags while safe";
     board.power_cycle()?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
     table.add_time_limit_row(&format!("{name}: safe before"), 100.0, safe.ok());
     board.inject_fault(&json!({"pvd": "low"}))?;
     board.advance_time(2e-3)?;
-    check_latched_fault(board, table, name, FaultCode::BrownOut)?;
+    add_row_of_latched_fault(board, table, name, FaultCode::BrownOut)?;
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// With parity, memory whose words were never written cannot be read: all that outlasts resets is written first at every power-on, and what was
 /// there is not believed. Without it, the same dip of the supply is told as one ("brown-out" above).
-fn check_brown_out_with_parity(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_brown_out_with_and_without_sram_parity(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+) -> Result<(), Error> {
     let name = "SRAM parity on, brown-out while live";
     board.power_cycle_and_time_boot_ms(&json!({"option_bytes": PARITY_ON}))?;
-    let full = read_credit_ms(board)?;
+    let full = read_drive_time_left_of_each_channel_ms(board)?;
     board.arm_and_wait()?;
     // Near the largest force, which is charged by nearly all the time that passes: a start does not earn that back.
     let refused = board.set_drives(&[make_drive(0, 200_000, 900_000, 0, 2_000_000)])?;
     table.add_comparison_row(&format!("{name}: drive set"), "None", &format!("{refused:?}"));
     board.advance_time_with_keep_alives(0.3)?;
-    let spent = read_credit_ms(board)?;
+    let spent = read_drive_time_left_of_each_channel_ms(board)?;
     let is_spent = spent.iter().zip(&full).any(|(spent, full)| spent + 100 < *full);
     let expected = format!("100 ms less than {full:?} ms");
     table.add_row(&format!("{name}: credit before"), &expected, &format!("{spent:?} ms"), is_spent);
     board.inject_fault(&json!({"reset": "brown_out"}))?;
     board.advance_time(RESTARTED_S)?;
     let status = board.read_status()?;
-    let seen = format!("fault {:?}, credit {:?} ms", status.fault, read_credit_ms(board)?);
+    let seen = format!("fault {:?}, credit {:?} ms", status.fault, read_drive_time_left_of_each_channel_ms(board)?);
     table.add_comparison_row(&format!("{name}: after it"), &format!("fault None, credit {full:?} ms"), &seen);
     table.add_comparison_row(&format!("{name}: reset cause in the hello"), "PowerOn", &read_reset_cause(board)?);
     let armed = board.arm_and_wait();
@@ -296,14 +331,17 @@ fn check_brown_out_with_parity(board: &mut EmulatedBoard, table: &mut ReportTabl
         [("SRAM parity on, brown-out", PARITY_ON, true), ("SRAM parity off, brown-out", DELIVERED, false)]
     {
         board.power_cycle_and_time_boot_ms(&json!({"option_bytes": options}))?;
-        let words = board.find_symbol_address("__suninit")?..board.find_symbol_address("__euninit")?;
-        for address in words.clone().step_by(4) {
-            board.write_memory_word(address, FILLING)?;
+        let notes = board.find_symbol_address("__suninit")?..board.find_symbol_address("__euninit")?;
+        // Of the stack some words that are not in use.
+        let stack = board.find_symbol_address("_stack_end")?..board.find_symbol_address("_stack_start")? - STACK_IN_USE;
+        let words: Vec<u32> = notes.step_by(4).chain(stack.step_by(STACK_STEP)).collect();
+        for address in &words {
+            board.write_memory_word(*address, FILLING)?;
         }
         board.inject_fault(&json!({"reset": "brown_out"}))?;
         board.advance_time(RESTARTED_S)?;
         let mut kept = 0;
-        for address in words.step_by(4) {
+        for &address in &words {
             kept += usize::from(board.read_memory_word(address)? == FILLING);
         }
         let expected = if is_written { "0" } else { "1 or more" };
@@ -318,7 +356,7 @@ fn check_brown_out_with_parity(board: &mut EmulatedBoard, table: &mut ReportTabl
 }
 
 /// What each channel may still drive, in ms.
-fn read_credit_ms(board: &mut EmulatedBoard) -> Result<Vec<u32>, Error> {
+fn read_drive_time_left_of_each_channel_ms(board: &mut EmulatedBoard) -> Result<Vec<u32>, Error> {
     match board.send_request(&Request::Credit)? {
         Reply::Credit(credit) => Ok(credit.channels.iter().map(|channel| channel.left_ms).collect()),
         other => Err(Error::NoReply(format!("the reply to Credit is {other:?}"))),
@@ -326,7 +364,7 @@ fn read_credit_ms(board: &mut EmulatedBoard) -> Result<Vec<u32>, Error> {
 }
 
 /// Off, the cause told in the hello, the fault latched, no arming before it is cleared.
-fn check_report_after_restart(
+fn add_rows_of_reset_cause_and_fault_after_restart(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -345,9 +383,9 @@ fn check_report_after_restart(
     if matches!(code, FaultCode::Panic | FaultCode::HardFault) {
         table.add_row(&format!("{name}: message in the hello"), "some", &message, !message.is_empty());
     }
-    check_latched_fault(board, table, name, code)?;
+    add_row_of_latched_fault(board, table, name, code)?;
     let arm = board.send_request(&Request::Arm { deadman_ms: None })?;
     let expected = Reply::Refused(Refusal::State { state: SafetyState::Fault, event: SafetyEvent::Arm });
     add_reply_row(arm, expected, table, &format!("{name}: arm before clearing"));
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }

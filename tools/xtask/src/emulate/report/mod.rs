@@ -44,7 +44,7 @@ const PARTS: [fn(&mut EmulatedBoard, &mut ReportTable); 7] = [
     failures::check_failures,
     electrodes::check_electrode_currents,
     permit::check_permit,
-    settings::check_settings_adding_row_on_error,
+    settings::check_settings,
     load::check_processor_load,
 ];
 

@@ -30,7 +30,8 @@ const MISSING_BREAKS: [(&str, &str, u32); 4] = [
 
 /// All of it, each from power-up.
 pub fn check_permit(board: &mut EmulatedBoard, table: &mut ReportTable) {
-    table.run_part_adding_row_on_error("permit", |table| check_line(board, table));
+    table
+        .run_part_adding_row_on_error("permit", |table| add_row_of_permit_line_at_boot_armed_and_stopped(board, table));
     let (interlock, nothing) = (json!({"interlock": "open"}), json!({}));
     let trips = [
         ("processor hangs, then interlock opened", &nothing, &interlock),
@@ -41,25 +42,30 @@ pub fn check_permit(board: &mut EmulatedBoard, table: &mut ReportTable) {
     ];
     for (name, before, fault) in trips {
         table.run_part_adding_row_on_error(name, |table| {
-            hang_board_while_driving(board, before)?;
-            check_trip_of_hung_board(board, table, name, fault)
+            hang_processor_while_driving_with_fault(board, before)?;
+            add_rows_of_trip_of_hung_board(board, table, name, fault)
         });
     }
     let name = "processor runs astray, then interlock opened";
     table.run_part_adding_row_on_error(name, |table| {
-        hang_board_while_driving(board, &nothing)?;
+        hang_processor_while_driving_with_fault(board, &nothing)?;
         write_over_break_registers(board)?;
-        check_trip_of_hung_board(board, table, name, &interlock)
+        add_rows_of_trip_of_hung_board(board, table, name, &interlock)
     });
     for (name, timer, detail) in MISSING_BREAKS {
-        table.run_part_adding_row_on_error(name, |table| check_missing_break(board, table, name, timer, detail));
+        table.run_part_adding_row_on_error(name, |table| {
+            add_row_of_arming_with_missing_break(board, table, name, timer, detail)
+        });
     }
     let name = "arm: break interrupt disabled in the NVIC";
-    table.run_part_adding_row_on_error(name, |table| check_arming_fails_without_break_interrupt(board, table, name));
+    table.run_part_adding_row_on_error(name, |table| add_row_of_arming_without_break_interrupt(board, table, name));
 }
 
 /// The line is low unless a rail may be charged.
-fn check_line(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_row_of_permit_line_at_boot_armed_and_stopped(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+) -> Result<(), Error> {
     board.power_cycle()?;
     let line = |board: &mut EmulatedBoard| -> Result<Option<bool>, Error> {
         Ok(board.read_pins()?.get("permit").and_then(|pin| pin.high))
@@ -79,7 +85,7 @@ fn check_line(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), 
 }
 
 /// No instruction is carried out any more, at any priority.
-fn hang_board_while_driving(board: &mut EmulatedBoard, before: &Value) -> Result<(), Error> {
+fn hang_processor_while_driving_with_fault(board: &mut EmulatedBoard, before: &Value) -> Result<(), Error> {
     power_up_and_drive(board)?;
     board.inject_fault(before)?;
     board.inject_fault(&json!({"handler": {"runs": "loop", "priority": 0}}))?;
@@ -98,7 +104,7 @@ fn write_over_break_registers(board: &mut EmulatedBoard) -> Result<(), Error> {
 }
 
 /// What switches off does so without the processor, which hangs.
-fn check_trip_of_hung_board(
+fn add_rows_of_trip_of_hung_board(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -111,7 +117,7 @@ fn check_trip_of_hung_board(
         &format!("{:.0} V, {:.0} V", live[0], live[1]),
         live.into_iter().all(|volts| volts > 400.0),
     );
-    let resets = board.read_cause_of_each_reset_since_power_up()?.len();
+    let resets = board.read_cause_of_each_reset_after_firmware_was_up()?.len();
     let since = board.read_clock_cycles()?;
     board.inject_fault(fault)?;
     let mut discharged_ms = None;
@@ -136,7 +142,7 @@ fn check_trip_of_hung_board(
     table.add_comparison_row(
         &format!("{name}: no reset meanwhile"),
         &resets.to_string(),
-        &board.read_cause_of_each_reset_since_power_up()?.len().to_string(),
+        &board.read_cause_of_each_reset_after_firmware_was_up()?.len().to_string(),
     );
     if let Some(ms) = discharged_ms {
         table.add_figure(&format!("{name}: rails below 60 V"), format!("{ms:.1} ms"));
@@ -145,7 +151,7 @@ fn check_trip_of_hung_board(
 }
 
 /// A break that does not reach one of the timers: the self-test tells which.
-fn check_missing_break(
+fn add_row_of_arming_with_missing_break(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -166,7 +172,7 @@ fn check_missing_break(
 }
 
 /// A break clears the timers' outputs, but its interrupt does not run.
-fn check_arming_fails_without_break_interrupt(
+fn add_row_of_arming_without_break_interrupt(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,

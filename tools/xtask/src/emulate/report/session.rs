@@ -2,7 +2,10 @@
 
 use super::board::{CLOCKS_PER_MS, EmulatedBoard};
 use super::channels::CHANNELS;
-use super::drives::{self, add_reply_row, check_drive_change, check_rapid_changes, check_registers_rails_and_phases};
+use super::drives::{
+    self, add_reply_row, add_rows_of_drive_change, add_rows_of_rapid_drive_changes,
+    add_rows_of_registers_rails_and_phases,
+};
 use super::effects;
 use super::expected::{
     ALL_OFF, compute_expected_registers, describe_output_state, describe_supply_switches, format_read_registers,
@@ -26,20 +29,20 @@ type SessionPart = fn(&mut EmulatedBoard, &mut ReportTable) -> Result<(), Error>
 /// All of it, in one life of the board; what cannot be carried out ends it.
 pub fn check_session(board: &mut EmulatedBoard, table: &mut ReportTable) {
     let parts: [(&str, SessionPart); 8] = [
-        ("boot and questions", check_boot_and_hello),
-        ("refusals", check_unarmed_drive_refusal_and_garbage),
-        ("arm", check_arming),
-        ("drive and change", check_driving_and_changes),
-        ("envelopes", effects::check_effects),
-        ("windows", windows::check_windows),
-        ("stop", check_stop),
-        ("silence", check_host_silence),
+        ("boot and questions", add_rows_of_boot_and_hello),
+        ("refusals", add_rows_of_unarmed_drive_refusal_and_garbage),
+        ("arm", add_rows_of_arming),
+        ("drive and change", add_rows_of_driving_and_changes),
+        ("envelopes", effects::add_rows_of_click_and_ramp_envelopes),
+        ("windows", windows::add_rows_of_window_sequence_at_pins),
+        ("stop", add_rows_of_stop),
+        ("silence", add_rows_of_host_silence),
     ];
     // Each part begins where the one before it has ended.
     let _ = parts.into_iter().all(|(name, part)| table.run_part_adding_row_on_error(name, |table| part(board, table)));
 }
 
-fn check_boot_and_hello(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_boot_and_hello(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     table.add_comparison_row("boot", ALL_OFF, &describe_output_state(board)?);
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
     table.add_time_limit_row("boot: rails measured, safe", 100.0, safe.ok());
@@ -63,7 +66,10 @@ fn check_boot_and_hello(board: &mut EmulatedBoard, table: &mut ReportTable) -> R
     Ok(())
 }
 
-fn check_unarmed_drive_refusal_and_garbage(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_unarmed_drive_refusal_and_garbage(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+) -> Result<(), Error> {
     let refused = board.set_drives(&drives::FIRST)?;
     let expected = Some(Refusal::State { state: SafetyState::Safe, event: SafetyEvent::Drive });
     table.add_comparison_row("drive without arming", &format!("{expected:?}"), &format!("{refused:?}"));
@@ -92,7 +98,7 @@ fn make_garbage_bytes() -> Result<Vec<u8>, Error> {
     Ok(noise.chain([0]).chain(half).chain([0]).chain(changed).collect())
 }
 
-fn check_arming(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_arming(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let begin = board.read_clock_cycles()?;
     board.arm_and_wait()?;
     let took = board.milliseconds_since(begin)?;
@@ -111,23 +117,23 @@ fn check_arming(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<()
     }
     table.add_comparison_row("armed: switches", "HV 1 discharge 11", &describe_supply_switches(&board.read_pins()?));
     board.update_pin_edges_until_now()?;
-    let (_, _, pulses) = board.edges.overlap_least_guard_and_pulse_count();
+    let (_, _, pulses) = board.edges.overlap_and_least_guard_clocks_and_pulse_count();
     table.add_comparison_row("armed: pulses on any electrode", "0", &pulses.to_string());
     Ok(())
 }
 
-fn check_driving_and_changes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_driving_and_changes(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     // By hand: 8 x 116 pF x 2 kV x 300 Hz are 557 uA, rounded up, and the bleeders of both rails take 80 uA.
     let beyond = drives::FIRST.map(|drive| drives::make_drive(drive.channel, 300_000, 500_000, 0, 2_000_000));
     let refused = board.set_drives(&beyond)?;
     let expected = Some(Refusal::Current { requested_microamps: 637, max_microamps: 500 });
     table.add_comparison_row("drives beyond the supply", &format!("{expected:?}"), &format!("{refused:?}"));
-    check_drive_change(board, table, "drive", None, &drives::FIRST)?;
+    add_rows_of_drive_change(board, table, "drive", None, &drives::FIRST)?;
     let mut now = drives::FIRST;
     let mut next = |table: &mut ReportTable, name: &str, edit: &dyn Fn(&mut [ChannelDrive; 4])| {
         let before = now;
         edit(&mut now);
-        check_drive_change(board, table, name, Some(&before), &now)
+        add_rows_of_drive_change(board, table, name, Some(&before), &now)
     };
     next(table, "other frequency", &|drives| {
         drives[0].frequency_millihertz = 250_000;
@@ -142,11 +148,11 @@ fn check_driving_and_changes(board: &mut EmulatedBoard, table: &mut ReportTable)
     // The board stays as it is for half a second: equal frequencies must not drift by a tick.
     board.advance_time_with_keep_alives(0.5)?;
     board.update_pin_edges_until_now()?;
-    check_registers_rails_and_phases(board, table, "half a second later", &now)?;
-    check_rapid_changes(board, table, &now)
+    add_rows_of_registers_rails_and_phases(board, table, "half a second later", &now)?;
+    add_rows_of_rapid_drive_changes(board, table, &now)
 }
 
-fn check_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let before = board.read_clock_cycles()?;
     board.send_request(&Request::Stop)?;
     let answered = board.milliseconds_since(before)?;
@@ -162,7 +168,7 @@ fn check_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), 
     Ok(())
 }
 
-fn check_host_silence(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_host_silence(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     board.arm_and_wait()?;
     let refused = board.set_drives(&drives::FIRST)?;
     table.add_comparison_row("silence: drives set", "None", &format!("{refused:?}"));

@@ -30,10 +30,10 @@ const AF1: u32 = 0x00BA;
 const COMP_MASK: u32 = 0x00BF_8171;
 /// Enabled, against DAC3 (100), not inverted, 20 mV of hysteresis (010).
 const COMP_DAC: u32 = 0x0002_0041;
-/// Enabled, against VREFINT (011) by its scaler, inverted, 20 mV.
-const COMP_VREF: u32 = 0x0082_8031;
+/// Enabled, against DAC4 (100), inverted, 20 mV.
+const COMP_LOOP: u32 = 0x0002_8041;
 
-const SETTINGS: [Setting; 49] = [
+const SETTINGS: [Setting; 52] = [
     new_register_setting("TIM1 BDTR", 0x4001_2C44, BDTR_MASK, BDTR),
     new_register_setting("TIM8 BDTR", 0x4001_3444, BDTR_MASK, BDTR),
     new_register_setting("TIM20 BDTR", 0x4001_5044, BDTR_MASK, BDTR),
@@ -55,13 +55,17 @@ const SETTINGS: [Setting; 49] = [
     new_register_setting("COMP1 CSR", 0x4001_0200, COMP_MASK, COMP_DAC),
     new_register_setting("COMP3 CSR", 0x4001_0208, COMP_MASK, COMP_DAC),
     new_register_setting("COMP4 CSR", 0x4001_020C, COMP_MASK, COMP_DAC),
-    new_register_setting("COMP5 CSR", 0x4001_0210, COMP_MASK, COMP_VREF),
-    new_register_setting("COMP7 CSR", 0x4001_0218, COMP_MASK, COMP_VREF),
+    new_register_setting("COMP5 CSR", 0x4001_0210, COMP_MASK, COMP_LOOP),
+    new_register_setting("COMP7 CSR", 0x4001_0218, COMP_MASK, COMP_LOOP),
     // 2100 V of 2500 V and 10 mA of 20 mA, of 4095 steps.
     new_register_setting("DAC3 DHR12R1", 0x5000_1008, 0xFFF, 3439),
     new_register_setting("DAC3 DHR12R2", 0x5000_1014, 0xFFF, 2047),
     // MODE1 and MODE2 (2:0 and 18:16): 011, to the chip's inside without buffer; HFSEL (15:14): 10, above 160 MHz.
     new_register_setting("DAC3 MCR", 0x5000_103C, 0x0007_C007, 0x0003_8003),
+    // 1.9 V of 3.3 V, to the chip's inside; EN1 (0).
+    new_register_setting("DAC4 DHR12R1", 0x5000_1408, 0xFFF, 2357),
+    new_register_setting("DAC4 MCR", 0x5000_143C, 0x0007_C007, 0x0003_8003),
+    new_register_setting("DAC4 CR", 0x5000_1400, 1, 1),
     // 010, to the pin without buffer: the buffer cannot go below 0.2 V, which is a rail of 120 V.
     new_register_setting("DAC1 MCR", 0x5000_083C, 0x0007_C007, 0x0002_8002),
     // PVDE (0) and PLS (3:1): 110, 2.9 V.
@@ -116,8 +120,10 @@ const SETTINGS_WHILE_LIVE: [Setting; 2] = [
 ];
 
 /// The whole part of the report.
-pub fn check_settings_adding_row_on_error(board: &mut EmulatedBoard, table: &mut ReportTable) {
-    table.run_part_adding_row_on_error("settings", |table| check_register_settings_and_trip_thresholds(board, table));
+pub fn check_settings(board: &mut EmulatedBoard, table: &mut ReportTable) {
+    table.run_part_adding_row_on_error("settings", |table| {
+        add_rows_of_register_settings_and_trip_thresholds(board, table)
+    });
 }
 
 /// One row for each setting.
@@ -130,7 +136,7 @@ fn add_rows_of_settings(settings: &[Setting], board: &mut EmulatedBoard, table: 
 }
 
 /// Compares every setting, and tries thresholds from both sides.
-fn check_register_settings_and_trip_thresholds(
+fn add_rows_of_register_settings_and_trip_thresholds(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
 ) -> Result<(), Error> {
@@ -152,6 +158,8 @@ fn check_register_settings_and_trip_thresholds(
         // LSI has 29.5 to 34 kHz, the processor's oscillator 2 %.
         ("watchdog's clock 29.0 kHz", json!({"lsi": 29.0 / 32.0}), false),
         ("watchdog's clock 34.7 kHz", json!({"lsi": 34.7 / 32.0}), false),
+        ("watchdog's clock 27 kHz", json!({"lsi": 27.0 / 32.0}), true),
+        ("watchdog's clock 37 kHz", json!({"lsi": 37.0 / 32.0}), true),
         // A closed loop is at 2.185 V; 1 % for each resistor and 500 ohm of wire make 2.10 to 2.20 V.
         ("interlock at 2.08 V", json!({"interlock": 2.08}), false),
         ("interlock at 2.25 V", json!({"interlock": 2.25}), false),

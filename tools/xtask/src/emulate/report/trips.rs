@@ -32,19 +32,19 @@ struct InjectedTrip {
 /// All of them, each from power-up.
 pub fn check_trips(board: &mut EmulatedBoard, table: &mut ReportTable) {
     for trip in list_trips_while_driving() {
-        table.run_part_adding_row_on_error(trip.name, |table| check_trip_while_driving(board, table, &trip));
+        table.run_part_adding_row_on_error(trip.name, |table| add_rows_of_trip_while_driving(board, table, &trip));
     }
     for (name, fault, code) in list_faults_before_arming() {
-        table.run_part_adding_row_on_error(name, |table| check_fault_at_arming(board, table, name, &fault, code));
+        table.run_part_adding_row_on_error(name, |table| add_rows_of_fault_at_arming(board, table, name, &fault, code));
     }
     table.run_part_adding_row_on_error("permit's line stuck high while safe", |table| {
-        check_stuck_permit_is_noticed_while_safe(board, table)
+        add_rows_of_stuck_permit_while_safe(board, table)
     });
     table.run_part_adding_row_on_error("rail stays charged", |table| {
-        check_undischarged_rail_faults_after_stop(board, table)
+        add_rows_of_undischarged_rail_after_stop(board, table)
     });
     for register in &CHANGED_REGISTERS {
-        table.run_part_adding_row_on_error(register.name, |table| check_changed_register(board, table, register));
+        table.run_part_adding_row_on_error(register.name, |table| add_rows_of_changed_register(board, table, register));
     }
 }
 
@@ -176,6 +176,12 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
         ("arm: permit's line stuck low", json!({"pin": {"name": "permit", "stuck": false}}), FaultCode::Permit),
         ("arm: permit's line stuck high", json!({"pin": {"name": "permit", "stuck": true}}), FaultCode::Permit),
         ("arm: gates do not follow the permit", json!({"permit": "ignored"}), FaultCode::Permit),
+        // The discharge switches close, and the supply goes on against them.
+        (
+            "arm: gate of the supply does not follow the permit",
+            json!({"permit": "ignored_by_enable"}),
+            FaultCode::Permit,
+        ),
         // Of one port, and of one ERA; then of two.
         ("arm: electrodes' pads of an ERA touch", json!({"joined": ["era1_a", "era1_b"]}), FaultCode::ArmFailed),
         ("arm: electrodes' pads of two ERAs touch", json!({"joined": ["era1_a", "era2_b"]}), FaultCode::ArmFailed),
@@ -187,12 +193,28 @@ fn list_faults_before_arming() -> Vec<(&'static str, Value, FaultCode)> {
             FaultCode::ArmFailed,
         ),
         ("arm: discharge switches stay open", json!({"discharge": "fails"}), FaultCode::DischargeSlow),
+        (
+            "arm: lines of the discharge switches stuck open",
+            json!({"discharge": "line_open"}),
+            FaultCode::DischargeSlow,
+        ),
         ("arm: electrode open", electrode_fault(1, "a", "open"), FaultCode::Electrode),
         ("arm: electrode shorted", electrode_fault(4, "b", "shorted"), FaultCode::Electrode),
         ("arm: lower switch open", electrode_fault(2, "b", "lower_open"), FaultCode::Electrode),
         ("arm: lower switch always closed", electrode_fault(3, "a", "lower_stuck"), FaultCode::Electrode),
         ("arm: 3.3 V is 4 % low", json!({"reference": 0.96}), FaultCode::Reference),
         ("arm: dead interlock comparator", json!({"comparator": {"number": 5, "stuck": false}}), FaultCode::SelfTest),
+        // At 3.3 V it never trips by its input, and does with its polarity inverted.
+        (
+            "arm: input of the interlock comparator not connected",
+            json!({"comparator_in": {"number": 5, "volts": 3.3}}),
+            FaultCode::SelfTest,
+        ),
+        (
+            "arm: input of the emergency stop comparator not connected",
+            json!({"comparator_in": {"number": 7, "volts": 3.3}}),
+            FaultCode::SelfTest,
+        ),
     ]
 }
 
@@ -224,7 +246,7 @@ pub fn delay_until_all_off_if_off_by_now_ms(board: &mut EmulatedBoard, since_clo
     Ok(board.edges.all_off_since_clock().map(|off| off.saturating_sub(since_clock) as f64 / CLOCKS_PER_MS))
 }
 
-fn check_trip_while_driving(
+fn add_rows_of_trip_while_driving(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     trip: &InjectedTrip,
@@ -237,7 +259,7 @@ fn check_trip_while_driving(
     let off = delay_until_all_off_if_off_by_now_ms(board, since)?;
     table.add_time_limit_row(&format!("{name}: electrodes off"), trip.limit_ms, off);
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    check_latched_fault(board, table, name, trip.code)?;
+    add_row_of_latched_fault(board, table, name, trip.code)?;
     if trip.stays {
         let reply = board.send_request(&Request::ClearFaults)?;
         add_reply_row(
@@ -247,14 +269,14 @@ fn check_trip_while_driving(
             &format!("{name}: clear too early"),
         );
     }
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// The latched fault, whatever its detail.
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_latched_fault(
+pub fn add_row_of_latched_fault(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -275,7 +297,7 @@ pub fn check_latched_fault(
 ///
 /// # Errors
 /// If the board does not answer or does not come to that.
-pub fn heal_faults_and_check_rearming(
+pub fn heal_faults_and_add_rows_of_rearming(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -289,7 +311,7 @@ pub fn heal_faults_and_check_rearming(
     Ok(())
 }
 
-fn check_fault_at_arming(
+fn add_rows_of_fault_at_arming(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
     name: &str,
@@ -309,13 +331,13 @@ fn check_fault_at_arming(
         &fails.map_or_else(|state| format!("{reply:?}, then {}", state.name()), |ms| format!("after {ms:.1} ms")),
         fails.is_ok(),
     );
-    check_latched_fault(board, table, name, code)?;
+    add_row_of_latched_fault(board, table, name, code)?;
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// A line that gives the permit although nobody has: noticed without an arming.
-fn check_stuck_permit_is_noticed_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_stuck_permit_while_safe(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "permit's line stuck high while safe";
     board.power_cycle()?;
     let safe = board.await_state_and_measure_ms(SafetyState::Safe, 100)?;
@@ -326,11 +348,11 @@ fn check_stuck_permit_is_noticed_while_safe(board: &mut EmulatedBoard, table: &m
     let fault = board.read_latched_fault()?.map(|fault| (fault.code, fault.detail));
     let expected = Some((FaultCode::Permit, 1));
     table.add_comparison_row(&format!("{name}: fault"), &format!("{expected:?}"), &format!("{fault:?}"));
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// The discharge switch and the bleeder fail: nothing may call the board safe.
-fn check_undischarged_rail_faults_after_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+fn add_rows_of_undischarged_rail_after_stop(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let name = "rail stays charged after stop";
     power_up_and_drive(board)?;
     board.inject_fault(&json!({"discharge": "fails", "rail_fault": {"rail": 1, "volts": 500}}))?;
@@ -340,11 +362,11 @@ fn check_undischarged_rail_faults_after_stop(board: &mut EmulatedBoard, table: &
     let took = board.await_state_and_measure_ms(SafetyState::Fault, 2 * DISCHARGE_LIMIT_MS)?;
     // 1 ms of contact, 9.5 ms through 1 Mohm with tolerances, 0.5 ms of filter, a ms until the next look; then the question that finds it.
     table.add_time_limit_row(&format!("{name}: noticed"), 25.0, took.ok());
-    check_latched_fault(board, table, name, FaultCode::DischargeSlow)?;
+    add_row_of_latched_fault(board, table, name, FaultCode::DischargeSlow)?;
     let reply = board.send_request(&Request::ClearFaults)?;
     let expected = Reply::Refused(Refusal::StillThere(FaultCode::DischargeSlow));
     add_reply_row(reply, expected, table, &format!("{name}: clear too early"));
-    heal_faults_and_check_rearming(board, table, name)
+    heal_faults_and_add_rows_of_rearming(board, table, name)
 }
 
 /// A register that protects and changes by itself, although it is locked or written once.
@@ -356,10 +378,19 @@ struct ChangedRegister {
     found_by: FaultCode,
     /// What finds it when the board is armed again: compare modes are read, comparators and breaks are made to trip.
     found_by_arming: FaultCode,
+    /// Whether it is looked at in every state, so that the fault cannot be cleared.
+    is_standing: bool,
 }
 
 const fn new_changed_register(name: &'static str, address: u32, value: u32) -> ChangedRegister {
-    ChangedRegister { name, address, value, found_by: FaultCode::ReadBack, found_by_arming: FaultCode::SelfTest }
+    ChangedRegister {
+        name,
+        address,
+        value,
+        found_by: FaultCode::ReadBack,
+        found_by_arming: FaultCode::SelfTest,
+        is_standing: false,
+    }
 }
 
 /// ADC_CR of a converter with ADVREGEN alone. What it measures counts as unknown, which is neither a closed loop nor an open one.
@@ -367,12 +398,19 @@ const fn new_disabled_converter(name: &'static str, address: u32) -> ChangedRegi
     ChangedRegister {
         found_by: FaultCode::InterlockOpen,
         found_by_arming: FaultCode::InterlockOpen,
+        is_standing: true,
         ..new_changed_register(name, address, 1 << 28)
     }
 }
 
 /// One of each kind, addresses by RM0440. All but the converters are in the table of settings that are read after boot.
-const CHANGED_REGISTERS: [ChangedRegister; 11] = [
+const CHANGED_REGISTERS: [ChangedRegister; 18] = [
+    // TIM2_PSC: time runs at 170/171 of its rate.
+    ChangedRegister {
+        found_by_arming: FaultCode::ReadBack,
+        is_standing: true,
+        ..new_changed_register("rate of the board's time changed (TIM2_PSC)", 0x4000_0028, 170)
+    },
     // TIM1_CCMR1: outputs frozen.
     ChangedRegister {
         found_by_arming: FaultCode::ReadBack,
@@ -385,20 +423,28 @@ const CHANGED_REGISTERS: [ChangedRegister; 11] = [
     },
     new_changed_register("break of TIM8 without comparators (AF1)", 0x4001_3460, 0),
     new_changed_register("permit without comparators (TIM16_AF1)", 0x4001_4460, 0),
+    // Without BKE; MOE is set, so that it does not show.
+    new_changed_register("break of TIM8 disabled (BDTR)", 0x4001_3444, 0xAF00),
+    new_changed_register("break of the permit disabled (TIM16_BDTR)", 0x4001_4444, 0xAF00),
     new_changed_register("comparator of the current off (COMP4_CSR)", 0x4001_020C, 0),
     new_changed_register("comparator of rail 1 off (COMP1_CSR)", 0x4001_0200, 0),
     // To full scale: 2500 V, and 20 mA.
     new_changed_register("over-voltage threshold raised (DAC3)", 0x5000_1008, 4095),
     new_changed_register("over-current threshold raised (DAC3)", 0x5000_1014, 4095),
+    // MODE2: to a pin that there is not, so that the comparator of the current has no threshold; then EN2.
+    new_changed_register("over-current threshold not connected (DAC3_MCR)", 0x5000_103C, 0x0000_8003),
+    new_changed_register("over-current threshold not enabled (DAC3_CR)", 0x5000_1000, 0x0000_0001),
+    new_changed_register("threshold of the loops lowered (DAC4)", 0x5000_1408, 0),
+    new_changed_register("threshold of the loops not connected (DAC4_MCR)", 0x5000_143C, 0x0003_8000),
     new_disabled_converter("converter of the rails off (ADC1_CR)", 0x5000_0008),
     new_disabled_converter("converter of the interlock off (ADC3_CR)", 0x5000_0408),
     new_disabled_converter("converter of the emergency stop off (ADC4_CR)", 0x5000_0508),
 ];
 
-fn check_changed_register(
+fn add_rows_of_changed_register(
     board: &mut EmulatedBoard,
     table: &mut ReportTable,
-    &ChangedRegister { name, address, value, found_by, found_by_arming }: &ChangedRegister,
+    &ChangedRegister { name, address, value, found_by, found_by_arming, is_standing }: &ChangedRegister,
 ) -> Result<(), Error> {
     power_up_and_drive(board)?;
     let since = board.read_clock_cycles()?;
@@ -409,12 +455,12 @@ fn check_changed_register(
     let took = board.milliseconds_since(since)?;
     table.add_row(&format!("{name}: electrodes low"), "8 within 5 ms", &format!("{low} after {took:.1} ms"), low == 8);
     table.add_comparison_row(&format!("{name}: registers"), ALL_OFF, &describe_output_state(board)?);
-    check_latched_fault(board, table, name, found_by)?;
+    add_row_of_latched_fault(board, table, name, found_by)?;
+    if found_by == FaultCode::InterlockOpen {
+        add_row_of_unknown_rails_in_details(board, table, name)?;
+    }
     // Modes are written at boot and locked: clearing the fault does not mend them, a restart does.
-    let cleared = match found_by {
-        FaultCode::ReadBack => Reply::FaultsCleared,
-        standing => Reply::Refused(Refusal::StillThere(standing)),
-    };
+    let cleared = if is_standing { Reply::Refused(Refusal::StillThere(found_by)) } else { Reply::FaultsCleared };
     add_reply_row(board.send_request(&Request::ClearFaults)?, cleared, table, &format!("{name}: clear"));
     let again = board.arm_and_wait();
     let fault = board.read_latched_fault()?.map(|fault| fault.code);
@@ -425,5 +471,19 @@ fn check_changed_register(
     let armed = board.arm_and_wait();
     let seen = armed.as_ref().map_or_else(ToString::to_string, |()| "armed".to_owned());
     table.add_comparison_row(&format!("{name}: arm after power-up"), "armed", &seen);
+    Ok(())
+}
+
+/// What is not measured shows as more than any rail can have, not as a rail that is discharged.
+fn add_row_of_unknown_rails_in_details(
+    board: &mut EmulatedBoard,
+    table: &mut ReportTable,
+    name: &str,
+) -> Result<(), Error> {
+    let seen = match board.send_request(&Request::Details)? {
+        Reply::Details(details) => format!("{:?} mV", details.rail_millivolts),
+        other => format!("{other:?}"),
+    };
+    table.add_comparison_row(&format!("{name}: rails in the details"), "[4294967295, 4294967295] mV", &seen);
     Ok(())
 }

@@ -33,7 +33,7 @@ const WINDOWS: [(u8, Electrode, u32, u32); 12] = [
 ///
 /// # Errors
 /// If the board does not answer.
-pub fn check_windows(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
+pub fn add_rows_of_window_sequence_at_pins(board: &mut EmulatedBoard, table: &mut ReportTable) -> Result<(), Error> {
     let windows = WINDOWS.map(|(channel, electrode, wait_ticks, width_ticks)| SequenceWindow {
         channel,
         electrode,

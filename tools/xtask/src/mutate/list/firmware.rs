@@ -1,6 +1,6 @@
 //! Mistakes in the firmware.
 
-use super::{Mutation, new_mutation};
+use super::{Mutation, new_mutation, new_unseen_mutation};
 
 /// All of them.
 pub const MUTATIONS: &[Mutation] = &[
@@ -234,5 +234,101 @@ pub const MUTATIONS: &[Mutation] = &[
         "firmware/src/sense.rs",
         "usize::from(REFERENCE_INPUT) - 10, SampleTime::CYCLES247_5",
         "usize::from(REFERENCE_INPUT) - 11, SampleTime::CYCLES247_5",
+    ),
+    new_mutation(
+        "the watchdog keeps its 512 ms",
+        "firmware/src/watchdog.rs",
+        "    IWDG.kr().write(|w| w.set_key(Key::ENABLE));\n",
+        "",
+    ),
+    new_mutation(
+        "the watchdog is tried with its longest time",
+        "firmware/src/watchdog_proof.rs",
+        "    IWDG.kr().write(|w| w.set_key(Key::ENABLE));\n",
+        "",
+    ),
+    new_mutation(
+        "the watchdog's settings are not read back",
+        "firmware/src/main.rs",
+        "if is_watchdog_proven && is_watchdog_set_up {",
+        "if is_watchdog_proven || is_watchdog_set_up && false {",
+    ),
+    new_mutation(
+        "breaks of the electrodes' timers are not looked at while live",
+        "firmware/src/timers.rs",
+        "timer.af1().read().0 == AF1_COMPARATORS && timer.bdtr().read().0 & !BDTR_MOE == BDTR_LOCKED",
+        "timer.af1().read().0 == AF1_COMPARATORS",
+    ),
+    new_mutation(
+        "the break of the permit is not looked at",
+        "firmware/src/permit.rs",
+        "        && TIMER.bdtr().read().0 & !BDTR_MOE == BDTR_LOCKED\n",
+        "",
+    ),
+    new_mutation(
+        "a converter that delivers nothing shows discharged rails",
+        "firmware/src/sense.rs",
+        "    rail_millivolts: [u32::MAX; 2],\n",
+        "    rail_millivolts: [0; 2],\n",
+    ),
+    new_mutation(
+        "a clock that is wrong by a third is accepted",
+        "firmware/src/clock_check.rs",
+        "const LSI_HZ: Range<u32> = 28_000..36_000;",
+        "const LSI_HZ: Range<u32> = 23_000..41_000;",
+    ),
+    new_mutation(
+        "the thresholds' way to the comparators is not looked at",
+        "firmware/src/comparators.rs",
+        "converter.mcr().read().0 == build_threshold_mode_register().0\n            && ",
+        "",
+    ),
+    new_mutation(
+        "the thresholds' enable is not looked at",
+        "firmware/src/comparators.rs",
+        "\n            && converter.cr().read().0 == build_threshold_control_register().0",
+        "",
+    ),
+    new_mutation(
+        "with parity on the stack is not written first",
+        "firmware/src/pre_init.rs",
+        "    \"    mov r2, sp\",",
+        "    \"    ldr r2, =__euninit\",",
+    ),
+    new_mutation(
+        "the comparators of the loops are tried without their inputs",
+        "firmware/src/breaks.rs",
+        "        .and_then(|()| test_loop_inputs())\n",
+        "",
+    ),
+    new_mutation(
+        "the threshold of the loops is not looked at",
+        "firmware/src/comparators.rs",
+        "        && DAC4.dor(0).read().dor() == LOOP_CODE\n",
+        "",
+    ),
+    new_mutation(
+        "a wrong rate of the board's time is accepted",
+        "firmware/src/clock_check.rs",
+        "    TIM2.psc().read() == TIME_PRESCALER",
+        "    TIM2.psc().read() >= TIME_PRESCALER",
+    ),
+    new_mutation(
+        "the permit's step proves the supply's gate no more",
+        "firmware/src/supply.rs",
+        "let enabled = command.enabled && !tripped;",
+        "let enabled = command.enabled && command.permitted && !tripped;",
+    ),
+    new_mutation(
+        "the voltage detector is locked before it is set up",
+        "firmware/src/main.rs",
+        "    brown_out::init_voltage_detector();\n    breaks::init_core_failure_breaks_and_interrupt();",
+        "    breaks::init_core_failure_breaks_and_interrupt();\n    brown_out::init_voltage_detector();",
+    ),
+    new_unseen_mutation(
+        "no write before the first return address",
+        "firmware/src/pre_init.rs",
+        ["    \"    str r0, [sp, #-8]\",\n", ""],
+        "the emulated memory loses no write after a reset, and the erratum's conditions are not published",
     ),
 ];

@@ -13,10 +13,22 @@ pub struct Mutation {
     pub from: &'static str,
     /// What takes its place.
     pub to: &'static str,
+    /// Why no test can detect it, if none can.
+    pub unseen_because: Option<&'static str>,
 }
 
 const fn new_mutation(name: &'static str, file: &'static str, from: &'static str, to: &'static str) -> Mutation {
-    Mutation { name, file, from, to }
+    Mutation { name, file, from, to, unseen_because: None }
+}
+
+/// A mistake that no test can detect, for this reason.
+const fn new_unseen_mutation(
+    name: &'static str,
+    file: &'static str,
+    [from, to]: [&'static str; 2],
+    reason: &'static str,
+) -> Mutation {
+    Mutation { name, file, from, to, unseen_because: Some(reason) }
 }
 
 /// All of them.

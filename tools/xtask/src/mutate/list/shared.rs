@@ -217,8 +217,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "dead-man time doubled",
         "shared/src/safety/machine.rs",
-        "(silence >= session.deadman_us)",
-        "(silence >= 2 * session.deadman_us)",
+        "    silence_us >= deadman_us || silence_us",
+        "    silence_us >= 2 * deadman_us || silence_us",
     ),
     new_mutation(
         "every link keeps the session alive",
@@ -229,7 +229,7 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "a late keep-alive revives",
         "shared/src/device/answers.rs",
-        "        self.poll_next_due_us(board);\n        let now_us = board.now_us();\n        let result",
+        "        self.do_due_work_and_tell_next_due_us(board);\n        let now_us = board.now_us();\n        let result",
         "        let now_us = board.now_us();\n        let result",
     ),
     new_mutation(
@@ -379,8 +379,8 @@ pub const MUTATIONS: &[Mutation] = &[
     new_mutation(
         "windows of a channel that must stop are left out in silence",
         "shared/src/device/live.rs",
-        "            if must_stop && sequencer.has_windows(channel) {",
-        "            if false && must_stop && sequencer.has_windows(channel) {",
+        "            if must_stop && sequencer.has_unfinished_window_sequence(channel) {",
+        "            if false && must_stop && sequencer.has_unfinished_window_sequence(channel) {",
     ),
     new_mutation(
         "the burst and the credit left are no limit for a sequence",
@@ -423,5 +423,53 @@ pub const MUTATIONS: &[Mutation] = &[
         "shared/src/device/answers.rs",
         "filter(|goal| goal.program.voltage_millivolts > 0)?",
         "filter(|_| true)?",
+    ),
+    new_mutation(
+        "any dead-man time counts, however long",
+        "shared/src/safety/machine.rs",
+        "|| silence_us >= DEADMAN_MAX_MS as u64 * 1000",
+        "|| silence_us == u64::MAX",
+    ),
+    new_mutation(
+        "two links have one name",
+        "shared/src/safety/machine.rs",
+        "        Self(index as u8)\n",
+        "        Self((index / 2) as u8)\n",
+    ),
+    new_mutation(
+        "all links have the name of the first",
+        "shared/src/device/mod.rs",
+        "Self::new(LinkId::from_index(index))",
+        "Self::new(LinkId::from_index(0 * index))",
+    ),
+    new_mutation(
+        "a closed port ends the session of the first link",
+        "shared/src/link/port_watch.rs",
+        "Some((self.link, LinkArrival::Reopened))",
+        "Some((0 * self.link, LinkArrival::Reopened))",
+    ),
+    new_mutation(
+        "a tick that is far ahead is waited for",
+        "shared/src/device/live.rs",
+        " || self.next_tick_us - now_us > TICK_US {",
+        " {",
+    ),
+    new_mutation(
+        "a device that checks nothing says that it is alive",
+        "shared/src/device/mod.rs",
+        "core::mem::replace(&mut self.tick_done, false)",
+        "core::mem::replace(&mut self.tick_done, true)",
+    ),
+    new_mutation(
+        "after a discharge no electrode is watched for 5 s",
+        "shared/src/supply/electrode_current.rs",
+        "const AFTER_DISCHARGE_US: u64 = 1_000 * SUPPLY_LAG_MS",
+        "const AFTER_DISCHARGE_US: u64 = 1_000_000 * SUPPLY_LAG_MS",
+    ),
+    new_mutation(
+        "the discharge switches are tried without the permit",
+        "shared/src/safety/arming.rs",
+        "SupplyCommand { permitted: true, ..SupplyCommand::OFF };",
+        "SupplyCommand { permitted: false, ..SupplyCommand::OFF };",
     ),
 ];

@@ -1,17 +1,16 @@
 //! Plans that follow each other on the simulated device, plainly or as the daemon orders them.
 
-use super::VerifyError;
-use super::bench::Bench;
-use crate::device::convert::drive_to_wire;
-use crate::device::sim::{Clock, SimBoard, SimPanel};
-use crate::planner::drive::assign_channels;
-use crate::planner::plan_motion::PlanMotion;
-use crate::planner::residual::{
+use era::device::convert::drive_to_wire;
+use era::device::sim::SimPanel;
+use era::planner::drive::assign_channels;
+use era::planner::plan::derate_plan;
+use era::planner::plan_motion::PlanMotion;
+use era::planner::residual::{
     Ending, NEXT_LOOK_S, RailState, ResidualVibration, StartHeadroom, find_fraction_and_plan_within_headroom,
-    find_larger_fraction_and_plan_if_worth_it,
+    find_larger_fraction_and_plan_within_headroom_if_any,
 };
-use crate::planner::{Plan, PlanTable};
-use era_shared::MAX_CHANNELS;
+use era::planner::{Plan, PlanTable};
+use era::verify::bench::Bench;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::Request;
 
@@ -48,30 +47,30 @@ pub struct TurnResult {
     pub parts: Vec<f64>,
 }
 
+/// The vibration that remains after the end of a plan cannot be computed: a drive excites an undamped mode at its resonance.
+#[derive(Debug)]
+pub struct UnknownFreeMotion;
+
 /// Runs turns on the simulated device, faster than real time. One that would have to wait for another that has hardly begun is
 /// left out.
-///
-/// # Errors
-/// [`VerifyError::Device`], [`VerifyError::Unknown`].
 pub fn simulate_turns(
     table: &PlanTable,
     panel: &SimPanel,
     turns: &[PlannedTurn<'_>],
     mode: SuccessionMode,
-) -> Result<Vec<TurnResult>, VerifyError> {
+) -> Result<Vec<TurnResult>, UnknownFreeMotion> {
     let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    let mut bench = Bench::new(SimBoard::new(panel.clone(), &volts, Clock::Manual(0)));
+    let mut bench = Bench::new(panel.clone(), &volts);
     let mut residual = ResidualVibration::new(table.decay_rate_and_travel_of_each_pole());
     let mut board = RailState::Down;
     let mut turned = Vec::with_capacity(turns.len());
     for (id, PlannedTurn { plan, hold_s, pause_s }) in (0..).zip(turns) {
-        let whole_motion =
-            table.predict_travel_and_free_motion_of_plan_if_poles_known(plan).ok_or(VerifyError::Unknown)?;
+        let predict =
+            |plan: &Plan| table.predict_travel_and_free_motion_of_plan_if_poles_known(plan).ok_or(UnknownFreeMotion);
+        let whole_motion = predict(plan)?;
         let of_part = |part: f64| {
-            let plan = if part < 1.0 { crate::planner::plan::derate_plan(table, plan, part)? } else { (*plan).clone() };
-            let motion =
-                table.predict_travel_and_free_motion_of_plan_if_poles_known(&plan).ok_or(VerifyError::Unknown)?;
-            Ok::<_, VerifyError>((plan, motion))
+            let plan = if part < 1.0 { derate_plan(table, plan, part).unwrap() } else { (*plan).clone() };
+            predict(&plan).map(|motion| (plan, motion))
         };
         let room = match mode {
             SuccessionMode::AtFullForce => StartHeadroom::ALL,
@@ -81,19 +80,19 @@ pub fn simulate_turns(
         };
         if room.goes_on {
             // The next one comes before, and takes its place.
-            bench.run_for(hold_s + pause_s)?;
+            bench.run_for(hold_s + pause_s).unwrap();
             let travel = take_travel_fractions(&mut bench, table);
             turned.push(TurnResult { travel, travel_after: Vec::new(), room, parts: Vec::new() });
             continue;
         }
         if room.wait_s > 0.0 {
-            bench.send_request(&Request::SetDrives { drives: heapless::Vec::new() })?;
+            bench.send_request(&Request::SetDrives { drives: heapless::Vec::new() }).unwrap();
             residual.record_end_of_current_drives(bench.time_s(), Ending::AtItsBoundary);
-            bench.run_for(room.wait_s)?;
+            bench.run_for(room.wait_s).unwrap();
             board = if board == RailState::Down { RailState::Down } else { RailState::Up };
         }
         if board == RailState::Down {
-            bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
+            bench.send_request(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) }).unwrap();
         }
         let (mut parts, mut left_s) = (Vec::new(), *hold_s);
         let end_s = if *pause_s > 0.0 { bench.time_s() + hold_s } else { f64::INFINITY };
@@ -107,13 +106,14 @@ pub fn simulate_turns(
                 (None, SuccessionMode::FittedToHeadroom) => {
                     Some(find_fraction_and_plan_within_headroom(of_part(1.0)?, of_part, fits)?)
                 }
-                (Some(part), _) if *part < 1.0 => find_larger_fraction_and_plan_if_worth_it(*part, of_part, fits)?,
+                (Some(part), _) if *part < 1.0 => {
+                    find_larger_fraction_and_plan_within_headroom_if_any(*part, of_part, fits)?
+                }
                 (Some(_), _) => None,
             };
             if let Some((part, (next, motion))) = next {
-                bench.send_request(&Request::SetDrives {
-                    drives: assign_channels(&next.drives).iter().map(drive_to_wire).collect(),
-                })?;
+                let drives = assign_channels(&next.drives).iter().map(drive_to_wire).collect();
+                bench.send_request(&Request::SetDrives { drives }).unwrap();
                 residual.record_drives_that_begin_in_place_of_others(
                     id,
                     &motion,
@@ -127,13 +127,13 @@ pub fn simulate_turns(
             }
             let is_whole = parts.last().is_some_and(|part| *part >= 1.0);
             let step_s = if is_whole { left_s } else { left_s.min(NEXT_LOOK_S) };
-            bench.run_for(step_s)?;
+            bench.run_for(step_s).unwrap();
             left_s -= step_s;
         }
         let driven_to = take_travel_fractions(&mut bench, table);
         if *pause_s > 0.0 {
-            bench.send_request(&Request::SetDrives { drives: heapless::Vec::new() })?;
-            bench.run_for(*pause_s)?;
+            bench.send_request(&Request::SetDrives { drives: heapless::Vec::new() }).unwrap();
+            bench.run_for(*pause_s).unwrap();
             board = RailState::Up;
         }
         let travel_after = take_travel_fractions(&mut bench, table);
@@ -144,9 +144,9 @@ pub fn simulate_turns(
 
 /// Most travel of every mass since it was last asked, as a part of its gap.
 fn take_travel_fractions(bench: &mut Bench, table: &PlanTable) -> Vec<f64> {
-    bench.board.advance_panel_to_now();
-    let largest_travels: [_; MAX_CHANNELS] = bench.board.panel_mut().take_largest_travels_since_last_call();
-    largest_travels
+    bench
+        .panel_mut()
+        .take_largest_travels_since_last_call()
         .iter()
         .zip(&table.electrodes)
         .map(|(largest_travel, electrodes)| largest_travel.travel_m / electrodes.gap_m)
