@@ -43,21 +43,22 @@ const EMERGENCY_STOP: Comparator =
 /// Those that watch the loops.
 pub const LOOPS: [Comparator; 2] = [EMERGENCY_STOP, INTERLOCK];
 
-const fn make_comparator_of_too_much(number: u32, fault: FaultCode, registers: Comp) -> Comparator {
+/// A comparator that trips above its threshold.
+const fn make_overload_comparator(number: u32, fault: FaultCode, registers: Comp) -> Comparator {
     Comparator { number, fault, registers, polarity: Polarity::NOT_INVERTED }
 }
 
 /// Those that watch rails 1 and 2.
 pub const OVER_VOLTAGE: [Comparator; 2] = [
-    make_comparator_of_too_much(3, FaultCode::OverVoltage, COMP3),
-    make_comparator_of_too_much(1, FaultCode::OverVoltage, COMP1),
+    make_overload_comparator(3, FaultCode::OverVoltage, COMP3),
+    make_overload_comparator(1, FaultCode::OverVoltage, COMP1),
 ];
 
 /// All that are used, those first whose reason says more if several have tripped: a person's stop before its consequences.
 pub const COMPARATORS: [Comparator; 5] = [
     EMERGENCY_STOP,
     INTERLOCK,
-    make_comparator_of_too_much(4, FaultCode::OverCurrent, COMP4),
+    make_overload_comparator(4, FaultCode::OverCurrent, COMP4),
     OVER_VOLTAGE[0],
     OVER_VOLTAGE[1],
 ];

@@ -17,7 +17,7 @@ pub struct Flash {
     /// Board: auto (finds the connected board, the default), or the path of the board's serial port
     #[arg(long, value_name = "PORT")]
     pub port: Option<Target>,
-    /// Do not ask whether the high-voltage supply is off: this option confirms that the supply is off
+    /// Do not ask whether the high-voltage supply is off: with this option you confirm that you have switched the supply off
     #[arg(short, long)]
     pub yes: bool,
     /// Write the image even if the board's firmware has a newer protocol version, or if this program does not know the

@@ -58,8 +58,8 @@ fn format_predicted_and_simulated_peaks(
 ) -> String {
     let mut text = format!(
         "{scene_name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
-         \x20             drives                     fundamentals              from linear  whole waveform to 1 kHz\n\
-         \x20 x mm   y mm  Hz                       predicted simulated  diff   diff         predicted simulated  diff"
+         \x20             drives                     fundamentals                         whole waveform to 1 kHz\n\
+         \x20 x mm   y mm  Hz                       predicted simulated  diff    linear    predicted simulated  diff"
     );
     for c in results {
         let drives = c.drives.iter().map(|drive| format!("{:.0}", drive.frequency_hz)).collect::<Vec<_>>().join(" + ");
@@ -79,9 +79,9 @@ fn format_predicted_and_simulated_peaks(
     }
     let _ = write!(
         text,
-        "\ndiff: relative difference between the simulated peak and the predicted peak; from linear: relative difference \
+        "\ndiff: relative difference between the simulated peak and the predicted peak; linear: relative difference \
          between the simulated fundamentals and a peak that is predicted with the forces at the rest gaps\n\
-         largest difference (the column \"from linear\" is not counted): {:.2} %",
+         largest difference (the column \"linear\" is not counted): {:.2} %",
         largest_difference * 100.0
     );
     text

@@ -25,7 +25,7 @@ pub struct StudyBounds {
 
 /// More of something than the bounds allow.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} has {value} {unit}, but at most {most} are allowed")]
+#[error("{field}: {value} {unit}, but at most {most} are allowed")]
 pub struct ExceededBound {
     /// The study's key, or the study.
     pub field: &'static str,

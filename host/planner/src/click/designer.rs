@@ -1,12 +1,15 @@
 //! The steps from a wished peak to windows: forces of slots (`pushes`), voltages of rails (`rails`), widths, corrections.
 
+mod pushes;
+mod rails;
+
+use self::pushes::{ChosenPushes, SlotPush, WHOLE};
 use super::actuator::ClickActuator;
 use super::felt::{SAMPLE_S, felt_motion_from_means};
 use super::measures::{ClickMeasures, measure_click};
 use super::motion::{WindowMotion, simulate_windows};
 use super::options::{ClickOptions, Preference};
 use super::program::{LOOKED_AT, MotionBounds, TargetResponses};
-use super::pushes::{ChosenPushes, SlotPush, WHOLE};
 use super::realise::{
     SLOT_S, TICK_S, find_window_width_for_force_fraction_s, narrowest_window_s, place_window_in_slot_s,
 };

@@ -22,13 +22,11 @@ mod motion;
 mod options;
 pub mod places;
 mod program;
-mod pushes;
-mod rails;
 mod realise;
 mod slots;
 pub mod sound;
 mod window;
 
 pub use design::{ClickDesign, design_click_windows, simulate_felt_acceleration_of_windows_m_per_s2};
-pub use options::{CRISP_RANGE_S, ClickOptions, LATEST_PEAK_S, MOST_STANDING, Preference};
+pub use options::{CRISP_RANGE_S, ClickOptions, LATEST_PEAK_S, MAX_STANDING_RAIL_RATIO, Preference};
 pub use window::{ClickWindow, LEAD_S};

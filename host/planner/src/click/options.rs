@@ -53,9 +53,9 @@ impl ClickOptions {
     }
 }
 
-/// How many times the voltage that a click needs a rail may have that is left where it stands: forces are up to 2.25 times as large as needed, and
-/// windows narrower.
-pub const MOST_STANDING: f64 = 1.5;
+/// A rail stays as it is if its voltage is at most this many times the voltage that a click needs. Forces are then up to 2.25 times as large as
+/// needed, and windows narrower.
+pub const MAX_STANDING_RAIL_RATIO: f64 = 1.5;
 /// Latest peak of a crisp click, in s after the start of the burst: a later one is felt as late.
 pub const LATEST_PEAK_S: f64 = 0.015;
 /// Least and most of [`ClickOptions::crisp_s`] in s.

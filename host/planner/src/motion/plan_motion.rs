@@ -13,7 +13,7 @@ use crate::motion::strong_softening::CLOSING;
 use crate::motion::strong_softening::{
     bound_travel_added_by_harmonics_and_combinations_m, largest_fundamental_travel_while_rails_rise_if_poles_known_m,
 };
-use crate::physics::limits::{Electrodes, MAX_SOFTENING_FRACTION, MAX_TRAVEL_FRACTION};
+use crate::physics::limits::{Electrodes, MAX_TRAVEL_FRACTION};
 use crate::physics::rise::{Participation, SwitchOnModel};
 use crate::physics::softening::{Line, Motion};
 use crate::scene::MAX_ACTUATORS;
@@ -26,6 +26,10 @@ const WEAK: f64 = 0.5;
 
 /// A burst of windows ends like a drive of this frequency in Hz: within one slot of 1 ms.
 const WINDOWS_HZ: f64 = 1000.0;
+
+/// Most softening, as a fraction of the static stiffness, that [`PlanMotion::growth`] is computed for. Electrodes that soften more only push
+/// outwards; a burst does so for some ms, in which a free motion at most doubles or trebles (growth here: 4.5).
+const MAX_SOFTENING_UNDER_FREE_MOTION: f64 = 0.95;
 
 /// One number for each actuator.
 pub type PerActuator = [f64; MAX_ACTUATORS];
@@ -153,7 +157,7 @@ pub(crate) fn bound_travel_and_free_motion_of_drives_if_poles_known(
 fn compute_factor_by_which_softening_grows_motion(table: &PlanTable, softening_n_per_m: &PerActuator) -> PerActuator {
     table.static_receptance.map(|row| {
         let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
-        (1.0 - taken.min(MAX_SOFTENING_FRACTION)).powf(-0.5)
+        (1.0 - taken.min(MAX_SOFTENING_UNDER_FREE_MOTION)).powf(-0.5)
     })
 }
 
@@ -214,7 +218,8 @@ pub fn build_motion_of_windows_with_known_travel_if_poles_known(
     let used = voltages_v.iter().zip(&table.electrodes).zip(travel_m).enumerate();
     for (channel, ((voltage_v, own), travel_m)) in used.filter(|(_, ((voltage_v, _), _))| **voltage_v > 0.0) {
         let closed = (travel_m / own.gap_m).min(MAX_TRAVEL_FRACTION);
-        softening_n_per_m[channel] = own.max_softening_n_per_m(*voltage_v, closed);
+        // The burst's own travel is known, but together with an earlier motion the mass goes as far as the limit.
+        softening_n_per_m[channel] = own.max_softening_n_per_m(*voltage_v, MAX_TRAVEL_FRACTION);
         let force_n = own.force_at_rest_n_per_v2() * voltage_v * voltage_v / (1.0 - closed).powi(2);
         let pushed = onset.compute_participation_of_each_pole_in_effect(channel, force_n, WINDOWS_HZ, &[]);
         gains_per_s.iter_mut().zip(pushed).for_each(|(gain, own)| *gain += own.gain_per_s);

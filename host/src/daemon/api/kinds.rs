@@ -47,8 +47,8 @@ macro_rules! kinds {
 kinds! {
     /// A value is out of range: `field` and `value` name the value, `allowed` is the range.
     OutOfRange = "out-of-range", BAD_REQUEST, "A value is out of range";
-    /// A quiet zone contains no point of the surface.
-    EmptyZone = "out-of-range", BAD_REQUEST, "The quiet zone has no point on the surface";
+    /// A zone contains no point of the surface.
+    EmptyZone = "out-of-range", BAD_REQUEST, "The zone has no point on the surface";
     /// The body is not valid JSON or not an object, a field is missing, unknown or of the wrong type, or the body ended early.
     BadBody = "bad-body", BAD_REQUEST, "The request body is invalid";
     /// The body is too long.

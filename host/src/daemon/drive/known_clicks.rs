@@ -1,7 +1,7 @@
 //! Clicks that have been designed before: a key of a keypad is pressed again and again at the same place.
 
 use crate::effects::{DesignError, EffectDesign};
-use crate::planner::click::{ClickOptions, MOST_STANDING, Preference};
+use crate::planner::click::{ClickOptions, MAX_STANDING_RAIL_RATIO, Preference};
 use crate::planner::{Plan, TargetResult};
 use era_shared::supply::RAILS;
 use std::collections::HashMap;
@@ -102,7 +102,9 @@ fn choose_for_rails(designs: &[KnownClick], standing_v: [f64; RAILS]) -> Option<
     let stands = |design: &EffectDesign| all_used_rails(design, &are_equal);
     let is_made_for = |made_for_v: &[f64; RAILS]| made_for_v.iter().zip(standing_v).all(|(a, b)| are_equal(*a, b));
     let could_stand = |design: &EffectDesign| {
-        all_used_rails(design, &|needed_v, standing_v| (needed_v..=MOST_STANDING * needed_v).contains(&standing_v))
+        all_used_rails(design, &|needed_v, standing_v| {
+            (needed_v..=MAX_STANDING_RAIL_RATIO * needed_v).contains(&standing_v)
+        })
     };
     let found = designs.iter().find(|known| stands(&known.design));
     let found = found.or_else(|| designs.iter().find(|known| is_made_for(&known.made_for_v)));

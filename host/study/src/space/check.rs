@@ -189,7 +189,7 @@ impl DesignSpace {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
                 lines.report_mistake_in_line(
                     own.line,
-                    format!("{name}: `key` must lead to a number, but the scene file has no number at this path"),
+                    format!("{name}: the scene file has no number at the path in `key`"),
                 );
             }
         }

@@ -1,9 +1,9 @@
 //! Voltages of the rails for a click, and what of its forces fits them, the windows of a board and its supply.
 
-use super::designer::{ClickDesigner, Lacks};
-use super::options::MOST_STANDING;
 use super::pushes::SlotPush;
-use super::realise::SLOT_S;
+use super::{ClickDesigner, Lacks};
+use crate::click::options::MAX_STANDING_RAIL_RATIO;
+use crate::click::realise::SLOT_S;
 use crate::physics::limits::max_mean_supply_current_a;
 use era_shared::circuit::{BLEEDER_OHMS, ELECTRODE_PICOFARADS};
 use era_shared::limits::{MAX_RAIL_MILLIVOLTS, SEQUENCE_CURRENT_SPAN_MS};
@@ -37,7 +37,8 @@ impl ClickDesigner<'_> {
         let kept: [f64; RAILS] = core::array::from_fn(|rail| {
             let (least_v, highest_v) = self.find_least_and_highest_voltage_of_rail_v(pushes, rail);
             let stands_v = self.options.standing_rails_v.get(rail).copied().unwrap_or(0.0);
-            let fits = least_v > 0.0 && (least_v..=highest_v.min(MOST_STANDING * least_v)).contains(&stands_v);
+            let fits =
+                least_v > 0.0 && (least_v..=highest_v.min(MAX_STANDING_RAIL_RATIO * least_v)).contains(&stands_v);
             if fits { stands_v } else { rails.get(rail).copied().unwrap_or(0.0) }
         });
         if self.highest_mean_current_a(pushes, &kept) > max_mean_supply_current_a() { rails } else { kept }

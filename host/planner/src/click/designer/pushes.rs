@@ -1,7 +1,7 @@
 //! Forces of slots: the least ones for a peak, fewer of them, and corrected ones.
 
-use super::designer::{ClickDesigner, SLOT_SAMPLES};
-use super::program::{ForceProgram, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
+use super::{ClickDesigner, SLOT_SAMPLES};
+use crate::click::program::{ForceProgram, MotionBounds, SampleBound, SlotForce, SolvedForces, TargetResponses};
 use crate::physics::limits::Limit;
 use era_shared::supply::{RAILS, rail_index_of_channel};
 use era_shared::waveform::MAX_WINDOWS;
