@@ -393,7 +393,10 @@ impl From<ExplainError> for Raised {
 
 impl From<BandError> for Raised {
     fn from(error: BandError) -> Self {
-        let allowed = format!("{} to {} Hz, at least {} Hz wide", error.least_hz, error.most_hz, error.needed_hz);
+        let allowed = format!(
+            "a band from {} to {} Hz or inside this range, at least {} Hz wide",
+            error.least_hz, error.most_hz, error.needed_hz
+        );
         let text = format!("from_hz = {}, to_hz = {}: {error}", error.from_hz, error.to_hz);
         Self::with(RaisedKind::Request, &text, "from_hz", error.from_hz, Some(allowed))
     }

@@ -124,9 +124,8 @@ impl PyStudy {
 
 /// The error of bytes that are not rows of this study and task.
 fn refuse_other_bytes(field: &str, task: StudyTask) -> Raised {
-    let allowed =
-        format!("the bytes that compute(\"{task}\") returned, from the same study and the same version of era");
-    let text = format!("{field} must be {allowed}, but contains other bytes");
+    let allowed = format!("the bytes that compute(\"{task}\") returned for the same study in the same version of era");
+    let text = format!("{field} must contain {allowed}, but contains other bytes");
     Raised::wrong_argument_with_text(field, "other bytes", allowed, text)
 }
 

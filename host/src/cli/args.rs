@@ -155,8 +155,8 @@ pub struct Serve {
     /// Disarm the board after this time without a touch, in s, 0.1 to 3600 [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle_s, help_heading = DEVICE)]
     pub idle_s: Option<f64>,
-    /// Let the next touch clear the fault host-silent (the board received nothing from this daemon); only a person can
-    /// clear other faults
+    /// Clear the fault host-silent (the board received nothing from this daemon for 250 ms) at the next touch or POST
+    /// /v1/arm; only a person can clear other faults
     #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
     /// Who arms the board again after an outage (a loss of the link to the board) [default: person]
@@ -249,7 +249,7 @@ pub struct Touch {
 #[derive(Clone, Copy, Debug, Args)]
 #[command(next_help_heading = EFFECT)]
 pub struct Rhythm {
-    /// Number of pulses
+    /// Number of pulses of the effect pulse_train
     #[arg(long, value_name = "N")]
     pub count: Option<u32>,
     /// Time from one click, pulse or crest to the next, in ms

@@ -14,7 +14,7 @@ pub struct Flash {
     /// Use the USB interface of the board's chip (pins PA11 and PA12) and the bootloader of the chip
     #[arg(long)]
     pub dfu: bool,
-    /// Board: auto (finds the connected board, the default), or the path of the board's serial port
+    /// Board: auto (finds the connected board) or the path of the board's serial port [default: auto]
     #[arg(long, value_name = "PORT")]
     pub port: Option<Target>,
     /// Do not ask whether the high-voltage supply is off: with this option you confirm that you have switched the supply off
@@ -31,7 +31,7 @@ pub struct Flash {
 
 #[derive(Clone, Debug, Args)]
 pub struct Monitor {
-    /// Board: auto (finds the connected board, the default), emulated, or the path of the board's serial port
+    /// Board: auto (finds the connected board), emulated, or the path of the board's serial port [default: auto]
     #[arg(long, value_name = "PORT", conflicts_with = "probe")]
     pub port: Option<Target>,
     /// Use a debug probe with the program probe-rs

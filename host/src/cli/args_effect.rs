@@ -24,7 +24,7 @@ pub struct EffectOptions {
     #[arg(value_name = "NAME", required_unless_present_any = ["effect", "file"], conflicts_with = "effect",
         help_heading = NO_HEADING)]
     pub name: Option<NamedEffect>,
-    /// Name of the effect, as an option in place of NAME
+    /// Name of the effect; give this option or the argument NAME, but not both
     #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT)]
     pub effect: Option<NamedEffect>,
     /// Duration in ms

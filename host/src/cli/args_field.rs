@@ -26,16 +26,16 @@ pub struct Field {
     /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
-    /// Instead of the field of one touch, map for every point the strongest possible peak and the highest possible
-    /// contrast of a weak touch, each with the frequencies of its drives
+    /// Instead of the field of one touch, compute for every point the strongest possible peak and the highest possible
+    /// contrast of a weak touch, and the drive frequencies for both
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"], help_heading = REACH)]
     pub reach: bool,
     /// Instead of the field of one touch, compare three drive schemes by their lowest peak on the surface: one
     /// frequency in phase, one frequency with chosen phases, distinct frequencies
     #[arg(long, conflicts_with_all = ["at", "intensity_g"], help_heading = REACH)]
     pub schemes: bool,
-    /// Instead of the field of one touch, design this effect, which must be `click`, at the centres of 12 x 8 cells (12
-    /// cells of a bar), and map the time until the click is quiet
+    /// Instead of the field of one touch, map the time until a click is quiet, for clicks at the centres of 12 x 8
+    /// cells (12 cells on a bar); NAME must be `click`
     #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT,
         conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
     pub effect: Option<NamedEffect>,
@@ -45,7 +45,7 @@ pub struct Field {
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true,
         help_heading = REACH)]
     pub zone: Option<Corners>,
-    /// For --schemes: use dB above the threshold of feeling at each frequency instead of g
+    /// For --schemes: give peaks in dB above the threshold of feeling at each frequency, instead of in g
     #[arg(long, conflicts_with_all = ["at", "reach"], help_heading = REACH)]
     pub felt: bool,
     /// Lowest frequency for --reach and --schemes in Hz [default: the lowest frequency of the planner]
@@ -66,8 +66,8 @@ pub struct Field {
     /// Write a picture to this PNG file
     #[arg(long, value_name = "FILE.png", value_parser = parse_png_path, help_heading = OUTPUT)]
     pub png: Option<PathBuf>,
-    /// Write the values as CSV, with one line x_mm,y_mm,... per point; `-` is standard output (the default for a
-    /// touch without --png)
+    /// Write the values as CSV, with one line x_mm,y_mm,... per point; `-` is standard output (the default with --at
+    /// and without --png)
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub csv: Option<PathBuf>,
     /// Print JSON

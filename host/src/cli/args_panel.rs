@@ -64,8 +64,8 @@ pub struct Sweep {
     #[arg(long, value_name = "NX,NY", value_parser = parse_comma_separated_grid_counts, default_value = "49,33",
         help_heading = BAND)]
     pub grid: (usize, usize),
-    /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance
-    /// of 1e-5, in m/s^2 per N; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy,
+    /// Write all values in m/s^2 per N: a NumPy array [frequency, actuator, row, column] of complex64, or of complex128
+    /// if the tolerance is below 1e-5; also write the axes to the same folder (for plate.npy: plate.frequency_hz.npy,
     /// plate.y_m.npy, plate.x_m.npy)
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub npy: Option<PathBuf>,

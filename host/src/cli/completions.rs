@@ -16,7 +16,8 @@ pub struct Completions {
 
 #[derive(Clone, Debug, Args)]
 pub struct Man {
-    /// Write the pages of the program and of every command into this folder [default: print the program's own page]
+    /// Write the man pages of the program and of every command into this folder [default: print only the program's man
+    /// page]
     #[arg(long, value_name = "DIR")]
     pub dir: Option<PathBuf>,
 }

@@ -287,7 +287,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "clear_silence",
-        help: "Let the next touch clear the fault host-silent (the board received nothing from this daemon)",
+        help: "Clear the fault host-silent (the board received nothing from this daemon for 250 ms) at the next touch or POST /v1/arm",
         allowed: "true or false",
         default: "false",
         example: "false",

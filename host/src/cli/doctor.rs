@@ -24,8 +24,9 @@ const CERTIFICATE: &str = "era-cert.pem";
 
 #[derive(Clone, Debug, Args)]
 pub struct Doctor {
-    /// The device to check: auto (finds the connected board), the path of a serial port, or sim or emulated, which need
-    /// no hardware. The doctor opens no other serial port [default: the device in the configuration, or the board that
+    /// The device to check: auto (finds the connected board), the path of a serial port, sim or emulated (sim and
+    /// emulated need no hardware). The doctor opens only the serial port of this device [default: the device in the
+    /// configuration, or the board that
     /// the doctor finds by its USB identity]
     #[arg(long, value_name = "DEVICE", help_heading = CHECKED)]
     pub device: Option<Target>,

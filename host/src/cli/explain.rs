@@ -12,7 +12,7 @@ fn describe_modelled_scene(scene: &Scene) -> String {
     let mut text = match surface.kind {
         SurfaceKind::Bar => {
             format!(
-                "modelled: a beam (Euler-Bernoulli), {} x {} x {} mm, along x only",
+                "modelled: a beam (Euler-Bernoulli), {} x {} x {} mm; the deflection depends on x only",
                 mm(surface.length_m),
                 mm(surface.width_m),
                 mm(surface.thickness_m)

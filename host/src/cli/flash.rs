@@ -227,7 +227,7 @@ impl FlashJob<'_> {
             }
             Ok(board) => Err(Failure::runtime_error(format!(
                 "the image was written and read back, but the board at {} answers with firmware {}: check that \
-                 this board is the board that was flashed; if so, power the board down and up",
+                 this board is the board that was flashed; if so, switch the board's power off and on",
                 board.path(),
                 Version(board.identity.firmware)
             ))),

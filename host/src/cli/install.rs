@@ -23,7 +23,7 @@ pub enum Part {
 
 #[derive(Clone, Debug, Args)]
 pub struct Install {
-    /// Install a service of this user instead of a system service; omit the udev rule, which needs root
+    /// Install a service of this user instead of a system service, without the udev rule, which needs root
     #[arg(long, help_heading = SERVICE)]
     pub user: bool,
     /// The service's configuration file [default: /etc/era/era.toml; if --user is given: ~/.config/era/era.toml]
@@ -41,7 +41,7 @@ pub struct Install {
     /// Print the files, and write nothing
     #[arg(long, conflicts_with = "remove", help_heading = FILES)]
     pub print: bool,
-    /// Install or remove only one of the two files
+    /// Install or remove only the udev rule or only the systemd unit
     #[arg(long, value_name = "PART", value_enum, help_heading = FILES)]
     pub only: Option<Part>,
     /// Remove the installed files
@@ -50,7 +50,7 @@ pub struct Install {
     /// Also overwrite or remove files that this command did not write
     #[arg(long, help_heading = FILES)]
     pub force: bool,
-    /// Write below this folder in place of /, for packages
+    /// Use this folder as the root folder in place of /, to build a package
     #[arg(long, value_name = "DIR", help_heading = FILES)]
     pub root: Option<PathBuf>,
 }

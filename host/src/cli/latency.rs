@@ -95,7 +95,7 @@ pub fn measure_touch_latency_on_simulated_device(options: &Latency) -> Outcome {
          time from POST /v1/touch           median      p99      max\n\
          until the device has all drives  {device}\n\
          until the answer                 {answer}\n\
-         touches that waited until earlier vibration had decayed: {delayed}, {longest_ms:.1} ms at most; refused touches: {}",
+         touches that waited until earlier vibration had decayed: {delayed} (longest wait: {longest_ms:.1} ms); refused touches: {}",
         options.touches,
         scene.name,
         refused.len()

@@ -39,13 +39,14 @@ pub struct PlanOptions {
     pub keep: CacheOptions,
     #[command(flatten)]
     pub at: At,
-    /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g); also for targets
-    /// of --also without their own peak
+    /// Requested peak acceleration, in dB above the threshold of feeling (in place of --intensity-g), for the target
+    /// and for each target of --also that is given without a peak
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     #[command(flatten)]
     pub wishes: PlanWishes,
-    /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar, y is ignored
+    /// For --objective reach: plan for this rectangle, in mm, instead of the whole surface; on a bar, Y0 and Y1 are
+    /// ignored
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
     /// Compute how much the peaks at the targets change if the panel differs from the scene, by default by up to 20 % in

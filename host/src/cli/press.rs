@@ -39,7 +39,7 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
         let quoted: Vec<String> = ids.iter().map(|id| format!("{id:?}")).collect();
         let of = if quoted.len() == 1 { "actuator" } else { "actuators" };
         format!(
-            "The error bound of the travel `alone` is not known for the {of} {}, because {reason}.",
+            "The error bound of the travel in the column `alone` is not known for the {of} {}, because {reason}.",
             quoted.join(" and ")
         )
     };
@@ -48,8 +48,9 @@ fn describe_missing_press_error_bounds_by_reason(table: &PlanTable) -> Vec<Strin
 
 fn format_press_travel_per_actuator(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: a press of {} N, for each actuator at the point where the press moves its mass furthest\n \
-         actuator            at mm      alone   error at most      sag   error at most  end stop        remaining gap safe up to\n",
+        "{}: a press of {} N, for each actuator at the point where the press moves its mass furthest\n\
+         \x20actuator       x, y in mm      alone   error at most      sag   error at most  end stop        \
+         remaining gap safe up to\n",
         table.scene.name, table.scene.press_n
     );
     for (i, (actuator, pressed)) in table.scene.actuators.iter().zip(&table.pressed).enumerate() {

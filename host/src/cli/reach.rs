@@ -134,10 +134,11 @@ pub fn compare_schemes(options: &Field) -> Outcome {
     }
     let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
-        "{}, {}, all schemes with the largest safe forces, peaks in {unit}\n\
+        "{}, {}. All schemes use the largest safe forces. Peaks are in {unit}.\n\
          (one frequency: at each frequency, the program tries {ratios} amplitude ratios in phase, or {phases} \
-         combinations of amplitudes and phases, and then searches further near the best of them; distinct \
-         frequencies: the best for the forces at the rest gaps, which is proven unless a line below says otherwise)\n",
+         combinations of amplitudes and phases, and then searches near the best of them; \
+         distinct frequencies: the setting is the best possible for the forces at the rest gaps; a line below says if this is \
+         not proven)\n",
         scene.name,
         describe_searched_frequencies(&table, options)
     );
@@ -329,7 +330,8 @@ fn describe_searched_frequencies(table: &PlanTable, options: &Field) -> String {
     });
     match (table.frequencies_hz.first(), table.frequencies_hz.last()) {
         (Some(from), Some(to)) => format!(
-            "{within}{} frequencies from {from} to {to} Hz; the actuators' distinct frequencies are at least {MIN_SPACING_HZ} Hz apart",
+            "{within}{} frequencies from {from} to {to} Hz; if the actuators have distinct frequencies, these are at \
+             least {MIN_SPACING_HZ} Hz apart",
             table.frequencies_hz.len()
         ),
         _ => within,

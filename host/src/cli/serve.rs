@@ -166,7 +166,7 @@ fn describe_usable_addresses(url: &str, names: &[String]) -> String {
         .chain(names.iter().map(String::as_str))
         .map(|name| format!("{scheme}://{name}:{port}"))
         .collect();
-    format!("{} (on all addresses of this machine)", all.join(" or "))
+    format!("{} (the daemon listens on all addresses of this computer)", all.join(" or "))
 }
 
 /// Who may do what.

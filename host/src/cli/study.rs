@@ -73,21 +73,23 @@ pub fn run_study(options: &Options) -> Outcome {
             Err(RunError::Folder(error)) => return Err(error.into()),
             Ok(RunEnd::Early) => {
                 return Err(Failure::runtime_error(format!(
-                    "stopped: {there} of {all} designs are in {}; run the same command again to compute the others",
+                    "stopped: the results of {there} of {all} designs are in {}; run the same command again to \
+                     compute the others",
                     path.display()
                 )));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text(&format!(
-                    "{}: share {shard} has no designs to compute, because the study has fewer chunks (for an \
-                     evolution: fewer runs) than shares: set a smaller `chunk`, or more `runs`, in [method]",
+                    "{}: share {shard} has no designs to compute, because there are more shares than chunks (for an \
+                     evolution: than runs). In [method], set a smaller `chunk` (for an evolution: larger `runs`), or \
+                     use fewer shares",
                     study.spec.name
                 ));
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() => {
                 return print_text(&format!(
-                    "{}: share {shard} is complete, and its {all} designs are in {}. When all shares are complete, use \
-                     `--gather` to make the results",
+                    "{}: share {shard} is complete, and the results of its {all} designs are in {}. When all shares \
+                     are complete, use `--gather` to combine the results",
                     study.spec.name,
                     path.display()
                 ));

@@ -13,10 +13,12 @@ pub struct PlanWishes {
     /// Time window of the target, in ms from the start of the touch [default: the whole touch]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
     pub window: Option<Window>,
-    /// Another target, with its requested peak in g and its time window in ms; can be repeated
+    /// Another target: its point in the same unit as the touched point, its requested peak in g and its time window in
+    /// ms; can be repeated
     #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_additional_target, allow_hyphen_values = true)]
     pub also: Vec<AdditionalTarget>,
-    /// A quiet zone, with its radius in mm and its largest peak acceleration in g; can be repeated
+    /// A quiet zone: its centre in the same unit as the touched point, its radius in mm and the highest allowed peak
+    /// acceleration in g; can be repeated
     #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_circular_quiet_zone_and_its_limit, allow_hyphen_values = true)]
     pub quiet: Vec<QuietZoneOption>,
     /// What the planner optimises

@@ -130,7 +130,7 @@ impl FromStr for HostPort {
                 _ => format!("the port is missing; for example {text}:7878"),
             })?;
             if host.contains(':') {
-                return Err(format!("an IPv6 address needs brackets before its port: {WANTED}"));
+                return Err(format!("an IPv6 address must be in brackets: {WANTED}"));
             }
             (host, port)
         };

@@ -41,7 +41,10 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
     let status = first.strip_prefix("HTTP/1.").and_then(|rest| rest.split(' ').nth(1)?.parse::<u16>().ok());
     match status {
         Some(200..300) => Ok(stream),
-        Some(407) => Err(told(format!("needs a password (407) to connect to {target}, and era sends no password"))),
+        Some(407) => Err(told(format!(
+            "needs a password to connect to {target} (HTTP status 407), but era sends no \
+                                       password"
+        ))),
         Some(status) => Err(told(format!("answers {status} to the request to connect to {target}"))),
         None => Err(told(format!(
             "gave no HTTP/1 answer to the request to connect to {target}; check the address in --proxy"

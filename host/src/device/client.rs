@@ -17,7 +17,7 @@ pub enum LinkError {
     #[error(transparent)]
     Port(#[from] super::port::PortError),
     /// The emulator has ended, and does not start again.
-    #[error("{0}; the daemon tries again")]
+    #[error("{0}; the daemon tries again to start the emulator")]
     Emulator(String),
     /// Nothing, or nothing readable, came back.
     #[error(

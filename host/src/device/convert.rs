@@ -81,7 +81,10 @@ pub fn achieved_drive_from_wire(achieved: &AchievedDrive) -> SiDrive {
 pub fn describe_refusal(refusal: &Refusal) -> String {
     match refusal {
         Refusal::Version { got, device_min, device_current } => {
-            format!("the protocol version is {got}, but the device supports {device_min} to {device_current}")
+            format!(
+                "the request has protocol version {got}, but the device supports versions {device_min} to \
+                     {device_current}"
+            )
         }
         Refusal::Malformed => "the device could not decode the request".into(),
         Refusal::State { state, event } => {
@@ -109,9 +112,10 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         }
         Refusal::Start { start_us, now_us } => {
             format!(
-                "the effect starts at {start_us} us of the board's time, but must start at most 100 ms before and at \
-                 most 10 s after the board's present time, {now_us} us; a window sequence must also start after its \
-                 rails have risen and its channels have ended their drives"
+                "the effect or window sequence starts at {start_us} us of the board's clock, which now shows {now_us} \
+                 us: the start must be at most 100 ms before and at most 10 s after the present time; a window \
+                 sequence must also start after the rails have reached their voltage and the drives of its channels \
+                 have ended"
             )
         }
         Refusal::Effect => {
@@ -129,7 +133,8 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         Refusal::Live(state) => {
             format!(
                 "the board does not restart into its bootloader, because high voltage may be on: the board is armed, a \
-                 rail is still charged, or the board does not rely on its measurement of the rails yet (state {}). \
+                 rail is still charged, or the board does not trust its measurement of the rail voltages yet (state \
+                 {}). \
                  Disarm the board, wait for 2 s, and run the command again",
                 state.name()
             )
@@ -137,8 +142,8 @@ pub fn describe_refusal(refusal: &Refusal) -> String {
         Refusal::Restarting => "the board is about to restart into its bootloader".into(),
         Refusal::OtherFault { number } => {
             format!(
-                "no fault was cleared, because another fault (number {number} since the start of the board) is latched; \
-                 read the faults again"
+                "no fault was cleared, because the board has latched another fault in the meantime (fault number \
+                 {number} since the board started): read this fault with `era state`, then clear the fault"
             )
         }
         Refusal::Sequence(error) => describe_sequence_error(error),
@@ -196,15 +201,15 @@ fn describe_drive_error(error: &DriveError) -> String {
             format!("the voltage is {} V, but must be at most {} V", si(requested_millivolts), si(max_millivolts))
         }
         DriveError::PulseTooWide { requested_ppm, widest_ppm, min_guard_ns } => format!(
-            "the pulse width is {}, which leaves less time between the pulses than the guard time of {} us; at this \
-             frequency the pulse width must be at most {}",
+            "the pulse width is {} of half a period, which leaves less time between the pulses than the guard time of \
+             {} us; at this frequency the pulse width must be at most {} of half a period",
             f64::from(requested_ppm) / 1e6,
             f64::from(min_guard_ns) / 1e3,
             f64::from(widest_ppm) / 1e6
         ),
         DriveError::PulseTooNarrow { requested_ppm, narrowest_ppm } => format!(
-            "the pulse width is {}, which is shorter than a step of the timer; at this \
-             frequency the pulse width must be at least {}",
+            "the pulse width is {} of half a period, which is shorter than a step of the timer; at this frequency the \
+             pulse width must be at least {} of half a period",
             f64::from(requested_ppm) / 1e6,
             f64::from(narrowest_ppm) / 1e6
         ),
@@ -212,7 +217,10 @@ fn describe_drive_error(error: &DriveError) -> String {
             format!("the phase is {} turns, but must be below one turn", f64::from(requested_microturns) / 1e6)
         }
         DriveError::NotRepresentable { timer_clock_hz } => {
-            format!("no timer setting gives this frequency from a clock of {timer_clock_hz} Hz")
+            format!(
+                "no timer setting gives the requested frequency, because the clock of the timer has \
+                     {timer_clock_hz} Hz"
+            )
         }
     }
 }

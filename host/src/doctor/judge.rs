@@ -74,7 +74,7 @@ fn judge_board_presence(facts: &Facts) -> Finding {
     let boards: Vec<&str> = facts.ports.iter().filter(|port| port.is_board()).map(|port| port.path.as_str()).collect();
     let probe = facts.ports.iter().find(|port| port.is_probe());
     match (&facts.wanted, &boards[..]) {
-        (Wanted::Simulated(kind), _) => Finding::ok("board", format!("no board is needed for the device {kind}")),
+        (Wanted::Simulated(kind), _) => Finding::ok("board", format!("the device {kind} needs no board")),
         (Wanted::Port(path), _) if !boards.contains(&path.as_str()) => Finding::ok(
             "board",
             format!(
@@ -251,7 +251,8 @@ fn judge_chosen_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Fi
         PortAnswer::Silent(reason) => Finding::problem(
             "firmware",
             format!("no board answers at {path}: {reason}"),
-            "check that this is the board's port; power the board down and up; if the board has no firmware, write the \
+            "check that this is the board's port; switch the board's power off and on; if the board has no firmware, \
+             write the \
              firmware with `era flash`",
         ),
         PortAnswer::Version(reason) => Finding::problem(

@@ -102,8 +102,8 @@ fn judge_whether_safety_loops_are_closed(supply: &Supply) -> Finding {
         "interlock",
         found.join(", "),
         format!(
-            "{}; then clear the fault (`era clear`). If nothing is open or pressed, a wire of this safety loop is \
-             broken",
+            "{}; then clear the fault (`era clear`). If the enclosure is closed and the emergency stop is released, a \
+             wire of a safety loop is broken",
             advice.join("; ")
         ),
     )
@@ -136,20 +136,23 @@ fn judge_clock(clock: Clock) -> Finding {
         return Finding::problem(
             "clock",
             format!(
-                "the board's clock differs from this computer's by {:+.1} % ({rate:+.0} ppm); the error of a working \
+                "the rate of the board's clock differs from the rate of this computer's clock by {:+.1} % ({rate:+.0} \
+                 ppm; + means faster); the error of a working \
                  oscillator is at most 1 %",
                 rate / 1e4
             ),
-            "measure the frequencies of the drives with a frequency counter; power the board down and up; if this does \
+            "measure the frequencies of the drives with a frequency counter; switch the board's power off and on; if \
+             this does \
              not help, replace the board",
         );
     }
     let known_ms = known_s * 1e3;
     let found = match rate_ppm {
         Some(rate) => format!(
-            "the board's clock differs from this computer's by {rate:+.0} ppm; the board's time is known with an error of at most {known_ms:.2} ms"
+            "the rate of the board's clock differs from the rate of this computer's clock by {rate:+.0} ppm; the \
+             error of the estimated board time is at most {known_ms:.2} ms"
         ),
-        None => format!("the board's time is known with an error of at most {known_ms:.2} ms"),
+        None => format!("the error of the estimated board time is at most {known_ms:.2} ms"),
     };
     if known_s > KNOWN_S {
         return Finding::warning(

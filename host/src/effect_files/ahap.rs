@@ -108,7 +108,10 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
     for parameter in event["EventParameters"].as_array().into_iter().flatten() {
         let id = text_at(parameter, "ParameterID").unwrap_or("missing");
         let Some(value) = number_at(parameter, "ParameterValue") else {
-            list.warn(format!("{id} of {name} is left out: it has no ParameterValue that is a number"));
+            list.warn(format!(
+                "the parameter of {name} with the ParameterID {id} is left out: its ParameterValue is \
+                               missing or not a number"
+            ));
             continue;
         };
         match id {
@@ -125,7 +128,10 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
                     "{id} of {name} is left out: Apple does not publish the times that the values 0 to 1 represent"
                 ));
             }
-            _ => list.warn(format!("{id} of {name} is left out: this parameter is not known")),
+            _ => list.warn(format!(
+                "the parameter of {name} with the ParameterID {id} is left out: this ParameterID \
+                                    is not known"
+            )),
         }
     }
     let base = own_intensity.unwrap_or_else(|| {

@@ -173,7 +173,7 @@ impl EventList {
         event.sharpness = self.clamp_with_warning(&format!("sharpness of {field}"), event.sharpness, (0.0, 1.0));
         if event.time_s >= MAX_DURATION_S {
             return self.warn(format!(
-                "{field} is left out: it begins after {} s, but an effect may last at most {MAX_DURATION_S} s",
+                "{field} is left out: it begins at {} s, but an effect may last at most {MAX_DURATION_S} s",
                 event.time_s
             ));
         }

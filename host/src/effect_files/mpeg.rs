@@ -164,7 +164,8 @@ impl Scope<'_> {
         }
         if depth > MAX_DEPTH {
             return list.warn(format!(
-                "{name} is left out: its references and composites are nested more than {MAX_DEPTH} levels deep"
+                "a part of {name} is left out, because it is nested more than {MAX_DEPTH} levels deep in references \
+                 and composites"
             ));
         }
         self.steps.set(self.steps.get() + 1);
@@ -216,7 +217,10 @@ impl Scope<'_> {
             })
             .collect();
         if is_above_full {
-            list.warn(format!("amplitudes of {name}, multiplied by the gain of the channel, are above 1: 1 is used"));
+            list.warn(format!(
+                "some amplitudes of {name} are above 1 after multiplication by the gain of the channel: \
+                               the effect uses 1 instead"
+            ));
         }
         let frequencies: Vec<EnvelopePoint> =
             keyframes.iter().filter_map(|keyframe| Some(point(keyframe, keyframe.frequency_hz?))).collect();
@@ -225,7 +229,7 @@ impl Scope<'_> {
             list.warn(format!("the frequency of {name} changes over time: its mean {mean_hz:.0} Hz is used"));
         }
         let Some(last) = keyframes.last().and_then(|last| last.position).filter(|last| *last > 0.0) else {
-            return list.warn(format!("{name} is left out: it has no keyframe after its beginning"));
+            return list.warn(format!("{name} is left out: it has no keyframe with a position above 0"));
         };
         let span_s = (time_s, last / self.ticks_per_s);
         list.add_event_within_limits(

@@ -232,7 +232,10 @@ impl Expansion {
         let name = |field: &str| if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") };
         self.steps += 1;
         if self.steps > MAX_STEPS {
-            let allowed = format!("at most {MAX_STEPS} events and sequences, with all repeats counted");
+            let allowed = format!(
+                "at most {MAX_STEPS} events and sequences in the whole file, with all repeats \
+                                   counted"
+            );
             return Err(ReadError::new_field_error(name("events"), "too long", allowed));
         }
         match (event.primitive, &event.events) {
@@ -337,7 +340,13 @@ impl Expansion {
     fn add_made_event(&mut self, event: HapticEvent, path: &str) -> Result<(), ReadError> {
         self.made += 1;
         if self.made > MAX_EVENTS {
-            let (field, allowed) = (format!("the number of events up to {path}"), format!("at most {MAX_EVENTS}"));
+            let (field, allowed) = (
+                format!("the number of events from the start of the file to {path}"),
+                format!(
+                    "at \
+                                             most {MAX_EVENTS}"
+                ),
+            );
             return Err(ReadError::new_field_error(field, self.made, allowed + ", with all repeats counted"));
         }
         if event.end_s() > MAX_DURATION_S {
@@ -369,7 +378,7 @@ fn read_envelope(
     for (i, FilePoint { time_ms, level }) in points.iter().enumerate() {
         let latest_ms = 1e3 * MAX_DURATION_S;
         if !(before_ms..=latest_ms).contains(time_ms) {
-            let least = if i == 0 { "0".to_owned() } else { format!("{before_ms} (the time of the point before)") };
+            let least = if i == 0 { "0".to_owned() } else { format!("{before_ms} (the time of the previous point)") };
             let allowed = format!("{least} to {latest_ms}");
             return Err(ReadError::new_field_error(format!("{path}.envelope[{i}].time_ms"), time_ms, allowed));
         }
@@ -451,7 +460,7 @@ mod tests {
             (event("time_ms = 1\npause_ms = 2"), "events[0].pause_ms is 2, but must be absent with time_ms"),
             (
                 event("envelope = [{ time_ms = 5, level = 1 }, { time_ms = 4, level = 1 }]"),
-                "events[0].envelope[1].time_ms is 4, but must be 5 (the time of the point before) to 30000",
+                "events[0].envelope[1].time_ms is 4, but must be 5 (the time of the previous point) to 30000",
             ),
             (event("[[events]]\nprimitive = \"click\"\nduration_ms = 5"), "the primitive click has no duration"),
             (event("[[events]]"), "events[1].primitive is missing, but must be given if `events` is missing"),

@@ -148,7 +148,10 @@ fn choose_pulses(list: &EventList, warnings: &mut Vec<String>) -> Vec<Part> {
         }
     }
     if left_out > 0 {
-        warnings.push(format!("pulses left out because a stronger pulse is closer than {CLICK_MS} ms: {left_out}"));
+        warnings.push(format!(
+            "number of pulses left out, because a stronger pulse is less than {CLICK_MS} ms away: \
+                               {left_out}"
+        ));
     }
     // A stronger one that took an earlier one's place may be too close to the next.
     pulses.dedup_by(|later, earlier| later.begin_ms < earlier.begin_ms + CLICK_MS);
@@ -214,8 +217,10 @@ fn draw_curves(list: &EventList, warnings: &mut Vec<String>) -> Result<Vec<Curve
         }
     }
     if elsewhere > 0 {
-        warnings
-            .push(format!("vibrations left out because another place has a vibration at the same time: {elsewhere}"));
+        warnings.push(format!(
+            "number of vibrations left out, because the effect already has a vibration at another place \
+                           at the same time: {elsewhere}"
+        ));
     }
     if clipped {
         warnings

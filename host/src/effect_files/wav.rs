@@ -64,8 +64,8 @@ pub fn read_wav_bytes(bytes: &[u8]) -> Result<EventList, ReadError> {
         (rises as f64 / duration_s, duration_s)
     };
     list.warn(format!(
-        "the loudness of the sound over time is used as the intensity, and its mean frequency of {mean_hz:.0} Hz as \
-         the sharpness"
+        "the loudness of the sound over time is used as the intensity, and the mean frequency of the sound \
+         ({mean_hz:.0} Hz) as the sharpness"
     ));
     let mut time_s = -0.5 * WINDOW_S;
     let envelope = peaks.iter().map(|level| {

@@ -65,7 +65,7 @@ pub enum CheckError {
     },
     /// It is driving.
     #[error(
-        "the board is {}: stop and disarm the board with `era stop`, then run the same command again",
+        "the board is {}: stop and disarm the board with `era stop`, then run `era flash` again",
         state_name(*.0)
     )]
     Live(SafetyState),

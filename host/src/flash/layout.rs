@@ -22,7 +22,8 @@ pub enum LayoutError {
     },
     /// Pages that are protected.
     #[error(
-        "the page at {address:#010x} is write-protected by the option bytes; remove the protection with a debug probe"
+        "the flash page at {address:#010x} is write-protected by the option bytes; remove the protection with a debug \
+         probe"
     )]
     Protected {
         /// Where.

@@ -30,7 +30,7 @@ pub enum ProbeError {
     NoProbe,
     /// It failed, and has said why.
     #[error(
-        "{command} failed ({status}){}{}. To repair an interrupted update, run the same command again",
+        "{command} failed ({status}){}{}. To repair an interrupted update, run the same `era` command again",
         if .said.is_empty() { "" } else { ": " },
         .said
     )]

@@ -36,8 +36,8 @@ pub enum UsbError {
     None,
     /// More than one.
     #[error(
-        "{0} devices in ST's bootloader are connected, and the program cannot identify the board: disconnect the \
-         other devices"
+        "{0} devices that run ST's bootloader are connected, and the program cannot tell which of them is the board: \
+         disconnect the other devices"
     )]
     Several(usize),
     /// It is there but cannot be used.

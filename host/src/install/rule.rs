@@ -26,9 +26,11 @@ pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
     let usb = "SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\"";
     format!(
         "{MARK}\n\
-         # The user who is logged in at the machine and the group {group} may use the board's serial port; ModemManager does not probe it.\n\
+         # The group {group} and the user who is logged in at the machine may use the board's serial port. \
+         ModemManager ignores this port.\n\
          ACTION==\"remove\", GOTO=\"era_end\"\n\n\
-         # Other products share the board's USB numbers, so these rules also check the product name. Only root may use the board's USB device itself.\n\
+         # Other products have the same USB vendor and product IDs as the board, so these rules also check the \
+         product name. Only root may use the board's USB device itself.\n\
          {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"\n\
          SUBSYSTEM==\"tty\", {parent}, ATTRS{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", \
          ENV{{ID_MM_PORT_IGNORE}}=\"1\", {rights}\n\n\

@@ -63,7 +63,7 @@ pub enum VerifyError {
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] MotionError),
     /// No force moves the place.
-    #[error("the plan drives nothing: no actuator moves this place of the panel")]
+    #[error("the plan drives nothing: the requested peak is 0, or no actuator moves the panel at the target")]
     Nothing,
     /// The simulated device did not do as told.
     #[error("the simulated device did not answer as expected: {0}")]

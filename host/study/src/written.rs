@@ -65,7 +65,7 @@ pub fn verify_and_write_results_unless_stopped(
 
 /// A finalist's scene, with what it is above it.
 fn format_scene_file_of_finalist(study: &Study, table: &DesignTable, finalist: &Finalist, rank: usize) -> String {
-    let mut text = format!("# Best {rank} of the study {:?}: design {}.\n", study.spec.name, finalist.design);
+    let mut text = format!("# Rank {rank} in the study {:?}: design {}.\n", study.spec.name, finalist.design);
     for (name, value) in names_and_verified_figures_unless_failed(study, finalist) {
         let _ = writeln!(text, "# {name} = {}", format_four_digits(value));
     }

@@ -58,7 +58,8 @@ pub enum ModelError {
     },
     /// The matrices could not be factored, or the factors do not solve them.
     #[error(
-        "the matrices of the panel could not be factored ({reason}): check that the values in the scene are physically \
+        "a computation with the matrices of the panel failed ({reason}): check that the values in the scene are \
+         physically \
          possible"
     )]
     Factorisation {
@@ -67,8 +68,8 @@ pub enum ModelError {
     },
     /// A design of another panel.
     #[error(
-        "[{part}] is not the same as in the scene for which the model was computed, but only supports, masses and \
-         actuators may differ"
+        "[{part}] differs from the scene for which the model was computed; only supports, masses and actuators may \
+         differ from that scene"
     )]
     OtherPanel {
         /// What differs, as scene files name it.

@@ -16,8 +16,9 @@ pub fn list_thin_plate_warnings(scene: &Scene, max_hz: f64) -> Vec<String> {
     let slenderness = thickest / length_of_shortest_side_that_bends_m(scene);
     if slenderness > THIN {
         doubts.push(format!(
-            "the thickness of the surface is {slenderness:.3} times the length of the shortest side that bends, but \
-             thin-plate theory is accurate only up to 0.033: the computed panel is a few percent too stiff"
+            "the thickness of the surface is {slenderness:.3} times the shortest length along which the surface \
+             bends, but thin-plate theory is accurate only up to 0.033 times this length: the model of the panel is a \
+             few percent too stiff"
         ));
     }
     let too_high = relative_overestimate_of_frequency_by_thin_theory(scene, max_hz);

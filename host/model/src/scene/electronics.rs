@@ -65,7 +65,7 @@ impl<'r, 't> Electronics<'r, 't> {
             // A window could make more force than one whose electrodes charge at once.
             let text = format!(
                 "{} is {} us, but must be at most {:.3} us, the time constant with which an electrode of actuator \
-                 {id:?} charges (its capacitance with its cable is {picofarads:.0} pF)",
+                 {id:?} charges (the capacitance of the electrode with its cable is {picofarads:.0} pF)",
                 self.section.key_with_path("discharging_delay_us"),
                 self.delay_s * 1e6,
                 times.rise_s * 1e6

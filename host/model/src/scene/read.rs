@@ -298,13 +298,13 @@ impl<'r, 't> TomlSection<'r, 't> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
     pub fn read_required_positive_count_or_1(&self, key: &'static str, max: u32) -> u32 {
         let Some(value) = self.value_of_key_marking_known(key) else {
-            self.report_missing_key(key, &format!("a whole number 1 to {max}"));
+            self.report_missing_key(key, &format!("a whole number from 1 to {max}"));
             return 1;
         };
         match parse_number_value(value) {
             Some(number) if number >= 1.0 && number <= f64::from(max) && number.fract() == 0.0 => number as u32,
             _ => {
-                self.report_wrong_type(key, value, &format!("a whole number 1 to {max}"));
+                self.report_wrong_type(key, value, &format!("a whole number from 1 to {max}"));
                 1
             }
         }

@@ -162,14 +162,14 @@ pub enum TransientError {
     },
     /// An undamped resonance: no steady state (thesis, after equation 15).
     #[error(
-        "a force with the angular frequency {omega_rad_s} rad/s drives a mode without damping at the resonance of the \
-         mode, so there is no steady state"
+        "a force with the angular frequency {omega_rad_s} rad/s drives an undamped mode at its resonance frequency, \
+         so there is no steady state"
     )]
     Unbounded {
         /// Angular frequency of the force.
         omega_rad_s: f64,
     },
     /// Eigenvectors that do not span the state space: the published equations have no solution.
-    #[error("the matrix of eigenvectors (equation 17 of the thesis) is singular")]
+    #[error("the matrix of eigenvectors is singular, so the solution by eigenvectors does not exist")]
     Defective,
 }

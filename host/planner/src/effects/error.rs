@@ -10,7 +10,7 @@ pub enum DesignError {
     Request(#[from] EffectError),
     /// A panel whose poles or response could not be found.
     #[error(
-        "the effect cannot be designed, because a drive has the resonance frequency of a mode without damping: add \
+        "the effect cannot be designed, because a drive excites an undamped mode at its resonance frequency: add \
          damping to the scene"
     )]
     Unbounded,

@@ -120,7 +120,7 @@ pub fn describe_segments(drive: &DesignedDrive) -> String {
         Segment::Hold { level: 0, milliseconds } => format!("{milliseconds} ms of rest"),
         Segment::Hold { level, milliseconds } => format!("{milliseconds} ms at {:.2}", part(level)),
         Segment::Ramp { from, to, milliseconds } => {
-            format!("{milliseconds} ms from {:.2} to {:.2}", part(from), part(to))
+            format!("{milliseconds} ms from level {:.2} to level {:.2}", part(from), part(to))
         }
         Segment::Cycles { level, count: 1 } => format!("1 cycle at {:.2}", part(level)),
         Segment::Cycles { level, count } => format!("{count} cycles at {:.2}", part(level)),

@@ -112,9 +112,11 @@ pub fn write_schemes_png(
         row(each, &|scheme| (&scheme.per_touch_field, scheme.per_touch.least)),
     ];
     let title = match scene.surface.kind {
-        SurfaceKind::Bar => format!("{}: three ways to drive", scene.name),
+        SurfaceKind::Bar => {
+            format!("{}: three drive schemes; red line: lowest peak with distinct frequencies", scene.name)
+        }
         SurfaceKind::Plate => format!(
-            "{}: upper row: {one}; lower row: {each}; red: weaker than the weakest place with distinct frequencies",
+            "{}: upper row: {one}; lower row: {each}; red: peak below the lowest peak with distinct frequencies",
             scene.name
         ),
     };

@@ -282,7 +282,7 @@ fn describe_best_added_actuator_if_channel_left(
         // Where this one has no plan another place may.
         let Ok(plan) = table.plan_request(&request) else { continue };
         let change = format!(
-            "one more actuator like {}, at {:.0}, {:.0} mm (computed with tolerance 1 %)",
+            "one more actuator like {}, at x = {:.0} mm, y = {:.0} mm (computed with a tolerance of 1 %)",
             like.id,
             x_m * 1e3,
             y_m * 1e3

@@ -63,7 +63,7 @@ pub fn list_warnings_of_actuators_not_withstanding_press(table: &PlanTable) -> V
         };
         let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
             format!(
-                ", or use springs of {} N/m (stiffness_n_per_m is {})",
+                ", or set stiffness_n_per_m = {} (in the scene, it is {})",
                 round_up_to_two_significant_digits(stiffness),
                 actuator.stiffness_n_per_m
             )

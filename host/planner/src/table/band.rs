@@ -29,6 +29,7 @@ fn describe_needed_band_width(actuators: usize, width_hz: f64) -> String {
         return String::new();
     }
     format!(
-        "; {actuators} actuators need frequencies {MIN_SPACING_HZ} Hz apart, so the band must be at least {width_hz} Hz wide"
+        "; {actuators} actuators need frequencies that are at least {MIN_SPACING_HZ} Hz apart, so the band must be at \
+         least {width_hz} Hz wide"
     )
 }

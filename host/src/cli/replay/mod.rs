@@ -55,7 +55,7 @@ pub fn run_replay(options: &Replay) -> Outcome {
         ended.store(true, Ordering::SeqCst);
         let stopped = client::request_body_failing_on_error_status(&driven, "POST", "/v1/stop", None);
         let told = stopped.map_or_else(|failure| failure.message(), |_| "the daemon has stopped all drives".into());
-        tell_why_command_failed(&format!("the replay was ended by {signal}: {told}"));
+        tell_why_command_failed(&format!("{signal} ended the replay; {told}"));
         std::process::exit(1);
     });
     let (done, results) = channel();
@@ -180,7 +180,8 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     }
     let refused: Vec<String> = pages.refused.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
     let refused = if refused.is_empty() { "none".into() } else { refused.join(", ") };
-    let lost = pages.reason.as_ref().map_or_else(String::new, |reason| format!(", {} lost: {reason}", pages.lost));
+    let lost =
+        pages.reason.as_ref().map_or_else(String::new, |reason| format!(", of which {} lost: {reason}", pages.lost));
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with status {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(ChangedAnswer::format_line).collect();
     if otherwise.len() > TOLD {
@@ -191,7 +192,7 @@ fn print_summary_and_fail_if_unanswered_or_lost(
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
-        "{} requests sent again ({}), {unanswered} without an answer; {} messages of web pages sent again{lost}\n\
+        "{} requests replayed ({}), {unanswered} without an answer; {} messages of web pages replayed{lost}\n\
          errors in the answers to these messages: {refused}; the drives that these messages cause are not compared\n\
          touches whose answer differs from the recorded answer: {}{told}\n\
          touches whose drives were compared: {compared}; largest relative difference in frequency or voltage: {largest:.1e}\n\
@@ -211,6 +212,6 @@ fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> Outcome {
         return Ok(());
     }
     Err(Failure::runtime_error(format!(
-        "{unanswered} requests had no answer, and {lost} messages that web pages had sent in the recording were not delivered"
+        "{unanswered} replayed requests had no answer, and {lost} recorded messages of web pages were not delivered"
     )))
 }

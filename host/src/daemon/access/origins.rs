@@ -53,7 +53,10 @@ fn check_scheme_has_origins(scheme: &str) -> Result<(), String> {
         }
         "ws" | "wss" => {
             let page = if scheme == "ws" { "http" } else { "https" };
-            Err(format!("{ORIGIN}; for a live socket, give the origin of its page; this origin begins with {page}://"))
+            Err(format!(
+                "{ORIGIN}; for a live socket, give the origin of the page that opens the socket, which begins \
+                         with {page}://"
+            ))
         }
         "about" | "blob" | "data" | "ftp" | "javascript" => {
             Err(format!("{ORIGIN}; pages of the scheme {scheme} have no origin"))
@@ -86,7 +89,10 @@ pub fn normalize_host_name(text: &str) -> Result<String, String> {
         return Ok(address.to_string());
     }
     if !text.is_ascii() {
-        return Err(format!("{NAME}; write a name with non-ASCII characters in the form that browsers send (xn--...)"));
+        return Err(format!(
+            "{NAME}; if the name has non-ASCII characters, write the name in the form that browsers \
+                            send (xn--...)"
+        ));
     }
     match Authority::parse(text) {
         Some(Authority { host, port: None }) if !text.ends_with(':') => match host {

@@ -77,7 +77,7 @@ impl Slots {
             Some(older) => *older = waiting,
             None if depth >= self.most_waiting => {
                 let detail = format!(
-                    "{depth} clients already wait for this kind of computation, which is the maximum; try again in {RETRY_MS} ms"
+                    "the queue for this kind of computation is full ({depth} clients wait): try again in {RETRY_MS} ms"
                 );
                 return Err(Problem::new(ProblemKind::QueueFull, detail).with_retry(RETRY_MS, Some(depth)));
             }

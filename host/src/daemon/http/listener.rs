@@ -194,8 +194,8 @@ impl TlsFiles {
             (true, false) => Err(ListenError::Tls {
                 file: files.key.display().to_string(),
                 reason: format!(
-                    "the key is missing, but the certificate {} exists: move the certificate to another folder, and the daemon \
-                     makes a new certificate and a new key",
+                    "the key is missing, but the certificate {} exists: move the certificate to another folder and \
+                     start the daemon again: the daemon then makes a new certificate and a new key",
                     files.certificate.display()
                 ),
             }),
@@ -405,8 +405,8 @@ fn build_tls_acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
             wrong(
                 &files.key,
                 format!(
-                    "the key does not belong to the certificate in {certificate} (in a file with several \
-                     certificates, to the first certificate)"
+                    "the key does not belong to the certificate in {certificate} (if this file has several \
+                     certificates, the key must belong to the first one)"
                 ),
             )
         }
@@ -470,6 +470,9 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
         let _ = std::fs::remove_file(&files.key);
         return Err(unwritten(&files.certificate)(source));
     }
-    tracing::info!("made a certificate: clients on other machines must trust {}", files.certificate.display());
+    tracing::info!(
+        "made the certificate {}: clients on other machines must trust this certificate",
+        files.certificate.display()
+    );
     Ok(files)
 }

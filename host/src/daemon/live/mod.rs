@@ -316,7 +316,10 @@ async fn serve_page_socket(
             }
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
             () = tokio::time::sleep_until(heard + app.limits.silence) => {
-                tracing::info!("closing a live socket: the page sent nothing in time, not even the answer to a ping");
+                tracing::info!(
+                    "closing a live socket: the page sent nothing for {:?}, not even the answer to a ping",
+                    app.limits.silence
+                );
                 break Some(closing::close_frame_for_silence(app.limits.silence));
             }
             // The page takes nothing any more, or the daemon ends.

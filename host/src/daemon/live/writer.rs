@@ -158,7 +158,7 @@ async fn send_within_time_limit(sink: &mut SplitSink<WebSocket, Message>, messag
             false
         }
         Err(_) => {
-            tracing::info!("closing a live socket: the page did not read its messages in time");
+            tracing::info!("closing a live socket: the page did not read the daemon's messages in time");
             false
         }
     }

@@ -86,8 +86,8 @@ impl SessionWorker {
         let (now, oldest) = (Instant::now(), self.device.timing().arming.saturating_add(ORDER));
         let reason = match self.again_since.filter(|since| asked_at < *since) {
             Some(since) if now < since => format!(
-                "the daemon did not run for a while, and refuses all requests for another {:.0?}: send the request \
-                 again after this time",
+                "the computer slept or the daemon was suspended, so the daemon refuses all requests for the next \
+                 {:.0?}: send the request again after this time",
                 since - now
             ),
             Some(_) => "the request was sent while the device did not answer, or while the daemon did not run, so the \
@@ -224,7 +224,10 @@ impl SessionWorker {
         if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
             return Ok(());
         }
-        tracing::warn!("clearing the fault that the device latched because this host was silent (--clear-silence)");
+        tracing::warn!(
+            "the daemon clears the fault that the device latched because this host sent nothing for longer \
+                        than the dead-man time (--clear-silence)"
+        );
         self.clear_latched_fault_or_refuse_other_code(Some(FaultCode::HostSilent))?;
         self.publish.send_modify(|snapshot| snapshot.cleared += 1);
         Ok(self.refresh_all_parts_of_snapshot()?)

@@ -39,7 +39,8 @@ pub(super) fn write_plots_section_html(study: &Study, table: &DesignTable) -> St
          id=\"up\"></select></label></p>\n\
          <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
          <h3>All columns side by side</h3>\n<p>{lines} The lighter a line, the better its design meets the first wish. \
-         Drag along an axis to see only the lines in this range; click the axis to remove the range.</p>\n<div \
+         Drag along an axis to select a range: the plot then shows only the lines in this range. Click the axis to \
+         remove the range.</p>\n<div \
          id=\"parallel\"></div>\n"
     )
 }

@@ -40,8 +40,9 @@ pub(super) fn write_peak_maps_of_base_and_best_html(study: &Study, finals: &Veri
             .into();
     }
     let mut html = format!(
-        "<p>The largest possible peak at each place, with a setting for every touch, from {} g (dark) to {} g (light) \
-         on a logarithmic scale; circles are actuators, squares are supports, the cross is the weakest place.</p>\n\
+        "<p>The maps show the largest possible peak at each place, from {} g (dark) to {} g (light) on a logarithmic \
+         scale, if frequencies, amplitudes and phases are chosen for each place. Circles are actuators, squares are \
+         supports, the cross is the weakest place.</p>\n\
          <div class=\"maps\">\n",
         format_four_digits(least),
         format_four_digits(most)

@@ -43,8 +43,12 @@ pub(super) fn write_effects_html(study: &Study, table: &DesignTable) -> String {
             .filter(|(_, figure)| figure.is_finite())
             .collect();
         let Some(found) = EffectAnalysis::analyse_variance_if_figures_differ(dimensions, &points) else {
-            let _ =
-                writeln!(html, "<p>{}: no effects, because all designs have the same value.</p>", escape_html(&name));
+            let _ = writeln!(
+                html,
+                "<p>{}: the variables have no effect on this figure, because it is the same for all \
+                                designs or was not computed.</p>",
+                escape_html(&name)
+            );
             continue;
         };
         let _ = writeln!(

@@ -194,13 +194,13 @@ pub(super) fn write_accuracy_convergence_and_failures_html(
     finals: &VerifiedFinalists,
 ) -> String {
     let mut html = format!(
-        "<p>All designs were evaluated {}; the scene itself and the best designs were computed again with models made \
-         for a relative tolerance of {:.0e}. The last column is an upper bound of the relative error of the model. It \
-         is known for the strongest peak at the weakest place, for frequencies of modes and for sag_um; for other \
-         figures the program computes no bound.</p>\n\
+        "<p>All designs got a {} evaluation (first value). The scene itself and the best designs were then computed \
+         again, with models for a relative tolerance of {:.0e} (computed again). The last column is an upper bound of \
+         the relative error of the model. This bound is known for the strongest peak at the weakest place, for \
+         frequencies of modes and for sag_um; for other figures the program computes no bound.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>first value</th><th>computed \
          again</th><th>difference</th><th>error at most</th></tr>\n",
-        if study.spec.method.thorough { "thoroughly" } else { "quickly" },
+        if study.spec.method.thorough { "thorough" } else { "quick" },
         finals.tolerance
     );
     for own in std::iter::once(&finals.base).chain(&finals.best) {
@@ -268,7 +268,10 @@ fn write_improvement_by_last_quarter_of_designs_html(study: &Study, table: &Desi
             format_four_digits(wish.goal.loss_of_figure(last))
         )
     } else {
-        format!("<p>No design of the last quarter has a better {name} than the designs before it.</p>\n")
+        format!(
+            "<p>No design in the last quarter of the designs has a better {name} than the best design \
+                 before.</p>\n"
+        )
     }
 }
 
@@ -295,7 +298,12 @@ fn write_html_table_of_failure_and_broken_limit_reasons(table: &DesignTable) -> 
     }
     html.push_str("</table>\n");
     if all.len() > MOST_REASONS {
-        let _ = writeln!(html, "<p>The table of designs has {} other reasons.</p>", all.len() - MOST_REASONS);
+        let _ = writeln!(
+            html,
+            "<p>Number of other reasons, which are not listed here: {}. The table of designs has \
+                                the reasons of all designs.</p>",
+            all.len() - MOST_REASONS
+        );
     }
     html
 }

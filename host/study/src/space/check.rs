@@ -173,8 +173,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 own.line,
                 format!(
-                    "{}: the column of this variable in the table of designs would be {:?}, but {whose} has a column \
-                     with this name: give the variable another `name`",
+                    "{}: the name of this variable's column in the table of designs would be {:?}, but {whose} \
+                     already has a column with this name: give the variable another `name`",
                     name_variable_in_message(number, own),
                     column.name
                 ),
@@ -239,7 +239,8 @@ impl DesignSpace {
             lines.report_mistake_in_line(
                 minimum_distance.line,
                 format!(
-                    "apart[{entry_number}]: the number of places that the paths lead to is {}, but must be at least 2",
+                    "apart[{entry_number}]: the paths must lead to at least 2 different places, but the number of \
+                     places is {}",
                     places.len()
                 ),
             );

@@ -256,18 +256,18 @@ fn variables_that_are_not_held_apart_are_told_with_both_lines() {
         ),
         (
             14,
-            "variable[3] (status): the column of this variable in the table of designs would be \"status\", but the \
-             table itself has",
+            "variable[3] (status): the name of this variable's column in the table of designs would be \"status\", \
+             but the table itself already has",
         ),
         (
             19,
-            "variable[4] (weakest_g_low): the column of this variable in the table of designs would be \
-             \"weakest_g_low\", but a figure has",
+            "variable[4] (weakest_g_low): the name of this variable's column in the table of designs would be \
+             \"weakest_g_low\", but a figure already has",
         ),
         (
             28,
-            "variable[6] (a.y_mm): the column of this variable in the table of designs would be \"a.y_mm\", but \
-             variable[5] in line 24 has",
+            "variable[6] (a.y_mm): the name of this variable's column in the table of designs would be \"a.y_mm\", \
+             but variable[5] in line 24 already has",
         ),
         (32, "this variable and variable[5] (a) in line 24 both change actuator[1].x_mm"),
     ];
@@ -364,7 +364,7 @@ fn what_is_held_apart_has_places() {
     );
     told(
         "[\"actuator.left\", \"actuator[1]\"]",
-        "apart[1]: the number of places that the paths lead to is 1, but must be at least 2",
+        "apart[1]: the paths must lead to at least 2 different places, but the number of places is 1",
     );
     assert!(
         space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), STARTING_PLATE).is_ok()

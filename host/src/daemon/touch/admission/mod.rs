@@ -176,7 +176,8 @@ impl Admission {
         };
         let Some(known) = known.iter().rev().find(is_it) else {
             let detail = format!(
-                "this client has no request {key:?}, or the daemon no longer keeps its outcome: the daemon keeps at most {KEPT} requests \
+                "this client has no request {key:?}, or the daemon no longer keeps the outcome of this request: the \
+                 daemon keeps at most {KEPT} requests \
                  of all clients together"
             );
             return Err(Problem::new(ProblemKind::NotFound, detail));
