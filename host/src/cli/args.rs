@@ -2,6 +2,7 @@
 
 use crate::connection::HostPort;
 use crate::device::Target;
+use crate::effect_files::FileFormat;
 use crate::effects::NamedEffect;
 use crate::model::Accuracy;
 use crate::planner::cache::{Cache, DIRECTORY_VARIABLE};
@@ -232,6 +233,18 @@ pub struct Touch {
     /// Play this effect instead of a steady drive; the board itself controls the timing of the effect
     #[arg(long, value_name = "NAME", help_heading = EFFECT)]
     pub effect: Option<NamedEffect>,
+    /// Play this effect file instead of a steady drive: TOML, JSON, AHAP, HJIF, HMPG, Lofelt .haptic or WAV; the daemon accepts at most 384 KiB
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = EFFECT,
+        conflicts_with_all = ["effect", "duration_ms", "count", "period_ms", "crisp_ms", "prefer", "intensity_db", "window", "also",
+            "quiet", "objective", "grouping", "weigh", "trade"]
+    )]
+    pub file: Option<PathBuf>,
+    /// Format of the file [default: detected from the content of the file]
+    #[arg(long, value_enum, requires = "file", help_heading = EFFECT)]
+    pub format: Option<FileFormat>,
     #[command(flatten)]
     pub rhythm: Rhythm,
     #[command(flatten)]

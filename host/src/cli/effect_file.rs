@@ -1,6 +1,8 @@
-//! `era effect --file`: what is read of an effect file, and what a panel makes of it.
+//! `era effect --file`: what is read of an effect file, and what a panel makes of it. `era touch --file`: the daemon plays it.
 
+use super::args::Touch;
 use super::args_effect::EffectOptions;
+use super::client::request_body_failing_on_error_status;
 use super::panel::{make_target_from_at_option, prepare_table_with_scene_finger_if_any_at_places};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effect_files::motion::{RATE_HZ, format_csv, format_wav, sample_acceleration_g};
@@ -9,18 +11,22 @@ use crate::effect_files::panel::{
 };
 use crate::effect_files::parts::cut_events_into_parts;
 use crate::effect_files::view::{PartView, ReadingView};
-use crate::effect_files::{FileFormat, ReadError, read_effect_bytes};
+use crate::effect_files::{FileFormat, ReadError, detect_format, read_effect_bytes};
 use crate::effects::DesignError;
 use crate::maps::over_time::write_accelerations_png;
 use crate::planner::rise::PanelPoles;
 use crate::planner::{DEFAULT_INTENSITY_G, PlanTable};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use era_files::{Readers, replace_file};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+/// Most bytes of a file that are sent to the daemon: in base64 they are 512 KiB, beside which a body has 16 KiB for its other keys.
+const MAX_SENT_BYTES: usize = 384 * 1024;
 /// Parts that are printed as text.
 const PRINTED_PARTS: usize = 40;
 
@@ -65,6 +71,42 @@ pub fn design_effect_file_for_panel_and_print(options: &EffectOptions, path: &Pa
         return print_json(&answer);
     }
     print_text(&format_effect_file_report(path, &view))
+}
+
+/// Lets the daemon play a file at the touched place.
+pub fn send_effect_file_to_daemon_and_print(options: &Touch, path: &Path) -> Outcome {
+    let bytes = read_file_cut_one_byte_over_limit(path)?;
+    let format = options.format.map_or_else(|| detect_format(&bytes), Ok)?;
+    if bytes.len() > format.max_bytes().min(MAX_SENT_BYTES) {
+        let max = format.max_bytes().min(MAX_SENT_BYTES);
+        return Err(ReadError::TooLarge { bytes: bytes.len(), format, max }.into());
+    }
+    let mut body =
+        json!({"x_px": options.x_px, "y_px": options.y_px, "format": format, "file_base64": BASE64.encode(&bytes)});
+    if let Some(intensity_g) = options.intensity_g {
+        body["intensity_g"] = json!(intensity_g);
+    }
+    let answer = request_body_failing_on_error_status(&options.daemon, "POST", "/v1/effects", Some(body))?;
+    if options.daemon.json {
+        return print_json(&answer);
+    }
+    print_text(&format_played_effect_file(path, &answer))
+}
+
+fn format_played_effect_file(path: &Path, answer: &Value) -> String {
+    let parts = answer["parts"].as_array().map_or(&[][..], Vec::as_slice);
+    let peak_g = parts.iter().filter_map(|part| part["peak_g"].as_f64()).fold(0.0, f64::max);
+    let mut text = format!(
+        "{}: {} events in {:.0} ms; the board plays {} parts, the strongest with a predicted peak of {peak_g:.3} g",
+        answer["name"].as_str().map_or_else(|| path.display().to_string(), str::to_owned),
+        answer["event_count"].as_u64().unwrap_or(0),
+        answer["duration_ms"].as_f64().unwrap_or(f64::NAN),
+        parts.len(),
+    );
+    for warning in answer["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        let _ = write!(text, "\nwarning: {warning}");
+    }
+    text
 }
 
 /// A file, unless it is larger than any format allows.

@@ -183,7 +183,10 @@ fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Serve(options)) => {
             config::fill_in_options_from_config_file(&options).and_then(|options| serve::run_serve(&options, started))
         }
-        Some(Command::Touch(options)) => client::send_touch(&options),
+        Some(Command::Touch(options)) => match &options.file {
+            Some(file) => effect_file::send_effect_file_to_daemon_and_print(&options, file),
+            None => client::send_touch(&options),
+        },
         Some(Command::Stop(options)) => client::send_stop(&options),
         Some(Command::Clear(options)) => client::clear_faults(&options),
         Some(Command::Arm(options)) => client::arm_device(&options),

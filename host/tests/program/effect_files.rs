@@ -242,15 +242,18 @@ fn what_cannot_be_played_is_refused_with_the_field() {
     let event = |more: Value| json!({"version": 1, "events": [more]});
     let many = json!({"version": 1, "events": [{"primitive": "click", "repeat": {"count": 200, "period_ms": 60}}]});
     for (more, status, field, detail) in [
-        (json!({}), 400, "effect", "`effect` and `file` are both missing"),
-        (json!({"effect": event(json!({"primitive": "click"})), "file": AHAP}), 400, "file", "both given"),
+        (json!({}), 400, "effect", "`effect`, `file` and `file_base64` are missing"),
+        (json!({"effect": event(json!({"primitive": "click"})), "file": AHAP}), 400, "effect", "only one is allowed"),
+        (json!({"file": AHAP, "file_base64": ""}), 400, "file", "only one is allowed"),
+        (json!({"file_base64": "UklGR"}), 400, "file_base64", "no base64 text"),
+        (json!({"file_base64": "UklGRgAAAAA="}), 400, "file_base64", "WAV"),
         (
             json!({"effect": event(json!({"primitive": "click"})), "format": "json"}),
             400,
             "format",
             "only together with `file`",
         ),
-        (json!({"file": AHAP, "format": "wav"}), 400, "format", "only files in a text format"),
+        (json!({"file": AHAP, "format": "wav"}), 400, "file", "use `file_base64`"),
         (json!({"file": AHAP, "format": "mp3"}), 400, "format", "mp3"),
         (json!({"file": "{}"}), 400, "file", "version is missing"),
         (json!({"effect": event(json!({"primitive": "bang"}))}), 400, "effect.events[0].primitive", "bang"),
@@ -306,4 +309,32 @@ fn the_example_of_each_format_is_read_as_it_was_written() {
             "{file}"
         );
     }
+}
+
+/// The daemon reads each file as `era effect` does, also those that are no text, and plays it.
+#[test]
+fn era_touch_plays_files_of_every_format() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/effects");
+    for file in ["bands.hjif", "confirm.toml", "engine.wav", "ramp.haptic", "reference.hmpg", "taps.ahap"] {
+        let path = folder.join(file);
+        let mut command = build_era_command();
+        command.args(["touch", "256", "640", "--json", "--daemon", &daemon.url, "--file"]).arg(&path);
+        let played = run_command(&mut command).parse_json();
+        let read = run_era_effect(&folder, &["--file", file, "--json"]).parse_json();
+        for key in ["format", "event_count", "duration_ms", "warnings"] {
+            assert_eq!(played[key], read[key], "{file}: {key}");
+        }
+        let begins = |answer: &Value| {
+            answer["parts"].as_array().unwrap().iter().map(|part| part["begin_ms"].clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(begins(&played), begins(&read), "{file}");
+        assert_eq!(played["device"]["acknowledged"], true, "{file}: {played}");
+    }
+    let large = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(large.path(), [&b"RIFF"[..], &vec![0; 400 * 1024]].concat()).unwrap();
+    let mut command = build_era_command();
+    command.args(["touch", "256", "640", "--daemon", &daemon.url, "--file"]).arg(large.path());
+    let refused = run_command(&mut command);
+    assert!(refused.code == Some(2) && refused.error.contains("at most 393216"), "{refused:?}");
 }

@@ -10,6 +10,8 @@ use crate::effect_files::view::ReadingView;
 use crate::effect_files::{EventList, FileFormat, ReadError, read_effect_bytes};
 use crate::planner::DEFAULT_INTENSITY_G;
 use crate::scene::Scene;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -34,11 +36,13 @@ pub struct EffectFileRequest {
     /// Peak acceleration of intensity 1 in g; 0.5 if absent. If the panel cannot reach this peak, intensity 1 is the largest peak that it can
     /// reach.
     pub intensity_g: Option<f64>,
-    /// The effect in the format of this program; absent with `file`.
+    /// The effect in the format of this program; absent with `file` and `file_base64`.
     pub effect: Option<EffectFile>,
-    /// The text of a file: TOML, JSON, AHAP, HJIF or Lofelt `.haptic`; absent with `effect`.
+    /// The text of a file: TOML, JSON, AHAP, HJIF or Lofelt `.haptic`; absent with `effect` and `file_base64`.
     pub file: Option<String>,
-    /// The format of `file`; if absent, the daemon detects the format from the text.
+    /// The bytes of a file of any format, such as HMPG or WAV, in base64 (RFC 4648, with padding); absent with `effect` and `file`.
+    pub file_base64: Option<String>,
+    /// The format of `file` or `file_base64`; if absent, the daemon detects the format from the content.
     pub format: Option<FileFormat>,
 }
 
@@ -82,36 +86,36 @@ impl CheckedEffectFile {
         let finger = Finger { id: 0, x_px: asked.x_px, y_px: asked.y_px, intensity_g: asked.intensity_g, effect: None };
         let target = finger.check_on_scene(scene)?.target;
         let wrong = |field: &str, error: ReadError| Problem::bad_body(error.to_string()).with_field(field.to_owned());
-        let has_file = asked.file.is_some();
-        let list = match (asked.effect, &asked.file, asked.format) {
-            (Some(effect), None, None) => {
-                list_events_of_file(effect, FileFormat::Json).map_err(|error| wrong("effect", error))?
-            }
-            (None, Some(_), Some(format @ (FileFormat::Hmpg | FileFormat::Wav))) => {
-                let detail = format!(
-                    "format is {format}, but a request can contain only files in a text format: use `era effect \
-                     --file` for a file in a binary format"
-                );
-                return Err(Problem::bad_body(detail).with_field("format".into()));
-            }
-            (None, Some(text), format) => {
-                read_effect_bytes(text.as_bytes(), format).map_err(|error| wrong("file", error))?
-            }
-            (Some(_), None, Some(_)) => {
-                let detail = "format is given, but is allowed only together with `file`";
+        let (field, read) = match (asked.effect, asked.file, asked.file_base64) {
+            (Some(_), None, None) if asked.format.is_some() => {
+                let detail = "format is given, but is allowed only together with `file` or `file_base64`";
                 return Err(Problem::bad_body(detail.into()).with_field("format".into()));
             }
-            (Some(_), Some(_), _) => {
-                let detail = "`effect` and `file` are both given, but only one of them is allowed";
+            (Some(effect), None, None) => ("effect", list_events_of_file(effect, FileFormat::Json)),
+            (None, Some(_), None) if matches!(asked.format, Some(FileFormat::Hmpg | FileFormat::Wav)) => {
+                let detail = "`file` is text, but the formats hmpg and wav are no text: use `file_base64`";
                 return Err(Problem::bad_body(detail.into()).with_field("file".into()));
             }
-            (None, None, _) => {
-                let detail = "`effect` and `file` are both missing, but one of them must be given";
+            (None, Some(text), None) => ("file", read_effect_bytes(text.as_bytes(), asked.format)),
+            (None, None, Some(text)) => {
+                let bytes = BASE64.decode(text).map_err(|error| {
+                    let detail = format!("file_base64 is no base64 text (RFC 4648, with padding): {error}");
+                    Problem::bad_body(detail).with_field("file_base64".into())
+                })?;
+                ("file_base64", read_effect_bytes(&bytes, asked.format))
+            }
+            (None, None, None) => {
+                let detail = "`effect`, `file` and `file_base64` are missing, but one of them must be given";
                 return Err(Problem::bad_body(detail.into()).with_field("effect".into()));
             }
+            (effect, ..) => {
+                let detail = "more than one of `effect`, `file` and `file_base64` is given, but only one is allowed";
+                let field = if effect.is_some() { "effect" } else { "file" };
+                return Err(Problem::bad_body(detail.into()).with_field(field.into()));
+            }
         };
-        let (parts, warnings) =
-            cut_events_into_parts(&list).map_err(|error| wrong(if has_file { "file" } else { "effect" }, error))?;
+        let list = read.map_err(|error| wrong(field, error))?;
+        let (parts, warnings) = cut_events_into_parts(&list).map_err(|error| wrong(field, error))?;
         if parts.len() > MAX_PARTS {
             let detail = format!(
                 "the effect has {} parts that the board plays one after the other, but at most {MAX_PARTS} are allowed",
