@@ -149,8 +149,8 @@ pub struct Serve {
     /// 256]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
-    /// Largest size in MB of all files of a recording together (in a folder, this includes the files of earlier
-    /// starts); above this size, the daemon removes the oldest file [default: 2000]
+    /// Largest total size of the files of a recording, in MB; above this size, the daemon removes the oldest file. If
+    /// the recording is a folder, the files of earlier runs of the daemon count too [default: 2000]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
     /// Disarm the board after this time without a touch, in s, 0.1 to 3600 [default: 5]

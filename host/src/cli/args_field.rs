@@ -26,22 +26,22 @@ pub struct Field {
     /// Requested peak acceleration, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true, help_heading = TOUCH)]
     pub intensity_g: Option<f64>,
-    /// Instead of the field of one touch, compute for every point the strongest possible peak and the highest possible
-    /// contrast of a weak touch, and the drive frequencies for both
+    /// Compute for every point the strongest possible peak, the highest possible contrast of a weak vibration, and the
+    /// drive frequencies that give them, instead of the field of one touch
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"], help_heading = REACH)]
     pub reach: bool,
-    /// Instead of the field of one touch, compare three drive schemes by their lowest peak on the surface: one
-    /// frequency in phase, one frequency with chosen phases, distinct frequencies
+    /// Compare three drive schemes instead of computing the field of one touch: one frequency in phase, one frequency
+    /// with chosen phases, distinct frequencies. The comparison is by the peak at the weakest place of the surface
     #[arg(long, conflicts_with_all = ["at", "intensity_g"], help_heading = REACH)]
     pub schemes: bool,
-    /// Instead of the field of one touch, map the time until a click is quiet, for clicks at the centres of 12 x 8
-    /// cells (12 cells on a bar); NAME must be `click`
+    /// Map the time until a click is quiet instead of the field of one touch, for clicks at the centres of 12 x 8 cells
+    /// (12 cells on a bar); NAME must be `click`
     #[arg(long, value_name = "NAME", hide_possible_values = true, help_heading = EFFECT,
         conflicts_with_all = ["at", "reach", "schemes", "zone", "felt", "from", "to", "spread"])]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub crispness: Crispness,
-    /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar, y is ignored
+    /// For --reach and --schemes: use this rectangle, in mm, instead of the whole surface; on a bar, Y0 and Y1 are ignored
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_zone_corners, conflicts_with = "at", allow_hyphen_values = true,
         help_heading = REACH)]
     pub zone: Option<Corners>,

@@ -352,7 +352,7 @@ fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) ->
             // Nobody has asked for it: a second daemon does without.
             match folder.map(|folder| Listener::bind_unix(&Path::new(&folder).join(SOCKET))) {
                 Some(Ok(listener)) => all.push(listener),
-                Some(Err(error)) => tracing::info!("the daemon has no Unix socket: {error}"),
+                Some(Err(error)) => tracing::info!("the daemon runs without a Unix socket: {error}"),
                 None => {}
             }
         }

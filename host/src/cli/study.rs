@@ -80,9 +80,8 @@ pub fn run_study(options: &Options) -> Outcome {
             }
             Ok(RunEnd::Done) if !shard.is_whole_study() && all == 0 => {
                 return print_text(&format!(
-                    "{}: share {shard} has no designs to compute, because there are more shares than chunks (for an \
-                     evolution: than runs). In [method], set a smaller `chunk` (for an evolution: larger `runs`), or \
-                     use fewer shares",
+                    "{}: share {shard} has no designs to compute, because there are too many shares. Use fewer shares, \
+                     set a smaller `chunk` in [method], or, for an evolution, set larger `runs` in [method]",
                     study.spec.name
                 ));
             }

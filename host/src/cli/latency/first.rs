@@ -63,8 +63,8 @@ pub fn measure_first_click_latency_armed_and_unarmed(
         }));
     }
     print_text(&format!(
-        "{counted} clicks for each line on {}, each the first click after the board was idle; the daemon and the \
-         simulated device run in one process, and each time includes the planning of the click\n\
+        "Each line is for {counted} clicks on {}. Every click was the first click after the board had been idle. The \
+         daemon and the simulated device ran in one process, and the times include the planning of the click.\n\
          from POST /v1/touch to the click   median      p99      max\n\
          after POST /v1/arm              {armed}\n\
          with discharged rails           {unarmed}",

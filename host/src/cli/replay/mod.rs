@@ -212,6 +212,6 @@ fn check_none_unanswered_or_lost(unanswered: u64, lost: u64) -> Outcome {
         return Ok(());
     }
     Err(Failure::runtime_error(format!(
-        "{unanswered} replayed requests had no answer, and {lost} recorded messages of web pages were not delivered"
+        "{unanswered} replayed requests had no answer, and {lost} recorded messages from web pages could not be sent to the daemon"
     )))
 }

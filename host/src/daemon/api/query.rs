@@ -38,7 +38,7 @@ fn query_problem_from_error_text(error_text: &str, uri: &Uri, expected: &str) ->
     let error_text = error_text.strip_prefix(BEFORE).unwrap_or(error_text);
     let bad = |detail: String| {
         let end = if detail.ends_with('?') { "" } else { "." };
-        Problem::new(ProblemKind::BadQuery, format!("{detail}{end} The query has the form {expected}"))
+        Problem::new(ProblemKind::BadQuery, format!("{detail}{end} The query must have the form {expected}"))
     };
     if let Some((field, nearest)) = parse_unknown_field_and_find_nearest(error_text) {
         return bad(format!("{field} {}", describe_unknown_field(nearest))).with_field(field.to_owned());
@@ -83,13 +83,13 @@ mod tests {
     #[test]
     fn the_field_that_is_wrong_is_named_without_words_of_this_programs_language() {
         for (query, field, words) in [
-            ("x_px=a", "x_px", "x_px is \"a\", but must be a number. The query has the form x_px"),
+            ("x_px=a", "x_px", "x_px is \"a\", but must be a number. The query must have the form x_px"),
             ("x_px=1e", "x_px", "x_px is \"1e\", but must be a number"),
             ("taps=-1", "taps", "taps is \"-1\", but must be all or newest"),
             ("taps=al", "taps", "taps is \"al\", but must be all or newest"),
             ("taps=", "taps", "taps is \"\", but must be all or newest"),
             ("x_px=1&z=2", "z", "z is not a known field"),
-            ("tabs=2", "tabs", "tabs is not a known field; did you mean taps? The query has the form x_px"),
+            ("tabs=2", "tabs", "tabs is not a known field; did you mean taps? The query must have the form x_px"),
             ("x_px=1&x_px=2", "x_px", "x_px is given twice"),
         ] {
             let uri = format!("/v1/field?{query}").parse().unwrap();

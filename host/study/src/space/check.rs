@@ -189,7 +189,7 @@ impl DesignSpace {
                 let name = format!("uncertain[{}] ({})", number + 1, own.name);
                 lines.report_mistake_in_line(
                     own.line,
-                    format!("{name}: the scene file has no number at the path in `key`"),
+                    format!("{name}: `key` must be the path of a number in the scene file, but there is no number at this path"),
                 );
             }
         }

@@ -291,7 +291,10 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
     let error = space_of(study, STARTING_PLATE).unwrap_err();
     let expected = [
         (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
-        (13, "uncertain[1] (surface.kind): the scene file has no number at the path in `key`"),
+        (
+            13,
+            "uncertain[1] (surface.kind): `key` must be the path of a number in the scene file, but there is no number at this path",
+        ),
         (16, "uncertain[2]: support[9].x_mm: the scene has no support[9]"),
     ];
     hold(&error, &expected);
