@@ -66,7 +66,7 @@ impl Reach {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let (least, (x_m, y_m)) = self.find_weakest_peak_g_and_point_m(py)?;
         let shape = self.strongest_g.bind(py).getattr("shape")?;
-        Ok(format!("<Reach: {shape} (row, column), weakest {least:.4} g at ({x_m}, {y_m}) m>"))
+        Ok(format!("<Reach: {shape} (rows, columns), weakest place {least:.4} g at ({x_m}, {y_m}) m>"))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {

@@ -146,9 +146,9 @@ pub fn parse_listen_address(text: &str) -> Result<HostPort, String> {
 pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
     let allowed = || {
         format!(
-            "must be four numbers, separated by commas: the largest deviations of spring stiffness, Young's modulus \
-             and thickness, as fractions from 0 to {MOST_PART}, and the largest deviation of positions, from 0 to \
-             {MOST_MM} mm"
+            "must be four numbers, separated by commas, each the largest deviation of one property: spring stiffness, \
+             Young's modulus, thickness (fractions, 0 to {MOST_PART}), position of the actuators and supports (in mm, \
+             0 to {MOST_MM})"
         )
     };
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();

@@ -101,7 +101,7 @@ fn add_ahap_event(list: &mut EventList, event: &Value, name: &str, intensity: &C
         }
     };
     let time_s = number_at(event, "Time").unwrap_or_else(|| {
-        list.warn(format!("{name} has no Time that is a number: the event begins at 0 s"));
+        list.warn(format!("Time of {name} is missing or not a number: the event is played at 0 s"));
         0.0
     });
     let (mut own_intensity, mut own_sharpness, mut is_sustained) = (None, None, true);

@@ -53,8 +53,8 @@ impl<'r, 't> Electronics<'r, 't> {
         let picofarads = capacitance_f * 1e12;
         if times.rise_s > MOST_RISE_S {
             let text = format!(
-                "{} is {:e} ohm, but must be at most {:.2e} ohm, because an electrode of actuator {id:?} with its \
-                 cable has a capacitance of {picofarads:.0} pF",
+                "{} is {:e} ohm, but must be at most {:.2e} ohm: an electrode of actuator {id:?} and its cable have \
+                 {picofarads:.0} pF, and with more resistance they charge too slowly",
                 self.section.key_with_path("charging_resistance_ohm"),
                 self.charging_ohm,
                 MOST_RISE_S / capacitance_f

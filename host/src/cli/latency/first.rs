@@ -63,11 +63,11 @@ pub fn measure_first_click_latency_armed_and_unarmed(
         }));
     }
     print_text(&format!(
-        "Each line is for {counted} clicks on {}. Every click was the first click after the board had been idle. The \
-         daemon and the simulated device ran in one process, and the times include the planning of the click.\n\
-         from POST /v1/touch to the click   median      p99      max\n\
-         after POST /v1/arm              {armed}\n\
-         with discharged rails           {unarmed}",
+        "Time from POST /v1/touch to the click on {}, with the planning of the click; {counted} clicks in each row. The \
+         board was idle before every click. The daemon and the simulated device ran in one process.\n\
+         before the click                   median      p99      max\n\
+         rails charged by POST /v1/arm   {armed}\n\
+         rails discharged                {unarmed}",
         scene.name
     ))
 }

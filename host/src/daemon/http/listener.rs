@@ -458,8 +458,8 @@ pub fn find_or_make_certificate(folder: &Path, names: &[String]) -> Result<TlsFi
     {
         damaged_certificate::rename_damaged_files([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(
-            "{} {reason}, probably because a write was interrupted: the daemon makes a new certificate and a new key, \
-             and adds .damaged to the names of the old files; clients need the new certificate",
+            "{} {reason}, probably because a write was interrupted. The daemon added .damaged to the names of the old \
+             files, and now makes a new certificate and a new key. Clients need the new certificate",
             damaged.display()
         );
     }

@@ -197,7 +197,7 @@ impl Study {
             let count = dimensions.len();
             return Err(refused(format!(
                 "method.way is \"sobol\", which allows at most {MOST_SOBOL} dimensions, but the variables have \
-                 {count}: use another way"
+                 {count} dimensions in total: choose another value for method.way"
             )));
         }
         let points = match KnownPoints::new(&spec.method, dimensions) {
