@@ -265,7 +265,7 @@ mod tests {
             "time of A in s is -1, but must be at least 0: 0 is used",
             "intensity of A is 3, but must be 0 to 1: 1 is used",
             "B is cut: it ends after 34 s",
-            "C is left out: it begins after 31 s",
+            "C is left out: it begins at 31 s",
             "D is left out: one of its values is not a finite number",
             "E is left out: its duration is 0 s",
             "all events after the first 1000 are left out",

@@ -474,9 +474,9 @@ mod tests {
             assert!(found.contains(message), "{message}: {found}");
         }
         let many = "version = 1\nrepeat = { count = 1000, period_ms = 1 }\n[[events]]\nprimitive = \"success\"";
-        assert!(
-            read(many).unwrap_err().contains("the number of events up to events[0] is 1001, but must be at most 1000")
-        );
+        assert!(read(many).unwrap_err().contains(
+            "the number of events from the start of the file to events[0] is 1001, but must be at most 1000"
+        ));
         let empty = (0..4)
             .fold("[]".to_owned(), |inner, _| format!("[{{\"repeat\": {{\"count\": 1000}}, \"events\": {inner}}}]"));
         let empty = read_own_text(&format!("{{\"version\": 1, \"events\": {empty}}}"), FileFormat::Json);

@@ -387,7 +387,7 @@ mod tests {
         assert_eq!((played(&parts, 199), played(&parts, 220), played(&parts, 260)), (1.0, 0.0, 1.0));
         let said = warnings.join("\n");
         assert!(
-            said.contains("is closer than 50 ms: 1") && said.contains("number of these interruptions: 1"),
+            said.contains("is less than 50 ms away: 1") && said.contains("number of these interruptions: 1"),
             "{said}"
         );
     }
