@@ -59,7 +59,7 @@ fn each_mistake_names_key_value_range_and_line() {
             &["loss_factor and modal_ratio", "at most one kind"],
         ),
         ("kind = \"plate\"", "kind = \"shell\"", &["surface.kind", "\"shell\"", "\"plate\", \"bar\""]),
-        ("width_px = 1920", "width_px = 1920.5", &["screen.width_px", "1920.5", "whole number 1 to 100000"]),
+        ("width_px = 1920", "width_px = 1920.5", &["screen.width_px", "1920.5", "whole number from 1 to 100000"]),
         ("x_mm = 75.0", "x_mm = 301.0", &["actuator[1].x_mm", "301", "0 to 300"]),
         ("id = \"right\"", "id = \"left\"", &["actuator[2].id", "\"left\"", "already"]),
         (
