@@ -59,7 +59,10 @@ fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
     };
     let (warned, volts) = told("without.toml", &without);
     assert!(warned.contains("a press of 5 N at 0.0, 100.0 mm moves the mass of \"left\""), "{warned}");
-    assert!(warned.contains("stop_um = 166") && warned.contains("springs of 32000 N/m"), "{warned}");
+    assert!(
+        warned.contains("stop_um = 166") && warned.contains("stiffness_n_per_m = 32000 (in the scene, it is 5000)"),
+        "{warned}"
+    );
     // 85 % of what two thirds of 0.5 mm hold: 24.22 d + 6.08 sqrt(d) kV, d in cm.
     let d = 0.1 / 3.0_f64;
     let holds = 0.85e3 * (24.22 * d + 6.08 * d.sqrt());

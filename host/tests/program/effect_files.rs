@@ -319,7 +319,7 @@ fn era_touch_plays_files_of_every_format() {
     for file in ["bands.hjif", "confirm.toml", "engine.wav", "ramp.haptic", "reference.hmpg", "taps.ahap"] {
         let path = folder.join(file);
         let mut command = build_era_command();
-        command.args(["touch", "256", "640", "--json", "--daemon", &daemon.url, "--file"]).arg(&path);
+        command.args(["touch", "256", "640", "--json", "--url", &daemon.url, "--file"]).arg(&path);
         let played = run_command(&mut command).parse_json();
         let read = run_era_effect(&folder, &["--file", file, "--json"]).parse_json();
         for key in ["format", "event_count", "duration_ms", "warnings"] {
@@ -334,7 +334,7 @@ fn era_touch_plays_files_of_every_format() {
     let large = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(large.path(), [&b"RIFF"[..], &vec![0; 400 * 1024]].concat()).unwrap();
     let mut command = build_era_command();
-    command.args(["touch", "256", "640", "--daemon", &daemon.url, "--file"]).arg(large.path());
+    command.args(["touch", "256", "640", "--url", &daemon.url, "--file"]).arg(large.path());
     let refused = run_command(&mut command);
     assert!(refused.code == Some(2) && refused.error.contains("at most 393216"), "{refused:?}");
 }

@@ -180,6 +180,7 @@ fn instead_of_base(command: &str, option: &str) -> Option<&'static str> {
         ("touch", "--count") | ("touch", "--period-ms") => "--effect pulse_train",
         ("effect", "--count" | "--period-ms") => "=--scene bar.toml --accuracy fast --at 480,80 --effect pulse_train",
         ("touch", "--crisp-ms" | "--prefer") => "--effect click",
+        ("touch", "--format") => "--file click.toml",
         ("effect", "--crisp-ms" | "--prefer") => "=--scene bar.toml --accuracy fast --at 480,80 --effect click",
         ("effect", "--file") => "=--scene bar.toml --accuracy fast --at 480,80",
         ("effect", "--format" | "--export") => "=--scene bar.toml --accuracy fast --at 480,80 --file click.toml",
